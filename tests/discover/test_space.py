@@ -93,7 +93,9 @@ def test_before_the_first_turn_nothing_settles():
     assert not settling(still, "gyroscope", 5).any() and not turn_rate(still, "gyroscope").any()
 
 
-@pytest.mark.parametrize("formula", ["x: fy^", "u: fx", "x: os.system", "x: fx*", "x: fx ;; y"])
+@pytest.mark.parametrize(
+    "formula", ["x: fy^", "u: fx", "x: os.system", "x: fx*", "x: fx ;; y", "z: s0"]
+)
 def test_what_is_no_formula_is_refused(formula):
     content = {"name": "discovered", "constants": {"formula": formula}, "parameters": {}}
     with pytest.raises(ImuloopError, match="constants do not fit"):

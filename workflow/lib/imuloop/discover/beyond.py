@@ -85,7 +85,7 @@ class Beyond:
 
         `misfit` takes effects, the formula last, and gives χ² and reduced χ² of other data that
         depend on it; worse by `MARGIN`, χ² by that of the best, is none that would do as well. Of
-        those that are left the simplest counts.
+        those that are left the lowest degree counts.
         """
         if not self.choices or not self.imitators:
             return self
@@ -98,7 +98,7 @@ class Beyond:
         best = np.argmin(chi2)
         left = (chi2 - chi2[best]) / max(reduced[best], 1.0) < MARGIN
         near = [effect for effect, kept in zip(alike, left, strict=True) if kept]
-        chosen = min(near, key=lambda e: e.complexity)
+        chosen = min(near, key=lambda e: e.degree)
         others = (e for e in near if e != chosen)
         choices = copy(self.choices)
         choices.base = (*base, chosen)

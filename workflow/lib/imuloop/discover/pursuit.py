@@ -14,8 +14,8 @@ from imuloop.diagnose.variance import likely_sizes, total
 MOST = 4
 # share of a column's square that the base model has to leave
 LEFT = 1e-3
-# by how much fewer columns, and less complexity, which has no price in a likelihood, may be worse
-# and are preferred: the latter by two standard deviations; -2 log likelihood
+# by how much what is preferred may be worse, in -2 log likelihood: fewer columns; and a simpler
+# form, by two standard deviations, as the order puts no price on a degree
 ALIKE, SIMPLER = 2.0, 4.0
 # to the likeliest reference temperature, and half a difference that gives the derivative, K
 STEPS, HALF = 3, 0.5

@@ -32,7 +32,7 @@ MEANINGS = {
     "v": f"mean rate over the last {TURN:g} s of the last turn",
     "q": "mean square of the sensor's own vibration",
 }
-_FACTOR = re.compile(r"(abs_)?([fwvq][xyz]|[TRt]|s\d+)(?:\^(\d))?")
+_FACTOR = re.compile(r"(abs_)?([fwvq][xyz]|[TRt]|s[1-9]\d*)(?:\^(\d))?")
 
 
 def _rate(channels, sensor):
@@ -133,17 +133,18 @@ class Discovered(Effect):
         return {factor[0] for _, product in self.terms for factor, _, _ in product}
 
     @property
-    def complexity(self):
-        """Largest sum of powers in a term, and longest time constant, s: of less, less follows.
+    def degree(self):
+        """Largest sum of powers in a term; an absolute value is even, and counts as a square."""
+        return max(sum(power + absolute for _, power, absolute in p) for _, p in self.terms)
 
-        An absolute value is even, and counts as a square. A time constant that is longer than the
-        rests says of the bias what none of them shows.
+    @property
+    def complexity(self):
+        """Degree, and longest time constant, s: of less, less follows.
+
+        One that is longer than the rests says of the bias what none of them shows.
         """
-        degree, longest = 0, 0
-        for _, product in self.terms:
-            degree = max(degree, sum(power + absolute for _, power, absolute in product))
-            longest = max(longest, *(int(f[1:]) for f, _, _ in product if f[0] == "s"), 0)
-        return degree, longest
+        factors = (f for _, product in self.terms for f, _, _ in product)
+        return self.degree, max((int(f[1:]) for f in factors if f[0] == "s"), default=0)
 
     @property
     def parameters(self):
