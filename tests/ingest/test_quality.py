@@ -116,6 +116,12 @@ def test_the_share_that_may_be_lost(log, measured, bad, status):
         assert "26 of 500 rows (5.2%) cannot be used" in found["reasons"][0]
 
 
+def test_of_stamps_that_never_change_one_row_is_left_which_says_no_more(log, run):
+    log["t"] = 0.0
+    lost, few = run(log).quality["reasons"]
+    assert "499 with a repeated stamp, see columns.time" in lost and few.startswith("1 usable rows")
+
+
 @pytest.mark.parametrize("step", [5e-324, 1e-12, 1e100])
 def test_stamps_of_no_sensor(log, run, step):
     log["t"] = np.arange(500) * step

@@ -142,7 +142,8 @@ def _channel_figures(rows, names, scales, ends, clipped, magnitudes):
             name: None if scale is None else int(count)
             for (name, scale), count in zip(scales.items(), clipped, strict=True)
         },
-        "constant": [name for name, ends in ranges.items() if ends and ends[0] == ends[1]],
+        # one row changes nothing
+        "constant": [n for n, ends in ranges.items() if rows > 1 and ends and ends[0] == ends[1]],
         "range": ranges,
         "quantisation_step": {
             name: float(each) if each < np.inf else None
@@ -180,7 +181,7 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
     if lost > MOST_DROPPED * inside:
         parts = (
             (counts.non_finite, f"with {_missing(counts)}{_impossible(counts)}"),
-            (counts.duplicates, "with a repeated stamp"),
+            (counts.duplicates, "with a repeated stamp, see columns.time"),
             (counts.out_of_order, "with a stamp before an earlier one"),
             (bad_lines, "lines that are no row"),
         )
@@ -204,7 +205,7 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
             f"the log lasts {figures['duration_s']:.3g} s, at least {LEAST_DURATION:g} s needed"
             + (_time_hint(rate) if rate > 1e4 else "")
         )
-    if figures["rows"] and set(ACCELERATION) <= set(figures["constant"]):
+    if set(ACCELERATION) <= set(figures["constant"]):
         found.append("the acceleration never changes: the sensor was not read")
     for name, least in LEAST_CHANGE.items():
         low, high = figures["range"][name] or (0.0, 0.0)
