@@ -5,6 +5,7 @@ from itertools import count
 
 import pytest
 
+from imuloop import code_digest as module
 from imuloop.code_digest import code_digest
 
 FILES = {
@@ -74,6 +75,19 @@ def test_the_digest_changes_with_what_reaches_the_job_alone(digest):
     assert {digest(changes) for changes in SAME} == {digest()}
     assert digest() not in {digest(changes) for changes in OTHER}
     assert digest(script="walker.py") not in {digest(changes, "walker.py") for changes in WALKED}
+
+
+def test_an_update_of_a_package_that_is_used_reruns_the_job(digest, monkeypatch):
+    """Protects: results of an older numpy are not kept beside those of a newer one."""
+    uses = {"lib/pack/lazy/late.py": "import numpy.linalg\n\n\ndef h(x):\n    return x\n"}
+    without, before, installed = digest(), digest(uses), module.version
+
+    def updated(name):
+        return "0.0.1" if name == "numpy" else installed(name)
+
+    monkeypatch.setattr(module, "version", updated)
+    assert digest() == without
+    assert digest(uses) != before
 
 
 def test_the_stages_depend_on_their_own_code_only(repository, tmp_path):

@@ -3,6 +3,7 @@
 import ast
 import hashlib
 from functools import cache
+from importlib.metadata import packages_distributions, version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,7 +18,8 @@ def code_digest(script, library=_LIBRARY):
     statements, those inside functions too. Of a module from which names are imported, those
     functions and classes count, what they name in the module, and what stands outside of functions
     and classes. A module counts with the ``__init__`` of its packages, and a package whose
-    ``__init__`` walks its own folder (``pkgutil``) counts with every module in it.
+    ``__init__`` walks its own folder (``pkgutil``) counts with every module in it. Of the packages
+    of others that are imported on the way the installed versions are hashed.
 
     `library` is the folder of the package, whose name is the package's.
     """
@@ -25,6 +27,7 @@ def code_digest(script, library=_LIBRARY):
     own = _parts(Path(script), "")
     code = {("", place): part.code for place, part in enumerate(own)}
     reached, waiting = set(), [each for part in own for each in part.imports]
+    others = set()
     while waiting:
         module, name = waiting.pop()
         if name and _module_path(library, f"{module}.{name}"):
@@ -32,7 +35,10 @@ def code_digest(script, library=_LIBRARY):
             waiting += [(module, ""), (f"{module}.{name}", None)]
             continue
         path = _module_path(library, module)
-        if path is None or (module, name) in reached:
+        if path is None:
+            others.add(module.partition(".")[0])
+            continue
+        if (module, name) in reached:
             continue
         reached.add((module, name))
         is_package, parent = path.name == "__init__.py", module.rpartition(".")[0]
@@ -44,7 +50,18 @@ def code_digest(script, library=_LIBRARY):
                 if is_package and "pkgutil" in {source for source, _ in part.imports}:
                     beside = path.parent.glob("[!_]*.py")
                     waiting += [(f"{module}.{each.stem}", None) for each in beside]
-    return hashlib.sha256(repr(sorted(code.items())).encode()).hexdigest()
+    content = (sorted(code.items()), _versions(others))
+    return hashlib.sha256(repr(content).encode()).hexdigest()
+
+
+def _versions(packages):
+    """Return the installed version of each package that is not Python's own, by distribution."""
+    found = {each for name in packages for each in _distributions().get(name, ())}
+    return [(each, version(each)) for each in sorted(found)]
+
+
+# reads the metadata of all that is installed, for a quarter of a second
+_distributions = cache(packages_distributions)
 
 
 class _Part(NamedTuple):
