@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := build/bench
 
-.PHONY: report picture test cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock licences clean
+.PHONY: report picture test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -22,6 +22,14 @@ picture: report
 
 test: setup
 	$(BIN)/pytest -n $(CORES)
+
+# what takes too long for every change: statistical tests with all their seeds, published figures of
+# all devices, every kind of processor, mutated and harmed logs; recordings by IMULOOP_MIRROR
+nightly: setup
+	$(BIN)/pytest -n $(CORES) -m study
+	$(MAKE) processors
+	$(MAKE) fuzz CASES=500
+	$(MAKE) fuzz-chain FUZZ_CASES=20
 
 # tests against a real SLURM and an S3 on this machine; what cannot be had is skipped with the reason
 cluster: setup-cluster

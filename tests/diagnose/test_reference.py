@@ -72,7 +72,11 @@ def test_offset_drift_and_arm_are_found_alone_and_in_size():
 
 # from -4 to 4 ms within the log, and from -4 to 8: neither alone lowers the error of all parts
 @pytest.mark.parametrize(
-    "truth", [{"clock_drift": 6.7e-5}, {"clock_drift": 1e-4, "time_offset": 2e-3}]
+    "truth",
+    [
+        pytest.param({"clock_drift": 6.7e-5}, marks=pytest.mark.study),
+        {"clock_drift": 1e-4, "time_offset": 2e-3},
+    ],
 )
 def test_offset_that_drifts_through_zero_is_named(truth):
     late = {"gyroscope": truth.get("time_offset", 0.0)}
@@ -131,6 +135,7 @@ def test_rests_beside_a_reference_are_poses_of_one_solution():
         assert calibration.gyroscope.std[name] < by_motion.gyroscope.std[name]
 
 
+@pytest.mark.study
 def test_arm_of_each_axis_is_found_and_applied():
     arm = np.array([[0.05, 0.0, 0.01], [0.0, 0.04, -0.01], [0.01, 0.0, -0.02]])
     truth = replace(base(SEED), arm=arm, duration_s=60.0)

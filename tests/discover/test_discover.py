@@ -35,8 +35,8 @@ SEEDS = range(11040, 11045)
     [
         pytest.param("quadratic", "forty", marks=pytest.mark.study),
         ("fy2_fz_on_x", "forty"),
-        ("T2_fx_on_x", "forty"),
-        ("settling_on_z", "rests"),
+        pytest.param("T2_fx_on_x", "forty", marks=pytest.mark.study),
+        pytest.param("settling_on_z", "rests", marks=pytest.mark.study),
     ],
 )
 def test_what_is_put_in_is_named(truth, plan):
@@ -69,7 +69,8 @@ def test_nothing_is_named_where_nothing_is():
     assert all(m.discovery.effect is None for m in made)
 
 
-@pytest.mark.parametrize("truth", ["T_t", pytest.param("T", marks=pytest.mark.study)])
+@pytest.mark.study
+@pytest.mark.parametrize("truth", ["T_t", "T"])
 def test_at_rest_what_is_put_in_is_named(truth):
     made = [at_rest(truth, 4.0, seed) for seed in SEEDS[:3]]
     assert sum(m.discovery.effect is not None and m.right for m in made) >= 2

@@ -28,7 +28,11 @@ def test_g_sensitivity_is_found_where_no_library_has_it(measured):
 
 @pytest.mark.parametrize(
     ("device", "base"),
-    [("xsens_mti", ("g_sensitivity",)), *((f"mpu9150_{k}", ()) for k in (1, 2, 3))],
+    [
+        ("xsens_mti", ("g_sensitivity",)),
+        ("mpu9150_1", ()),
+        *(pytest.param(f"mpu9150_{k}", (), marks=pytest.mark.study) for k in (2, 3)),
+    ],
 )
 def test_nothing_more_is_found(measured, device, base):
     effects = tuple(find_effect(name)() for name in base)
