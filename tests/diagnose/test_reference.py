@@ -107,7 +107,10 @@ def test_what_a_reference_gets_wrong_with_attitude_is_no_effect():
 
 
 # by 500 ppm
-@pytest.mark.parametrize(("clock", "drift"), [((3.0, 0.0), 0.0), ((0.0, 5e-4), 5e-4)])
+@pytest.mark.parametrize(
+    ("clock", "drift"),
+    [((3.0, 0.0), 0.0), pytest.param((0.0, 5e-4), 5e-4, marks=pytest.mark.study)],
+)
 def test_clock_of_its_own_is_handled_or_named(clock, drift):
     diagnosis, quality, _ = diagnosed(replace(base(SEED), clock=clock), SEED, limits=False)
     effects = found(diagnosis)["gyroscope"]
@@ -117,6 +120,7 @@ def test_clock_of_its_own_is_handled_or_named(clock, drift):
         assert max(off(effects["clock_drift"], [drift])) < 3
 
 
+@pytest.mark.study
 def test_rests_beside_a_reference_are_poses_of_one_solution():
     truth = replace(base(SEED), rests=16, duration_s=240.0)
     diagnosis, _, calibration = diagnosed(truth, SEED, limits=False)

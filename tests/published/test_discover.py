@@ -17,6 +17,7 @@ def problem(measured, device):
     return pose_problem(GyroscopePoses(*settings), recording, DiagnoseSettings(), 30)
 
 
+@pytest.mark.study
 def test_g_sensitivity_is_found_where_no_library_has_it(measured):
     found = discover(of_poses(problem(measured, "xsens_mti")))
     terms = {f"{axis}: f{other}" for axis in "xyz" for other in "xyz"}
