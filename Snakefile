@@ -29,8 +29,6 @@ include: "workflow/rules/noise.smk"
 include: "workflow/rules/calibrate.smk"
 include: "workflow/rules/diagnose.smk"
 include: "workflow/rules/export.smk"
-include: "workflow/rules/board.smk"
-include: "workflow/rules/type.smk"
 include: "workflow/rules/report.smk"
 
 

@@ -15,6 +15,4 @@ report(
     provenance(Path(imuloop.__file__).parents[3], params.command, params.config),
     output.report,
     output.comparison,
-    snakemake.input.boards,
-    snakemake.input.types,
 )

@@ -17,7 +17,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # whose tests share what takes long to make
-TOGETHER = ("board", "published", "report", "workflow")
+TOGETHER = ("published", "report", "workflow")
 
 
 class Together(LoadScopeScheduling):

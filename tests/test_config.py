@@ -3,7 +3,7 @@
 import pytest
 import yaml
 
-from imuloop.config import fetched, grouped, resolve, source_path
+from imuloop.config import fetched, resolve, source_path
 
 SHA = "0" * 64
 
@@ -20,16 +20,6 @@ def test_defaults_are_merged_key_by_key():
     # WGS 84, normal gravity at the equator
     assert devices["b"]["gravity"] == pytest.approx(9.7803253359, abs=1e-9)
     assert (devices["a"]["label"], devices["b"]["label"]) == ("a", "b")
-
-
-def test_a_board_has_the_devices_that_name_it():
-    sessions = {"x": {"kind": "static", "file": "x.csv"}}
-    named = {"a": "wing", "b": None, "c": "tail", "d": "wing"}
-    config = {n: {"sessions": sessions} | ({"board": b} if b else {}) for n, b in named.items()}
-    devices = resolve({"devices": config})
-    assert {name: device["board"] for name, device in devices.items()} == named
-    assert grouped(devices, "board") == {"wing": ["a", "d"], "tail": ["c"]}
-    assert grouped(devices, "type") == {}
 
 
 def test_bare_time_stamps_resolve_to_text():

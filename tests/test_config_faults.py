@@ -76,8 +76,6 @@ DEVICE = """
     label: nothing is given
     type: 2nd
     type: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)
-    board: 2nd
-    board: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)
     gravity: 98
     gravity: 98 is greater than the maximum of 9.9
     full_scale: {acceleration: 1e3}
@@ -112,7 +110,7 @@ LONG = [
     ),
 ]
 STATIC = "sessions: {a: {kind: static, file: poses.csv}}}"
-RESERVED = "is reserved where a device names a board; name it otherwise"
+RESERVED = "is reserved for results of several devices; name it otherwise"
 WHOLE = [
     ("devices: {}", "devices: empty"),
     (
@@ -124,11 +122,8 @@ WHOLE = [
         "devices.imu.sessions.exports: 'exports' is reserved for a folder of results; name the "
         "session otherwise",
     ),
-    (f"devices: {{boards: {{board: wing, {STATIC}}}", f"devices.boards: 'boards' {RESERVED}"),
-    (
-        f"devices: {{figures: {{{STATIC}}}",
-        "devices.figures: 'figures' is reserved for pictures of all; name it otherwise",
-    ),
+    (f"devices: {{figures: {{{STATIC}}}", f"devices.figures: 'figures' {RESERVED}"),
+    (f"devices: {{types: {{{STATIC}}}", f"devices.types: 'types' {RESERVED}"),
     (f"{session(SOUND)}\ndefaults: {{label: 3}}", "defaults.label: 3 is not text"),
     (f"{session(SOUND)}\nmirror: nowhere", "mirror: there is no folder nowhere"),
     (
@@ -147,6 +142,11 @@ def one_fault():
             yield pytest.param(text, of + fault, id=f"{of}{keys}")
     yield from ((session(keys), f"devices.imu.sessions.a.{fault}") for keys, fault in LONG)
     yield from WHOLE
+
+
+def test_a_device_may_name_its_type(faults):
+    """The contract has the key, whatever reads it."""
+    assert faults(session(SOUND, "type: chip,")) == []
 
 
 @pytest.mark.parametrize(("text", "line"), list(one_fault()))

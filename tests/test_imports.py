@@ -19,10 +19,9 @@ ARROWS = {
     "noise": {"effects", "ingest", "segment"},
     "calibrate": {"ingest", "segment"},
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
-    "discover": {"effects", "calibrate", "diagnose"},
+    "discover": {"effects", "diagnose"},
     "validate": {"effects", "calibrate", "diagnose"},
     "plan": {"segment", "noise", "calibrate", "diagnose"},
-    "board": {"calibrate", "effects", "ingest"},
     "simulate": {"effects"},
     "export": {"effects", "noise", "diagnose"},
     "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "plan", "export"},
@@ -108,8 +107,8 @@ def test_who_reads_a_calibration_has_the_library_of_effects(repository):
                 os._exit(len(Effect.library) <= 20)
             assert os.waitpid(child, 0)[1] == 0, module
     """
-    modules = "board.board diagnose.diagnose export.export report.section simulate.truth".split()
-    modules += ["commands.apply", "commands.check", "commands.info", "discover.family"]
+    modules = "diagnose.diagnose export.export report.section simulate.truth".split()
+    modules += ["commands.apply", "commands.check", "commands.info"]
     path = {"PYTHONPATH": str(repository / "workflow/lib")}
     command = [sys.executable, "-c", code, *modules]
     done = subprocess.run(command, env=path, capture_output=True, text=True)

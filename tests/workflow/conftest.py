@@ -6,7 +6,6 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from board.boards import logs as board_logs
 from imuloop.simulate.simulate import simulate_session, write_log
 from imuloop.simulate.truth import example_truth
 from workflow.run import snakemake
@@ -17,22 +16,20 @@ RESTING = {
     "label": "Rest & <b>peace</b>",
     "sessions": {"rest": {"kind": "static", "file": "rest.parquet"}},
 }
-# of two devices on one board, as its second
 POSED_TOO = {"poses": {"kind": "multi_position", "file": "second.csv"}}
-PAIR = {"board": "wing", "type": "pair"}
 CONFIG = {
     "defaults": QUICK,
     "devices": {
         # its only static session is of no use: the noise has to come from a rest of the others
         "posed": {
-            **PAIR,
+            "type": "pair",
             "sessions": {
                 "poses": {"kind": "multi_position", "file": "logs in/p.csv"},
                 "faces": {"kind": "six_position", "format": "euroc", "file": "faces"},
                 "broken": {"kind": "static", "file": "broken.csv"},
             },
         },
-        "resting": RESTING | PAIR | {"sessions": RESTING["sessions"] | POSED_TOO},
+        "resting": RESTING | {"sessions": RESTING["sessions"] | POSED_TOO},
         # of a faulty log; it fails in a stage, too
         "failing": {"sessions": {"swapped": {"kind": "six_position", "file": "swapped.csv"}}},
     },
@@ -94,9 +91,8 @@ def finished(checkout, logs, truth, tmp_path_factory):
     folder = tmp_path_factory.mktemp("work")
     for name in ("logs in", "faces"):
         (folder / name).mkdir()
-    first, second, _ = board_logs(4, truth)
-    write_log(folder / "logs in/p.csv", first, {})
-    write_log(folder / "second.csv", second, {})
+    write_log(folder / "logs in/p.csv", logs["multi_position"], {})
+    write_log(folder / "second.csv", simulate_session(truth, "multi_position", 2), {})
     faces = logs["six_position"][["t", *EUROC]].rename(columns=EUROC)
     faces = faces.assign(t=(1e9 * faces["t"]).round().astype(int))
     faces.rename(columns={"t": "#timestamp [ns]"}).to_csv(folder / "faces/data.csv", index=False)

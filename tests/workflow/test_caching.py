@@ -19,8 +19,6 @@ STAGES = ("segment", "noise", "calibrate", "diagnose", "allan", "export", "repor
 SESSIONS = {name: tuple(device["sessions"]) for name, device in CONFIG["devices"].items()}
 SESSIONS["new"] = ("rest",)
 REPORT = {"report/report"}
-# of what is made of several devices
-JOINT = {"board/wing", "type/pair", *REPORT}
 
 
 def jobs(device, first, *read):
@@ -77,7 +75,7 @@ def test_what_changes_no_content_reruns_nothing(finished, checkout, written, tmp
         # only what is made of several names the devices, in the order of the config
         turned = dict(reversed(written["devices"].items()))
         del turned["failing"]
-        assert planned(checkout, folder, {**written, "devices": turned}) == JOINT
+        assert planned(checkout, folder, {**written, "devices": turned}) == REPORT
 
 
 def test_a_key_and_a_log_rerun_what_depends_on_them_and_a_new_device_is_an_entry(
@@ -93,7 +91,7 @@ def test_a_key_and_a_log_rerun_what_depends_on_them_and_a_new_device_is_an_entry
     log.write_text("".join(lines[:-1]))
     os.utime(log, (0, 0))
     expected = jobs("failing", "export") | jobs("resting", "noise") | jobs("new", "noise", "rest")
-    expected |= jobs("posed", "noise", "faces") | JOINT
+    expected |= jobs("posed", "noise", "faces") | REPORT
     assert planned(checkout, folder, written) == expected
 
 
@@ -103,7 +101,7 @@ def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, 
     # gravity is the yardstick of each session's units, too
     others = jobs("resting", "diagnose") | jobs("failing", "diagnose")
     expected = jobs("posed", "noise", *SESSIONS["posed"]) | others
-    assert planned(checkout, folder, written) == expected | JOINT
+    assert planned(checkout, folder, written) == expected | REPORT
 
 
 def test_an_edited_module_reruns_the_stages_that_import_it(finished, checkout):
@@ -111,7 +109,7 @@ def test_an_edited_module_reruns_the_stages_that_import_it(finished, checkout):
     with edited(module, f"{module.read_text()}\nEXTRA = 1\n"):
         found = planned(checkout, finished[0])
     assert (
-        found == {job for device in CONFIG["devices"] for job in jobs(device, "diagnose")} | JOINT
+        found == {job for device in CONFIG["devices"] for job in jobs(device, "diagnose")} | REPORT
     )
 
 

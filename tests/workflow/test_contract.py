@@ -56,7 +56,7 @@ def read(path):
 
 def test_every_json_file_fits_its_schema(folder):
     paths = list(folder.rglob("*.json"))
-    assert {ALSO.get(p.stem, p.stem) for p in paths} | {"board", "type", "config", "common"} == {
+    assert {ALSO.get(p.stem, p.stem) for p in paths} | {"config", "common"} == {
         path.name.partition(".")[0] for path in SCHEMAS.glob("*.yaml")
     }
     assert {str(p): wrong for p in paths if (wrong := fault(p))} == {}

@@ -11,7 +11,6 @@ import pandas as pd
 import pytest
 import yaml
 
-from bench.result_files import fault
 from imuloop import chain
 from imuloop.config import STAGES, resolve
 from workflow.conftest import CONFIG, QUICK, RESTING
@@ -51,21 +50,6 @@ def test_the_files_of_a_device_are_those_of_the_library_on_it_alone(finished, tm
     files = [path.relative_to(single) for path in single.rglob("*") if path.is_file()]
     assert len(files) > 20
     assert [p for p in files if (single / p).read_bytes() != (beside / p).read_bytes()] == []
-
-
-def test_a_board_and_a_type_are_of_their_devices(finished):
-    board, pair = (
-        finished[0] / f"results/{name}.json" for name in ("boards/wing/board", "types/pair/type")
-    )
-    assert fault(board) is None and fault(pair) is None
-    content = json.loads(board.read_text())
-    assert content["status"] == "ok" and [*content["devices"]] == ["posed", "resting"]
-    assert content["devices"]["resting"]["arm"][0] == pytest.approx(0.02, abs=2e-3)
-    sensors = json.loads(pair.read_text())["sensors"]
-    # nothing was put into them
-    assert sensors["accelerometer"]["status"] == "nothing" and not any(
-        own["left_out"] for own in sensors.values()
-    )
 
 
 def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished):

@@ -6,12 +6,11 @@ from functools import cache
 from hashlib import sha256
 from math import ceil
 from pathlib import Path
-from types import SimpleNamespace
 
 import imuloop
 import yaml
 from imuloop.code_digest import code_digest
-from imuloop.config import fetched, grouped, is_stored, resolve, source_path
+from imuloop.config import fetched, is_stored, resolve, source_path
 from imuloop.config_faults import config_faults, shown_path
 from imuloop.core.errors import ImuloopError, nearest
 from imuloop.file_faults import SIMULATED
@@ -46,7 +45,6 @@ if workflow.is_main_process:
         sys.exit(1)
 
 DEVICES = resolve(config)
-GROUPS = {key: grouped(DEVICES, key) for key in ("board", "type")}
 NAME = r"[A-Za-z][A-Za-z0-9_-]*"
 CACHE = config.get("cache", "data/cache")
 FETCHED = fetched(DEVICES)
@@ -60,8 +58,6 @@ GROUP = "device" if workflow.nodes is not None else None
 wildcard_constraints:
     device=NAME,
     session=NAME,
-    board=NAME,
-    type=NAME,
     replica="|".join(REPLICAS) or "none",
     sha256=r"[0-9a-f]{64}",
     filename=r"[^/]+",
@@ -117,17 +113,6 @@ def each_session(file):
         return [f"results/{wildcards.device}/{name}/{file}" for name in sessions]
 
     return files
-
-
-def members(wildcards):
-    """Return the wildcards of each device of a job's board or type."""
-    ((key, name),) = wildcards.items()
-    return [SimpleNamespace(device=each) for each in one_of(GROUPS[key], name, key)]
-
-
-def of_members(files):
-    """Return a function that lists files of each device of a job's board or type."""
-    return lambda wildcards: [file for each in members(wildcards) for file in files(each)]
 
 
 def source_files(wildcards):

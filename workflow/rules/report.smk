@@ -59,8 +59,6 @@ rule report:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),
         exports=expand("results/{device}/exports.json", device=DEVICES),
-        boards=expand("results/boards/{board}/board.json", board=GROUPS["board"]),
-        types=expand("results/types/{type}/type.json", type=GROUPS["type"]),
     output:
         report=report(
             "results/report.html",

@@ -278,45 +278,11 @@ def report_device(device):
     )
 
 
-def board(board, devices):
-    """Write board.json, what the devices of a board show together.
-
-    `board` is a Device without sessions that has the board's name and folder.
-    """
-    from imuloop.board.board import no_board, relate
-    from imuloop.core.files import write_json
-
-    path = board.file("board.json")
-
-    def instead(reason, failed):
-        write_json(path, no_board(board.name, reason) | {"failed": failed})
-
-    return attempt(board, "board", lambda: write_json(path, relate(board.name, devices)), instead)
-
-
-def of_type(made, devices):
-    """Write type.json, the formulas that the devices of a type show together.
-
-    `made` is a Device without sessions that has the type's name and folder.
-    """
-    from imuloop.core.files import write_json
-    from imuloop.discover.family import discover_type, no_type
-
-    path = made.file("type.json")
-
-    def instead(reason, failed):
-        write_json(path, no_type(made.name, reason) | {"failed": failed})
-
-    return attempt(
-        made, "type", lambda: write_json(path, discover_type(made.name, devices)), instead
-    )
-
-
-def report(folders, provenance, report_path, comparison_path, boards=(), types=()):
+def report(folders, provenance, report_path, comparison_path):
     """Join the parts of devices to the report; see `imuloop.report.report.write_report`."""
     from imuloop.report.report import write_report
 
-    write_report(folders, provenance, report_path, comparison_path, boards, types)
+    write_report(folders, provenance, report_path, comparison_path)
 
 
 def run(device):

@@ -98,11 +98,10 @@ def _session_name(path, session, taken):
 def resolve(config):
     """Return every device of a config without faults, with all keys, as the stages need them.
 
-    By device: ``label``, ``board`` or None, ``type`` or None, ``gravity`` (m/s^2), ``full_scale``,
-    ``nominal``, the stages' settings, and ``sessions`` with ``kind``, ``format``, ``sources`` (by
-    role: ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` and ``reference`` in files of
-    their own), ``columns``, ``units``, ``rate`` (Hz), ``time_range``, ``pps``, ``reference``,
-    ``known_rotation``.
+    By device: ``label``, ``gravity`` (m/s^2), ``full_scale``, ``nominal``, the stages' settings,
+    and ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or ``acceleration``
+    and ``angular_rate``; ``pps`` and ``reference`` in files of their own), ``columns``, ``units``,
+    ``rate`` (Hz), ``time_range``, ``pps``, ``reference``, ``known_rotation``.
     """
     return {
         name: _device(name, each) for name, each in merged_devices(without_dates(config)).items()
@@ -115,8 +114,6 @@ def _device(name, device):
         gravity = normal_gravity(gravity["latitude"], gravity["height"])
     return {
         "label": device.get("label", name),
-        "board": device.get("board"),
-        "type": device.get("type"),
         "gravity": float(gravity),
         "full_scale": device.get("full_scale", {}),
         "nominal": device.get("nominal", {}),
@@ -151,12 +148,6 @@ def sources(file):
     if isinstance(file, dict) and "acceleration" in file:
         return {role: sources(file[role])["log"] for role in ("acceleration", "angular_rate")}
     return {"log": {"path": file} if isinstance(file, str) else dict(file)}
-
-
-def grouped(devices, key):
-    """Return the names of the devices that name each ``board``, or ``type``, by its name."""
-    named = dict.fromkeys(device[key] for device in devices.values() if device[key])
-    return {name: [n for n, d in devices.items() if d[key] == name] for name in named}
 
 
 def is_stored(path):

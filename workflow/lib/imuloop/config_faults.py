@@ -217,14 +217,10 @@ def _meaning_faults(config, wrong, replicas):
     if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
         return
     devices = merged_devices(config)
-    if "figures" in devices:
-        yield ("devices", "figures"), "'figures' is reserved for pictures of all; name it otherwise"
-    for key in ("board", "type"):
-        if f"{key}s" in devices and any(key in d for d in devices.values() if isinstance(d, dict)):
-            yield (
-                ("devices", f"{key}s"),
-                f"'{key}s' is reserved where a device names a {key}; name it otherwise",
-            )
+    for name in ("figures", "types"):
+        if name in devices:
+            text = f"'{name}' is reserved for results of several devices; name it otherwise"
+            yield ("devices", name), text
     for name, device in devices.items():
         sessions = device.get("sessions") if isinstance(device, dict) else None
         for session, content in sessions.items() if isinstance(sessions, dict) else ():

@@ -8,20 +8,18 @@ from markupsafe import Markup
 
 from imuloop.core.files import plain, read_json, replaced
 from imuloop.noise.filters import RANGE
-from imuloop.report.composed import type_part
 from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.drawing import write_svg
 from imuloop.report.figures.loop import loop_picture
 from imuloop.report.page import write_page
 from imuloop.report.tables import comparison as tables
-from imuloop.report.tables.board import board_part
 from imuloop.report.verdict import WORDS, grouped
 
 # the most devices whose parts are in the report itself; of more each has a page of its own
 TOGETHER = 10
 
 
-def write_report(folders, provenance, report_path, comparison_path, boards=(), types=()):
+def write_report(folders, provenance, report_path, comparison_path):
     """Write the report and the comparison of all devices.
 
     Parameters
@@ -33,15 +31,10 @@ def write_report(folders, provenance, report_path, comparison_path, boards=(), t
         values become rows of a table, mappings are printed as YAML.
     report_path, comparison_path : path-like
         HTML and CSV file to write; pictures of all devices go into ``figures`` beside the latter.
-    boards : sequence of path-like
-        board.json of each board.
-    types : sequence of path-like
-        type.json of each type.
     """
     given = [(read_json(folder / "summary.json"), Path(folder)) for folder in folders]
     given.sort(key=lambda each: each[0]["status"] != "failed")
     devices, folders = zip(*given, strict=True)
-    labels = {d["device"]: d["label"] for d in devices}
     together, comparison = len(devices) <= TOGETHER, Path(comparison_path).name
     with replaced(comparison_path) as temporary:
         tables.write_comparison(temporary, devices)
@@ -61,8 +54,6 @@ def write_report(folders, provenance, report_path, comparison_path, boards=(), t
         # escaped when they were written
         sections=[Markup((f / "section.html").read_text("utf-8")) for f in folders if together],
         devices=devices,
-        boards=[board_part(read_json(path), labels) for path in boards],
-        types=[type_part(read_json(path), labels) for path in types],
         rows=list(
             zip(devices, *(tables.cells(devices, sensor) for sensor in tables.COLUMNS), strict=True)
         ),
