@@ -133,12 +133,12 @@ def test_the_smoothed_series_is_in_the_file_and_in_the_caption(devices):
 
 
 def test_the_error_of_the_vertical_is_said_of_every_model_or_why_not(tmp_path):
-    def part(**rms):
+    def part(names=("rotation", "filter"), **rms):
         models = {m: {"rms_deg": e, "p95_deg": 2 * e} for m, e in rms.items()}
         ratio = rms["base"] / rms["final"]
         method = {"n": 4, "duration_s": 2.1, "models": models, "base_over_final": ratio}
         method |= {"ratio_ci95": [0.9 * ratio, 1.1 * ratio], "floor_deg": 0.123}
-        methods = dict.fromkeys(("rotation", "stretch", "mahony"), method)
+        methods = dict.fromkeys(names, method)
         rows = [
             ("turns", 0, m, model, t, e)
             for m in methods
@@ -147,7 +147,7 @@ def test_the_error_of_the_vertical_is_said_of_every_model_or_why_not(tmp_path):
         ]
         columns = ["session", "stretch", "method", "model", "t_s", "error_deg"]
         pd.DataFrame(rows, columns=columns).to_parquet(tmp_path / "attitude.parquet")
-        content = {"status": "ok", "gains": {"k_P": 1.0, "k_I": 0.3}, "methods": methods}
+        content = {"status": "ok", "methods": methods}
         write_json(tmp_path / "attitude.json", content)
         return attitude_part(DeviceResults("board", "Board", tmp_path))
 
@@ -156,8 +156,12 @@ def test_the_error_of_the_vertical_is_said_of_every_model_or_why_not(tmp_path):
     for text in ("13° as logged", "0.56° with the base", "0.15° with the final", "final 3.61"):
         assert text in found["finding"]
     assert found["tables"][0].rows[0][3:6] == ("13 (25)", "0.56 (1.1)", "0.15 (0.31)")
-    for picture in found["pictures"]:
-        assert all(text in picture.caption for text in ("13°", "0.56°", "0.15°"))
+    [picture] = found["pictures"]
+    assert all(text in picture.caption for text in ("VQF", "13°", "0.56°", "0.15°"))
+    assert "estimates the gyroscope's bias itself" in found["tables"][0].note
+    alone = part(names=("rotation",), raw=12.7, base=0.556, final=0.154)
+    assert len(alone["tables"][0].rows) == 1 and not alone["pictures"]
+    assert "vqf is not installed" in alone["tables"][0].note
     same = part(raw=12.7, base=0.556, final=0.556)
     assert "the final model is the same" in same["finding"]
     assert all("also the final one" in p.caption for p in same["pictures"])

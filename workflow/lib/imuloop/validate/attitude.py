@@ -6,24 +6,14 @@ from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.pose_fits import residuals
+from imuloop.core.rotation import step_vectors
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.residuals import held_out_covariance
-from imuloop.validate.attitude_errors import (
-    K_I,
-    K_P,
-    angle,
-    attitudes,
-    filter_errors,
-    gyroscope_errors,
-    stretches,
-)
+from imuloop.validate.attitude_errors import METHODS, angle, stretches
 from imuloop.validate.attitude_models import MODELS, blocks, held_out_models
 
 # version of the JSON file
 FORMAT = 1
-# what carries gravity's direction: the gyroscope from each rest to the next; the gyroscope from the
-# rest before a stretch through all of it; the filter through all of it
-METHODS = ("rotation", "stretch", "mahony")
 COLUMNS = {
     "session": object,
     "stretch": int,
@@ -84,7 +74,8 @@ def validate_attitude(device, gravity, diagnosed, settings):
     # how far the base model's directions are from the final one's, held out
     apart = angle(*(u[block, MODELS.index(m), np.arange(len(block))] for m in ("base", "final")))
     content = {
-        **_head(device),
+        "format": FORMAT,
+        "device": device,
         "status": "ok",
         "effects": [
             {s: [e.name for e in getattr(m["final"], s).effects] for s in diagnosed.effects}
@@ -105,11 +96,7 @@ def validate_attitude(device, gravity, diagnosed, settings):
 def no_attitude(device, why):
     """Return what `validate_attitude` does where nothing can be validated, with the reason."""
     nothing = pd.DataFrame({name: np.zeros(0, dtype=kind) for name, kind in COLUMNS.items()})
-    return {**_head(device), "status": "not_testable", "why": why}, nothing
-
-
-def _head(device):
-    return {"format": FORMAT, "device": device, "gains": {"k_P": K_P, "k_I": K_I}}
+    return {"format": FORMAT, "device": device, "status": "not_testable", "why": why}, nothing
 
 
 def _directions(calibrations, recording):
@@ -128,38 +115,33 @@ def _errors(recording, block, models, directions, names):
     Takes the models of each block, gravity's direction at the poses by the final one, (blocks, n,
     3), and the names of the sessions.
     """
-    tables, runs, last = [], [], None
-    for stretch in stretches(recording, block):
+    tables, last = [], None
+    for number, stretch in enumerate(stretches(recording, block)):
         k, session = place = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
         if place != last:
             # of the whole log: effects may depend on what was before
             log, last = recording.logs[session], place
-            whole = (models[k][m].calibrated(log.f, log.w, log.t, log.temperature) for m in MODELS)
-            calibrated = [np.array(values) for values in zip(*whole, strict=True)]
-        f, w = (values[:, stretch.piece] for values in calibrated)
-        runs.append((attitudes(w, stretch.t), f, stretch, directions[k, stretch.poses]))
-    for number, ((q, _, stretch, u), filtered) in enumerate(
-        zip(runs, filter_errors(runs), strict=True)
-    ):
-        k, session = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
-        rotation, through = gyroscope_errors(q, stretch, u)
-        errors = {"rotation": rotation, "stretch": through, "mahony": filtered}
+            whole = log.f, log.w, log.t, log.temperature
+            calibrated = {model: models[k][model].calibrated(*whole) for model in MODELS}
+        u = directions[k, stretch.poses]
         arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
-        both = np.column_stack([arrive, leave])[1:].ravel()
-        for method, of_models in errors.items():
-            once = method == "rotation"
-            for model, error in zip(MODELS, of_models, strict=True):
+        both = np.column_stack([arrive, leave])[1:]
+        for model, (f, w) in calibrated.items():
+            turns = step_vectors(w[stretch.piece], np.diff(stretch.t))
+            for method, errors in METHODS.items():
+                error = errors(turns, f[stretch.piece], stretch, u)
+                # since the rest before, or since the stretch's first
+                after = arrive[1:] - leave[:-1] if method == "rotation" else both - leave[0]
+                ends = error.shape[1]
                 columns = {
                     "session": names[session],
                     "stretch": number,
                     "block": k,
                     "method": method,
                     "model": model,
-                    "t_s": arrive[1:] if once else both,
-                    "after_s": arrive[1:] - leave[:-1] if once else both - leave[0],
-                    "at": ["arrival"] * error.size
-                    if once
-                    else ["arrival", "departure"] * len(error),
+                    "t_s": both[:, :ends].ravel(),
+                    "after_s": after.ravel(),
+                    "at": ["arrival", "departure"][:ends] * len(error),
                     "error_deg": np.degrees(error).ravel(),
                 }
                 tables.append(pd.DataFrame(columns))
@@ -169,9 +151,6 @@ def _errors(recording, block, models, directions, names):
 def _summary(rows, method, settings):
     """Return what attitude.json holds of a method: errors of each model when a turn is over."""
     rows = rows[(rows["method"] == method) & (rows["at"] == "arrival")]
-    if method == "stretch":
-        # the last arrival of each
-        rows = rows.groupby(["model", "stretch"]).tail(1)
     by_model = {model: rows[rows["model"] == model] for model in MODELS}
     errors = {model: each["error_deg"].to_numpy() for model, each in by_model.items()}
     base, final = (errors[m][:, None] for m in ("base", "final"))

@@ -12,14 +12,14 @@ MODELS = {"raw": "as logged", "base": "base model", "final": "final"}
 COLOURS = {"raw": GREEN, "base": ORANGE, "final": BLUE}
 METHODS = {
     "rotation": "gyroscope alone, from a rest to the next",
-    "stretch": "gyroscope alone, through a held-out stretch",
-    "mahony": "Mahony filter, arriving at a rest",
+    "filter": "filter VQF, arriving at a rest",
 }
+FILTER = (
+    "The filter runs without magnetometer and estimates the gyroscope's bias itself, so it shows "
+    "what of a calibration remains in use; it follows the accelerations of a turn too."
+)
+NO_FILTER = "The filter VQF is left out: its package vqf is not installed."
 SIZES = ("rms_deg", "p95_deg")
-FIGURES = {
-    "stretch": "Gyroscope alone from the first rest of each stretch on",
-    "mahony": "Mahony filter with gains of {k_P:g} 1/s and {k_I:g} 1/s²",
-}
 
 
 def attitude_part(device):
@@ -32,7 +32,9 @@ def attitude_part(device):
     return {
         "finding": _finding(content["methods"]["rotation"]),
         "tables": [_table(content["methods"])],
-        "pictures": [_picture(device, content, series, method) for method in FIGURES],
+        "pictures": [_picture(device, content["methods"]["filter"], series)]
+        if "filter" in content["methods"]
+        else [],
     }
 
 
@@ -67,7 +69,7 @@ def _table(methods):
 
     return Table.of(
         "Error of the vertical on held-out stretches, °: root mean square (95 % quantile)",
-        METHODS,
+        [method for method in METHODS if method in methods],
         {
             "Carried by": lambda method: METHODS[method],
             "Count": lambda method: str(methods[method]["n"]),
@@ -77,17 +79,17 @@ def _table(methods):
             "95 % interval": lambda method: interval_text(methods[method]["ratio_ci95"]),
         },
         "As logged: with the scale of the data sheet. Base: bias, scale factor and misalignment of "
-        "both sensors. Final: with the effects that the diagnosis added. The filter follows the "
-        "accelerations of a turn too, which no calibration takes away.",
+        "both sensors. Final: with the effects that the diagnosis added. "
+        + (FILTER if "filter" in methods else NO_FILTER),
     )
 
 
-def _picture(device, content, series, method):
-    of_method = series[series["method"] == method]
+def _picture(device, filtered, series):
+    of_method = series[series["method"] == "filter"]
     # clocks of sessions do not share a zero: the one with the most is drawn
     longest = of_method["session"].astype(str).value_counts(sort=False).sort_index().idxmax()
     shown = of_method[of_method["session"] == longest].drop(columns="method")
-    of, words = content["methods"][method]["models"], dict(MODELS)
+    of, words = filtered["models"], dict(MODELS)
     if of["base"] == of["final"]:
         words = {"raw": MODELS["raw"], "final": f"{MODELS['base']}, also the final one"}
 
@@ -101,9 +103,8 @@ def _picture(device, content, series, method):
 
     errors = ", ".join(f"{_degrees(of[m]['rms_deg'])} {text}" for m, text in words.items())
     caption = (
-        f"{FIGURES[method].format(**content['gains'])}: error "
-        f"{'at the end of a stretch' if method == 'stretch' else 'when a turn is over'} {errors} "
-        f"({plural(content['methods'][method]['n'], 'case')})."
+        f"Filter VQF without magnetometer: error when a turn is over {errors} "
+        f"({plural(filtered['n'], 'case')})."
     )
     size, kind = (440, 270), "Error of the vertical"
-    return drawn(device, f"attitude_{method}", kind, caption, plot, shown, size=size)
+    return drawn(device, "attitude_filter", kind, caption, plot, shown, size=size)
