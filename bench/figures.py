@@ -28,10 +28,10 @@ def main():
     for kind, r in found["gyroscope"]["poses"]["residuals"].items():
         keys = ("in_sample_before", "in_sample_after", "before", "after")
         row(f"Xsens {kind}, fit and held out, deg (/s)", np.degrees([r[key] for key in keys]))
-    vertical = result("xsens_mti", "attitude")["methods"]["rotation"]
-    errors = [vertical["models"][model]["rms_deg"] for model in ("base", "final")]
-    row("Xsens vertical, base, final, deg", errors)
-    row("Xsens base over final, 95 %", [vertical["base_over_final"], *vertical["ratio_ci95"]])
+    for method, vertical in result("xsens_mti", "attitude")["methods"].items():
+        errors = [vertical["models"][model]["rms_deg"] for model in ("base", "final")]
+        row(f"Xsens vertical, {method}, base, final, deg", errors)
+        row("Xsens base over final, 95 %", [vertical["base_over_final"], *vertical["ratio_ci95"]])
     motion = found["accelerometer"]["motion"]
     for kind, r in motion["residuals"].items():
         row(f"Xsens {kind}, floor, mm/s", [1e3 * r[key] for key in ("before", "after", "floor")])

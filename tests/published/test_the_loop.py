@@ -122,3 +122,6 @@ def test_the_error_of_the_vertical_over_a_rotation_falls_three_fold(measured):
     assert rotation["ratio_ci95"][0] > 2.5
     # what is left is little more than the noise
     assert rotation["models"]["final"]["rms_deg"] < 1.5 * rotation["floor_deg"]
+    # a filter that estimates a bias itself does not make up for the effect
+    filtered = found["methods"]["filter"]
+    assert filtered["n"] == rotation["n"] and filtered["ratio_ci95"][0] > 2
