@@ -1,0 +1,127 @@
+"""One device through imuloop and the plain fit, both against the truth on data that none saw."""
+
+import time
+import warnings
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+import imuloop
+from bench.realistic.device import CHANNELS, DEGREE, GRAVITY, record, sphere
+from bench.realistic.plain import fit
+
+SENSORS = ("accelerometer", "gyroscope")
+DIRECTIONS = 60
+RATE = 100 * DEGREE
+# how long each direction is held: derivatives and windows of any effect are over then, s
+HOLD = 2.0
+SOUND = ("consistent", "not_testable")
+
+
+def probes(made):
+    """Yield time (s), temperature (°C), true specific force and rate, (3,) each, noise-free.
+
+    All over the sphere at rest and at 100 °/s, early and late in the log, at its middle
+    temperature and those of the coldest and the warmest rest, each steady.
+    """
+    directions = sphere(DIRECTIONS)
+    about = np.random.default_rng(made.seed).permutation(directions)
+    for t in made.columns["t"][-1] * np.array([0.1, 0.9]):
+        for temperature in (made.temperatures[0], made.middle, made.temperatures[1]):
+            for up, axis in zip(directions, about, strict=True):
+                yield t, temperature, GRAVITY * up, np.zeros(3)
+                yield t, temperature, GRAVITY * up, RATE * axis
+
+
+def errors(made, corrected):
+    """Return the root-mean-square errors of a calibration, SI, by name.
+
+    `corrected` gives specific force and rate of raw ones, (n, 3) each, at times and temperatures
+    (n,). ``accelerometer`` is at rest, ``gyroscope`` at rest and at 100 °/s, ``bias`` the gyroscope
+    at rest; those with ``_steady`` at the middle temperature alone.
+    """
+    n, found = int(HOLD * made.rate) | 1, {}
+    for t, temperature, *true in probes(made):
+        raw = [
+            np.tile(getattr(made, s).raw(true[k]) + made.bias(k, t, temperature), (n, 1))
+            for k, s in enumerate(SENSORS)
+        ]
+        times = t + (np.arange(n) - n // 2) / made.rate
+        given = corrected(*raw, times, np.full(n, temperature))
+        force, turn = (np.sum((given[k][n // 2] - true[k]) ** 2) for k in range(2))
+        each = {"gyroscope": turn}
+        if not true[1].any():
+            each |= {"accelerometer": force, "bias": turn}
+        for name, error in each.items():
+            found.setdefault(name, []).append(error)
+            if temperature == made.middle:
+                found.setdefault(f"{name}_steady", []).append(error)
+    return {name: float(np.sqrt(np.mean(each))) for name, each in sorted(found.items())}
+
+
+def judged(seed, case, keep=None):
+    """Return what came of one device, for JSON; its log and results stay in a folder `keep`."""
+    with TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        folder = Path(keep or folder) / f"{case}_{seed}"
+        folder.mkdir(parents=True, exist_ok=True)
+        made = record(seed, case)
+        made.write(folder / "log.csv")
+        (folder / "truth.json").write_text(made.truth())
+        start = time.process_time()
+        result = imuloop.calibrate(folder / "log.csv", folder=folder / "results", progress=False)
+        seconds = time.process_time() - start
+        return outcome(made, result) | {"seconds": round(seconds, 1)}
+
+
+def outcome(made, result):
+    """Return the judgement of a Result, for JSON."""
+    found, warm = result.calibration, "temperature" in made.columns
+    own = errors(made, lambda f, w, t, hot: found.apply_arrays(f, w, t, hot if warm else None))
+    log = np.column_stack([made.columns[name] for name in CHANNELS])
+    plain = fit(made.columns["t"], log[:, :3], log[:, 3:], made.rests)
+
+    def by_plain(f, w, *_):
+        return [s.corrected(x) if s else x for s, x in zip(plain, (f, w), strict=True)]
+
+    others = errors(made, by_plain)
+    missing = [s for s, sensor in zip(SENSORS, plain, strict=True) if sensor is None]
+    return {
+        **{name: getattr(made, name) for name in ("case", "seed", "parts", "effect_free", "rate")},
+        "rests": len(made.rests),
+        "failures": result.failures,
+        "notes": result.notes,
+        "methods": {s: getattr(found, s).method for s in SENSORS},
+        "not_testable": {s: getattr(found, s).not_testable for s in SENSORS},
+        "verdicts": result.verdict,
+        "effects": {
+            s: {r: [e["name"] for e in part["effects"]] for r, part in parts.items()}
+            for s, parts in result.diagnosis["sensors"].items()
+        },
+        "no_plain_fit": missing,
+        "imuloop": own,
+        "plain": others,
+        "ratios": {s: None if s in missing else own[s] / others[s] for s in SENSORS},
+        "pulls": {s: pulls(getattr(found, s), getattr(made, s)) for s in SENSORS},
+    }
+
+
+def pulls(found, true):
+    """Return the errors of the T, K and b that were estimated, in their standard errors."""
+    off = {letter: getattr(found, letter) - getattr(true, letter) for letter in "TKb"}
+    return {
+        name: float(off[name[0]][tuple(map(int, name[1:]))] / std)
+        for name, std in found.std.items()
+        if name[0] in off and name[1:].isdigit() and std > 0
+    }
+
+
+def alarms(device):
+    """Return the verdicts that say that something is missing, 'sensor record: verdict, effects'."""
+    return [
+        f"{sensor} {record}: {' '.join([verdict, *device['effects'][sensor][record]])}"
+        for sensor, records in device["verdicts"].items()
+        for record, verdict in records.items()
+        if verdict not in SOUND
+    ]

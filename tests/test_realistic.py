@@ -1,0 +1,181 @@
+"""bench/realistic: closed forms of the generator, the plain fit, the judge.
+
+A study is worth what its truth is: each test puts one part of it beside what it must be.
+"""
+
+import ast
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from bench.realistic import device
+from bench.realistic.__main__ import summary
+from bench.realistic.device import (
+    CHANNELS,
+    GRAVITY,
+    RAIL,
+    at_rest,
+    move,
+    parts_of,
+    record,
+    slow_noise,
+)
+from bench.realistic.judge import alarms, errors, pulls
+from bench.realistic.plain import fit, rotation
+
+# a short log of few samples
+FEW = 46
+
+
+def sensed(made):
+    f, w = (
+        np.column_stack([made.columns[n] for n in names]) for names in (CHANNELS[:3], CHANNELS[3:])
+    )
+    return made.columns["t"], f, w
+
+
+@pytest.fixture
+def coarse(monkeypatch):
+    """A motion in steps large enough for a quick test."""
+    monkeypatch.setattr(device, "INTERNAL", 400)
+
+
+# the study is blind only as long as neither knows imuloop
+@pytest.mark.parametrize("name", ["device", "plain"])
+def test_generator_and_plain_fit_share_no_code_with_imuloop(repository, name):
+    tree = ast.parse((repository / f"bench/realistic/{name}.py").read_text())
+    froms = [n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)]
+    names = [a.name for n in ast.walk(tree) if isinstance(n, ast.Import) for a in n.names]
+    allowed = ("numpy", "scipy", "bench.realistic.device", *"json dataclasses functools".split())
+    assert froms and all(n.startswith(allowed) for n in froms + names)
+
+
+@pytest.mark.parametrize("parts", [(), ("settle", "tremor"), ("fast_turns",)])
+def test_rates_integrate_to_the_attitude_and_force_to_the_velocity(parts):
+    motion = move(3, (*parts, "twelve_poses"), 1600.0)
+    rates = np.zeros((2, 1, 1 << len(motion.t).bit_length(), 3))
+    rates[0, 0, : len(motion.t) - 1] = motion.angular_rate[:-1]
+    rates[1, 0, : len(motion.t) - 1] = motion.angular_rate[1:]
+    q = rotation(np.full((1, 1, 1), 1 / 1600), *rates)[0]
+    turned = motion.attitude[0] * Rotation.from_quat(np.roll(q, -1))
+    assert (turned.inv() * motion.attitude[-1]).magnitude() < 1e-4
+    velocity = np.cumsum(motion.attitude.apply(motion.force) - [0, 0, GRAVITY], axis=0) / 1600
+    still = at_rest(motion.t, motion.rests)
+    assert np.abs(velocity).max() > 0.1
+    # put down on a table, without a hand
+    if "tremor" not in parts:
+        assert np.abs(velocity[still]).max() < 1e-4
+        assert np.abs(motion.angular_rate[still]).max() < 1e-3
+
+
+# what the plain fit is to be beaten by must not come from the plain fit
+def test_plain_fit_of_a_log_without_noise_gives_the_truth():
+    made = record(FEW, noise=False)
+    t, f, w = sensed(made)
+    accelerometer, gyroscope = fit(t, f, w, made.rests)
+    for found, true, near in (
+        (accelerometer, made.accelerometer, 1e-7),
+        (gyroscope, made.gyroscope, 1e-5),
+    ):
+        for name in "TKb":
+            assert getattr(found, name) == pytest.approx(getattr(true, name), abs=near), name
+    own = errors(made, lambda f, w, t, _: (accelerometer.corrected(f), gyroscope.corrected(w)))
+    assert own["accelerometer"] < 1e-6 and own["gyroscope"] < 2e-5
+    # three rests do not determine nine parameters
+    assert fit(t, f, w, made.rests[:3]) == (None, None)
+
+
+def test_judge_measures_the_error_that_is_there():
+    made = record(FEW, "jump", noise=False)
+    step = made.steps[0] * made.accelerometer.K @ made.accelerometer.T.T
+    own = errors(
+        made, lambda f, w, t, _: (made.accelerometer.corrected(f), made.gyroscope.corrected(w))
+    )
+    # half of the probes lie behind the jump
+    assert own["accelerometer"] == pytest.approx(np.linalg.norm(step) / np.sqrt(2), rel=1e-9)
+    off = SimpleNamespace(**vars(made.gyroscope) | {"std": {"K1": 1e-3, "T20": 2e-3, "b0": 0.0}})
+    off.K = off.K + np.array([0, 2e-3, 0])
+    assert pulls(off, made.gyroscope) == pytest.approx({"K1": 2.0, "T20": 0.0})
+
+
+def test_noise_has_the_size_that_it_names():
+    rng, n = np.random.default_rng(0), 20000
+    walk = slow_noise(n, 10.0, 0.0, 0.3, rng)
+    assert np.std(np.diff(walk[::100], axis=0)) == pytest.approx(0.3 * np.sqrt(10), rel=0.1)
+    # the floor of the Allan deviation is 0.664 B
+    for tau in (2, 10):
+        means = slow_noise(n, 10.0, 0.3, 0.0, rng).reshape(-1, tau * 10, 3).mean(axis=1)
+        allan = np.sqrt(np.mean(np.diff(means, axis=0) ** 2) / 2)
+        assert allan == pytest.approx(0.664 * 0.3, rel=0.15)
+
+
+def test_what_is_missing_from_the_model_is_in_the_log(coarse):
+    clean = record(FEW, noise=False)
+    t, *sensors = sensed(clean)
+    for case in ("temperature", "thermometer_lag", "jump"):
+        made = record(FEW, case, noise=False)
+        assert clean.effect_free and not made.effect_free
+        for sensor, (a, b) in enumerate(zip(sensed(made)[1:], sensors, strict=True)):
+            if case == "jump":
+                assert a - b == pytest.approx(made.bias(sensor, t, made.middle), abs=1e-12)
+            else:
+                means = [(a - b)[(t >= i) & (t < j)].mean(axis=0) for i, j in made.rests]
+                extremes = np.abs(made.slopes[sensor]) * np.ptp(made.temperatures)
+                assert np.ptp(means, axis=0) == pytest.approx(extremes, rel=1e-9)
+        # of a thermometer that is right, noise and rounding alone
+        if case != "jump":
+            off = made.columns["temperature"] - made.middle
+            off -= ((a - b) / made.slopes[1]).mean(axis=1)
+            assert (np.abs(off).max() > 0.5) == (case == "thermometer_lag")
+
+
+def test_a_case_without_effect_changes_what_it_names_alone(coarse):
+    clean = record(FEW)
+    t, f, w = sensed(clean)
+    still = at_rest(t, clean.rests)
+    late = sensed(record(FEW, "usb"))
+    assert (late[0] >= t).all() and (np.diff(late[0]) >= 0).all() and np.ptp(late[0] - t) > 0.01
+    assert np.array_equal(late[2], w)
+    assert np.abs(sensed(record(FEW, "clipping"))[2]).max() == pytest.approx(np.radians(RAIL))
+    for values in np.hstack(sensed(record(FEW, "quantised"))[1:]).T:
+        levels = np.unique(values)
+        counts = (levels - levels[0]) / np.diff(levels).min()
+        assert counts == pytest.approx(np.round(counts), abs=1e-6)
+    for case, lower, upper in (("lowpass", 0.3, 0.95), ("tremor", 3, 100), ("fan", 1.005, 100)):
+        spread = [np.std(np.diff(g[still], axis=0)) for g in (sensed(record(FEW, case))[2], w)]
+        assert lower < spread[0] / spread[1] < upper, case
+    changed = np.any(np.hstack(sensed(record(FEW, "spikes"))[1:]) != np.hstack([f, w]), axis=1)
+    assert 0 < changed.mean() < 0.01
+
+
+def test_combination_leaves_turns_to_measure():
+    for seed in range(200):
+        parts = parts_of("all", seed)
+        assert "clean" not in parts and len(parts) >= 2
+        assert len({"fast_turns", "slow_turns", "clipping"} & set(parts)) <= 1
+
+
+def test_summary_names_the_worse_and_the_false_alarms():
+    def judged(seed, verdict, ratio):
+        sensors = ("accelerometer", "gyroscope")
+        return {
+            "case": "clean", "seed": seed, "effect_free": True, "seconds": 2.0, "failures": [],
+            "methods": {"accelerometer": "nominal", "gyroscope": "multi_position"},
+            "not_testable": {"accelerometer": "5 rests", "gyroscope": None},
+            "no_plain_fit": ["gyroscope"] * (seed == 2),
+            "verdicts": {"accelerometer": {"poses": verdict}, "gyroscope": {"poses": "consistent"}},
+            "effects": {"accelerometer": {"poses": ["cubic"] * (verdict == "explained")}},
+            "ratios": {"accelerometer": ratio, "gyroscope": None if seed == 2 else 1.0},
+            "pulls": {s: {"T01": ratio, "K0": 0.1, "b0": 0.1} for s in sensors},
+        }  # fmt: skip
+
+    devices = [judged(1, "consistent", 1.0), judged(2, "explained", 3.0)]
+    assert alarms(devices[1]) == ["accelerometer poses: explained cubic"]
+    text = summary(devices)
+    assert "| clean | 2 | 2.00 | 2.80 | 1.00 | 1.00 | clean_2 a 3.00 | 1 | 2 |" in text
+    assert "- clean_2: accelerometer poses: explained cubic" in text
+    assert "- clean_2: gyroscope: no plain fit" in text
+    assert "- clean_1: accelerometer by imuloop: nominal, 5 rests" in text
+    assert "50% (1 of 2" in text
