@@ -189,3 +189,24 @@ def test_snakemake_makes_its_own_report(finished, checkout):
     marked = set(re.findall(r'"(results/[^"]+\.(?:html|csv|svg))": \{', page))
     assert {"results/report.html", "results/comparison.csv"} <= marked
     assert "results/resting/figures/rest_allan_gyroscope.svg" in marked
+
+
+def test_jobs_ask_for_more_memory_than_they_take(finished, checkout, repository):
+    """Protects: a cluster kills a job above what it asked for, so 1.3 times the peak is asked.
+
+    Of the run of these tests, and of that of `make report` where it was made.
+    """
+    runs = [(checkout, finished[0], "config.yaml"), (repository, repository, "config.yaml")]
+    for workflow, folder, config in runs:
+        done = snakemake(workflow, folder, "-n", "-F", config=config)
+        assert done.returncode == 0, done.stderr
+        jobs = re.findall(
+            r"log: logs/(\S+)\.log\n(?: .*\n)*? +resources: .*?mem_mb=(\d+)", done.stdout
+        )
+        peaks = {}
+        for job, asked in jobs:
+            table = folder / f"benchmarks/{job}.tsv"
+            if table.exists():
+                peaks[job] = pd.read_csv(table, sep="\t")["max_rss"].max() / int(asked)
+        assert folder == repository or len(peaks) > 20
+        assert {job: share for job, share in peaks.items() if share > 1 / 1.3} == {}

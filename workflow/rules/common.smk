@@ -155,11 +155,15 @@ def gigabytes(session):
     return (remote + sum(file.stat().st_size for file in inside if file.is_file())) / 1e9
 
 
-def by_size(least, per_gigabyte):
-    """Return a function: what a job asks a cluster for, more for large logs and in each retry."""
+def by_size(least, per_gigabyte, **per_session):
+    """Return a function: what a job asks a cluster for, more for large logs and in each retry.
+
+    Of memory 1.3 times the peaks that were measured; a session adds what its kind has.
+    """
 
     def of(wildcards, attempt):
         sessions = device_of(wildcards)["sessions"].values()
-        return ceil(attempt * (least + per_gigabyte * sum(map(gigabytes, sessions))))
+        kinds = sum(per_session.get(session["kind"], 0) for session in sessions)
+        return ceil(attempt * (least + kinds + per_gigabyte * sum(map(gigabytes, sessions))))
 
     return of

@@ -24,7 +24,7 @@ rule diagnose:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=by_size(600, 2500),
+        mem_mb=by_size(800, 2500, static=300, reference_motion=1100),
         runtime=by_size(10, 10),
     params:
         device=settings("gravity", "noise", "calibrate", "diagnose"),

@@ -20,7 +20,7 @@ rule export:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=by_size(200, 0),
+        mem_mb=by_size(250, 0),
         runtime=by_size(5, 0),
     params:
         device=settings("label"),

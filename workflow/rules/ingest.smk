@@ -34,7 +34,7 @@ rule ingest:
         "../envs/imuloop.yaml"
     threads: threads_by_size
     resources:
-        mem_mb=by_size(500, 200),
+        mem_mb=by_size(600, 200),
         runtime=by_size(5, 5),
     params:
         device=settings("nominal", "full_scale", "gravity"),

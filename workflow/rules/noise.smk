@@ -42,7 +42,7 @@ rule allan:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=200,
+        mem_mb=250,
         runtime=5,
     params:
         device=settings(),

@@ -42,7 +42,7 @@ rule report_device:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=by_size(400, 600),
+        mem_mb=by_size(450, 600),
         runtime=by_size(5, 2),
     params:
         device=settings("label"),
