@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from imuloop.report.figures.reference import duration_table, reference_pictures
+from imuloop.report.tables.calibration import reasons
 from imuloop.report.verdict import UNTESTED, answers, blocks, sentence
 from report.plausible_diagnosis import residual
 
@@ -50,6 +51,21 @@ def test_pictures_show_every_window_and_the_arm(tmp_path):
     columns = pd.read_csv(tmp_path / "accelerometer_reference_force.csv")
     assert columns["cut"].dropna().tolist() == ["lost", "lost", "leaps"]
     assert len(columns) == 4 + 3 and columns["after"].notna().sum() == 4
+
+
+def test_why_the_final_calibration_lacks_a_sensor_is_said_once():
+    """Protects the reason that the diagnosis gives and no method before it: it was left out."""
+
+    def calibration(force):
+        own = (SimpleNamespace(not_testable=why) for why in (force, "two poses"))
+        return SimpleNamespace(**dict(zip(("accelerometer", "gyroscope"), own, strict=True)))
+
+    calibrations = {"multi_position": calibration("two poses"), "final": calibration("it lacks")}
+    assert reasons(SimpleNamespace(calibrations=calibrations)) == [
+        ("Multi-position", "accelerometer", "two poses"),
+        ("Multi-position", "gyroscope", "two poses"),
+        ("Final", "accelerometer", "it lacks"),
+    ]
 
 
 def test_what_was_cut_of_a_reference_is_drawn_by_reason_and_counted(tmp_path):

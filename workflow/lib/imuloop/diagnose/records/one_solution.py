@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.gyroscope import cross_matrix
-from imuloop.calibrate.pose_fits import as_logged, in_raw_units
+from imuloop.calibrate.pose_fits import AXES, as_logged, in_raw_units
 from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope
 from imuloop.effects.lever_arm import LeverArm
 from imuloop.effects.size_effect import SizeEffect
@@ -111,11 +111,17 @@ def with_reference(calibration, results):
 
     Takes ReferenceResults by sensor. Of a sensor whose axes other records do not show, it is that
     beside the reference, the gyroscope's turned onto the accelerometer's where places show these.
-    Effects of where a marker sits and how late the reference is are not the sensor's: they are not
+    Where the accelerometer stays unexplained beside the reference and nothing else shows its axes,
+    it stays as it was, and turns no gyroscope: the data sheet says how its axes lie. Effects of
+    where a marker sits and how late the reference is are not the sensor's: they are not
     in it; nor is what was held out within a session only.
     """
     known = {s: r for s, r in results.items() if r.solution is not None}
-    solution, turned = {}, np.zeros((2, 3))
+    solution, turned = {}, np.array([np.zeros(3), np.full(3, AXES**2)])
+    force, beside = calibration.accelerometer, known.get("accelerometer")
+    if beside and force.method in UNFITTED and beside.content["verdict"] == "unexplained":
+        del known["accelerometer"]
+        solution["accelerometer"] = replace(force, not_testable=_unexplained(beside))
     if len(known) == 2:
         off = known["gyroscope"].frame - known["accelerometer"].frame
         turned = np.array([off.mean(axis=0), sum(r.variance[3:] for r in known.values())])
@@ -132,6 +138,15 @@ def with_reference(calibration, results):
         else:
             solution[sensor] = _together(sensor, own, result, kept, more)
     return replace(calibration, **solution)
+
+
+def _unexplained(result):
+    """Return why what was found beside a reference is no calibration."""
+    ((kind, left),) = result.content["residuals"].items()
+    return (
+        f"{kind.replace('_', ' ')} stays at {left['after']:.3g} {left['unit']}, by the noise "
+        f"{left['floor']:.3g}, and no effect explains it: a fit to it is no calibration"
+    )
 
 
 def _together(sensor, own, result, kept, more):
@@ -183,7 +198,10 @@ def _alone(sensor, own, result, turned, kept, more):
     spread = gain @ result.covariance[np.ix_(at, at)] @ gain.T
     spread[range(first + 3, first + 6), range(first + 3, first + 6)] = result.variance[:3]
     if sensor == "gyroscope":
-        spread[range(6), range(6)] += turned[1, [2, 1, 2, 0, 1, 0]]
+        # what turns T01 one way turns T10 the other
+        off = np.array([cross_matrix(axis[None])[0] for axis in np.eye(3)])
+        off = np.array([off[:, i, j] for i, j in order])
+        spread[:6, :6] += off * turned[1] @ off.T
     return in_raw_units(
         own.raw_unit, names, values, spread, method="reference_motion", effects=kept
     )

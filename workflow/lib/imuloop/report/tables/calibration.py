@@ -72,14 +72,18 @@ def _cells(sensor, bias):
 
 
 def reasons(device):
-    """Return why parts of the calibration could not be made: (method, sensor, reason)."""
-    return [
+    """Return why parts of the calibration could not be made: (method, sensor, reason).
+
+    The final one gives its reason only where no method before it has the same.
+    """
+    found = [
         (METHODS[method], sensor, why)
         for method, calibration in device.calibrations.items()
-        if method != "final"
         for sensor in SENSORS
         if (why := getattr(calibration, sensor).not_testable)
     ]
+    before = [each[1:] for each in found if each[0] != METHODS["final"]]
+    return [each for each in found if each[0] != METHODS["final"] or each[1:] not in before]
 
 
 def model_table(device, sensor):
