@@ -9,11 +9,20 @@ import pytest
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
 from imuloop.report.figures.bias import temperatures
+from imuloop.report.numbers import NO_NUMBER
 from imuloop.report.section import diagnosis_part
-from imuloop.report.tables.candidates import ranked
-from imuloop.report.tables.diagnosis import effect_table, largest_difference
-from imuloop.report.units import data_sheet
-from imuloop.report.verdict import UNTESTED, answers, blocks, leading, sentence, too_quiet
+from imuloop.report.tables.candidates import ranked, ranking_table
+from imuloop.report.tables.diagnosis import effect_table, largest_difference, steps_table
+from imuloop.report.units import RESIDUAL, data_sheet
+from imuloop.report.verdict import (
+    RESIDUAL_WORDS,
+    UNTESTED,
+    answers,
+    blocks,
+    leading,
+    sentence,
+    too_quiet,
+)
 from report.plausible_diagnosis import residual
 
 G = STANDARD_GRAVITY
@@ -202,6 +211,29 @@ def test_what_one_effect_would_leave_is_said_of_the_residual_that_it_changes():
     tried |= {"residual": "rotation", "heldout_after": 1e-3}
     said = sentence("gyroscope", UNTESTED | block).replace("\u202f", " ")
     assert "warm_up alone would leave 0.0573°: error of gravity's direction" in said
+
+
+@pytest.mark.parametrize("kind", [*RESIDUAL_WORDS, None])
+@pytest.mark.parametrize("own", [("m/s", "velocity_vertical"), ("m/s^2", "gravity_norm")])
+def test_an_error_is_shown_in_its_own_unit_or_not_at_all(kind, own):
+    """Protects what is printed of a residual that a block lacks: radians were shown as mm/s.
+
+    Moves are tested with effects that lower the error of a rotation, which is no residual of
+    theirs.
+    """
+    unit, name = own
+    block = {"residuals": {name: residual(unit, 3.0, 2.0, 1.0)}, "confounded": []}
+    tried = {"name": "scale_asymmetry", "status": "rejected", "why": "", "p_value": 0.1}
+    tried |= {"residual": kind, "heldout_after": 2.0, "detection_limit": None}
+    added = tried | {"heldout_before": 3.0, "ratio_ci95": [0.5, 0.9], "units": {}}
+    block |= {"candidates": [tried | {"confounded_with": None}], "effects": []}
+    shown = [ranking_table("gyroscope", "motion", block).rows[0][3]]
+    if kind:
+        block["effects"] = [added]
+        shown += steps_table("gyroscope", "motion", block).rows[0][3:5]
+    for error in map(str, shown):
+        assert (RESIDUAL[unit].unit in error) == (kind == name)
+        assert (error == NO_NUMBER) == (kind != name)
 
 
 @pytest.mark.parametrize(("slow", "verb"), [(True, "may allow"), (False, "allows")])

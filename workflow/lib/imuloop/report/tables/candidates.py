@@ -106,8 +106,9 @@ def _row(candidate, residuals):
     adds = (known and known.equation, constants_text(candidate.get("constants", {})))
     limits = spans(candidate["detection_limit"] or {}, candidate.get("units", {}))
     error, after = NO_NUMBER, candidate["heldout_after"]
-    if residuals and not missing(after):
-        residual = residuals.get(candidate.get("residual")) or next(iter(residuals.values()))
+    # of a residual that the block lacks neither the unit nor the error without it is known
+    residual = residuals.get(candidate.get("residual"))
+    if residual and not missing(after):
         unit, before = RESIDUAL[residual["unit"]], residual["before"]
         # residuals of several units share the column
         error = Sized(

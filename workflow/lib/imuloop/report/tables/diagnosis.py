@@ -59,15 +59,17 @@ def steps_table(sensor, part, block):
     """Return the effects in the order in which they were added; None without any."""
     residuals, rows = block["residuals"], []
     for place, effect in enumerate(block["effects"], 1):
-        # the residual that it was judged by
-        name = effect["residual"] if effect["residual"] in residuals else next(iter(residuals))
-        unit = RESIDUAL[residuals[name]["unit"]]
+        # the residual that it was judged by; of one that the block lacks the unit is not known
+        name, errors = effect["residual"], (NO_NUMBER, NO_NUMBER)
+        if name in residuals:
+            unit = RESIDUAL[residuals[name]["unit"]]
+            errors = (unit.text(effect[f"heldout_{when}"]) for when in ("before", "after"))
         rows.append(
             (
                 f"{place}. {effect['name']}",
                 probability(effect["p_value"]),
                 RESIDUAL_WORDS[name],
-                *(unit.text(effect[f"heldout_{when}"]) for when in ("before", "after")),
+                *errors,
                 interval_text(effect["ratio_ci95"]),
             )
         )
