@@ -1,10 +1,12 @@
 """What a next recording is expected to do is what it does: simulated, added and fitted again."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
+from bench.study.chain import diagnosis_of
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recorded
 from diagnose.models import accelerometer_poses, pose_sensors
 from imuloop.calibrate.pose_fits import GyroscopePoses, fitted_calibration
@@ -12,6 +14,7 @@ from imuloop.core.effect import FittedEffect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
+from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.effects.bias_temperature import BiasTemperature
 from imuloop.plan.information import Information
 from imuloop.plan.next_recording import candidate_plans, directions_of, next_recording
@@ -57,7 +60,7 @@ def first():
     recording = recorded(log)
     models, solutions, calibration = fitted(recording)
     content = next_recording(models, solutions, calibration, recording)
-    known = {s: Information.of(models[s], solutions[s], None, None, recording) for s in SENSORS}
+    known = {s: Information.of(models[s], solutions[s], calibration, recording) for s in SENSORS}
     return log, content, candidate_plans(recording, calibration, known)
 
 
@@ -144,6 +147,58 @@ def test_heating_and_cooling_shows_what_a_temperature_does():
     assert heated < 0.3 * not_heated < found["parameters"][name]["std"]
 
 
+def in_usual_units(truth, sensor, name, unit):
+    """Return a device whose log has a sensor in another unit, of so much SI."""
+    own = getattr(truth, sensor)
+    return replace(truth, **{sensor: replace(own, raw_unit=name, K=own.K * unit, b=own.b / unit)})
+
+
+@pytest.fixture(scope="module", params=["poses and static", "poses", "static"])
+def diagnosed(request):
+    """Return next_recording and the Calibration of a device that temperature changes."""
+    truth = in_usual_units(TRUTH, "accelerometer", "g", STANDARD_GRAVITY)
+    truth = in_usual_units(truth, "gyroscope", "deg/s", np.radians(1))
+    values = dict.fromkeys(BiasTemperature().parameters, 1e-4)
+    effect = FittedEffect(BiasTemperature(), values, {})
+    truth = replace(truth, gyroscope=replace(truth.gyroscope, effects=(effect,)))
+    poses = replace(SESSION, temperature=((0.0, 20.0), (150.0, 22.0)))
+    course = ((0.0, 20.0), (450.0, 40.0), (900.0, 20.0))
+    sessions = {"poses": poses, "static": SessionTruth("static", 1, duration_s=900.0)}
+    sessions["static"] = replace(sessions["static"], temperature=course)
+    kept = {name: sessions[name] for name in request.param.split(" and ")}
+    truth = replace(truth, sessions=kept)
+
+    def read(truth, sessions, folder):
+        return Calibration.from_json(folder / "calibration.json")
+
+    with patch("imuloop.discover.beyond.beyond", return_value=None):
+        found, calibration = diagnosis_of(truth, 3, read, limits=False, motion=True)
+    return found["next_recording"], calibration, request.param
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_what_is_known_now_is_what_the_calibration_says(diagnosed, sensor):
+    """Protects σ now: it left out all that other records than the poses say, and was 150 times it.
+
+    Of every parameter that calibration.json holds, whatever record it is from, in other units too.
+    """
+    content, calibration, sessions = diagnosed
+    own, found = getattr(calibration, sensor), content["sensors"][sensor]
+    unit = {"K": 1 / own.raw_unit.scale, "b": own.raw_unit.scale}
+    held = {n: std * (1.0 if "." in n else unit.get(n[0], 1.0)) for n, std in own.std.items()}
+    held |= {f"{e.name}.{p}": std for e in own.effects for p, std in e.std.items()}
+    # not of nothing: T, K and b by poses, and what the static record shows of the temperature
+    assert "poses" not in sessions or {"T01", "K0", "b0"} <= set(held)
+    assert sensor == "accelerometer" or "static" not in sessions or any("." in n for n in held)
+    assert set(held) <= set(found["parameters"])
+    for name, std in held.items():
+        assert found["parameters"][name]["std"] == pytest.approx(std, rel=1e-6), name
+    for candidate in found["candidates"]:
+        for name, std in candidate["std"].items():
+            now = found["parameters"][name]["std"]
+            assert now is None or std <= now * (1 + 1e-6), (candidate["name"], name)
+
+
 def test_nothing_is_expected_where_the_noise_is_unknown(first):
     recording = recorded(first[0])
     line = AxisNoise(sinusoid=(SinusoidTerm(Coefficient(1e-3), Coefficient(4.613)),))
@@ -165,9 +220,8 @@ def test_poses_without_specific_force_know_nothing(first):
     f = recording.poses.f * np.where(np.arange(len(recording.poses)) < 4, 1e-200, 1.0)[:, None]
     deaf = replace(recording, poses=replace(recording.poses, f=f))
     force, calibration = accelerometer_poses(TRUTH, NOISE), fitted(recording)[2]
-    own = calibration.accelerometer
-    for poses, known in ((deaf, False), (recording, True)):
-        found = Information.of(force, None, own, own, poses).std()
-        assert (None in found.values()) != known
     lacking = replace(calibration, accelerometer=SensorCalibration.nominal(ACCELERATION_UNIT, ""))
+    for poses, known in ((deaf, False), (recording, True)):
+        found = Information.of(force, None, lacking, poses).std()
+        assert (None in found.values()) != known
     assert len(directions_of(deaf, lacking)) == len(deaf.poses) - 4

@@ -1,5 +1,6 @@
 """Turns that show what motion has not: about the axis that was not turned about, as expected."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from calibrate.devices import recorded
 from calibrate.test_motion import motion
+from imuloop.core.effect import FittedEffect
 from imuloop.effects.lever_arm import LeverArm
 from imuloop.effects.rate_sensitivity import RateSensitivity
 from imuloop.plan.next_recording import next_recording
@@ -50,6 +52,20 @@ def test_the_axis_is_the_one_that_was_turned_about_slowly(axis):
     assert gain > 0.9 and f"Turn about {'xyz'[axis]}: 8 quarter and half turns about it" in words
     assert f"would lower σ of the accelerometer's {found['parameter'].replace('.', ' ')}" in words
     assert "in 2.0 s each (90° at 45 °/s)" in words
+
+
+def test_an_arm_that_the_calibration_holds_is_known_as_well_as_there():
+    """Protects σ now of what other records show: it was that of these moves alone."""
+    recording, arm = recorded(turned(1)), LeverArm()
+    made, _ = motion(TRUTH, recording)
+    models, solutions, calibration = fitted(recording)
+    every = dict.fromkeys(arm.parameters, 0.0), dict.fromkeys(arm.parameters, 1.0)
+    force = replace(calibration.accelerometer, effects=(FittedEffect(arm, *every),))
+    calibration = replace(calibration, accelerometer=force)
+    what = models, solutions, calibration, recording, (made, made.fit(recording))
+    found = next_recording(*what)["motion"]
+    assert found["parameter"].startswith("lever_arm.") and found["std"] == 1.0
+    assert found["std_after"] < found["level"]
 
 
 def test_nothing_is_asked_where_every_move_was_fast():

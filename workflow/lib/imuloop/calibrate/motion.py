@@ -30,6 +30,11 @@ class OfSensor:
     sensor: str
 
     @property
+    def name(self):
+        """Name of the effect."""
+        return self.effect.name
+
+    @property
     def sensors(self):
         """The sensor alone."""
         return (self.sensor,)

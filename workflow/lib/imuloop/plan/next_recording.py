@@ -33,10 +33,11 @@ _OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 def next_recording(models, solutions, calibration, recording, motion=None):
     """Return what candidates for the next recording would do to each standard error.
 
-    A new session has noise of its own, so its information ``Jᵀ Σ⁻¹ J`` adds to that of the fit.
-    The derivative is that of the present solution, the covariance that of the noise model; where
-    the residual exceeds its floor, it is taken to do so again. Planned poses last as long as those
-    at hand, and so do turns.
+    A new session has noise of its own, so its information ``Jᵀ Σ⁻¹ J`` adds to what is known: the
+    inverse of the covariance of the final calibration, which all records are in. The derivative is
+    that at the final calibration, Σ that of the noise model; where the residual of the poses
+    exceeds its floor, it is taken to do so again. Planned poses last as long as those at hand, and
+    so do turns.
 
     Takes AccelerometerPoses and GyroscopePoses, and a Solution or None, by sensor; the final
     Calibration; the Recording of the multi-position sessions, of which there may be none; and
@@ -46,7 +47,7 @@ def next_recording(models, solutions, calibration, recording, motion=None):
     -------
     dict
         ``sensors`` {sensor: {``parameters`` {name: {unit, std, weight}}, ``candidates``,
-        ``excess``, the reduced chi square in all standard errors}}, ``turns``, and ``motion`` as of
+        ``excess``, the reduced chi square of the poses}}, ``turns``, and ``motion`` as of
         `turns_in_motion`. A candidate holds its ``name``, ``poses``, ``turns``, ``axis``,
         ``duration_s``, ``up`` of its first pose and ``std`` {name: number or null} after it.
         ``weight`` is the error of a sensor's output at 1 g or 100 deg/s that one standard error
@@ -61,13 +62,7 @@ def next_recording(models, solutions, calibration, recording, motion=None):
         return {}
     variance = np.median(poses.variance, axis=0) if len(poses) else floor**2
     known = {
-        sensor: Information.of(
-            models[sensor],
-            solutions[sensor],
-            getattr(calibration, sensor),
-            calibration.accelerometer,
-            recording,
-        )
+        sensor: Information.of(models[sensor], solutions[sensor], calibration, recording)
         for sensor in models
     }
 
@@ -92,7 +87,8 @@ def next_recording(models, solutions, calibration, recording, motion=None):
     if motion:
         habits = _habits(recording)
         in_motion = turns_in_motion(
-            *(*motion, recording, floor[:3]), lambda *turn: planned(level_turns(*turn, **habits))
+            *(*motion, calibration, recording, floor[:3]),
+            lambda *turn: planned(level_turns(*turn, **habits)),
         )
     return {"sensors": content, "turns": turns, "motion": in_motion}
 
@@ -169,33 +165,31 @@ def _sensor(known, made, recording, calibration, floor):
     """Return parameters and candidates of a sensor."""
     before, sensor, poses = known.std(), known.model.sensor, recording.poses
     own, solution = getattr(calibration, sensor), known.solution
-    if solution.fit.dof == 0:
-        # what another method found counts until poses determine more
-        factor = {"K": 1 / own.raw_unit.scale, "b": own.raw_unit.scale}
-        before |= {n: s * factor.get(n[0], 1.0) for n, s in own.std.items() if n in before}
     # the error of the output that one unit of each parameter makes, over its noise
     use = calibration.gravity if sensor == "accelerometer" else RATE_IN_USE
     base = [name for name in known.names if "." not in name]
     weights = [(1.0 if name[0] == "b" else use) / floor[int(name[1])] for name in base]
-    if len(base) < len(known.names):
+    if solution.effects:
         # of an effect the root mean square of what it does in this recording, where it does most
         designs = known.model.designs(solution, recording)
         sizes = [np.sqrt((design**2).sum(axis=1).mean(axis=0)) for design in designs]
         weights = np.append(weights, np.max(sizes, axis=0) / floor.mean())
-    units = [{"T": "rad", "K": "1", "b": _OUTPUT[sensor]}[name[0]] for name in base]
-    units += [unit for effect in solution.effects for unit in effect.units(sensor).values()]
-    parameters = {}
-    for name, unit, weight in zip(known.names, units, weights, strict=True):
-        std = before[name]
-        weight = None if std is None else float(std * weight)
+    units = {name: {"T": "rad", "K": "1", "b": _OUTPUT[sensor]}[name[0]] for name in base}
+    for each in own.effects:
+        units |= {f"{each.name}.{p}": unit for p, unit in each.effect.units(sensor).items()}
+    # what this recording does not show has no weight
+    weights, parameters = dict(zip(known.names, weights, strict=False)), {}
+    for name in known.names:
+        std, weight, unit = before[name], weights.get(name), units[name]
+        weight = None if std is None or weight is None else float(std * weight)
         parameters[name] = {"unit": unit, "std": std, "weight": weight}
     candidates = [{**entry, "std": known.with_recording(plan)} for entry, plan in made]
-    if len(poses) and np.any(known.matrix):
+    if np.any(known.recorded):
         # each session has its own clock
         at = [poses.session == session for session in np.unique(poses.session)]
         duration = float(sum(np.ptp([poses.start_s[k], poses.end_s[k]]) for k in at))
         entry = {"name": "again", "poses": len(poses), "turns": 0, "axis": None}
-        entry |= {"duration_s": duration, "up": None, "std": known.std(known.matrix)}
+        entry |= {"duration_s": duration, "up": None, "std": known.std(known.recorded)}
         candidates.append(entry)
     return {"excess": known.excess, "parameters": parameters, "candidates": candidates}
 
