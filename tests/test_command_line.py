@@ -118,6 +118,54 @@ def test_a_device_that_drifted_by_its_exit_status(device, tmp_path, capsys):
     assert main([*arguments, "--turn-on", "0,0.002"]) == 0
 
 
+def test_a_calibration_with_the_biases_of_a_new_log(device, tmp_path, capsys):
+    """Protects the file that --update writes, and that nothing is written where it cannot be."""
+    log = pd.read_csv(device / "2.csv")
+    log["gy"] += 0.002
+    log.to_csv(tmp_path / "later.csv", index=False)
+    old, new, again = device / "calibration.json", tmp_path / "new.json", tmp_path / "again.json"
+
+    def update(calibration, name, target):
+        return ["check", str(calibration), str(tmp_path / name), "--update", "-o", str(target)]
+
+    assert main(update(old, "later.csv", new)) == 3
+    lines = capsys.readouterr().out
+    assert "accelerometer: bias now " in lines and f"wrote {new}" in lines
+    before, after = (json.loads(path.read_text()) for path in (old, new))
+    assert after.pop("updated") == dict.fromkeys(("accelerometer", "gyroscope"), "later.csv")
+    one, other = (content["gyroscope"]["b"][1] for content in (before, after))
+    assert other == pytest.approx(one + 0.002, abs=1e-4)
+    for content in (before, after):
+        for sensor in ("accelerometer", "gyroscope"):
+            del content[sensor]["b"], content[sensor]["covariance"]
+    assert after == before
+    # the new file is the calibration of the device now
+    assert main(["check", str(new), str(tmp_path / "later.csv")]) == 0
+    assert main(["info", str(new)]) == 0
+    assert "bias of a later log: later.csv" in capsys.readouterr().out
+    # a rest has no three directions, which is said; an earlier update stays named
+    log[log["t"] < 19].to_csv(tmp_path / "rest.csv", index=False)
+    assert main(update(new, "rest.csv", again)) == 0
+    assert "accelerometer: bias left as it was: " in capsys.readouterr().out
+    updated = json.loads(again.read_text())["updated"]
+    assert updated == {"accelerometer": "later.csv", "gyroscope": "rest.csv"}
+
+    log[:20].to_csv(tmp_path / "short.csv", index=False)
+    units = RawUnit("m/s^2", 1.0), RawUnit("rad/s", 1.0)
+    nominal = (SensorCalibration.nominal(unit, "no poses") for unit in units)
+    Calibration("d", 9.8, *nominal).to_json(tmp_path / "nominal.json")
+    target = tmp_path / "none.json"
+    for command, words in (
+        (update(old, "short.csv", target), "rejected"),
+        (update(tmp_path / "nominal.json", "later.csv", target), "estimated nothing"),
+        (update(old, "later.csv", old), "would destroy"),
+        (update(old, "later.csv", target)[:-2], "--update needs -o"),
+        (["check", str(old), str(device / "2.csv"), "-o", str(target)], "-o needs --update"),
+    ):
+        assert words in one_line_error(command, capsys)
+        assert not target.exists()
+
+
 def test_one_rest_and_the_noise_of_the_log_itself(device, tmp_path, capsys):
     log = pd.read_csv(device / "2.csv")
     log[log["t"] < 19].to_csv(tmp_path / "rest.csv", index=False)

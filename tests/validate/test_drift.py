@@ -6,15 +6,19 @@ import numpy as np
 import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, planned, recording
+from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit
+from imuloop.effects.g_sensitivity import GSensitivity
 from imuloop.simulate.truth import Noise, example_truth
 from imuloop.validate.drift import check_drift, holm
 from imuloop.validate.drift_residuals import OldParameters
+from imuloop.validate.new_bias import update_biases
 from seeds import least
 
 
@@ -149,20 +153,25 @@ def test_one_rest_shows_the_bias_along_gravity_and_the_gyroscope_s(
     assert "K0" in turn.untested and "1 rest(s)" in turn.why
 
 
-def test_raw_units_change_nothing(still, truth, noise, calibrations):
-    old, made = calibrations[0], drawn(still, truth, 10)
-    counts = RawUnit("count", 0.0024, 32768.0)
-    force = old.accelerometer
-    factor = np.ones(9)
-    factor[3:6], factor[6:] = 0.0024, 1 / 0.0024
-    in_counts = replace(
+COUNTS = RawUnit("count", 0.0024, 32768.0)
+
+
+def in_counts(calibration):
+    force, factor = calibration.accelerometer, np.ones(9)
+    factor[3:6], factor[6:] = COUNTS.scale, 1 / COUNTS.scale
+    force = replace(
         force,
-        raw_unit=counts,
-        K=force.K * 0.0024,
-        b=counts.from_si(force.b),
+        raw_unit=COUNTS,
+        K=force.K * COUNTS.scale,
+        b=COUNTS.from_si(force.b),
         covariance=force.covariance * np.outer(factor, factor),
     )
-    olds = [replace(old, accelerometer=s) for s in (force, in_counts)]
+    return replace(calibration, accelerometer=force)
+
+
+def test_raw_units_change_nothing(still, truth, noise, calibrations):
+    old, made = calibrations[0], drawn(still, truth, 10)
+    olds = [old, in_counts(old)]
     one, other = (OldParameters.of(each, "accelerometer").x for each in olds)
     np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-12)
     one, other = (check_drift(each, made, noise) for each in olds)
@@ -184,6 +193,132 @@ def test_what_was_never_calibrated_is_not_tested(still, truth, noise, calibratio
         check_drift(Calibration("d", 9.8, *bare), still, noise)
     with pytest.raises(ImuloopError, match="no rest"):
         check_drift(calibrations[0], record([], [], 30.0), noise)
+
+
+# of one switching on, m/s^2 and rad/s: tens of standard errors
+JUMP = {
+    "accelerometer": np.array([0.08, -0.05, 0.06]),
+    "gyroscope": np.array([2e-3, -1e-3, 3e-3]),
+}
+
+
+def switched_on(still, truth, seed):
+    """Return a recording after the biases have moved by `JUMP`."""
+    force, turn = (lambda y, by=by: y + by for by in JUMP.values())
+    return drawn(still, truth, seed, force, turn)
+
+
+@pytest.fixture(scope="module", params=["all rests", "few to one side"])
+def updated(request, still, truth, noise, calibrations):
+    """Each calibration with the biases of a log after they have moved.
+
+    In few rests to one side, a hundred times as long, the errors of T and K are those of the bias.
+    """
+    keep = np.ones(len(still.poses), dtype=bool)
+    if request.param == "few to one side":
+        keep = still.poses.f @ [1, 1, 1] > 0.7 * truth.gravity
+        assert 3 < keep.sum() < 10
+        sensors = {name: getattr(truth, name) for name in JUMP}
+        quiet = {n: Noise(N=tuple(np.array(s.noise.N) / 10)) for n, s in sensors.items()}
+        truth = replace(truth, **{n: replace(s, noise=quiet[n]) for n, s in sensors.items()})
+        noise = known_noise(truth)
+    logs = (switched_on(still, truth, 3000 + seed) for seed in range(len(calibrations)))
+    return [
+        update_biases(each, log.select(keep), noise, "log").calibration
+        for each, log in zip(calibrations, logs, strict=True)
+    ]
+
+
+def parameters(sensor, names):
+    return np.array([getattr(sensor, n[0])[tuple(map(int, n[1:]))] for n in names])
+
+
+@pytest.mark.parametrize("sensor", JUMP)
+def test_new_biases_are_as_near_the_truth_as_their_covariance_says(
+    updated, calibrations, truth, sensor
+):
+    """Protects the bias and its errors: noise of the new log, and what T and K leave."""
+    pulls, joint = [], []
+    for each in updated:
+        found = getattr(each, sensor)
+        error = parameters(found, found.names) - parameters(getattr(truth, sensor), found.names)
+        error[-3:] -= JUMP[sensor]
+        pulls.append(error[-3:] / [found.std[f"b{k}"] for k in range(3)])
+        joint.append(error @ np.linalg.solve(found.covariance, error))
+    assert np.mean(np.abs(pulls) < 3) > 0.97 and np.abs(pulls).max() < 4.5
+    assert abs(np.sqrt(np.mean(np.square(pulls))) - 1) < 2.5 / np.sqrt(2 * len(pulls))
+    expected = len(error)
+    assert abs(np.mean(joint) - expected) < 4 * np.sqrt(2 * expected / len(joint))
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_new_biases_take_the_error_of_fresh_data_away(updated, calibrations, truth, side):
+    """Protects what the update is for: what is left is what the covariance says, not the jump.
+
+    The covariance with T and K makes it less on the side of the few rests than on the other.
+    """
+    g = np.random.default_rng(1).normal(size=(50, 3))
+    g *= side * np.sign(g @ [1, 1, 1])[:, None]
+    g *= truth.gravity / np.linalg.norm(g, axis=1, keepdims=True)
+    true = truth.accelerometer
+    raw = g @ np.linalg.inv(true.T).T / true.K + true.b + JUMP["accelerometer"]
+    before, after, predicted = [], [], []
+    for old, new in zip(calibrations, updated, strict=True):
+        before.append(np.mean((old.accelerometer.aligned(raw) - g) ** 2))
+        after.append(np.mean((new.accelerometer.aligned(raw) - g) ** 2))
+        x = OldParameters.of(new, "accelerometer")
+        derivative = AccelerometerModel(raw, np.zeros((50, 3, 0)), truth.gravity).derivative(x.x)
+        predicted.append(np.mean(np.einsum("nip,pq,niq->ni", derivative, x.covariance, derivative)))
+    jump = np.mean(JUMP["accelerometer"] ** 2)
+    assert abs(np.mean(before) / jump - 1) < 0.05
+    assert 0.7 < np.mean(after) / np.mean(predicted) < 1.4
+    assert np.sqrt(np.mean(before) / np.mean(after)) > 20
+
+
+def test_nothing_but_the_biases_changes(still, truth, noise, calibrations):
+    """Protects T, K, the effects and their covariance, to the last bit, in SI and in counts."""
+    values = {name: 1e-5 for name in GSensitivity().parameters}
+    effect = FittedEffect(GSensitivity(), values, dict.fromkeys(values, 1e-6))
+    log = switched_on(still, truth, 11)
+    old = calibrations[0]
+    old = replace(old, gyroscope=replace(old.gyroscope, effects=(effect,)))
+    found = []
+    for each in (old, in_counts(old)):
+        new = update_biases(each, log, noise, "new.csv")
+        assert not new.kept and new.calibration.updated == dict.fromkeys(JUMP, "new.csv")
+        found.append(new.calibration)
+        for sensor in JUMP:
+            one, other = (getattr(c, sensor) for c in (each, new.calibration))
+            assert one.T.tobytes() == other.T.tobytes() and one.K.tobytes() == other.K.tobytes()
+            assert one.effects == other.effects and one.names == other.names
+            k = len(one.names) - 3
+            assert one.covariance[:k, :k].tobytes() == other.covariance[:k, :k].tobytes()
+            assert not np.any(one.b == other.b)
+    si, counts = (each.accelerometer for each in found)
+    np.testing.assert_allclose(COUNTS.to_si(counts.b), si.b, rtol=1e-9, atol=1e-9)
+    std = [counts.std[f"b{k}"] * COUNTS.scale for k in range(3)]
+    np.testing.assert_allclose(std, [si.std[f"b{k}"] for k in range(3)], rtol=1e-6)
+    # the effect stays in the effect: the bias is what it leaves of the rate
+    without = update_biases(calibrations[0], log, noise, "new.csv").calibration.gyroscope
+    assert np.abs(found[0].gyroscope.b - without.b).max() > 1e-7
+
+
+def test_a_bias_that_the_log_does_not_determine_stays(still, truth, noise, calibrations):
+    """Protects an accelerometer from the one or two attitudes of a short log."""
+    made, old = switched_on(still, truth, 12), calibrations[0]
+    f = made.poses.f / np.linalg.norm(made.poses.f, axis=1, keepdims=True)
+    near = f @ f[0] > 0.999
+    for keep in (np.arange(len(f)) == 0, near | (np.arange(len(f)) == np.argmin(f @ f[0]))):
+        new = update_biases(old, made.select(keep), noise, "log")
+        assert set(new.kept) == {"accelerometer"} and "three or more" in new.kept["accelerometer"]
+        assert new.calibration.accelerometer is old.accelerometer
+        assert new.calibration.updated == {"gyroscope": "log"}
+        std = [new.calibration.gyroscope.std[f"b{k}"] for k in range(3)]
+        error = new.calibration.gyroscope.b - truth.gyroscope.b - JUMP["gyroscope"]
+        assert np.all(np.abs(error) < 4 * np.array(std))
+    bare = [SensorCalibration.nominal(u, "none") for u in (ACCELERATION_UNIT, RATE_UNIT)]
+    with pytest.raises(ImuloopError, match=r"no bias can be updated: accelerometer: .*gyroscope: "):
+        update_biases(Calibration("d", 9.8, *bare), made, noise, "log")
 
 
 def test_holm_against_its_paper():

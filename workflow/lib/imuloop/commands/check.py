@@ -29,15 +29,18 @@ from imuloop.report.verdict import RESIDUAL_WORDS
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.validate.drift import check_drift
+from imuloop.validate.new_bias import update_biases
 
 # exit status of a device that has drifted
 DRIFTED = 3
 EXAMPLE = f"""examples:
   imuloop check results/my_imu/calibration.json poses_today.csv
   imuloop check calibration.json rest.csv --turn-on 0.02,0.002 --json drift.json
+  imuloop check calibration.json poses_today.csv --update -o calibration_today.json
 
 LOG is a new log of the same device: poses for all parameters, a rest for the gyroscope's bias and
-the accelerometer's along gravity. Exit status: 0 no drift, {DRIFTED} drift, 1 error, 2 usage."""
+the accelerometer's along gravity; three rests in directions of their own for all its biases. Exit
+status: 0 no drift, {DRIFTED} drift, 1 error, 2 usage."""
 
 
 def add(commands, **how):
@@ -75,17 +78,22 @@ def add(commands, **how):
         help="probability of a false alarm, default 0.05",
     )
     command.add_argument("--json", type=Path, metavar="OUT", help="write the result, for programs")
+    command.add_argument(
+        "--update", action="store_true", help="write the calibration with the biases of LOG to -o"
+    )
+    command.add_argument("-o", "--output", type=Path, help="calibration to write, with --update")
     add_arguments(command)
     command.set_defaults(run=run)
 
 
 def run(arguments):
-    """Test a calibration on a log; return the exit status."""
+    """Test a calibration on a log, and update its biases; return the exit status."""
+    if arguments.update != bool(arguments.output):
+        raise ImuloopError("--update needs -o, the calibration to write, and -o needs --update")
     calibration, log = Calibration.from_json(arguments.calibration), arguments.log
-    if arguments.json:
-        noise = arguments.noise or arguments.calibration.with_name("noise.json")
-        read = [arguments.calibration, log, noise, log.with_name("quality.json")]
-        refuse_overwriting([arguments.json], read)
+    noise = arguments.noise or arguments.calibration.with_name("noise.json")
+    read = [arguments.calibration, log, noise, log.with_name("quality.json")]
+    refuse_overwriting([path for path in (arguments.json, arguments.output) if path], read)
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = log_samples(log, arguments, Path(folder), calibration=calibration)
         refuse_rejected(log, quality)
@@ -93,18 +101,19 @@ def run(arguments):
     kind, segments = segmented(samples, arguments.kind)
     recording = record([samples], [segments], CalibrateSettings().longest_rotation)
     noise, source = noise_of(arguments, calibration, kind, samples, segments)
+    given, gravity = (calibration, recording, noise), arguments.gravity
     try:
-        drift = check_drift(
-            calibration,
-            recording,
-            noise,
-            gravity=arguments.gravity,
-            level=arguments.level,
-            turn_on=arguments.turn_on,
-        )
+        level, turn_on = arguments.level, arguments.turn_on
+        drift = check_drift(*given, gravity=gravity, level=level, turn_on=turn_on)
+        update = update_biases(*given, log.name, gravity=gravity) if arguments.update else None
     except ImuloopError as error:
         raise ImuloopError(f"{log}: {error}") from error
     say(f"{log.name} against the calibration of {drift.device}; noise {source}", *lines(drift))
+    if update:
+        update.calibration.to_json(arguments.output)
+        say(*update_lines(update), f"wrote {arguments.output}")
+        if drift.drifted and not drift.bias_only:
+            say("What drifted beside the biases is as it was: calibrate anew.")
     if arguments.json:
         what = {"calibration": str(arguments.calibration), "log": str(log)}
         write_json(arguments.json, drift.to_dict() | what | {"kind": kind, "noise": source})
@@ -164,9 +173,19 @@ def lines(drift):
     if drift.bias_only:
         found.append(
             "Only biases moved. That is usual from one switching on to the next: --turn-on says "
-            "how much is allowed. Estimate the bias anew at rest."
+            "how much is allowed. --update writes the new ones."
         )
     return found
+
+
+def update_lines(update):
+    """Return a BiasUpdate in lines for people, in raw units."""
+    found = [f"{name}: bias left as it was: {why}" for name, why in update.kept.items()]
+    for name in update.calibration.updated.keys() - update.kept.keys():
+        sensor = getattr(update.calibration, name)
+        new = (with_sigma(b, sensor.std[f"b{k}"]) for k, b in enumerate(sensor.b.tolist()))
+        found.append(f"{name}: bias now {', '.join(new)} {sensor.raw_unit.name}")
+    return sorted(found)
 
 
 def _comment(change, sensor):

@@ -79,6 +79,8 @@ def calibration_lines(calibration):
         lines.append(f"{sensor}: value ± 1 σ; raw unit {own.raw_unit.name}")
         lines += [f"  not determined: {own.not_testable}"] if own.not_testable else []
         lines += aligned(table.rows) if table else []
+        if sensor in calibration.updated:
+            lines.append(f"  bias of a later log: {calibration.updated[sensor]}")
         for effect in own.effects:
             content = effect.to_dict()
             shape = constants_text(content["constants"])

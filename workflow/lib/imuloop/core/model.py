@@ -135,6 +135,8 @@ class Calibration:
     log : dict
         What was declared of the log that it is from: ``format``, ``columns``, ``units``, ``rate``
         as of the config; ``sensor_ids``, where the log's autopilot has some.
+    updated : dict
+        By sensor, the name of the later log that its bias is from; empty as calibrated.
     """
 
     device: str
@@ -142,6 +144,7 @@ class Calibration:
     accelerometer: SensorCalibration
     gyroscope: SensorCalibration
     log: dict = field(default_factory=dict)
+    updated: dict = field(default_factory=dict)
 
     @property
     def effects(self):
@@ -256,7 +259,8 @@ class Calibration:
             "accelerometer": self.accelerometer.to_dict(),
             "gyroscope": self.gyroscope.to_dict(),
         }
-        write_json(path, content | ({"failed": failed} if failed else {}))
+        more = {"updated": self.updated, "failed": failed}
+        write_json(path, content | {key: value for key, value in more.items() if value})
 
     @classmethod
     def from_json(cls, path):
@@ -280,6 +284,7 @@ class Calibration:
                 SensorCalibration.from_dict(content["accelerometer"]),
                 SensorCalibration.from_dict(content["gyroscope"]),
                 content.get("log", {}),
+                content.get("updated", {}),
             )
         except ImuloopError as error:
             raise ImuloopError(f"{path}: {error}") from error

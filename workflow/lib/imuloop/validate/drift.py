@@ -199,19 +199,9 @@ def _test(residuals, turn_on, level):
     biases = [old.names.index(name) for name in BIASES]
     prior[biases, biases] += np.square(turn_on)
     basis, names, units, untested, why = testable(residuals)
-    r, jacobian = residuals.function(old.x)
-    excess = residuals.excess
-    for attempt in range(2):
-        expected = excess * residuals.noise + jacobian @ prior @ jacobian.T
-        root = cholesky(expected, lower=True)
-        change, covariance, left = _solve(residuals, basis, root)
-        dof = len(r) - len(change)
-        if attempt or dof < 1 or chi2.sf(left, dof) >= MISFIT:
-            break
-        # the new log fits worse than its noise whatever the parameters: so do they
-        excess *= left / dof
-    if not np.all(np.diag(covariance) > 0):
-        raise LinAlgError("rounding leaves a covariance indefinite")
+    r, _ = residuals.function(old.x)
+    change, covariance, expected, left = fit_change(residuals, basis, prior)
+    dof = len(r) - len(change)
     std = np.sqrt(np.diag(covariance))
     # the change of a scale factor is relative
     factor = [1 / old.x[old.names.index(n)] if n in SCALES else 1.0 for n in names]
@@ -239,6 +229,26 @@ def _test(residuals, turn_on, level):
     if p < level / 2 and set(BASE[residuals.sensor]) <= set(names):
         return result, (basis @ change, basis @ covariance @ basis.T)
     return result, None
+
+
+def fit_change(residuals, basis, prior):
+    """Return the change δ of the parameters along a basis, (p, q), that a new log shows.
+
+    With its covariance, the covariance S of the residuals before it, and the least
+    ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. `prior`, (p, p), is the covariance of the old parameters.
+    """
+    r, jacobian = residuals.function(residuals.old.x)
+    excess, dof = residuals.excess, len(r) - basis.shape[1]
+    for attempt in range(2):
+        expected = excess * residuals.noise + jacobian @ prior @ jacobian.T
+        change, covariance, left = _solve(residuals, basis, cholesky(expected, lower=True))
+        if attempt or dof < 1 or chi2.sf(left, dof) >= MISFIT:
+            break
+        # the new log fits worse than its noise whatever the parameters: so do they
+        excess *= left / dof
+    if not np.all(np.diag(covariance) > 0):
+        raise LinAlgError("rounding leaves a covariance indefinite")
+    return change, covariance, expected, left
 
 
 def _solve(residuals, basis, root):

@@ -40,7 +40,7 @@ class OldParameters:
     def of(cls, calibration, name):
         """Return those of a sensor by its name; the inverse of `in_raw_units`."""
         sensor, base = getattr(calibration, name), BASE[name]
-        unit, estimated = sensor.raw_unit, {each.partition(".")[0] for each in sensor.names}
+        estimated = {each.partition(".")[0] for each in sensor.names}
         fitted = [effect for effect in sensor.effects if effect.name in estimated]
         known = [effect for effect in sensor.effects if effect.name not in estimated]
         bias = "m/s^2" if name == "accelerometer" else "rad/s"
@@ -49,14 +49,18 @@ class OldParameters:
             units |= {f"{each.name}.{p}": u for p, u in each.effect.units(name).items()}
         names = tuple(units)
         x = np.concatenate([as_logged(sensor, base), *(each.vector for each in fitted)])
-        factor = np.ones(len(x))
-        factor[: len(base)] = [{"K": 1 / unit.scale, "b": unit.scale}.get(n[0], 1) for n in base]
         covariance = np.zeros((len(x), len(x)))
-        place = [names.index(each) for each in sensor.names]
-        covariance[np.ix_(place, place)] = sensor.covariance
-        covariance *= np.outer(factor, factor)
+        place, factor = [names.index(each) for each in sensor.names], si_factor(sensor)
+        covariance[np.ix_(place, place)] = sensor.covariance * np.outer(factor, factor)
         effects = [each.effect for each in fitted]
         return cls(names, x, covariance, tuple(units.values()), effects, known)
+
+
+def si_factor(sensor):
+    """Return the SI units, as logged, of each parameter that a sensor's calibration estimated."""
+    factors = dict.fromkeys(SCALES, 1 / sensor.raw_unit.scale)
+    factors |= dict.fromkeys(BIASES, sensor.raw_unit.scale)
+    return np.array([factors.get(name, 1.0) for name in sensor.names])
 
 
 @dataclass(frozen=True)
