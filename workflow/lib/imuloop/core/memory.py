@@ -1,6 +1,7 @@
 """Functions of a log that remember its past: lag, play, moving mean; gaps of a slow channel."""
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from imuloop.core.samples import GAP_STEPS
 
@@ -128,17 +129,11 @@ def fast_part(t, values, period, step=None):
     if step is None:
         step = usual_step(t) if len(t) > 1 else period
     size = max(_FEWEST, 2 * round(period / step / 2) + 1)
-    return values - _mean_about(_mean_about(values, size), size)
-
-
-def _mean_about(values, size):
-    """Return the means of an odd number of samples about each, the ends held beyond the log."""
-    # sums near zero keep their digits
-    centre = values.mean(axis=0)
-    first, last = (np.repeat(values[at], size // 2, axis=0) for at in (slice(1), slice(-1, None)))
-    sums = np.cumsum(np.concatenate([first, values, last]) - centre, axis=0)
-    sums = np.concatenate([np.zeros_like(sums[:1]), sums])
-    return (sums[size:] - sums[:-size]) / size + centre
+    mean = values
+    for _ in range(2):
+        # the ends are held beyond the log
+        mean = uniform_filter1d(mean, size, axis=0, mode="nearest")
+    return values - mean
 
 
 def slope(t, values):

@@ -1,4 +1,8 @@
-"""Rotation: unit quaternions, scalar first, that take body axes to the axes at the start."""
+"""Rotation: unit quaternions, scalar first, that take body axes to the axes at the start.
+
+What every step of a fit takes of batches; of these `scipy.spatial.transform.Rotation` is 2 to 100
+times as slow.
+"""
 
 import numpy as np
 

@@ -43,7 +43,7 @@ def turns(reference, seconds=COMPARED):
     last = last[first]
     near = t[last] - t[first] < 1.5 * seconds
     first, last = first[near], last[near]
-    rotation = Rotation.from_quat(reference.q[known][:, [1, 2, 3, 0]])
+    rotation = Rotation.from_quat(reference.q[known], scalar_first=True)
     return t[first], t[last], (rotation[first].inv() * rotation[last]).as_rotvec()
 
 

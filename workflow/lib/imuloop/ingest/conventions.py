@@ -105,7 +105,7 @@ def _gain(reference, t, f, frame):
     second = (p[middle - k] - 2 * p[middle] + p[middle + k]) / (k * step) ** 2
     force = np.full((len(t), 3), np.nan)
     if whole.any():
-        force[whole] = Rotation.from_quat(q[whole][:, [1, 2, 3, 0]]).apply(f[whole] @ frame.T)
+        force[whole] = Rotation.from_quat(q[whole], scalar_first=True).apply(f[whole] @ frame.T)
     weight = np.concatenate([np.arange(1, k + 1), np.arange(k - 1, 0, -1)]) / k**2
     pushed = np.column_stack([np.convolve(c, weight, "valid") for c in force.T])[middle - k + 1]
     sound = np.isfinite(pushed[:, 0])

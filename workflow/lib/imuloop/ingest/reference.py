@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from scipy.signal import correlate
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.errors import ImuloopError
@@ -192,14 +193,12 @@ def _on_clock(reference, t, w):
     for at, values in (((start + end) / 2, size), (t, own)):
         on_grid = np.interp(grid, at, values, left=np.nan, right=np.nan)
         pair.append(np.nan_to_num(on_grid - np.nanmean(on_grid)))
-    n = 1 << int(np.ceil(np.log2(2 * len(grid))))
-    product_ = np.fft.rfft(pair[1], n) * np.conj(np.fft.rfft(pair[0], n))
-    alike = np.fft.irfft(product_, n)
+    alike = correlate(pair[1], pair[0], method="fft")
     best = int(np.argmax(alike))
-    shift = (best if best < n // 2 else best - n) * step
+    shift = (best + 1 - len(grid)) * step
     if abs(shift) <= SAME_CLOCK:
         return reference, 0.0
-    near = alike[[best - 1, best, (best + 1) % n]]
+    near = alike.take([best - 1, best, best + 1], mode="clip")
     bend = near[0] - 2 * near[1] + near[2]
     shift += step * (near[0] - near[2]) / (2 * bend) if bend < 0 else 0.0
     return replace(reference, t=reference.t + shift), float(shift)
@@ -214,12 +213,12 @@ def _without_jumps(reference, t, w, frame):
     start, end, turn = turns(reference)
     bias = np.median((angles(t, w, start, end) - turn @ frame) / (end - start)[:, None], axis=0)
     steps = Rotation.from_rotvec(step_vectors((w - bias) @ frame.T, np.diff(t)))
-    after = prefix_product(steps.as_quat()[:, [3, 0, 1, 2]])
+    after = prefix_product(steps.as_quat(scalar_first=True))
     at = np.flatnonzero(reference.known & (reference.t >= t[0]) & (reference.t <= t[-1]))
     near = np.clip(np.searchsorted(t, reference.t[at]) - 1, 0, len(after) - 1)
     late = (reference.t[at] - t[near + 1])[:, None] * ((w[near] - bias) @ frame.T)
-    carried = Rotation.from_quat(after[near][:, [1, 2, 3, 0]]) * Rotation.from_rotvec(late)
-    off = (Rotation.from_quat(reference.q[at][:, [1, 2, 3, 0]]) * carried.inv()).as_quat()
+    carried = Rotation.from_quat(after[near], scalar_first=True) * Rotation.from_rotvec(late)
+    off = (Rotation.from_quat(reference.q[at], scalar_first=True) * carried.inv()).as_quat()
     block = (reference.t[at] / BLOCK).astype(int)
     size = np.zeros(len(at))
     for k in np.unique(block):
@@ -285,7 +284,7 @@ def _noise(reference):
         return float(np.median(np.abs(third)) / 0.6745 / 20**0.5) if len(third) else None
 
     at = even(reference.known)
-    rotation = Rotation.from_quat(np.nan_to_num(reference.q, nan=1.0)[:, [1, 2, 3, 0]])
+    rotation = Rotation.from_quat(np.nan_to_num(reference.q, nan=1.0), scalar_first=True)
     step = [(rotation[at[k]].inv() * rotation[at[k + 1]]).as_rotvec() for k in range(3)]
     p = reference.p[even(np.isfinite(reference.p[:, 0]))]
     third = p[0] - 3 * p[1] + 3 * p[2] - p[3]

@@ -31,8 +31,9 @@ def sliding_statistics(x, n):
 def _window_sums(y, n):
     """Return the sum of each window of `n` values, shape (m - n + 1, …), from those within alone.
 
-    A difference of cumulative sums would lose its digits after one value that is far too large.
-    Here a window, which lies in two blocks of n, is the end of one and the begin of the next.
+    A running sum, as of scipy's `uniform_filter1d`, would lose its digits after one value that is
+    far too large. Here a window, which lies in two blocks of n, is the end of one and the begin of
+    the next.
     """
     count = len(y) - n + 1
     blocks = np.zeros((len(y) // n + 1, n, *y.shape[1:]))

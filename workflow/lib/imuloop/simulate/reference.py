@@ -70,7 +70,7 @@ def simulate_beside(truth, seed):
     place = _wander(rng, t, PLACES) * moves[:, None]
     steps = exponential(step_vectors(rate, np.diff(t)))
     q = np.concatenate([[[1.0, 0, 0, 0]], prefix_product(steps)])
-    attitude = Rotation.from_quat(q[:, [1, 2, 3, 0]])
+    attitude = Rotation.from_quat(q, scalar_first=True)
     pushed = CubicSpline(t, place)(t, 2) + np.array([0, 0, truth.gravity])
     change, force = np.gradient(rate, t, axis=0), attitude.inv().apply(pushed)
     for axis, arm in enumerate(np.broadcast_to(truth.arm, (3, 3))):
@@ -99,7 +99,7 @@ def simulate_beside(truth, seed):
     # a marker that is taken for another, for some samples on end
     swapped = np.repeat(rng.uniform(size=len(at) // 5 + 1) < truth.swapped, 5)[: len(at)]
     wrong = Rotation.from_rotvec(np.array([0.3, 1.1, -0.5])[None] * swapped[:, None])
-    quaternion = (seen * wrong).as_quat()[:, [3, 0, 1, 2]]
+    quaternion = (seen * wrong).as_quat(scalar_first=True)
     lost = np.repeat(rng.uniform(size=len(at) // 10 + 1) < truth.lost, 10)[: len(at)]
     quaternion[lost], p[lost] = np.nan, np.nan
     late, gains = truth.clock

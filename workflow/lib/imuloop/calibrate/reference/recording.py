@@ -42,7 +42,7 @@ def read_reference(sessions):
         q = np.column_stack([samples[c] for c in ORIENTATION])
         attitude = np.full((len(q), 3, 3), np.nan)
         seen = np.isfinite(q[:, 0])
-        turned = Rotation.from_quat(q[seen][:, [1, 2, 3, 0]]).as_matrix()
+        turned = Rotation.from_quat(q[seen], scalar_first=True).as_matrix()
         attitude[seen] = turned @ np.array(known["frame"])
         place = np.column_stack([samples[c] for c in POSITION])
         noise = (known["noise"]["orientation"], known["noise"]["position"] or 0.0)
