@@ -30,6 +30,17 @@ HOSTILE = (
 )
 
 
+def of_calibrated(board, values):
+    """Return by axis the density of calibrated samples, of those as logged on independent axes."""
+    found = {}
+    for name, axes in SENSORS.items():
+        own = board.sensor(name)
+        M = own.T @ np.diag(own.K) / own.raw_unit.scale
+        variance = M**2 @ np.array([values[axis] ** 2 for axis in axes])
+        found |= dict(zip(axes, np.sqrt(variance), strict=True))
+    return found
+
+
 def _coefficient(value, seen=True):
     return Coefficient(value if seen else None, (0.9 * value, value), value, seen)
 

@@ -7,6 +7,7 @@ variance of velocity (angle) and bias after a second is N^2 and K^2.
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 
@@ -16,6 +17,7 @@ from export.devices import (
     K,
     N,
     device,
+    of_calibrated,
     power_cycled,
     turning_device,
     unknown,
@@ -27,9 +29,13 @@ from imuloop.core.errors import Lacking
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
 from imuloop.export.autopilots import ARDUPILOT, PX4
 from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, VINS_FUSION
+from imuloop.export.gnss_ins_sim import GNSS_INS_SIM
+from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR
 from imuloop.export.openvins import OPENVINS
 
-WORST = {"acc_n": N["az"], "gyr_n": N["gy"], "acc_w": K["ax"], "gyr_w": K["gz"]}
+LOGGED = {"acc_n": N["az"], "gyr_n": N["gy"], "acc_w": K["ax"], "gyr_w": K["gz"]}
+OF_N, OF_K = of_calibrated(device(), N), of_calibrated(device(), K)
+WORST = {"acc_n": OF_N["az"], "gyr_n": OF_N["gy"], "acc_w": OF_K["ax"], "gyr_w": OF_K["gz"]}
 SENSOR = {"acc": "accelerometer", "gyr": "gyroscope"}
 PARAMETER = {"n": "noise_density", "w": "random_walk"}
 KALIBR_KEYS = {key: f"{SENSOR[key[:3]]}_{PARAMETER[key[-1]]}" for key in WORST}
@@ -69,12 +75,51 @@ def read(form, board):
 @FORMATS
 def test_a_tool_reads_the_densities_of_the_worst_axes(form):
     content, found = read(form, without_flicker(device()))
-    assert found == pytest.approx(WORST, rel=1e-15)
+    assert found == pytest.approx(LOGGED if form is OPENVINS else WORST, rel=1e-15)
     if form is not VINS_FUSION:
         assert content.get("update_rate", content.get("IMU.Frequency")) == RATE
     if form is ORB_SLAM3:
         # it ends where a number is an integer
         assert all(type(value) is float for value in content.values())
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_exported_noise_is_that_of_the_samples_that_the_tool_gets(turned):
+    """Densities in a file are those of its samples: calibrated ones have K and T in their noise.
+
+    Protects them from being exported as logged, by which a filter of a device with 5 % of scale
+    factor error trusts it wrongly. White noise as logged goes through the calibration itself; what
+    a tool calibrates by itself, or simulates, takes as logged.
+    """
+    T = np.array([[1, 0.2, -0.1], [0, 1, 0.3], [0, 0, 1]]) if turned else np.eye(3)
+    board = without_flicker(device(effects=()))
+    for name in SENSORS:
+        scale = 1.05 * np.full(3, board.sensor(name).raw_unit.scale)
+        board = with_sensor(board, name, T=T, K=scale)
+    n, rng = 100_000, np.random.default_rng(4)
+    logged = pd.DataFrame({axis: N[axis] * RATE**0.5 * rng.standard_normal(n) for axis in N})
+    logged.insert(0, "t", np.arange(n) / RATE)
+    measured = board.calibration.apply(logged)[list(N)].std() * RATE**-0.5
+    largest = {
+        letter: max(measured[axis] for axis in SENSORS[sensor]) for letter, sensor in SENSOR.items()
+    }
+    for form in (KALIBR, ALLAN_VARIANCE_ROS, ORB_SLAM3, VINS_FUSION):
+        _, found = read(form, board)
+        for letter, value in largest.items():
+            assert found[f"{letter}_n"] == pytest.approx(value, rel=0.01)
+        if not turned:
+            assert found == pytest.approx({k: 1.05 * v for k, v in LOGGED.items()}, rel=1e-12)
+    content = yaml.safe_load(ROS.text(board))
+    for key, axes in (
+        ("linear_acceleration_covariance", ACCELERATION),
+        ("angular_velocity_covariance", ANGULAR_RATE),
+    ):
+        found = np.diag(np.reshape(content[key], (3, 3))) ** 0.5 * RATE**-0.5
+        np.testing.assert_allclose(found, measured[list(axes)], rtol=0.01)
+    assert read(OPENVINS, board)[1] == pytest.approx(LOGGED, rel=1e-15)
+    assert "as logged" in OPENVINS.text(board)
+    # the simulators' numbers are tested beside their formulas
+    assert all("as logged" in form.text(device()) for form in (MATLAB_IMU_SENSOR, GNSS_INS_SIM))
 
 
 def test_orb_slam3_and_kalibr_expect_the_variance_of_our_noise():
@@ -83,12 +128,12 @@ def test_orb_slam3_and_kalibr_expect_the_variance_of_our_noise():
     root, steps = content["IMU.Frequency"] ** 0.5, RATE
     velocity = steps * (content["IMU.NoiseAcc"] * root / RATE) ** 2
     bias = steps * (content["IMU.GyroWalk"] / root) ** 2
-    assert velocity == pytest.approx(N["az"] ** 2, rel=1e-12)
-    assert bias == pytest.approx(K["gz"] ** 2, rel=1e-12)
+    assert velocity == pytest.approx(WORST["acc_n"] ** 2, rel=1e-12)
+    assert bias == pytest.approx(WORST["gyr_w"] ** 2, rel=1e-12)
     # Kalibr's discrete value, as getAccelerometerStatistics has it
     content, _ = read(KALIBR, without_flicker(device()))
     discrete = content["accelerometer_noise_density"] / (1 / content["update_rate"]) ** 0.5
-    assert discrete == pytest.approx(N["az"] * RATE**0.5, rel=1e-15)
+    assert discrete == pytest.approx(WORST["acc_n"] * RATE**0.5, rel=1e-15)
 
 
 def kalibr_logs(force, f, w, change):
@@ -150,7 +195,7 @@ def test_ros_has_the_variance_of_white_noise_at_that_rate():
         ("angular_velocity_covariance", ANGULAR_RATE),
     ):
         # white noise of density N has this variance in samples that are means over 1/rate
-        variance = np.diag([N[axis] ** 2 * RATE for axis in axes])
+        variance = np.diag([OF_N[axis] ** 2 * RATE for axis in axes])
         np.testing.assert_allclose(np.reshape(content[key], (3, 3)), variance, rtol=1e-15)
     assert content["orientation_covariance"] == [-1.0] + [0.0] * 8
     assert yaml.safe_load(ROS.text(device(HOSTILE))) == content
@@ -162,16 +207,20 @@ def test_ros_has_the_variance_of_white_noise_at_that_rate():
 def test_what_a_tool_reads_bounds_the_allan_curve_of_every_axis(form):
     board, tau = device(), np.geomspace(0.1, 1000, 201)
     _, found = read(form, board)
+    own = {axis: noise.allan_variance(tau) ** 0.5 for axis, noise in board.noise.axes.items()}
+    if form is not OPENVINS:
+        own = of_calibrated(board, own)
     for letter, channels in zip(("acc", "gyr"), SENSORS.values(), strict=True):
         bound = found[f"{letter}_n"] ** 2 / tau + found[f"{letter}_w"] ** 2 * tau / 3
         for axis in channels:
-            assert (bound >= (1 - 1e-9) * board.noise.axes[axis].allan_variance(tau)).all(), axis
+            assert (bound >= (1 - 1e-9) * own[axis] ** 2).all(), axis
     # flicker stands far above white noise and walk of this gyroscope alone
     assert found["gyr_n"] > 1.3 * WORST["gyr_n"]
     lines = form.text(device()).splitlines()
     unit = RATE**0.5 if form is VINS_FUSION else 1.0
     (line,) = [x for x in lines if x.strip().startswith(("gyr_n:", "IMU.NoiseGyro", "gyroscope_n"))]
-    assert line.endswith(f"worst axis: gy; raised from {N['gy'] * unit:.3g} {RAISED}")
+    white = (N if form is OPENVINS else OF_N)["gy"] * unit
+    assert line.endswith(f"worst axis: gy; raised from {white:.3g} {RAISED}")
     assert "raised from" not in form.text(without_flicker(device()))
 
 

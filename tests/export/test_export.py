@@ -135,8 +135,8 @@ def test_the_worst_axis_is_that_of_the_largest_raised_value():
     axes = board.noise.axes
     axes["gx"] = replace(axes["gx"], B=replace(axes["gx"].B, value=3e-4))
     worst = board.worst("gyroscope", "N")
-    assert (worst.axis, worst.raised_from) == ("gx", board.density("gx", "N").value)
-    assert worst.value > board.density("gy", "N").value
+    assert (worst.axis, worst.raised_from) == ("gx", board.calibrated("gyroscope", "N")[0].value)
+    assert worst.value > board.calibrated("gyroscope", "N")[1].value
 
 
 def test_a_limit_that_was_raised_is_said_to_be_both():

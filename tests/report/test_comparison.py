@@ -3,8 +3,10 @@
 import csv
 import json
 
+import numpy as np
 import pytest
 
+from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.noise.filters import bounding
 from imuloop.report.figures.comparison import allan_comparison
@@ -90,22 +92,26 @@ def test_a_device_is_answered_in_a_line(summaries):
     ]
 
 
-def test_a_filter_gets_the_worst_axis_as_logged_or_its_limit_raised_for_the_flicker(
-    summaries, results
-):
+def test_a_filter_gets_the_worst_axis_or_its_limit_raised_for_the_flicker(summaries, results):
+    calibration = Calibration.from_json(results / "still" / "calibration.json")
     noise = NoiseModel.from_json(results / "still" / "noise.json")
     rate, n_a, k_a, n_g, k_g = filter_cells(summaries["still"])
     for cell, term, sensor in ((n_a, "N", "a"), (k_a, "K", "a"), (n_g, "N", "g")):
         axes = [noise.axes[f"{sensor}{axis}"] for axis in "xyz"]
-        raised = max(dict(zip("NK", bounding(each), strict=True))[term] for each in axes)
-        assert cell.value == raised and float(cell.text) == pytest.approx(raised, rel=5e-3)
-        # of all axes alike
-        own = getattr(axes[0], term).size
-        assert raised > own
-        limit = "x, not seen: 95 % limit" if term == "K" else "axis x"
+        # of all axes alike, as logged
+        bounds = [dict(zip("NK", bounding(each), strict=True))[term] for each in axes]
+        assert len({*bounds}) == 1 and bounds[0] > getattr(axes[0], term).size
+        of = calibration.accelerometer if sensor == "a" else calibration.gyroscope
+        gain = np.sqrt(((of.T @ np.diag(of.K) / of.raw_unit.scale) ** 2).sum(axis=1))
+        worst, own = int(gain.argmax()), getattr(axes[0], term).size * gain.max()
+        assert cell.value == pytest.approx(bounds[0] * gain.max(), rel=1e-12)
+        assert float(cell.text) == pytest.approx(cell.value, rel=5e-3)
+        axis = "xyz"[worst]
+        limit = f"{axis}, not seen: 95 % limit" if term == "K" else f"axis {axis}"
         assert cell.below == f"{limit}, raised from {own:.2e}"
     # large enough beside the white noise that was raised
-    assert (k_g.value, k_g.below) == (3e-6, "x, not seen: 95 % limit")
+    assert k_g.value == pytest.approx(3e-6 * gain.max(), rel=1e-12)
+    assert k_g.below == f"{axis}, not seen: 95 % limit"
     assert rate.text == "20"
     assert [c.text for c in filter_cells(summaries["nothing"])] == ["—"] * 5
 

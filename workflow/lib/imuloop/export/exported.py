@@ -11,6 +11,7 @@ from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE
+from imuloop.effects.axes import AXES
 from imuloop.noise.filters import RANGE, bounding
 
 # what follows K (raw - b) by the contract; every file says it
@@ -76,6 +77,26 @@ def for_filter(noise, axis, term):
     return own if value == own.value else replace(own, value=value, raised_from=own.value)
 
 
+def of_calibrated(sensor, densities):
+    """Return densities of calibrated samples, of a SensorCalibration and those as logged.
+
+    Of axes that are independent, ``N_i^2 = Σ_j M_ij^2 N_j^2`` with M = T K over the nominal scale;
+    what bounds the Allan curves as logged then bounds those of calibrated samples.
+    """
+    at = [AXES.index(density.axis[-1]) for density in densities]
+    M = (sensor.T * sensor.K / sensor.raw_unit.scale)[np.ix_(at, at)]
+
+    def through(values):
+        return np.sqrt(M**2 @ np.square(values)).tolist()
+
+    values = through([d.value for d in densities])
+    own = through([d.value if d.raised_from is None else d.raised_from for d in densities])
+    return [
+        replace(d, value=value, raised_from=d.raised_from and bare)
+        for d, value, bare in zip(densities, values, own, strict=True)
+    ]
+
+
 @dataclass(frozen=True)
 class Exported:
     """A device as every format takes it; what it does not have raises Lacking.
@@ -138,13 +159,22 @@ class Exported:
         return self.rate_hz
 
     def density(self, axis, term):
-        """Return coefficient `term` (Q, N, B, K or R) of a channel as it was estimated."""
+        """Return coefficient `term` (Q, N, B, K or R) of a channel as logged, as estimated."""
         return estimated(self.noise.axes[axis], axis, term)
 
-    def worst(self, sensor, term):
-        """Return the largest N or K that a filter needs for an axis of a sensor."""
-        densities = (for_filter(self.noise.axes[axis], axis, term) for axis in SENSORS[sensor])
-        return max(densities, key=lambda density: density.value)
+    def calibrated(self, sensor, term):
+        """Return coefficient `term` of each axis of a sensor's calibrated samples, as estimated."""
+        found = [self.density(axis, term) for axis in SENSORS[sensor]]
+        return of_calibrated(self.sensor(sensor), found)
+
+    def worst(self, sensor, term, logged=False):
+        """Return the largest N or K that a filter needs for an axis of a sensor.
+
+        Of calibrated samples, or of those as `logged` where the tool calibrates itself.
+        """
+        found = [for_filter(self.noise.axes[axis], axis, term) for axis in SENSORS[sensor]]
+        found = found if logged else of_calibrated(self.sensor(sensor), found)
+        return max(found, key=lambda density: density.value)
 
     def effects(self, sensor, name):
         """Return the fitted effects of a sensor that have a name."""

@@ -48,14 +48,14 @@ def heading(device, tool, *lines):
     )
 
 
-def density_fields(device, keys, indent=""):
+def density_fields(device, keys, indent="", logged=False):
     """Return a line per key with the worst axis' continuous density, what it is in a comment.
 
-    Of keys the sensor and coefficient, ``N`` or ``K``.
+    Of keys the sensor and coefficient, ``N`` or ``K``; `logged` as of `Exported.worst`.
     """
     lines = ""
     for key, (sensor, term) in keys.items():
-        density = device.worst(sensor, term)
+        density = device.worst(sensor, term, logged)
         words = f"{NAMES[term]}, {UNITS[sensor][term]}, continuous; worst axis: {density.words}"
         lines += f"{indent}{key}: {number(density.value)}  {comment(words)}"
     return lines
@@ -142,12 +142,11 @@ def allan_variance_ros(device):
     whole curve, which finds one in white noise too; here it is an upper limit where none was seen.
     """
     each = [
-        f"{axis}: {NAMES[term]}, {number(density.value)} {unit[term]}"
+        f"{density.axis}: {NAMES[term]}, {number(density.value)} {unit[term]}"
         + (" (95 % upper limit)" if density.limit else "")
         for sensor, unit in UNITS.items()
-        for axis in SENSORS[sensor]
-        for term in NAMES
-        for density in [device.density(axis, term)]
+        for of_axis in zip(*(device.calibrated(sensor, term) for term in NAMES), strict=True)
+        for term, density in zip(NAMES, of_axis, strict=True)
     ]
     body = heading(device, "allan_variance_ros", "in the form of its imu.yaml; all fields SI")
     for sensor in SENSORS:
@@ -218,7 +217,7 @@ def ros(device):
     r"""Return the covariances of ROS' message, row by row; a sample's is :math:`N^2 r`."""
     rate, fields = device.need_rate(), ""
     for key, (sensor, unit) in ROS_KEYS.items():
-        densities = [device.density(axis, "N") for axis in SENSORS[sensor]]
+        densities = device.calibrated(sensor, "N")
         words = "; ".join([unit, *(density.words for density in densities if density.limit)])
         covariance = np.diag([density.value**2 * rate for density in densities])
         fields += f"{key}: [{numbers(covariance)}]  {comment(words)}"

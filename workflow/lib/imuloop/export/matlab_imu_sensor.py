@@ -51,6 +51,7 @@ def text(device):
         f"It is no correction. Ours, {MODEL}, SI, is turned round: truth in, logged value out.",
         "NoiseDensity, RandomWalk, BiasInstability: N, K, B of IEEE Std 952, continuous; imuSensor",
         "makes them discrete at SampleRate. BiasInstability is B, not the floor 0.664 B.",
+        "All are of samples as logged: imuSensor adds its noise to the reading.",
         "imuSensor's accelerometer reads gravity less acceleration: the log is its negative.",
         "Not carried of the noise: quantisation Q, ramp R, Gauss-Markov processes, sinusoids.",
         "Not measured, left as they are: MeasurementRange, Resolution.",

@@ -39,15 +39,16 @@ def text(device):
         OPENCV
         + heading(device, "OpenVINS: relative_config_imu of its estimator_config.yaml; all SI")
         + comment(
-            "For samples in SI as logged, not calibrated ones. Biases belong to the filter's state",
-            "and not into this file; to start it at ours, put into estimator_config.yaml:",
+            "For samples in SI as logged, not calibrated ones, and N and K are of these: OpenVINS",
+            "takes the noise through the matrices below. Biases belong to the filter's state and",
+            "not into this file; to start it at ours, put into estimator_config.yaml:",
             f"init_dyn_bias_g: [{numbers(bias_g)}] (rad/s)",
             f"init_dyn_bias_a: [{numbers(bias_a)}] (m/s^2)",
             f"gravity_mag: {number(device.calibration.gravity)}",
         )
         + "imu0:\n"
         + matrix("T_i_b", np.eye(4), "identity: body axes are the accelerometer's")
-        + density_fields(device, KALIBR_KEYS, "  ")
+        + density_fields(device, KALIBR_KEYS, "  ", logged=True)
         + '  rostopic: "/imu0"  # not ours: the topic\n'
         + f"  time_offset: {number(shift)}  # {words}\n"
         + f"  update_rate: {number(device.need_rate())}  # Hz, of the logs\n"

@@ -5,7 +5,7 @@ from dataclasses import asdict
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.export.exported import UNITS, for_filter
+from imuloop.export.exported import UNITS, for_filter, of_calibrated
 from imuloop.report.figures.allan import curve
 from imuloop.report.figures.loop import loop_errors
 from imuloop.report.numbers import sigma_of
@@ -142,10 +142,12 @@ def _figures(device, axes):
 def _filter(device):
     """Return white noise and random walk as a filter takes them, SI; rate_hz where it is known.
 
-    One number per sensor, that of the worst axis as logged; of a term that was not seen the 95 %
-    upper limit; raised where N and K would not bound the Allan curve. The exports give the same.
+    One number per sensor, that of the worst axis of calibrated samples; of a term that was not seen
+    the 95 % upper limit; raised where N and K would not bound the Allan curve. The exports give the
+    same.
     """
     rates = [s.quality["rate_hz"] for s in device.used]
+    final = device.calibrations.get("final")
     found = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
     for sensor in SENSORS:
         known = [
@@ -154,7 +156,9 @@ def _filter(device):
             if None not in (noise.N.size, noise.K.size)
         ]
         for key in "NK" if known else "":
-            densities = (for_filter(noise, axis, key) for noise, axis in known)
+            densities = [for_filter(noise, axis, key) for noise, axis in known]
+            if final:
+                densities = of_calibrated(getattr(final, sensor), densities)
             found[f"{sensor}_{key}"] = asdict(max(densities, key=lambda d: d.value))
     return found
 
