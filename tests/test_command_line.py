@@ -1,5 +1,6 @@
 """``python -m imuloop``: its commands on raw logs and on results, their messages, exit status."""
 
+import gzip
 import json
 import re
 from html import unescape
@@ -12,6 +13,7 @@ import imuloop
 from calibrated import calibrated_device
 from imuloop import Calibration
 from imuloop.__main__ import COMMANDS, main
+from imuloop.core.errors import ImuloopError
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.core.units import RawUnit
@@ -19,6 +21,8 @@ from imuloop.ingest.ingest import ingest
 from quick import hurried
 
 COUNTS = RawUnit("count", 0.0024, 32768.0)
+COUNTED = {"acceleration": "count", "angular_rate": "deg/s"}
+NOMINAL = {"acceleration": {"scale": COUNTS.scale, "offset": COUNTS.offset}}
 T = np.array([[1, 0.01, 0.02], [0, 1, 0.03], [0, 0, 1]])
 
 
@@ -69,6 +73,79 @@ def test_a_log_with_names_and_units_of_its_own(tmp_path, calibration):
     np.testing.assert_allclose(got[["ax", "ay", "az"]], f, rtol=1e-9, atol=1e-9)
     w = (np.degrees(raw[:, 3:]) - 1) * 0.018
     np.testing.assert_allclose(got[["gx", "gy", "gz"]], w, atol=1e-12)
+
+
+def renamed(ending):
+    return lambda path: path.rename(path.with_name(f"other{ending}"))
+
+
+def packed(path):
+    other = path.with_name("packed.csv.gz")
+    other.write_bytes(gzip.compress(path.read_bytes()))
+    return other
+
+
+def by_pandas(ending, cut=None):
+    """Return what reads a table with pandas, leaves out rows and writes it anew."""
+
+    def written(path):
+        read = pd.read_csv if path.suffix == ".csv" else pd.read_parquet
+        table, other = read(path)[cut or slice(None)], path.with_name(f"pandas{ending}")
+        write = table.to_csv if ending == ".csv" else table.to_parquet
+        write(other, index=False)
+        return other
+
+    return written
+
+
+@pytest.mark.parametrize(
+    ("ending", "treated"),
+    [
+        *((ending, lambda path: path) for ending in (".csv", ".parquet")),
+        *((".csv", renamed(ending)) for ending in (".txt", ".dat", "")),
+        *((".parquet", renamed(ending)) for ending in (".pq", ".csv", "")),
+        (".csv", packed),
+        (".csv", by_pandas(".csv", slice(50, 250))),
+        (".csv", by_pandas(".parquet")),
+        (".parquet", by_pandas(".parquet", slice(50, 250))),
+    ],
+)
+def test_a_log_is_calibrated_once(tmp_path, calibration, capsys, ending, treated):
+    """What `apply` wrote is refused, by every way in, whatever it is called and in both formats.
+
+    Protects the mark in what is written and each reader's look at it: without them a second run
+    corrects the bias again, with exit status 0.
+    """
+    rng = np.random.default_rng(0)
+    raw = np.hstack([rng.integers(32000, 34000, (300, 3)), rng.normal(scale=20, size=(300, 3))])
+    log = pd.DataFrame({"t": np.arange(300) / 100, **dict(zip(CHANNELS, raw.T, strict=True))})
+    log.to_csv(tmp_path / "log.csv", index=False)
+    once, twice = tmp_path / f"once{ending}", tmp_path / "twice.csv"
+    assert main(["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(once)]) == 0
+    # other tools have the columns of the docs, and numbers alone
+    table = pd.read_csv(once) if ending == ".csv" else pd.read_parquet(once)
+    assert list(table)[:7] == ["t", *CHANNELS] and np.isfinite(table.to_numpy(float)).all()
+    path = treated(once)
+    declared = ["--format", "csv" if ending == ".csv" else "parquet"] if not path.suffix else []
+    for command in (["apply", calibration, path, "-o", twice], ["check", calibration, path]):
+        message = one_line_error([*command, *declared], capsys)
+        assert path.name in message and "calibrated already" in message and "raw log" in message
+    assert not twice.exists()
+    known = {"format": declared[1]} if declared else {}
+    with pytest.raises(ImuloopError, match="calibrated already"):
+        imuloop.read(path, **known)
+    own = Calibration.from_json(calibration)
+    with pytest.raises(ImuloopError, match="calibrated already"):
+        own.apply(table)
+    if path.suffix == ".parquet":
+        with pytest.raises(ImuloopError, match="calibrated already"):
+            own.apply_file(path, twice)
+    # and what Python calibrated in memory, from there and through a file
+    samples = own.apply(imuloop.read(tmp_path / "log.csv", units=COUNTED, nominal=NOMINAL))
+    with pytest.raises(ImuloopError, match="calibrated already"):
+        own.apply(samples)
+    with pytest.raises(ImuloopError, match="calibrated already"):
+        imuloop.read(samples)
 
 
 def test_what_cannot_be_used_is_one_line(tmp_path, calibration, capsys):

@@ -7,7 +7,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.core.samples import CHANNELS
+from imuloop.core.samples import CALIBRATED, CHANNELS
 from imuloop.core.tables import joined, read_session, table, text_cell, write_sessions
 from imuloop.core.units import RawUnit
 
@@ -40,6 +40,6 @@ def test_calibrated_samples_keep_numbers_and_quote_the_text_of_a_log(tmp_path):
     made.apply_file(tmp_path / "samples.parquet", tmp_path / "out.csv")
     with open(tmp_path / "out.csv", newline="") as file:
         header, *rows = csv.reader(file)
-    assert header == ["t", *CHANNELS, "'=note", "a,b"]
-    assert [row[7:] for row in rows] == [["'=1+1", "-1"], ["a,b", "-2"], ["", "-3"]]
+    assert header == ["t", *CHANNELS, "'=note", "a,b", CALIBRATED]
+    assert [row[7:] for row in rows] == [["'=1+1", "-1", "1"], ["a,b", "-2", "1"], ["", "-3", "1"]]
     assert all(float(row[1]) == -1 for row in rows)

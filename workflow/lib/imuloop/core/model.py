@@ -9,7 +9,16 @@ from imuloop.core.effect import Channels, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
 from imuloop.core.pieces import apply_file
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME, check_columns
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    METADATA_KEY,
+    TEMPERATURE,
+    TIME,
+    calibrated_attrs,
+    check_columns,
+    refuse_calibrated,
+)
 from imuloop.core.units import RawUnit
 
 # version of the JSON files
@@ -163,15 +172,23 @@ class Calibration:
         Returns
         -------
         DataFrame
-            A copy with calibrated specific force (m/s^2) and angular rate (rad/s).
+            A copy with calibrated specific force (m/s^2) and angular rate (rad/s), marked in its
+            `attrs`.
+
+        Raises
+        ------
+        ImuloopError
+            If a column is missing, or the samples are marked as calibrated.
         """
         check_columns(samples.columns)
+        refuse_calibrated(samples.columns, samples.attrs.get(METADATA_KEY.decode(), {}))
         sensors = (ACCELERATION, ANGULAR_RATE)
         f, w = (samples[list(axes)].to_numpy(dtype=float) for axes in sensors)
         temperature = samples[TEMPERATURE].to_numpy(float) if TEMPERATURE in samples else None
         f, w = self.calibrated(f, w, samples[TIME].to_numpy(float), temperature)
         calibrated = samples.copy()
         calibrated[list(ACCELERATION)], calibrated[list(ANGULAR_RATE)] = f, w
+        calibrated.attrs |= calibrated_attrs(self.device)
         return calibrated
 
     def apply_arrays(self, acceleration, angular_rate, t=None, temperature=None, *, raw=False):

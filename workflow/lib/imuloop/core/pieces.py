@@ -18,15 +18,19 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting, replaced
 from imuloop.core.memory import STEPS, filled, usual_step
 from imuloop.core.samples import (
+    ATTRS_KEY,
+    CALIBRATED,
     CHANNELS,
     METADATA_KEY,
     ROWS,
     TEMPERATURE,
     TIME,
     Samples,
+    calibrated_attrs,
     check_columns,
     parquet_file,
     read_metadata,
+    refuse_calibrated,
 )
 from imuloop.core.tables import text_cell, text_cells
 
@@ -50,16 +54,17 @@ def apply_file(calibration, source, target, rows=ROWS):
     samples = Samples(source)
     try:
         check_columns(samples.names)
+        refuse_calibrated(samples.names, read_metadata(source))
     except ImuloopError as error:
         raise ImuloopError(f"{source}: {error}") from error
-    if read_metadata(source).get("calibrated"):
-        raise ImuloopError(f"{source}: its samples are calibrated already")
     reach = max((effect.effect.reach for effect in calibration.effects), default=0.0)
     step, more = None, 0
     if reach and len(samples) > 1:
         step = usual_step(samples.read((TIME,), 0, min(len(samples), STEPS))[0])
         more = FEWEST + int(2 * reach / step)
-    metadata = json.dumps({"calibrated": True, "device": calibration.device}).encode()
+    attrs = calibrated_attrs(calibration.device)
+    metadata = {METADATA_KEY: attrs[METADATA_KEY.decode()], ATTRS_KEY: attrs}
+    metadata = {key: json.dumps(content) for key, content in metadata.items()}
     pasts, counts = ({}, {}), {}
     columns = _with_surroundings(samples, rows, more)
     with replaced(target) as temporary, _writer(temporary, target.suffix, metadata) as write:
@@ -112,18 +117,19 @@ def _with_surroundings(samples, rows, more):
 
 @contextmanager
 def _writer(path, ending, metadata):
-    """Give a function that writes tables to a file, one after the other."""
+    """Give a function that writes calibrated tables to a file, marked, one after the other."""
     with ExitStack() as stack:
         opened = []
 
         def write(table):
             if ending == ".parquet":
-                table = table.replace_schema_metadata({METADATA_KEY: metadata})
+                table = table.replace_schema_metadata(metadata)
                 if not opened:
                     writer = pq.ParquetWriter(path, table.schema, **_encodings(table))
                     opened.append(stack.enter_context(writer))
                 opened[0].write_table(table)
                 return
+            table = table.append_column(CALIBRATED, pa.array(np.ones(len(table), np.int8)))
             if not opened:
                 opened.append(stack.enter_context(open(path, "wb")))
                 header = io.StringIO()

@@ -6,6 +6,7 @@ rebuilt, `t_logged` is the time as stamped.
 """
 
 import json
+from contextlib import suppress
 from functools import cached_property, lru_cache
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, RejectedLog
 
 # time, s from the first sample
 TIME = "t"
@@ -42,6 +43,12 @@ LONG_GAP_STEPS = 9.5
 ROWS = 1 << 17
 # key of the project's own entry in a Parquet file's metadata
 METADATA_KEY = b"imuloop"
+# key of pandas' entry there, which holds a table's `attrs`
+ATTRS_KEY = b"PANDAS_ATTRS"
+# of calibrated samples as text, the last column, 1 in each row: text has no metadata; a comment or
+# other names of the columns would be in the way of what reads them, and a column outlives a
+# spreadsheet, a cut and a new name of the file
+CALIBRATED = "calibrated_by_imuloop"
 
 
 def lost_samples(steps, usual):
@@ -66,6 +73,21 @@ def check_columns(names):
         raise ImuloopError(
             f"no column {', '.join(lacking)}; samples have t (s), ax ay az (m/s^2), gx gy gz "
             "(rad/s)"
+        )
+
+
+def calibrated_attrs(device):
+    """Return the `attrs` of a DataFrame of calibrated samples, the project's metadata in it."""
+    return {METADATA_KEY.decode(): {"calibrated": True, "device": device}}
+
+
+def refuse_calibrated(names, metadata):
+    """Raise a RejectedLog for a table whose columns or own metadata say that it is calibrated."""
+    if CALIBRATED in names or metadata.get("calibrated"):
+        by = f" of {str(metadata['device'])[:80]}" if metadata.get("device") else ""
+        raise RejectedLog(
+            f"its samples are calibrated already, by a calibration{by}: give the raw log that they "
+            "were made of"
         )
 
 
@@ -205,5 +227,13 @@ def sums_over(values, ranges):
 def read_metadata(path):
     """Return the project's metadata of a Parquet file; empty if it has none."""
     with parquet_file(path) as file:
-        entries = file.schema_arrow.metadata or {}
-    return json.loads(entries.get(METADATA_KEY, b"{}"))
+        return own_metadata(file.schema_arrow.metadata or {})
+
+
+def own_metadata(entries):
+    """Return the project's part of a Parquet file's metadata, also where pandas wrote the file."""
+    own = json.loads(entries.get(METADATA_KEY, b"{}"))
+    # what another program keeps there may be anything
+    with suppress(KeyError, TypeError, ValueError, RecursionError):
+        own = json.loads(entries[ATTRS_KEY])[METADATA_KEY.decode()] | own
+    return own

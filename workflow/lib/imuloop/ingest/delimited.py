@@ -11,7 +11,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 
 from imuloop.core.errors import RejectedLog
-from imuloop.core.samples import CHANNELS
+from imuloop.core.samples import CHANNELS, refuse_calibrated
 from imuloop.ingest.columns import guess, listed, resolve, unit_of
 from imuloop.ingest.guarded import check_unpacked
 from imuloop.ingest.in_order import in_order
@@ -57,6 +57,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         if not path.is_file():
             raise RejectedLog(f"the folder holds no {IN_FOLDER}")
     layout = find_layout(path)
+    refuse_calibrated(layout.names, {})
     chosen = resolve(layout.names, columns, layout.headed)
     known = {"units": _units_below(layout, chosen), "columns": listed(layout.names, layout.headed)}
     if layout.preamble:

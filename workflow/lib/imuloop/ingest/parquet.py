@@ -1,11 +1,9 @@
 """Parquet tables, whatever the names of their columns."""
 
-import json
-
 import pyarrow.parquet as pq
 
 from imuloop.core.errors import RejectedLog
-from imuloop.core.samples import METADATA_KEY
+from imuloop.core.samples import own_metadata, refuse_calibrated
 from imuloop.ingest.columns import resolve
 from imuloop.ingest.raw_log import table_log
 
@@ -22,11 +20,12 @@ def read(paths, columns=None, batch_rows=1 << 16):
         # a column's name may not be text
         raise RejectedLog("the file is not a whole Parquet file") from error
     try:
-        said = json.loads(entries.get(METADATA_KEY, b"{}"))
+        said = own_metadata(entries)
         units = {quantity: str(unit) for quantity, unit in said.get("units", {}).items()}
         known = {"units": units, "simulated": bool(said.get("simulated", False))}
     except (ValueError, AttributeError) as error:
         raise RejectedLog("the project's metadata in the Parquet file are damaged") from error
+    refuse_calibrated(names, said)
     chosen = resolve(names, columns)
     used = list(dict.fromkeys(names[i] for i in chosen.positions()))
     # columns are read by name: of one that repeats all come, in the order of the file
