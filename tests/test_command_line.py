@@ -3,6 +3,7 @@
 import gzip
 import json
 import re
+from dataclasses import replace
 from html import unescape
 
 import numpy as np
@@ -73,6 +74,47 @@ def test_a_log_with_names_and_units_of_its_own(tmp_path, calibration):
     np.testing.assert_allclose(got[["ax", "ay", "az"]], f, rtol=1e-9, atol=1e-9)
     w = (np.degrees(raw[:, 3:]) - 1) * 0.018
     np.testing.assert_allclose(got[["gx", "gy", "gz"]], w, atol=1e-12)
+
+
+def test_the_calibration_of_a_rejected_log_is_none_to_use(tmp_path, capsys):
+    """From a log that was rejected to its use: every step says that nothing was measured.
+
+    Protects `--nominal`, the only way to apply it, and the exports, none of which holds it.
+    """
+    rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
+    (tmp_path / "short.csv").write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")
+    log = pd.DataFrame(np.random.default_rng(0).normal(size=(300, 6)), columns=[*CHANNELS])
+    log.insert(0, "t", np.arange(300) / 100)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    made, out = tmp_path / "made", tmp_path / "out.csv"
+    assert main(["calibrate", str(tmp_path / "short.csv"), "-o", str(made)]) == 0
+    assert "calibration.json, which is nominal: nothing was measured" in capsys.readouterr().out
+    assert [path.name for path in (made / "exports").iterdir()] == ["README.txt"]
+    command = ["apply", made / "calibration.json", tmp_path / "log.csv", "-o", out]
+    message = one_line_error(command, capsys)
+    assert f"{made / 'calibration.json'}: the calibration is nominal" in message
+    assert "rejected" in message and "--nominal" in message and not out.exists()
+    assert main([str(each) for each in (*command, "--nominal")]) == 0
+    np.testing.assert_allclose(pd.read_csv(out)[list(CHANNELS)], log[list(CHANNELS)], atol=1e-12)
+    said = capsys.readouterr().out
+    assert "accelerometer: nominal (" in said and "gyroscope: nominal (" in said
+
+
+def test_apply_says_of_a_sensor_what_its_calibration_lacks(tmp_path, calibration, capsys):
+    """Protects a line each for a sensor that is nominal, and one with an unexplained residual."""
+    own = Calibration.from_json(calibration)
+    log = pd.DataFrame(np.random.default_rng(0).normal(size=(300, 6)), columns=[*CHANNELS])
+    log.insert(0, "t", np.arange(300) / 100)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    command = ["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(tmp_path / "o.csv")]
+    assert main(command) == 0 and capsys.readouterr().out == ""
+    nominal = SensorCalibration.nominal(COUNTS, "no poses")
+    doubted = replace(own.gyroscope, verdict="unexplained")
+    replace(own, accelerometer=nominal, gyroscope=doubted).to_json(calibration)
+    assert main(command) == 0
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == "accelerometer: nominal (no poses)"
+    assert second.startswith("gyroscope: unexplained (") and "diagnosis.json" in second
 
 
 def renamed(ending):

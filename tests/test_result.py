@@ -50,6 +50,8 @@ def test_arrays_give_the_numbers_of_the_workflow(result, path, tmp_path):
             np.testing.assert_allclose(getattr(mine, name), getattr(other, name), rtol=1e-12)
         expected = read_json(tmp_path / "diagnosis.json")["sensors"][sensor]
         assert result.verdict[sensor] == {part: b["verdict"] for part, b in expected.items()}
+        # a session of poses alone: they decide
+        assert getattr(result.calibration, sensor).verdict == result.verdict[sensor]["poses"]
         assert result.verdict[sensor]["poses"] in str(result) and repr(result).count("\n") == 0
     exported = result.export(tmp_path / "mine")
     assert len(exported) > 10

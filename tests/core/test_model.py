@@ -55,6 +55,49 @@ def test_the_file_gives_back_what_was_written(tmp_path):
     assert {"raw_unit", "T", "K", "b", "covariance", "effects"} <= set(content["gyroscope"])
 
 
+def test_what_was_not_measured_is_applied_only_when_it_is_asked_for(tmp_path):
+    """A calibration of a rejected log holds the data sheet's numbers: no way of applying takes it.
+
+    Protects the refusal in each way: without it samples as logged come out marked as calibrated.
+    One sensor that was measured is enough, and numbers that were measured may be the nominal ones.
+    """
+    unit, samples = RawUnit("m/s^2", 1.0), log()
+    nominal = SensorCalibration.nominal(unit, "no session could be used")
+    empty, f = Calibration("d", 9.81, nominal, nominal), samples[["ax", "ay", "az"]]
+    samples.to_parquet(tmp_path / "samples.parquet")
+    ways = (
+        lambda made, **how: made.apply(samples, **how)[["ax", "ay", "az"]],
+        lambda made, **how: made.apply_arrays(f, f, **how)[0],
+        lambda made, **how: (
+            made.apply_file(tmp_path / "samples.parquet", tmp_path / "out.parquet", **how)
+            or pd.read_parquet(tmp_path / "out.parquet")[["ax", "ay", "az"]]
+        ),
+    )
+    for way in ways:
+        with pytest.raises(ImuloopError, match=r"nominal.*no session could be used.*nominal=True"):
+            way(empty)
+        np.testing.assert_allclose(way(empty, nominal=True), f)
+        for measured in (sensor(), replace(nominal, method="multi_position"), sensor(names=())):
+            way(replace(empty, gyroscope=measured))
+    # there is nothing that could be unexplained
+    doubted = replace(empty, gyroscope=replace(nominal, verdict="unexplained"))
+    assert not doubted.measured and doubted.limits() == empty.limits()
+    assert not empty.measured and replace(empty, accelerometer=sensor()).measured
+
+
+def test_the_verdict_is_kept_and_files_without_it_are_read(tmp_path):
+    """Protects files of before: they have no verdict, and it is not known then."""
+    nominal = SensorCalibration.nominal(COUNTS, "why")
+    made = Calibration("d", 9.81, nominal, sensor(verdict="unexplained"))
+    made.to_json(tmp_path / "c.json")
+    assert Calibration.from_json(tmp_path / "c.json").gyroscope.verdict == "unexplained"
+    content = json.loads((tmp_path / "c.json").read_text())
+    for name in ("accelerometer", "gyroscope"):
+        del content[name]["verdict"]
+    (tmp_path / "c.json").write_text(json.dumps(content))
+    assert Calibration.from_json(tmp_path / "c.json").gyroscope.verdict is None
+
+
 @pytest.mark.parametrize("way", ["apply", "apply_arrays"])
 def test_what_would_not_be_finite_is_refused(way):
     """The product is larger than any float; of what is not finite as logged nothing is asked."""

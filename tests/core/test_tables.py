@@ -37,7 +37,7 @@ def test_calibrated_samples_keep_numbers_and_quote_the_text_of_a_log(tmp_path):
     pq.write_table(pa.table(columns), tmp_path / "samples.parquet", row_group_size=2)
     sensors = (SensorCalibration.nominal(RawUnit(u, 1.0), "why") for u in ("m/s^2", "rad/s"))
     made = Calibration("d", 9.8, *sensors)
-    made.apply_file(tmp_path / "samples.parquet", tmp_path / "out.csv")
+    made.apply_file(tmp_path / "samples.parquet", tmp_path / "out.csv", nominal=True)
     with open(tmp_path / "out.csv", newline="") as file:
         header, *rows = csv.reader(file)
     assert header == ["t", *CHANNELS, "'=note", "a,b", CALIBRATED]

@@ -15,7 +15,7 @@ from imuloop.diagnose.residuals import (
     held_out_errors,
     size,
 )
-from imuloop.diagnose.verdict import Judged, above_floor, unseen
+from imuloop.diagnose.verdict import Judged, above_floor, of_calibration, unseen
 from imuloop.simulate.truth import example_truth
 
 
@@ -112,3 +112,25 @@ def test_data_that_show_an_effect_beyond_all_physics_alone_cannot_show_it():
     assert "from 6 1 on, and 0.002 is the most possible" in why
     assert unseen(effect, {"vx": 6.0, "vy": 1e-3, "vz": 6.0}, units) is None
     assert unseen(find_effect("bias_drift"), {"dx": 1e9}, units) is None
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "static", "expected"),
+    [
+        ({"poses": "consistent"}, False, "consistent"),
+        ({"poses": "consistent", "reference": "unexplained"}, False, "unexplained"),
+        ({"poses": "unexplained", "static_record": "consistent"}, True, "unexplained"),
+        ({"poses": "explained", "static_record": "unexplained"}, True, "unexplained"),
+        ({"poses": "not_testable", "static_record": "consistent"}, True, "consistent"),
+        # a rest of the poses' own log, and moves that added nothing, gave no parameter
+        ({"poses": "consistent", "static_record": "unexplained"}, False, "consistent"),
+        ({"poses": "consistent", "motion": "unexplained"}, False, "consistent"),
+        ({"poses": "consistent", "motion": "partly_explained"}, False, "partly_explained"),
+        ({"poses": "not_testable"}, False, "not_testable"),
+    ],
+)
+def test_the_verdict_of_a_calibration_is_the_worst_of_what_it_is_from(verdicts, static, expected):
+    """Protects what `apply` and exports say: a better record hides no unexplained one."""
+    added = ("explained", "partly_explained")
+    records = {k: {"verdict": v, "effects": [1] * (v in added)} for k, v in verdicts.items()}
+    assert of_calibration(records, static) == expected

@@ -8,9 +8,10 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from export.devices import HOSTILE, device, unknown
+from export.devices import HOSTILE, device, unknown, with_sensor
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
+from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.export.export import (
     FORMATS,
@@ -21,6 +22,7 @@ from imuloop.export.export import (
     write_exports,
 )
 from imuloop.export.exported import comment, for_filter, number, numbers
+from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, VINS_FUSION
 
 
 def test_a_device_of_which_all_is_known_has_all_files():
@@ -39,6 +41,38 @@ def test_a_device_of_which_nothing_is_known_has_the_reasons():
     for each in FORMATS:
         line = next(x for x in lines if x.startswith(f"{each.file} ({each.title}): "))
         assert line.partition("): ")[2]
+
+
+def test_without_a_calibration_there_are_files_of_noise_alone():
+    """Protects exports from the data sheet's numbers as if they had been measured."""
+    nothing, board = unknown(), device()
+    files = export_files(replace(nothing, noise=board.noise, rate_hz=board.rate_hz))
+    noise = {KALIBR, VINS_FUSION, ORB_SLAM3, ALLAN_VARIANCE_ROS, ROS}
+    assert set(files) == {each.file for each in noise} | {README}
+    for each in noise:
+        assert "No calibration: the noise is that of samples as logged" in files[each.file]
+        assert "apply calibration.json" not in files[each.file]
+    for each in {*FORMATS} - noise:
+        (line,) = [x for x in files[README].splitlines() if x.startswith(f"{each.file} (")]
+        assert "no calibration" in line and "no session could be used" in line
+
+
+@pytest.mark.parametrize("each", FORMATS, ids=lambda each: each.file)
+def test_every_file_says_what_the_calibration_of_a_sensor_lacks(each):
+    """Protects the line on a verdict `unexplained`, and on a sensor that was not calibrated."""
+    board, names = device(effects=()), ["accelerometer", "gyroscope"]
+    of = [name for name in names if name in each.title] or names
+    doubted = board
+    for name in names:
+        doubted = with_sensor(doubted, name, verdict="unexplained")
+    for name in of:
+        assert f"{name}: unexplained (its errors are larger" in each.text(doubted)
+        assert f"{name}: unexplained (its errors are larger" in export_files(doubted)[README]
+    assert "unexplained" not in each.text(board)
+    if of == names:
+        nominal = SensorCalibration.nominal(board.sensor("gyroscope").raw_unit, "no turns")
+        calibration = replace(board.calibration, gyroscope=nominal)
+        assert each.text(replace(board, calibration=calibration)).count("no turns") == 1
 
 
 @pytest.mark.parametrize("each", FORMATS, ids=lambda each: each.file)

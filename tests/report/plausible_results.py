@@ -207,7 +207,7 @@ def _device(folder, device, sessions, rng):
         six = Calibration(device, 9.80665, faces, _fitted(UNIT_G, BASE[3:], "static"))
         force, turn = _fitted(UNIT_A, UPPER + BASE, seed=1), _fitted(UNIT_G, FULL + BASE, seed=2)
         multi = Calibration(device, 9.80665, force, turn)
-        final = replace(multi, gyroscope=replace(turn, effects=(effect,)))
+        final = replace(multi, gyroscope=replace(turn, effects=(effect,), verdict="unexplained"))
         poses, tables = pose_diagnosis(gain), pose_tables(folder, rng)
     elif device in ("still", "partly"):
         multi = final = replace(six, gyroscope=_fitted(UNIT_G, BASE[3:], "static", seed=4))

@@ -173,6 +173,23 @@ def test_comparison_csv_is_si_with_units_in_its_header(results):
     assert float(rows["board"]["accelerometer_bias_z_std [m/s^2]"]) == pytest.approx(sigma)
 
 
+def test_a_calibration_of_which_nothing_was_measured_is_none_to_use(page):
+    """Protects who reads the report from the link to a calibration that is the data sheet's."""
+    links = {e["href"].partition("/")[0] for e in page.all("a") if "calibration.json" in e["href"]}
+    assert links == {"board", "still", "partly"}
+    (cell,) = [e["text"] for e in page.all("td") if "nothing was measured" in e["text"]]
+    assert cell.startswith("none")
+
+
+def test_an_unexplained_sensor_is_named_beside_its_parameters(results):
+    """Protects parameters ± σ from being read without the verdict that they are not all."""
+    for device, count in (("board", 1), ("still", 0)):
+        text = (results / device / "section.html").read_text("utf-8")
+        own = text[text.index(f"{device}.calibration") : text.index(f"{device}.validation")]
+        assert own.count("unexplained") == count
+        assert own.count("<strong>Gyroscope: unexplained</strong>: its errors") == count
+
+
 def test_numbers_to_copy_can_be_copied(page, results):
     sensor = json.loads((results / "board" / "calibration.json").read_text())["accelerometer"]
     row = next(e["text"] for e in page.all("tr") if e["text"].startswith("T, row x"))

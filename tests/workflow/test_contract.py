@@ -100,7 +100,7 @@ def test_a_calibration_is_the_model_that_its_file_holds(folder, kinds, name):
     content = read(folder / f"{name}.json")
     logs = [pd.read_parquet(folder / session / "samples.parquet") for session in kinds]
     samples = max(logs, key=len)
-    calibrated = Calibration.from_json(folder / f"{name}.json").apply(samples)
+    calibrated = Calibration.from_json(folder / f"{name}.json").apply(samples, nominal=True)
     for sensor, channels in (("accelerometer", CHANNELS[:3]), ("gyroscope", CHANNELS[3:])):
         one = content[sensor]
         T, K, b = (np.array(one[key]) for key in "TKb")

@@ -6,7 +6,7 @@ from pathlib import Path
 from imuloop import Calibration
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import add_arguments, log_samples, refuse_rejected
-from imuloop.core.errors import plural
+from imuloop.core.errors import ImuloopError, one_line, plural
 from imuloop.core.files import refuse_overwriting
 
 EXAMPLE = """example:
@@ -25,6 +25,11 @@ def add(commands, **how):
     command.add_argument(
         "-o", "--output", type=Path, required=True, help="file to write, .csv or .parquet"
     )
+    command.add_argument(
+        "--nominal",
+        action="store_true",
+        help="apply a calibration of which nothing was measured all the same",
+    )
     add_arguments(command)
     command.set_defaults(run=run)
 
@@ -32,6 +37,9 @@ def add(commands, **how):
 def run(arguments):
     """Write the calibrated samples of a log."""
     calibration, output = Calibration.from_json(arguments.calibration), arguments.output
+    # before the log is read, which may take long
+    if not (arguments.nominal or calibration.measured):
+        raise ImuloopError(f"{arguments.calibration}: {calibration.nominal_words()}")
     beside = arguments.log.with_name("quality.json")
     refuse_overwriting([output], [arguments.calibration, arguments.log, beside])
     output.parent.mkdir(parents=True, exist_ok=True)
@@ -41,7 +49,8 @@ def run(arguments):
             arguments.log, arguments, Path(folder), calibration=calibration
         )
         refuse_rejected(arguments.log, quality)
-        held = calibration.apply_file(samples, output)
+        held = calibration.apply_file(samples, output, nominal=arguments.nominal)
+    say(*map(one_line, calibration.limits()))
     for (sensor, name), count in held.items():
         seen = "the range of the data that show it"
         say(f"{sensor}: {name} held to {seen} in {plural(count, 'sample')}")

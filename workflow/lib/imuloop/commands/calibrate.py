@@ -58,7 +58,8 @@ def run(arguments):
     with made(arguments, folder, folder / "calibrate.log") as result:
         result.export(folder / "exports")
         say(*str(result).splitlines())
-    say(f"wrote {folder / 'calibration.json'}")
+        bare = "" if result.calibration.measured else ", which is nominal: nothing was measured"
+    say(f"wrote {folder / 'calibration.json'}{bare}")
 
 
 def kept_in(folder, option, arguments, files=()):

@@ -13,6 +13,7 @@ from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     METADATA_KEY,
+    SENSORS,
     TEMPERATURE,
     TIME,
     calibrated_attrs,
@@ -23,6 +24,11 @@ from imuloop.core.units import RawUnit
 
 # version of the JSON files
 FORMAT = 1
+# what the verdict on a sensor means for who uses its calibration
+UNEXPLAINED = (
+    "its errors are larger than its noise and no known effect explains them: the model lacks "
+    "something, see diagnosis.json"
+)
 
 
 @dataclass(frozen=True)
@@ -51,6 +57,9 @@ class SensorCalibration:
         Why the data do not determine the full model.
     reduced_chi2 : float or None
         Of the fit, against the noise model.
+    verdict : str or None
+        The worst in diagnosis.json of the records that the parameters and effects come from; None
+        where it was not diagnosed.
     """
 
     raw_unit: RawUnit
@@ -63,12 +72,25 @@ class SensorCalibration:
     method: str = "nominal"
     not_testable: str | None = None
     reduced_chi2: float | None = None
+    verdict: str | None = None
 
     @classmethod
     def nominal(cls, raw_unit, not_testable):
         """Return the calibration that the data sheet promises, with the reason for it."""
         scale, offset = np.full(3, raw_unit.scale), np.full(3, raw_unit.offset)
         return cls(raw_unit, np.eye(3), scale, offset, not_testable=not_testable)
+
+    @property
+    def measured(self):
+        """Whether anything in it was measured, so that it is not what the data sheet promises."""
+        own, promised = ((s.T, s.K, s.b) for s in (self, self.nominal(self.raw_unit, None)))
+        same = all(map(np.array_equal, own, promised))
+        return self.method != "nominal" or bool(self.effects) or not same
+
+    @property
+    def unexplained(self):
+        """Whether it was measured by data that it does not explain."""
+        return self.measured and self.verdict == "unexplained"
 
     def output(self, values):
         """Return ``K (raw - b)`` of values in SI units as logged, shape (n, 3)."""
@@ -105,6 +127,7 @@ class SensorCalibration:
             "method": self.method,
             "not_testable": self.not_testable,
             "reduced_chi2": self.reduced_chi2,
+            "verdict": self.verdict,
             "T": self.T,
             "K": self.K,
             "b": self.b,
@@ -126,6 +149,7 @@ class SensorCalibration:
             method=content["method"],
             not_testable=content["not_testable"],
             reduced_chi2=content["reduced_chi2"],
+            verdict=content.get("verdict"),
         )
 
 
@@ -160,7 +184,34 @@ class Calibration:
         """The effects of both sensors, fitted, the accelerometer's first."""
         return (*self.accelerometer.effects, *self.gyroscope.effects)
 
-    def apply(self, samples):
+    @property
+    def measured(self):
+        """Whether anything was measured of either sensor."""
+        return self.accelerometer.measured or self.gyroscope.measured
+
+    def limits(self, *sensors):
+        """Return lines on sensors, or on both, that are not fully calibrated or explained."""
+        lines = []
+        for name in sensors or SENSORS:
+            sensor = getattr(self, name)
+            if sensor.not_testable:
+                lines.append(f"{name}: {sensor.method} ({sensor.not_testable})")
+            if sensor.unexplained:
+                lines.append(f"{name}: unexplained ({UNEXPLAINED})")
+        return lines
+
+    def nominal_words(self):
+        """Return why a calibration of which nothing was measured is not applied, and what to do."""
+        return (
+            f"the calibration is nominal, nothing was measured: {'; '.join(self.limits())}; to "
+            "apply what the data sheet promises give --nominal, in Python nominal=True"
+        )
+
+    def _refuse_nominal(self, nominal):
+        if not (nominal or self.measured):
+            raise ImuloopError(f"{self.device}: {self.nominal_words()}")
+
+    def apply(self, samples, *, nominal=False):
         """Return calibrated samples.
 
         Parameters
@@ -168,6 +219,8 @@ class Calibration:
         samples : DataFrame
             The whole log, SI, as ingest writes it: `t` (s), `ax ay az` (m/s^2), `gx gy gz` (rad/s)
             and, where logged, `temperature` (degC). Effects that remember start with it.
+        nominal : bool
+            Whether a calibration of which nothing was measured is applied all the same.
 
         Returns
         -------
@@ -178,10 +231,11 @@ class Calibration:
         Raises
         ------
         ImuloopError
-            If a column is missing, or the samples are marked as calibrated.
+            If a column is missing, the samples are marked as calibrated, or nothing was measured.
         """
         check_columns(samples.columns)
         refuse_calibrated(samples.columns, samples.attrs.get(METADATA_KEY.decode(), {}))
+        self._refuse_nominal(nominal)
         sensors = (ACCELERATION, ANGULAR_RATE)
         f, w = (samples[list(axes)].to_numpy(dtype=float) for axes in sensors)
         temperature = samples[TEMPERATURE].to_numpy(float) if TEMPERATURE in samples else None
@@ -191,7 +245,9 @@ class Calibration:
         calibrated.attrs |= calibrated_attrs(self.device)
         return calibrated
 
-    def apply_arrays(self, acceleration, angular_rate, t=None, temperature=None, *, raw=False):
+    def apply_arrays(
+        self, acceleration, angular_rate, t=None, temperature=None, *, raw=False, nominal=False
+    ):
         """Return calibrated specific force and angular rate of arrays.
 
         Parameters
@@ -204,12 +260,20 @@ class Calibration:
             degC; needed only where there is an effect of temperature.
         raw : bool
             Whether the arrays are in the calibration's raw units, counts above all, not in SI.
+        nominal : bool
+            As of `apply`.
 
         Returns
         -------
         ndarray, ndarray
             m/s^2 and rad/s, shapes as given.
+
+        Raises
+        ------
+        ImuloopError
+            If shapes differ, an effect lacks its input, or nothing was measured.
         """
+        self._refuse_nominal(nominal)
         f, w = np.asarray(acceleration, dtype=float), np.asarray(angular_rate, dtype=float)
         if f.shape != w.shape or f.ndim not in (1, 2) or f.shape[-1] != 3:
             raise ImuloopError(
@@ -231,8 +295,12 @@ class Calibration:
         f, w = self.calibrated(f, w, t, temperature)
         return f.reshape(shape), w.reshape(shape)
 
-    def apply_file(self, source, target):
-        """Write the calibrated samples of a samples file; see `imuloop.core.pieces`."""
+    def apply_file(self, source, target, *, nominal=False):
+        """Write the calibrated samples of a samples file; see `imuloop.core.pieces`.
+
+        `nominal` as of `apply`.
+        """
+        self._refuse_nominal(nominal)
         return apply_file(self, source, target)
 
     def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, held=(None, None)):

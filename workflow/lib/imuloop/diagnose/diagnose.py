@@ -36,7 +36,7 @@ from imuloop.diagnose.records.reference import (
 )
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
-from imuloop.diagnose.verdict import not_testable
+from imuloop.diagnose.verdict import not_testable, of_calibration
 
 # version of the JSON file
 FORMAT = 1
@@ -176,8 +176,11 @@ def diagnose_device(
     # the six faces are not diagnosed
     six = poses_table(read_poses(sessions, "six_position"), faces, {})
     blocks = {s: (found[s].content, still.content[s], motion.contents[s]) for s in SENSORS}
+    content = _content(device, blocks, beside)
+    verdicts = {s: of_calibration(content["sensors"][s], of_own_session) for s in SENSORS}
+    final = replace(final, **{s: replace(getattr(final, s), verdict=verdicts[s]) for s in verdicts})
     return Diagnosed(
-        _content(device, blocks, beside),
+        content,
         final,
         still.allan,
         dict(zip(SENSORS, (force_model, turn_model), strict=True)),

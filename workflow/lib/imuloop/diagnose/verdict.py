@@ -9,6 +9,8 @@ from imuloop.diagnose.residuals import chance, chi_square, held_out_covariance
 
 # held-out error over its floor up to which the floor itself may be wrong
 MARGIN = 1.25
+# verdicts of what was tested, from the best news to the worst
+TESTED = ("consistent", "explained", "partly_explained", "unexplained")
 # verdicts that leave something to look for
 LEFT = ("unexplained", "partly_explained")
 
@@ -63,6 +65,17 @@ def verdict(above_before, above_after, effects):
     if not effects:
         return "unexplained" if above_before else "consistent"
     return "partly_explained" if above_after else "explained"
+
+
+def of_calibration(records, static):
+    """Return the worst verdict of the records that a sensor's parameters and effects come from.
+
+    Poses and what a reference shows are; a static record where a `static` session was recorded for
+    it; others, as motion, where they added an effect.
+    """
+    kinds = ("poses", "reference", *["static_record"] * static)
+    own = [c["verdict"] for kind, c in records.items() if kind in kinds or c["effects"]]
+    return max((v for v in own if v in TESTED), key=TESTED.index, default="not_testable")
 
 
 def leaves(content):

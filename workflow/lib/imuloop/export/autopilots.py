@@ -55,11 +55,11 @@ def offsets(device, name, line, forms, offset):
     return lines + (comment(words) if error else "")
 
 
-def not_calibrated(device, name):
+def not_calibrated(name):
     """Return the comment on a sensor of which nothing was determined."""
     return comment(
-        f"The {name} has no calibration: {device.sensor(name).not_testable}",
-        "Its offsets and scale stay the vehicle's; calibrate it there after loading what follows.",
+        f"The {name} has no calibration: its offsets and scale stay the vehicle's; calibrate it",
+        "there after loading what follows.",
     )
 
 
@@ -95,7 +95,7 @@ def px4(device):
         span = common_temperatures(device, name)
         body += "#\n" + comment(*device.left_out(name, (BIAS,) if span else ()))
         if sensor.method == "nominal":
-            body += not_calibrated(device, name)
+            body += not_calibrated(name)
         else:
             if known:
                 body += comment("Slot and device id are those of the log, of the sensor in it")
@@ -182,7 +182,7 @@ def ardupilot(device):
         body += "#\n" + comment(*device.left_out(name, (BIAS,) if span else ()))
         body += comment(*(f"{name}: {line}" for line in range_lines(device, name, BIAS, HELD)))
         if device.sensor(name).method == "nominal":
-            body += not_calibrated(device, name)
+            body += not_calibrated(name)
             continue
         scale, offset = scale_and_offset(device.sensor(name))
         reference = bias_reference(device, name)

@@ -79,8 +79,6 @@ def sensor_text(device, sensor_name, name):
     formulas = [e for e in sensor.effects if e.name == Discovered.name and portable(e.effect)]
     carried = (*EFFECTS, *(e.name for e in formulas))
     body = remark(*device.left_out(sensor_name, carried, aligned=True))
-    if not device.measured(sensor_name):
-        body += remark(f"The {sensor_name} has no calibration: {sensor.not_testable}")
     body += remark(f"b: bias, {unit}, subtracted from raw") + array(f"{name}_b", sensor.b)
     body += remark(f"K: scale factor, {si} per {unit}, multiplies") + array(f"{name}_K", sensor.K)
     body += remark("T: misalignment, row by row, multiplies last") + array(f"{name}_T", sensor.T)

@@ -77,7 +77,7 @@ def export_files(exported):
     ]
     for title, more in (
         ("Not written:", left_out),
-        ("Not fully calibrated:", exported.limits()),
+        ("Not fully calibrated:", exported.calibration.limits()),
         ("On the noise:", exported.notes),
     ):
         lines += ["", title, *more] if more else []

@@ -134,23 +134,10 @@ class Exported:
         """Return the `SensorCalibration` of ``accelerometer`` or ``gyroscope``."""
         return getattr(self.calibration, name)
 
-    def measured(self, name):
-        """Return whether anything of a sensor's calibration was measured."""
-        sensor = self.sensor(name)
-        return sensor.method != "nominal" or bool(sensor.effects)
-
-    def limits(self):
-        """Return a line for each sensor that is not fully calibrated, with the reason."""
-        return [
-            f"{name}: {sensor.method} ({sensor.not_testable})"
-            for name in SENSORS
-            if (sensor := self.sensor(name)).not_testable
-        ]
-
     def need_calibration(self):
         """Raise Lacking, with the reasons, where nothing was measured of either sensor."""
-        if not any(map(self.measured, SENSORS)):
-            raise Lacking(f"no calibration; {'; '.join(self.limits())}")
+        if not self.calibration.measured:
+            raise Lacking(f"no calibration; {'; '.join(self.calibration.limits())}")
 
     def need_rate(self):
         """Return the rate in Hz; raise Lacking where it is not known."""
@@ -183,7 +170,8 @@ class Exported:
     def left_out(self, sensor, carried=(), aligned=False):
         """Return a line for each part of a sensor's calibration that a format does not carry.
 
-        The misalignment too unless the format, or what comes before it, is `aligned`.
+        The misalignment too unless the format, or what comes before it, is `aligned`. Then what the
+        calibration itself lacks: every format with numbers of it, or for its samples, says so.
         """
         lines = []
         angle = np.abs(self.sensor(sensor).T - np.eye(3)).max() / DEGREE
@@ -201,7 +189,8 @@ class Exported:
                 if isinstance(value, (int, float)):
                     words.append(f"{name} = {value:g}")
             lines.append("; ".join(words))
-        return [f"Not carried of the {sensor}: {line}" for line in lines]
+        lines = [f"Not carried of the {sensor}: {line}" for line in lines]
+        return lines + self.calibration.limits(sensor)
 
 
 def number(value):

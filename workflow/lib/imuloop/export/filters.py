@@ -83,9 +83,14 @@ def noise_left_out(device):
 
 def calibration_left_out(device, carried=()):
     """Return comments on the calibration where a format takes calibrated samples."""
+    about = ["No calibration: the noise is that of samples as logged."]
+    if device.calibration.measured:
+        about = [
+            "The noise is that of calibrated samples: bias, scale factor, misalignment and effects",
+            "are not carried. First: python -m imuloop apply calibration.json LOG -o OUT",
+        ]
     return comment(
-        "The noise is that of calibrated samples: bias, scale factor, misalignment and effects",
-        "are not carried. First: python -m imuloop apply calibration.json LOG -o OUT",
+        *about,
         *(line for sensor in SENSORS for line in device.left_out(sensor, carried, aligned=True)),
     )
 

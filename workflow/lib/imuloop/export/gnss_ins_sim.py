@@ -35,6 +35,7 @@ def text(device):
     gnss-ins-sim, sim/imu_model.py (IMU.__init__: keys and units), pathgen/pathgen.py (acc_gen,
     gyro_gen, bias_drift).
     """
+    device.need_calibration()
     # the first line of a Python file may name its encoding: no label there
     body = comment(
         "-*- coding: utf-8 -*-",

@@ -15,7 +15,7 @@ def text(sensor, device):
     Comments stand below the numbers: its reader takes the first 21 and stops.
     """
     found, si = device.sensor(sensor), UNITS[sensor]["B"]
-    if found.method == "nominal":
+    if not found.measured:
         raise Lacking(f"no calibration ({found.not_testable})")
     parts = found.T, np.diag(found.K), found.b[:, None]
     return (
@@ -27,7 +27,6 @@ def text(sensor, device):
             f"rows 4 to 6: K, scale factor, {si} per {found.raw_unit.name}",
             f"rows 7 to 9: b, bias, {found.raw_unit.name}, to subtract; raw as in the log",
             f"Calibrated by: {found.method}",
-            *([found.not_testable] if found.not_testable else []),
             *device.left_out(sensor, aligned=True),
             "Not carried: covariances, temperature, noise.",
         )

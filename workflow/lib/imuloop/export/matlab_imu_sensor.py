@@ -96,8 +96,6 @@ def sensor_text(device, name):
     sensor, (variable, _) = device.sensor(name), VARIABLES[name]
     scale, _ = scale_and_offset(sensor)
     lines = remark(*device.left_out(name, CARRIED, aligned=True))
-    if not device.measured(name):
-        lines += remark(f"The {name} has no calibration: {sensor.not_testable}")
     lines += f"{variable} = {variable}params;\n"
     for key, values, what in fields(device, name):
         rows = "; ".join(numbers(row, " ") for row in np.atleast_2d(values))
@@ -149,6 +147,7 @@ def parameters(device):
         f"loadparams(imu, FILE, '{part}'), R2023b on, what is no number, for Accelerometer and",
         "Gyroscope alike: imu.Gyroscope.NoiseType = 'single-sided';",
         f"imu.Gyroscope.BiasInstabilityCoefficients = fractalcoef({POLES});",
+        *device.calibration.limits(),
     ]
     return json.dumps({part: known, "Notes": notes}, indent=1, allow_nan=False) + "\n"
 

@@ -24,6 +24,7 @@ def text(device):
     gyroscope's M = T K is Q U, a rotation and an upper triangular matrix. From
     ``T (K (raw - b) - G f) = M (raw - b - K^-1 G f)``, Tg = K^-1 G.
     """
+    device.need_calibration()
     force, turn = device.sensor("accelerometer"), device.sensor("gyroscope")
     (scale_a, bias_a), (scale_g, bias_g) = scale_and_offset(force), scale_and_offset(turn)
     rotation, upper = np.linalg.qr(turn.T * scale_g)
@@ -65,7 +66,6 @@ def text(device):
             *(line for each in SENSORS for line in device.left_out(each, (G,), aligned=True)),
             *device.reference_lines(),
             "Not carried: covariances of all these, temperature.",
-            *device.limits(),
         )
         + noise_left_out(device)
     )

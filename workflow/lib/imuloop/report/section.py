@@ -9,6 +9,7 @@ from markupsafe import Markup
 import imuloop.effects  # noqa: F401
 from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import write_json
+from imuloop.core.model import UNEXPLAINED
 from imuloop.export.export import listed
 from imuloop.report import composed
 from imuloop.report.advice import next_steps, what_next
@@ -95,6 +96,8 @@ def content(device):
         "segments": data.segment_table(device),
         "basis": [(s, calibration.METHOD_WORDS[getattr(final, s).method]) for s in SENSORS],
         "reasons": calibration.reasons(device),
+        "unexplained": [s for s in SENSORS if getattr(final, s).unexplained],
+        "unexplained_words": UNEXPLAINED,
         "parameters": tables(calibration.parameter_table),
         "model": tables(calibration.model_table),
         "definitions": definitions(device),

@@ -30,11 +30,11 @@ def summarise(device, steps=()):
     ``figures`` {name: {value, std, unit, axis, upper95}}, the largest of three axes; ``axes``
     {name: {unit, value, std}} for all three, or for the six pairs of a misalignment; ``filter``
     {name: {value, axis, limit, raised_from}}, noise as a filter takes it; ``allan`` {channel:
-    {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``loop`` (see
-    `loop_errors`), ``verdicts``, ``rejected``, ``logs``.
+    {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``calibrated``, whether there is a
+    calibration to use, ``loop`` (see `loop_errors`), ``verdicts``, ``rejected``, ``logs``.
     `steps` are those of `next_steps`.
     """
-    axes = _axes(device)
+    axes, final = _axes(device), device.calibrations.get("final")
     # the curve that reaches farthest
     record = max(
         (s for s in device.used if len(s.allan)), key=lambda s: s.allan["tau_s"].max(), default=None
@@ -63,6 +63,7 @@ def summarise(device, steps=()):
             for sensor in SENSORS
         },
         "answers": answers(device.diagnosis),
+        "calibrated": bool(final and final.measured),
         "loop": loop_errors(device) if device.calibrations else [],
         "advised": bool(steps),
         "figures": _figures(device, axes),
@@ -146,8 +147,8 @@ def _filter(device):
     the 95 % upper limit; raised where N and K would not bound the Allan curve. The exports give the
     same.
     """
-    rates = [s.quality["rate_hz"] for s in device.used]
     final = device.calibrations.get("final")
+    rates = [s.quality["rate_hz"] for s in device.used]
     found = {"rate_hz": device.noise.get("rate_hz") or next(iter(rates), None)}
     for sensor in SENSORS:
         known = [

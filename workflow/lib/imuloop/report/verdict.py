@@ -5,11 +5,12 @@ from scipy.special import chdtr
 
 from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
+from imuloop.diagnose.verdict import TESTED
 from imuloop.report.numbers import joined, missing, number, p_text, percent
 from imuloop.report.units import RESIDUAL
 
 # verdicts from the best news to none
-VERDICTS = ("consistent", "explained", "partly_explained", "unexplained", "not_testable")
+VERDICTS = (*TESTED, "not_testable")
 WORDS = {verdict: verdict.replace("_", " ") for verdict in VERDICTS}
 PARTS = {
     "poses": "poses",
