@@ -84,10 +84,10 @@ def calibrated_attrs(device):
 def refuse_calibrated(names, metadata):
     """Raise a RejectedLog for a table whose columns or own metadata say that it is calibrated."""
     if CALIBRATED in names or metadata.get("calibrated"):
-        by = f" of {str(metadata['device'])[:80]}" if metadata.get("device") else ""
+        device = str(metadata.get("device", ""))[:80]
+        by = device and f", by a calibration of {device}"
         raise RejectedLog(
-            f"its samples are calibrated already, by a calibration{by}: give the raw log that they "
-            "were made of"
+            f"its samples are calibrated already{by}: give the raw log that they were made of"
         )
 
 
