@@ -202,22 +202,3 @@ def test_a_file_made_to_break_its_reader(
     (tmp_path / name).write_bytes(seeds[name[4:]])
     make(tmp_path / name, log)
     assert re.search(line, reason(tmp_path / name))
-
-
-def test_no_other_file_is_read_as_part_of_a_matlab_file(log, run, tmp_path):
-    """Not by a link, not as storage, not as a virtual dataset."""
-    other, path = tmp_path / "other", tmp_path / "log.mat"
-    log.t.to_numpy().tofile(tmp_path / "raw")
-    with h5py.File(other, "w") as file:
-        file["ax"] = np.ones((1, 500))
-    with h5py.File(path, "w") as file:
-        for name in log.columns[1:]:
-            file[name] = log[name].to_numpy()[None]
-        file["t"] = h5py.ExternalLink(str(other), "/ax")
-        outside = [(str(tmp_path / "raw"), 0, 4000)]
-        file.create_dataset("time", (1, 500), "f8", external=outside)
-        layout = h5py.VirtualLayout((1, 500), "f8")
-        layout[:] = h5py.VirtualSource(str(other), "ax", (1, 500))
-        file.create_virtual_dataset("timestamp", layout)
-    with pytest.raises(ImuloopError, match="no time column"):
-        run(path)

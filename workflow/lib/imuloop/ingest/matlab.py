@@ -7,6 +7,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import resolve
 from imuloop.ingest.guarded import guarded
+from imuloop.ingest.hdf5 import check_hdf5
 from imuloop.ingest.raw_log import by_axis, column_names, table_log
 
 ENDINGS = (".mat",)
@@ -68,6 +69,7 @@ def variables(path):
         # takes long to import
         import h5py
 
+        check_hdf5(path)
         with h5py.File(path, "r") as file:
             _gather_73(file, "", arrays, objects)
     elif head[126:128] in (b"IM", b"MI"):
@@ -117,7 +119,7 @@ def _gather_73(group, prefix, arrays, objects):
     import h5py
 
     for key in group:
-        # other links are second names, or lead to other files
+        # other links are second names
         if key.startswith("#") or type(group.get(key, getlink=True)) is not h5py.HardLink:
             continue
         item, name = group[key], prefix + one_line(key)
@@ -128,6 +130,6 @@ def _gather_73(group, prefix, arrays, objects):
             _gather_73(item, f"{name}.", arrays, objects)
         elif isinstance(item, h5py.Dataset) and item.ndim == 2 and item.dtype.kind in "iuf":
             text = item.attrs.get("MATLAB_class") == b"char" or "MATLAB_empty" in item.attrs
-            if not text and not item.is_virtual and not item.external:
+            if not text:
                 # HDF5 lists MATLAB's dimensions backwards
                 arrays[name] = item[()].T

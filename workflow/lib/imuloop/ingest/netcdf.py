@@ -10,6 +10,7 @@ import pyarrow as pa
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import resolve
 from imuloop.ingest.guarded import check_unpacked, guarded
+from imuloop.ingest.hdf5 import check_hdf5
 from imuloop.ingest.raw_log import by_axis, column_names, table_log
 from imuloop.ingest.stamps import YEARS
 
@@ -31,6 +32,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
     import netCDF4
 
     path = Path(paths["log"])
+    check_hdf5(path)
     # a path that begins otherwise could be an address to the library
     dataset = netCDF4.Dataset(os.path.abspath(path))
     numeric = [v for v in dataset.variables.values() if getattr(v.dtype, "kind", "O") in "iuf"]

@@ -1,0 +1,162 @@
+"""HDF5 logs, NetCDF and MATLAB 7.3, that would have other files of the machine read."""
+
+import os
+
+import h5py
+import netCDF4
+import numpy as np
+import pytest
+
+from imuloop.core.errors import RejectedLog
+from imuloop.ingest.reference import read_series
+
+N, SECRET = 500, b"root:x:0:secret!"
+
+
+@pytest.fixture(params=["log.nc", "log.mat"])
+def path(request, log, tmp_path):
+    """Return a sound log to spoil; MATLAB has 512 bytes of its own in front of HDF5."""
+    path = tmp_path / request.param
+    matlab = path.suffix == ".mat"
+    with h5py.File(path, "w", userblock_size=512 * matlab) as file:
+        for name in log.columns:
+            values = log[name].to_numpy()
+            file[name] = values[None] if matlab else values
+        if not matlab:
+            file["t"].make_scale("t")
+            for name in log.columns[1:]:
+                file[name].dims[0].attach_scale(file["t"])
+    if matlab:
+        with open(path, "r+b") as file:
+            file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM")
+    return path
+
+
+def external_storage(group, name, other, shape):
+    group.create_dataset(name, shape, "f8", external=[(str(other), 0, 8 * N)])
+
+
+def external_link(group, name, other, shape):
+    group[name] = h5py.ExternalLink(str(other), "/ax")
+
+
+def virtual(group, name, other, shape):
+    layout = h5py.VirtualLayout(shape, "f8")
+    layout[:] = h5py.VirtualSource(str(other), "ax", shape)
+    group.create_virtual_dataset(name, layout)
+
+
+def virtual_of_any_length(group, name, other, shape):
+    """How long it is, the other file says."""
+    longest = (*shape[:-1], None)
+    layout = h5py.VirtualLayout(shape, "f8", maxshape=longest)
+    more = (*(slice(n) for n in shape[:-1]), slice(0, h5py.h5s.UNLIMITED))
+    layout[more] = h5py.VirtualSource(str(other), "ax", shape, maxshape=longest)[more]
+    group.create_virtual_dataset(name, layout)
+
+
+WAYS = {
+    external_storage: "external storage",
+    external_link: "an external link",
+    virtual: "a virtual dataset",
+    virtual_of_any_length: "a virtual dataset",
+}
+
+
+@pytest.fixture
+def secret(tmp_path):
+    """Return two files of the machine: any bytes, and an HDF5 file of the same as numbers."""
+    raw, other = tmp_path / "passwd", tmp_path / "other.h5"
+    raw.write_bytes(SECRET * (N // 2))
+    with h5py.File(other, "w") as file:
+        file["ax"] = np.frombuffer(raw.read_bytes())
+    return {way: raw if way is external_storage else other for way in WAYS}
+
+
+def spoil(path, way, other, name="ax", group="/"):
+    with h5py.File(path, "r+") as file:
+        shape = file["ax"].shape
+        place = file.require_group(group)
+        place.pop(name, None)
+        way(place, name, other, shape)
+
+
+def refusal(name, way):
+    return [
+        f"{name} is {WAYS[way]}, whose values lie in another file, which is not read: save the "
+        "values themselves in one file"
+    ]
+
+
+def test_the_log_is_sound(run, log, path):
+    """So that what follows is refused for what was done to it."""
+    done = run(path)
+    assert done.quality["reasons"] == []
+    np.testing.assert_array_equal(done.samples.gx, log.gx)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_no_byte_of_another_file_is_read(run, path, secret, way):
+    """Protects all files of a machine that reads a log of somebody else.
+
+    It is refused whether or not the log's variable is used, and no part of it gets into a result.
+    """
+    spoil(path, way, secret[way])
+    done = run(path)
+    assert done.quality["reasons"] == refusal("ax", way)
+    assert len(done.samples) == 0
+    for file in done.path.parent.iterdir():
+        assert SECRET[:8] not in file.read_bytes()
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_no_pipe_is_waited_for(run, path, tmp_path, way):
+    """Protects against opening what is named: the refusal comes before the library opens it."""
+    os.mkfifo(tmp_path / "pipe")
+    spoil(path, way, tmp_path / "pipe", "more", "group/deeper")
+    assert run(path).quality["reasons"] == refusal("group/deeper/more", way)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_what_is_hidden_behind_other_links_is_found(run, path, secret, way):
+    """Protects the walk over the links: circles end, and a soft link hides nothing."""
+    spoil(path, way, secret[way], "more", "group")
+    with h5py.File(path, "r+") as file:
+        del file["ax"]
+        file["ax"] = h5py.SoftLink("/group/more")
+        file["around"], file["and_around"] = h5py.SoftLink("/and_around"), h5py.SoftLink("/around")
+        file["group/itself"] = file["group"]
+        file["group/above"] = file["/"]
+    [reason] = run(path).quality["reasons"]
+    assert reason.partition(" is ")[2] == refusal("", way)[0].partition(" is ")[2]
+
+
+def test_a_link_of_a_users_own_kind_is_external(run, path):
+    """Protects against kinds of links that are not known here: 64 is external, above are others."""
+    spoil(path, external_link, "AAAA", "more")
+    content = path.read_bytes()
+    # version, flags, kind
+    kind = content.index(b"\x40", content.rindex(b"\1", 0, content.index(b"\4more")))
+    path.write_bytes(content[:kind] + b"\x41" + content[kind + 1 :])
+    assert run(path).quality["reasons"] == refusal("more", external_link)
+
+
+@pytest.mark.parametrize("path", ["log.mat"], indirect=True)
+@pytest.mark.parametrize("way", WAYS)
+def test_nor_is_one_read_as_a_reference(path, secret, way):
+    """Protects the second way in: attitudes beside a log, in MATLAB files but not in NetCDF."""
+    spoil(path, way, secret[way])
+    with pytest.raises(RejectedLog, match=WAYS[way]):
+        read_series(path, None, ["t", "gx"], "reference.columns")
+
+
+def test_a_second_name_within_the_file_is_read(run, log, tmp_path):
+    """Protects files that are whole: a soft link is no way out."""
+    path = tmp_path / "log.nc"
+    with netCDF4.Dataset(path, "w") as data:
+        data.createDimension("t", N)
+        for name in log.columns:
+            data.createVariable(name.replace("ax", "first"), "f8", ("t",))[:] = log[name].to_numpy()
+    with h5py.File(path, "r+") as file:
+        file["ax"] = h5py.SoftLink("/first")
+    np.testing.assert_array_equal(run(path).samples.ax, log.ax)
