@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import butter, lfilter
+from scipy.spatial.transform import Rotation
 
 from calibrate.devices import planned
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
@@ -208,3 +209,96 @@ def test_counts_that_are_not_declared_are_named(taken, session, unit):
     assert any("look like counts; declare units.acceleration: count" in r for r in found["reasons"])
     nominal = {"acceleration": {"scale": 1 / per_g}, "angular_rate": {"scale": 1 / per_rate}}
     assert taken(log, kind=session, units=COUNTS, nominal=nominal)["status"] == "ok"
+
+
+def summed(log, rate, force=1.0, turn=1.0):
+    """Return increments of velocity and angle per sample, in units of 1/force and 1/turn of SI."""
+    log = log.copy()
+    log[list(ACCELERATION)] *= force / rate
+    log[list(ANGULAR_RATE)] *= turn / rate
+    return log
+
+
+def swinging(rate, seconds=60.0):
+    """Return a log that never rests: swings about two axes, gravity alone as its force."""
+    t = np.arange(round(seconds * rate)) / rate
+    angles = np.column_stack([0.9 * np.sin(1.1 * t), 0.8 * np.sin(1.7 * t + 1)])
+    body = Rotation.from_euler("xy", angles)
+    log = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, 0.0)})
+    log[list(ACCELERATION)] = body.inv().apply([0, 0, 9.8])
+    log.loc[1:, list(ANGULAR_RATE)] = (body[:-1].inv() * body[1:]).as_rotvec() * rate
+    noise = np.random.default_rng(4).normal(size=(len(t), 6))
+    log[list(CHANNELS)] += noise * ([2e-2] * 3 + [2e-3] * 3)
+    return log
+
+
+@pytest.mark.parametrize("rate", [50.0, 200.0])
+@pytest.mark.parametrize(
+    ("units", "force", "turn", "declare"),
+    [
+        (("m/s^2", "rad/s"), 1, 1, ("m/s", "rad")),
+        (("m/s^2", "rad/s"), 1, 1 / DEGREE, ("m/s", "deg")),
+        (("m/s^2", "rad/s"), 1e3, 1e3, ("mm/s", "mrad")),
+        (("g", "deg/s"), 1, 1, ("m/s", "rad")),
+    ],
+)
+@pytest.mark.parametrize("kind", ["rests", "swings"])
+def test_increments_that_are_not_declared_are_named(taken, kind, rate, units, force, turn, declare):
+    """Protects the cause of both sensors being off by the step, at any rate and without rests.
+
+    Such a log passed, with a scale of 1/step in its calibration. As declared by the line it is ok.
+    """
+    truth = example_truth(rate=rate)
+    log = swinging(rate) if kind == "swings" else simulated("multi_position", 7, truth, poses=9)
+    log = summed(log, rate, force, turn)
+    units = dict(zip(COUNTS, units, strict=True))
+    found = taken(log, kind="multi_position", units=units)
+    assert found["status"] == "rejected" and found["misdeclared"]
+    [reason] = found["reasons"]
+    assert f"off by the step of {1 / rate:.4g} s, so the log looks like increments of" in reason
+    end = f"declare units.acceleration: {declare[0]} and units.angular_rate: {declare[1]}"
+    assert reason.endswith(end) and "\n" not in reason
+    units = dict(zip(COUNTS, declare, strict=True))
+    assert taken(log, kind="multi_position", units=units)["reasons"] == []
+
+
+def test_increments_in_counts_and_without_turns_are_named(taken):
+    """Protects the two logs of increments in which a sensor says less: by its scale, or nothing."""
+    rate = 125.0
+    log = summed(simulated("multi_position", 7, example_truth(rate=rate), poses=9), rate)
+    nominal = {"acceleration": {"scale": 1e-7}, "angular_rate": {"scale": 1e-9}}
+    counts = log.copy()
+    for quantity, axes in (("acceleration", ACCELERATION), ("angular_rate", ANGULAR_RATE)):
+        counts[list(axes)] = (log[list(axes)] / nominal[quantity]["scale"]).round()
+    [reason] = taken(counts, units=COUNTS, nominal=nominal)["reasons"]
+    declare = "nominal.acceleration.scale: 1.25e-05 and nominal.angular_rate.scale: 1.25e-07"
+    assert reason.endswith(declare)
+    # a gyroscope of which nothing is known but its noise
+    noise = np.random.default_rng(1).normal(size=(len(log), 3))
+    [reason] = taken(log.assign(**dict(zip(ANGULAR_RATE, 1e-5 * noise.T, strict=True))))["reasons"]
+    assert "attitudes: gravity is off by the step of 0.008 s" in reason
+    assert reason.endswith("declare units.acceleration: m/s; see units.angular_rate too")
+
+
+def test_what_is_off_by_the_step_by_chance_is_no_increment(taken):
+    """Protects logs of rates: gravity taken out, and units that look the same at 1 kHz."""
+    log = simulated("static", 5, duration_s=60.0)
+    log[list(ACCELERATION)] += [0, 0, 0.098] - log[list(ACCELERATION)].mean()
+    found = taken(log, kind="static")
+    assert found["reasons"] == []
+    assert "has gravity been taken out of the log, or is it increments" in str(found["warnings"])
+    log = simulated("multi_position", 5, example_truth(rate=1000.0), poses=5)
+    found = taken(log, units={"acceleration": "g", "angular_rate": "deg/s"})
+    assert "taken as g, it looks like m/s^2" in found["reasons"][0]
+    assert "taken as deg/s, it looks like rad/s" in found["reasons"][1]
+
+
+def test_a_recording_of_increments_is_rejected_with_the_cause(recordings, taken):
+    """Protects a whole file as a logger writes it: no header, no units, three columns of angles."""
+    path = recordings("unlabelled_increments_100Hz.txt.gz")
+    columns = {"time": 0, "angular_rate": [1, 2, 3], "acceleration": [4, 5, 6]}
+    [reason] = taken(path, kind="multi_position", columns=columns)["reasons"]
+    assert reason.endswith("declare units.acceleration: m/s and units.angular_rate: rad")
+    units = {"acceleration": "m/s", "angular_rate": "rad"}
+    found = taken(path, kind="multi_position", columns=columns, units=units)
+    assert found["status"] == "ok"

@@ -3,7 +3,8 @@
 Two yardsticks need no calibration: gravity, for the specific force at rest, and gravity's direction
 from rest to rest, for the angular rate. No sensor is off by a half, so what lies at a known factor
 from them is a unit or a full scale declared wrongly, and the session is rejected; what is merely
-far away is a warning.
+far away is a warning. Increments of velocity and angle that nobody declared are off by the step of
+the log in both sensors.
 """
 
 from math import log
@@ -13,6 +14,7 @@ import numpy as np
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
+from imuloop.core.units import INCREMENTS
 
 # the specific force at rest is gravity within this share; that of a log that never rests lies in
 # these parts of it; at a known factor within the last share: biases of a tenth of g, scale errors
@@ -20,6 +22,9 @@ PLAUSIBLE_FORCE, PLAUSIBLE_MOVING, NEAR_FORCE = 0.2, (0.5, 2.0), 0.1
 # the least share for turns, and standard errors; what the turns inside moves show, where there are
 # no rests, is off by so much where a hand accelerates the device
 NEAR_TURN, SIGMAS, MOVING_ERROR = 0.05, 3.0, 0.15
+# the mean force of increments that never rest lies this near to gravity's; where turns say nothing,
+# so many attitudes have to hold one force
+NEAR_MOVING, LEAST_ATTITUDES = 0.5, 4
 # turns that differ from gravity's by more are worth a warning
 PLAUSIBLE_TURN_RATIO = 0.1
 # how well the axes have to fit for that, and in how many steps
@@ -61,8 +66,11 @@ def judged(figures, units, gravity, kind=None):
         )
         # nothing else can be said of such values
         return ([text], []) if max(wrapped.values()) >= MOST_WRAPS else ([], [text])
-    _force(figures, units["acceleration"], gravity, reasons, warnings)
-    _turns(figures, units["angular_rate"], gravity, kind, reasons, warnings)
+    if cause := _increments(figures, units, gravity):
+        reasons.append(cause)
+    else:
+        _force(figures, units["acceleration"], gravity, reasons, warnings)
+        _turns(figures, units["angular_rate"], gravity, kind, reasons, warnings)
     if kind == "static" and found["rests"]:
         _moved(found["rests"], gravity, reasons, warnings)
     return reasons, warnings
@@ -78,6 +86,20 @@ def _known_factors(quantity, unit, known):
         (unit.scale / scale, f"taken as {unit.name}, it looks like {name}; see units.{quantity}")
         for name, scale in known.items()
         if name != unit.name
+    ]
+
+
+def _summed_factors(quantity, unit, rate):
+    """Return what increments taken as rates are off by, and what to declare in their place."""
+    if unit.name == "count":
+        where = f"nominal.{quantity}.scale:"
+        return [
+            (1 / (scale * rate), f"{where} {unit.scale * scale * rate:.6g}")
+            for scale in INCREMENTS[quantity].values()
+        ]
+    return [
+        (unit.scale / (scale * rate), f"units.{quantity}: {name}")
+        for name, scale in INCREMENTS[quantity].items()
     ]
 
 
@@ -100,6 +122,50 @@ def _nearest(value, factors, share):
     return text if away <= log(1 + share) else None
 
 
+def _increments(figures, units, gravity):
+    """Return why a log holds increments that are taken as rates, or None.
+
+    Both sensors are then off by its step. Where the turns say nothing, one force in many attitudes
+    is gravity. Wrong units may look the same, as mm/s and mrad over 1 ms: they come first.
+    """
+    rests = figures["faults"]["rests"]
+    where, (low, force, high), limits = _mean_force(figures)
+    if not force > 0 or limits[0] <= force / gravity <= limits[1]:
+        return None
+    value, sure, turns = _turn_ratio(figures, gravity)
+    near = NEAR_FORCE if rests else NEAR_MOVING
+    seen = [("acceleration", ACCELERATION_UNITS, force / gravity, near)]
+    line = f"the {where} is {force:.4g} m/s^2, gravity {gravity:.4g}"
+    if sure and sure <= MOVING_ERROR:
+        seen.append(("angular_rate", ANGULAR_RATE_UNITS, value, sure))
+        line, off = f"{line}, and {turns}", "both sensors are off by"
+    elif rests and rests["attitudes"] >= LEAST_ATTITUDES and high < low * (1 + NEAR_FORCE):
+        line, off = f"{line}, in {rests['attitudes']} attitudes", "gravity is off by"
+    else:
+        return None
+    rate, declare, other_units = figures["rate_hz"], [], []
+    for quantity, known, factor, share in seen:
+        unit = units[quantity]
+        declare.append(_nearest(factor, _summed_factors(quantity, unit, rate), share))
+        other_units.append(_nearest(factor, _known_factors(quantity, unit, known), share))
+    if not all(declare) or all(other_units):
+        return None
+    see = "" if len(seen) > 1 else "; see units.angular_rate too"
+    return (
+        f"{line}: {off} the step of {1 / rate:.4g} s, so the log looks like increments of velocity "
+        f"and angle per sample; declare {' and '.join(declare)}{see}"
+    )
+
+
+def _mean_force(figures):
+    """Return where the specific force is from, its low, middle and high, and plausible shares."""
+    rests = figures["faults"]["rests"]
+    if rests:
+        limits = (1 - PLAUSIBLE_FORCE, 1 + PLAUSIBLE_FORCE)
+        return "specific force at rest", rests["force"], limits
+    return "mean specific force", 3 * [figures["mean_specific_force"]], PLAUSIBLE_MOVING
+
+
 def _force(figures, unit, gravity, reasons, warnings):
     """Say what is wrong with a specific force at rest that is not gravity."""
     found, rests = figures["faults"], figures["faults"]["rests"]
@@ -111,12 +177,7 @@ def _force(figures, unit, gravity, reasons, warnings):
             "changed amid the log, or logs were joined: crop it with time_range"
         )
         return
-    if rests:
-        low, force, high = rests["force"]
-        where, limits = "specific force at rest", (1 - PLAUSIBLE_FORCE, 1 + PLAUSIBLE_FORCE)
-    else:
-        low = force = high = figures["mean_specific_force"]
-        where, limits = "mean specific force", PLAUSIBLE_MOVING
+    where, (low, force, high), limits = _mean_force(figures)
     if not np.isfinite(force) or limits[0] <= force / gravity <= limits[1]:
         return
     line = f"the {where} is {force:.4g} m/s^2, gravity {gravity:.4g}"
@@ -137,8 +198,11 @@ def _force(figures, unit, gravity, reasons, warnings):
             "units.acceleration: count, and nominal.acceleration; see units.angular_rate too"
         )
     elif force < 0.3 * gravity:
+        summed = _summed_factors("acceleration", unit, figures["rate_hz"])
+        declare = rests and _nearest(force / gravity, summed, NEAR_FORCE)
+        step = f", or is it increments per sample ({declare})" if declare else ""
         warnings.append(
-            f"{line}: has gravity been taken out of the log? If not, see units.acceleration"
+            f"{line}: has gravity been taken out of the log{step}? If not, see units.acceleration"
         )
     else:
         warnings.append(f"{line}: see units.acceleration and nominal.acceleration")
@@ -157,8 +221,8 @@ def _live(figures):
     return not (found["zero_rows"]["angular_rate"] or found["copies"] or dead)
 
 
-def _turns(figures, unit, gravity, kind, reasons, warnings):
-    """Say what is wrong with an angular rate that does not turn the device as gravity says."""
+def _turn_ratio(figures, gravity):
+    """Return how far the rate turns the device beside gravity, how sure that is, and the words."""
     axes, rests = figures["faults"]["axes"], figures["faults"]["rests"]
     ratio = rests and rests["turn_ratio"]
     # a jump of the force is no turn
@@ -176,7 +240,12 @@ def _turns(figures, unit, gravity, kind, reasons, warnings):
         line = f"{value:.3g} {far}"
         if axes["best"] > AGREEMENT and axes["steps_used"] >= LEAST_STEPS:
             sure = MOVING_ERROR
-    line = value and f"the angular rate turns the device {line}"
+    return value, sure, f"the angular rate turns the device {line}" if value else ""
+
+
+def _turns(figures, unit, gravity, kind, reasons, warnings):
+    """Say what is wrong with an angular rate that does not turn the device as gravity says."""
+    value, sure, line = _turn_ratio(figures, gravity)
     off = "; or the log's rate is off by as much"
     see = "see units.angular_rate and nominal.angular_rate"
     factors = _known_factors("angular_rate", unit, ANGULAR_RATE_UNITS)
