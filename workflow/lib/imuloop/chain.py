@@ -54,11 +54,11 @@ class Device:
         }
 
 
-def ingest(device, session, declared, paths):
+def ingest(device, session, declared, paths, stand_in=True):
     """Write samples and quality of one session, the log of which lies in files at the paths.
 
     ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps`` may be
-    declared.
+    declared. Of a log that cannot be read nothing is written unless something shall `stand_in`.
     """
     from imuloop.ingest.ingest import ingest, write_nothing
 
@@ -82,7 +82,11 @@ def ingest(device, session, declared, paths):
             threads=device.threads,
         )
 
-    return attempt(device, "ingest", work, lambda *why: write_nothing(**what, why=why))
+    def instead(*why):
+        if stand_in:
+            write_nothing(**what, why=why)
+
+    return attempt(device, "ingest", work, instead)
 
 
 def segment(device):
