@@ -200,56 +200,6 @@ def test_what_cannot_be_used_is_one_line(tmp_path, calibration, capsys):
         assert not out.exists()
 
 
-@pytest.mark.parametrize("command", ["calibrate", "report", "apply"])
-@pytest.mark.parametrize(
-    ("option", "typed", "line"),
-    [
-        ("--acceleration-unit", "G", "'G' is not a unit; did you mean 'g'?"),
-        ("--angular-rate-unit", "deg/sec", "'deg/sec' is not a unit; did you mean 'deg/s'?"),
-        ("--angular-rate-unit", "mdps", "'mdps' is not a unit; use one of rad/s, deg/s, "),
-        ("--time-unit", "msec", "'msec' is not a unit; did you mean 'ms'?"),
-        ("--temperature-unit", "degc", "'degc' is not a unit; did you mean 'degC'?"),
-        ("--columns", "time=tt", "no column 'tt'; there are t, ax"),
-        ("--columns", "acceleration=ax,ay,aZ", "did you mean 'az'?"),
-        ("--format", "cvs", "'cvs' is not a format; did you mean 'csv'?"),
-    ],
-)
-def test_what_was_typed_wrong_is_named_and_nothing_is_made(
-    tmp_path, calibration, capsys, command, option, typed, line
-):
-    """Protects the first line that a user sees of a typo: the folder of the results is not there.
-
-    Nor is it afterwards, and what an earlier run left in one is not written over.
-    """
-    rows = "\n".join(f"{k / 100},0,0,9.8,0,0,0,20" for k in range(500))
-    (tmp_path / "log.csv").write_text(f"t,ax,ay,az,gx,gy,gz,temperature\n{rows}\n")
-    new = tmp_path / "not" / "there"
-    output = {"calibrate": new, "report": new / "page.html", "apply": new / "out.csv"}[command]
-    inputs = [calibration] * (command == "apply") + [tmp_path / "log.csv"]
-    arguments = [command, *inputs, "-o", output, option, typed]
-    assert line in one_line_error(arguments, capsys)
-    assert not new.parent.exists()
-    earlier = new / "multi_position_1/quality.json"
-    earlier.parent.mkdir(parents=True)
-    earlier.write_text("{}")
-    assert line in one_line_error(arguments, capsys)
-    assert [p for p in new.rglob("*") if p.is_file()] == [earlier]
-    assert earlier.read_text() == "{}"
-
-
-def test_a_traceback_has_a_log_where_no_folder_is(device, tmp_path, capsys, monkeypatch):
-    """Protects what a stage that fails leaves: a report's log, before there is its folder."""
-
-    def fail(*_, **__):
-        raise ValueError("forced")
-
-    monkeypatch.setattr("imuloop.noise.noise.estimate_noise", fail)
-    page = tmp_path / "not" / "there" / "page.html"
-    main(["report", str(device / "1.csv"), "-o", str(page)])
-    assert "noise failed: forced" in capsys.readouterr().out
-    assert "Traceback" in page.with_name("page.html.log").read_text()
-
-
 @pytest.fixture(scope="module")
 def device(tmp_path_factory):
     """A folder with two logs of poses of a simulated device and its calibration."""

@@ -62,7 +62,7 @@ def test_the_rates_have_the_rounding_of_the_angular_rate():
     plain, rounded = (
         model.covariance(
             true_parameters(TRUTH),
-            replace(made.poses, rounded=np.tile(variance, (count, 1))),
+            replace(made.poses, added=np.tile(variance, (count, 1))),
             force.direction_covariance,
             noise,
         ).diagonal()[: 3 * count]

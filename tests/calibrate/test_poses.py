@@ -14,7 +14,7 @@ from imuloop.calibrate.calibrate import (
     with_sessions,
     without_pose,
 )
-from imuloop.calibrate.poses import gather_poses, gather_rotations, rounded_means
+from imuloop.calibrate.poses import gather_poses, gather_rotations, rounded_means, turns_within
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
@@ -50,6 +50,29 @@ def test_rests_of_one_pose_are_pooled_and_rotations_run_between_poses():
     assert rotations.first.tolist() == [0, 2]
     assert (rotations.start_s[0], rotations.end_s[0]) == (5.9, 8.0)
     assert len(gather_rotations(poses, [log, log], [table, table], 1.9)[0]) == 0
+
+
+def test_gravity_at_both_ends_of_a_rest_that_tilts_follows_from_its_mean():
+    """Protects: a turn starts and ends where the device is then, not at the mean of the rest."""
+    t, bias, g = np.arange(1000) / 100, np.array([0.01, -0.02, 0.03]), 9.8
+    # settles by 5 mrad in the first rest, 1 s; the second lies still
+    angle = np.where(t < 5, 5e-3 * np.exp(-np.minimum(t, 5.0)), 5e-3 * np.exp(-5.0))
+    u = np.column_stack([0 * t, np.sin(angle), np.cos(angle)])
+    w = np.column_stack([np.gradient(angle, t), 0 * t, 0 * t]) + bias
+    log = pd.DataFrame(np.column_stack([t, g * u, w]), columns=["t", *CHANNELS])
+    edges = np.array([0, 5, 6, 10.0])
+    table = segment_table(log, edges[:-1], edges[1:], ["static", "motion", "static"], [0, -1, 1])
+    table["tilt_rad"] = [1e-3, 0.0, 0.0]
+    poses = turns_within(gather_poses([table]), [log])
+    direction = poses.f[0] / np.linalg.norm(poses.f[0])
+    ends = [direction + np.cross(direction, turn[0]) for turn in (poses.to_start, poses.to_end)]
+    # to the square of the tilt
+    np.testing.assert_allclose(ends, u[[0, 499]], atol=2e-5)
+    assert np.abs(u[0] - direction).max() > 1e-3
+    assert not poses.to_start[1].any() and not poses.to_end[1].any()
+    # and the rest says nothing of the bias below its turn over its length
+    assert poses.added[0, 3:].min() == pytest.approx(12 * (1e-3 / 5) ** 2)
+    assert not poses.added[1].any()
 
 
 @pytest.mark.parametrize(("noise", "most"), [(0.0, 1.1), (0.1, 2.5), (0.3, 1.3)])

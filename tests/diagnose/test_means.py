@@ -40,7 +40,7 @@ def log(seconds=2400.0, rate=10.0):
 
 
 def segments(*rows):
-    return pd.DataFrame(rows, columns=["start_s", "end_s", "kind"])
+    return pd.DataFrame(rows, columns=["start_s", "end_s", "kind"]).assign(tilt_rad=0.0)
 
 
 CUT = segments((0, 1190, "static"), (1190, 1210, "disturbed"), (1210, 2400, "static"))

@@ -42,7 +42,9 @@ def log(seed, warm=False, extra=None, up=(0.1, -0.2, 9.8)):
 
 
 def data(**samples):
-    whole = pd.DataFrame({"start_s": [0.0], "end_s": [SECONDS], "kind": ["static"]})
+    whole = pd.DataFrame(
+        {"start_s": [0.0], "end_s": [SECONDS], "kind": ["static"], "tilt_rad": [0.0]}
+    )
     return StaticData(dict.fromkeys(samples, "static"), samples, dict.fromkeys(samples, whole))
 
 

@@ -81,7 +81,7 @@ def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch):
     ("declared", "text"),
     [
         ({"units": {"acceleration": "count"}}, r"needs nominal\.acceleration"),
-        ({"units": {"acceleration": "ft/s^2"}}, r"acceleration: 'ft/s\^2' is not a unit; use one"),
+        ({"units": {"acceleration": "ft/s^2"}}, r"'ft/s\^2' is not a unit of acceleration"),
         ({"units": {"time": "sec"}}, r"units\.time: 'sec' is not a unit; did you mean 's'\?"),
         ({"units": {"time": "ISO 8601"}}, "column 't' holds numbers"),
         ({"columns": {"time": "when"}}, "no column 'when'; there are t, ax"),

@@ -54,11 +54,11 @@ class Device:
         }
 
 
-def ingest(device, session, declared, paths, stand_in=True):
+def ingest(device, session, declared, paths):
     """Write samples and quality of one session, the log of which lies in files at the paths.
 
     ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps`` may be
-    declared. Of a log that cannot be read nothing is written unless something shall `stand_in`.
+    declared.
     """
     from imuloop.ingest.ingest import ingest, write_nothing
 
@@ -82,11 +82,7 @@ def ingest(device, session, declared, paths, stand_in=True):
             threads=device.threads,
         )
 
-    def instead(*why):
-        if stand_in:
-            write_nothing(**what, why=why)
-
-    return attempt(device, "ingest", work, instead)
+    return attempt(device, "ingest", work, lambda *why: write_nothing(**what, why=why))
 
 
 def segment(device):

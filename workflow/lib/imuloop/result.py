@@ -5,7 +5,7 @@ import re
 import tempfile
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -314,9 +314,7 @@ def _ingested(device, session, log, declared):
         path.parent.mkdir(parents=True, exist_ok=True)
         _table(log).to_parquet(path, index=False)
         declared = declared | {"sources": {"log": {"path": IN_MEMORY}}}
-    # a wrong declaration is one line: no traceback, nothing in the place of samples
-    unlogged = replace(device, log=None)
-    for failure in chain.ingest(unlogged, session, declared, [path], stand_in=False):
+    for failure in chain.ingest(device, session, declared, [path]):
         # the file's name is enough
         raise ImuloopError(failure.why.removeprefix(f"{device.name}/{session}: "))
     quality = read_json(device.sessions[session]["quality"])

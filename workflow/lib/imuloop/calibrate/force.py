@@ -8,6 +8,7 @@ import numpy as np
 from imuloop.calibrate.recording import Recording
 from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import ANGULAR_RATE
 
 _UPPER = ((0, 1), (0, 2), (1, 2))
 
@@ -39,7 +40,21 @@ class Force:
         found = left.reshape(n, 3 * n, 3) @ to_direction.swapaxes(1, 2)
         change, covariance = self._of_parameters
         change = (across @ change).reshape(3 * n, -1)
-        return found.swapaxes(0, 1).reshape(3 * n, 3 * n) + change @ covariance @ change.T
+        found = found.swapaxes(0, 1).reshape(3 * n, 3 * n) + change @ covariance @ change.T
+        own = 3 * np.arange(n)[:, None] + np.arange(3)
+        found[own[:, :, None], own[:, None]] += self._of_tilts(u)
+        return found
+
+    def _of_tilts(self, u):
+        """Return what the gyroscope adds to directions that it turns within a rest, (n, 3, 3)."""
+        poses = self.recording.poses
+        if poses.tilt is None:
+            return 0.0
+        # the mean of a walk over T, from either end, has a third of the variance at T
+        seconds = np.where(poses.tilt > 0, poses.duration_s / 3, 0.0)[:, None, None]
+        white = [self.noise.axes[name].N.square for name in ANGULAR_RATE]
+        crossed = np.cross(np.eye(3), u[:, None])
+        return seconds * (crossed * white) @ crossed.swapaxes(1, 2)
 
     @cached_property
     def _of_parameters(self):

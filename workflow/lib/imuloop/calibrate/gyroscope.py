@@ -57,6 +57,9 @@ class GyroscopeModel:
     rotations: Rotations  # m of k samples
     rotation_design: np.ndarray  # the derivative of e along them, (m, k, 3, p)
     directions: np.ndarray  # unit vector of calibrated specific force at each pose, (n, 3)
+    # turns from there to the start and to the end of a pose, rad, (n, 3) or zero
+    to_start: np.ndarray | float = 0.0
+    to_end: np.ndarray | float = 0.0
     # part of e that is known, rad/s, (n, 3) and (m, k, 3)
     rate_known: np.ndarray | float = 0.0
     rotation_known: np.ndarray | float = 0.0
@@ -147,20 +150,28 @@ class GyroscopeModel:
         ``δu_end = Cᵀ (u_start × φ), φ = ∫ C(t) δw(t) dt``. In the plane normal to the measured
         direction, rad, (m, 2); the derivative has (m, 2, 12 + p).
         """
-        path, start = self.path(x), self.directions[self.rotations.first]
+        path, start = self.path(x), self.departures
         across = cross_matrix(start) @ self.summed(path.middle, x)
         return self.angles(x), self.plane @ (path.last.swapaxes(1, 2) @ across)
 
     def angles(self, x):
         """Return the angles of `rotation_errors` alone."""
-        start = self.directions[self.rotations.first]
-        turned = np.einsum("mji,mj->mi", self.path(x).last, start)
+        turned = np.einsum("mji,mj->mi", self.path(x).last, self.departures)
         return np.einsum("mij,mj->mi", self.plane, turned)
 
     @cached_property
     def plane(self):
         """Two unit vectors normal to the measured direction after each rotation, (m, 2, 3)."""
-        return tangents(self.directions[self.rotations.first + 1])
+        return tangents(self._turned(self.to_start)[self.rotations.first + 1])
+
+    @cached_property
+    def departures(self):
+        """Direction of gravity where each rotation starts, (m, 3)."""
+        return self._turned(self.to_end)[self.rotations.first]
+
+    def _turned(self, turns):
+        """Return the directions at the poses after small turns from there, (n, 3)."""
+        return self.directions + np.cross(self.directions, np.broadcast_to(turns, self.rate.shape))
 
     def residuals(self, x):
         """Return all residuals in one vector, and their derivative."""
@@ -182,7 +193,7 @@ class GyroscopeModel:
         plane = self.plane
         # error in the plane per rotation vector on the axes at the start: P Cᵀ [u ×]
         carried = plane @ path.last.swapaxes(1, 2)
-        to_error = carried @ cross_matrix(self.directions[rotations.first])
+        to_error = carried @ cross_matrix(self.departures)
         # the two components of each rotation's error
         pairs = 3 * n + 2 * np.arange(m)[:, None] + [0, 1]
         # what the means at the poses and over the rotations make of a residual
@@ -225,8 +236,8 @@ def slow_covariance(poses, rotations, noise, gains, channels):
             slow = np.array(together[axis])
             if slow.any():
                 slow[turned, turned] -= noise.axes[name].N.square / np.ptp(ends[turns], axis=1)
-                if poses.rounded is not None:
-                    slow[own, own] += poses.rounded[at, axis]
+                if poses.added is not None:
+                    slow[own, own] += poses.added[at, axis]
             else:
                 # of an axis without noise the poses' own variance is known
                 slow[np.ix_(own, own)] = means[axis][np.ix_(at, at)]
@@ -279,6 +290,8 @@ def gyroscope_model(recording, force, x=None, effects=(), known=()):
         rotations=rotations,
         rotation_design=design,
         directions=force.poses / np.linalg.norm(force.poses, axis=1, keepdims=True),
+        to_start=recording.poses.to_start,
+        to_end=recording.poses.to_end,
         rate_known=sum(effect.output(poses) for effect in known),
         rotation_known=added,
     )

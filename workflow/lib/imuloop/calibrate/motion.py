@@ -154,7 +154,7 @@ class MotionModel:
 
     def frame(self, turn):
         """Return the axes of each move's velocity: gravity's direction, and two square to it."""
-        u = turn.directions[turn.rotations.first]
+        u = turn.departures
         return np.concatenate([u[:, None], tangents(u)], axis=1)
 
     @cached_property
@@ -195,7 +195,7 @@ class MotionModel:
         # one product of matrices instead of one per sample
         pushed = np.tensordot(C, T, 1).swapaxes(1, 2).reshape(len(C), 3, -1)
         velocity = (pushed @ output.reshape(len(C), -1, 1))[..., 0]
-        velocity = velocity - pull[..., 0] * turn.directions[first]
+        velocity = velocity - pull[..., 0] * turn.departures
         of_output = np.einsum("mkai,mkj->maij", C, output, optimize=True)
         of_raw = np.einsum("mkai,mkj->maij", C, raw, optimize=True)
         rows, columns = accelerometer.UPPER
@@ -324,10 +324,10 @@ class MotionCovariance:
         self.model, self.recording = model, recording
         self.of_force, self.of_turn, self.turn = model.at(x)
         self.path = self.turn.path(self.of_turn)
-        self.frame, first = model.frame(self.turn), self.turn.rotations.first
+        self.frame = model.frame(self.turn)
         self.carried = self.turn.plane @ self.path.last.swapaxes(1, 2)
         # error of each move per turn on the axes at its start, in the middle of each step
-        of_rotation = self.carried @ cross_matrix(self.turn.directions[first])
+        of_rotation = self.carried @ cross_matrix(self.turn.departures)
         of_velocity = self.frame[:, None] @ model.levers(self.of_force, self.path)
         of_rotation = np.broadcast_to(of_rotation[:, None], (*of_velocity.shape[:2], 2, 3))
         self.per_turn = np.concatenate([of_rotation, of_velocity], axis=2)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 
 from imuloop.calibrate.gaps import Lost, errors_of_time
 from imuloop.calibrate.undersampling import PARTS, aliased_turns
@@ -34,8 +35,14 @@ class Poses:
     w: np.ndarray
     variance: np.ndarray  # sample variance of the six channels within the pose, (n, 6)
     temperature: np.ndarray | None  # mean, degC; None unless every session logs one
-    # variance that rounding adds to the six means (`rounded_means`), (n, 6)
-    rounded: np.ndarray | None = None
+    # variance that rounding (`rounded_means`) and tilts add to the six means, (n, 6)
+    added: np.ndarray | None = None
+    # root mean square of the tilt that both sensors show in the pose, rad, (n,)
+    tilt: np.ndarray | None = None
+    # turns from the attitude of the mean to that at the start and at the end, rad, on body axes,
+    # (n, 3); zero where the device lies still
+    to_start: np.ndarray | float = 0.0
+    to_end: np.ndarray | float = 0.0
 
     def __len__(self):
         return len(self.n)
@@ -60,7 +67,7 @@ class Poses:
 
         SI units squared, in the order ax … gz. Runs are independent. An axis whose noise is not
         known gets the white part alone, the variance within the pose over its samples. What
-        rounding adds is independent from pose to pose.
+        rounding and tilts add is independent from pose to pose.
         """
         windows = self.windows
         whole = np.zeros((6, len(self), len(self)))
@@ -70,8 +77,8 @@ class Poses:
         for axis in range(6):
             if not np.any(whole[axis]):
                 whole[axis] = np.diag(self.variance[:, axis] / self.n)
-            elif self.rounded is not None:
-                whole[axis] += np.diag(self.rounded[:, axis])
+            elif self.added is not None:
+                whole[axis] += np.diag(self.added[:, axis])
         return whole
 
     def unknown_noise(self, noise, channels):
@@ -134,7 +141,8 @@ class Rotations:
 def _selected(table, keep):
     """Return a copy of a dataclass of arrays with the chosen rows."""
     columns = {f.name: getattr(table, f.name) for f in fields(table)}
-    return type(table)(**{k: None if v is None else v[keep] for k, v in columns.items()})
+    rows = {k: v[keep] if isinstance(v, np.ndarray) else v for k, v in columns.items()}
+    return type(table)(**rows)
 
 
 def gather_poses(segments):
@@ -179,6 +187,7 @@ def gather_poses(segments):
         w=pooled([f"{c}_mean" for c in ANGULAR_RATE]),
         variance=pooled([f"{c}_std" for c in CHANNELS], power=2),
         temperature=None,
+        tilt=np.sqrt(pooled(["tilt_rad"], power=2)[:, 0]),
     )
 
 
@@ -204,6 +213,35 @@ def rounded_means(samples, variance):
     # about one level the variance may be nothing: that of all says what the noise is
     white = max(np.mean(variance) / q**2 - 1 / 12, 0.0)
     return q**2 / (2 * np.pi**2) * np.sum(np.exp(-4 * np.pi**2 * k**2 * white) / k**2)
+
+
+def turns_within(poses, samples):
+    r"""Return the poses with the turns from the attitude of their mean to that at both ends.
+
+    Of specific force u the mean over a rest is that at an instant where the turn since the start
+    equals its mean. So to the end it is turned by the mean over the rest of :math:`\int_t^{end} w`,
+    to the start by the mean of :math:`-\int_{start}^t w`. The bias is the mean rate of the poses
+    that lie still. A rest that turned by Δ in T seconds says nothing of the bias below Δ/T, which
+    is added to the variance of its mean rate; Δ is √12 times the tilt's root mean square, as of a
+    steady turn. Takes the Poses and the samples of each session.
+    """
+    tilted = np.flatnonzero(poses.tilt)
+    if not len(tilted):
+        return poses
+    still = poses.tilt == 0
+    bias = np.average(poses.w[still], axis=0, weights=poses.n[still]) if still.any() else 0.0
+    to_start, to_end = np.zeros((2, len(poses), 3))
+    for k in tilted:
+        log = samples[poses.session[k]]
+        t = np.asarray(log[TIME])
+        i, j = np.searchsorted(t, [poses.start_s[k], poses.end_s[k]])
+        w = np.column_stack([np.asarray(log[c])[i:j] for c in ANGULAR_RATE]) - bias
+        turned = cumulative_trapezoid(w, t[i:j], axis=0, initial=0)
+        mean = turned.mean(axis=0)
+        to_start[k], to_end[k] = -mean, turned[-1] - mean
+    added = np.zeros((len(poses), 6)) if poses.added is None else poses.added.copy()
+    added[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
+    return replace(poses, added=added, to_start=to_start, to_end=to_end)
 
 
 def gather_rotations(poses, samples, segments, longest_s):

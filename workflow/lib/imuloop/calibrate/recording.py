@@ -6,7 +6,14 @@ from functools import cache
 import numpy as np
 
 from imuloop.calibrate.gaps import Lost
-from imuloop.calibrate.poses import Poses, Rotations, gather_poses, gather_rotations, rounded_means
+from imuloop.calibrate.poses import (
+    Poses,
+    Rotations,
+    gather_poses,
+    gather_rotations,
+    rounded_means,
+    turns_within,
+)
 from imuloop.core.effect import Channels
 from imuloop.core.memory import filled
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
@@ -134,7 +141,7 @@ def record(samples, segments, longest_rotation):
     """
     logs = tuple(Log.of(s) for s in samples)
     poses = gather_poses(segments)
-    poses = replace(poses, rounded=_rounded(poses, samples))
+    poses = turns_within(replace(poses, added=_rounded(poses, samples)), samples)
     if len(poses) and all(log.temperature is not None for log in logs):
         temperature = [log.temperature for log in logs]
         poses = replace(poses, temperature=pose_means(poses, logs, temperature))

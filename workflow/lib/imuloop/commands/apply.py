@@ -42,9 +42,9 @@ def run(arguments):
         raise ImuloopError(f"{arguments.calibration}: {calibration.nominal_words()}")
     beside = arguments.log.with_name("quality.json")
     refuse_overwriting([output], [arguments.calibration, arguments.log, beside])
-    # where the output will be there is room for something as large
-    near = next(filter(Path.is_dir, output.absolute().parents))
-    with tempfile.TemporaryDirectory(dir=near, prefix=".imuloop-") as folder:
+    output.parent.mkdir(parents=True, exist_ok=True)
+    # beside the output, where there is room for something as large
+    with tempfile.TemporaryDirectory(dir=output.parent, prefix=".imuloop-") as folder:
         samples, quality = log_samples(
             arguments.log, arguments, Path(folder), calibration=calibration
         )

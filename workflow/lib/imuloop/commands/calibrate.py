@@ -87,7 +87,8 @@ def made(arguments, folder, log):
             raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
         logs[kind or arguments.kind].append(path)
     what, nominal = declared(arguments)
-    handler = TracebackLog(log, mode="w", delay=True)
+    # made only where there is a traceback to keep
+    handler = logging.FileHandler(log, mode="w", delay=True)
     handler.setLevel(logging.ERROR)
     handler.setFormatter(Printable())
     logging.getLogger().addHandler(handler)
@@ -108,14 +109,6 @@ def made(arguments, folder, log):
             )
     finally:
         logging.getLogger().removeHandler(handler)
-
-
-class TracebackLog(logging.FileHandler):
-    """A log that is made, and its folder too, only where there is a traceback to keep."""
-
-    def _open(self):
-        Path(self.baseFilename).parent.mkdir(parents=True, exist_ok=True)
-        return super()._open()
 
 
 def _log(text):

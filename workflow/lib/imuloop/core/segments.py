@@ -3,6 +3,7 @@
 A pandas DataFrame, a row a stretch in order of time: `start_s`, `end_s` (half-open, on the
 samples' clock), `kind`, `pose` (number of the attitude held; -1 where none), `n` samples, and
 mean and standard deviation of every channel (SI units); values that are missing do not count.
+`tilt_rad` of a rest is the root mean square of the tilt that both sensors show in it.
 """
 
 from math import sqrt
@@ -36,6 +37,7 @@ def segment_table(samples, start_s, end_s, kinds, poses):
         "kind": list(kinds),
         "pose": np.asarray(poses, dtype=np.int64),
         "n": np.diff(ranges, axis=1).ravel(),
+        "tilt_rad": np.zeros(len(ranges)),
     }
     names = (*CHANNELS, *[TEMPERATURE] * (TEMPERATURE in rows))
     found = np.empty((2, len(names), len(ranges)))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 
-from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog, nearest
+from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import schema
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
@@ -274,19 +274,17 @@ def used_units(log, declared):
         if log.units.get(quantity, unit) != unit:
             stated = log.units[quantity]
             doubts.append(f"units.{quantity} is {unit}, the log says {stated}; {unit} used")
-        # ISO 8601 stamps need no unit
+        # that of sensors is checked with their scale; ISO 8601 stamps need no unit
         if unit in known or (quantity == "time" and is_iso(unit)):
             continue
         if quantity not in declared:
             # of time only where stamps are numbers
             if quantity != "time":
                 raise unknown_unit(quantity, unit)
-        else:
-            meant = {stated_unit(quantity, unit, increments) for increments in (False, True)}
-            # by similarity only what is hardly another
-            hint = [f"; did you mean '{near}'?" for near in known if near in meant]
-            hint = hint[0] if hint else nearest(unit, known, 0.8)
-            raise ImuloopError(f"units.{quantity}: '{unit}' is not a unit{hint}")
+        elif quantity not in _SENSORS:
+            near = stated_unit(quantity, unit)
+            hint = f"did you mean '{near}'?" if near else f"use one of {', '.join(known)}"
+            raise ImuloopError(f"units.{quantity}: '{unit}' is not a unit; {hint}")
     if not log.temperature:
         del used["temperature"]
     if "interval" not in log.found:

@@ -82,9 +82,9 @@ def record_of(session, disturbed=False):
     between; the rests of other sessions have levels of their own. A lost sample ends a stretch.
     Where `disturbed`, disturbed stretches stay in, and one level holds all through.
     """
-    kind = np.asarray(session.segments["kind"])
+    kind, still = np.asarray(session.segments["kind"]), _steadiest(session.segments)
     begins, ends = (np.asarray(session.segments[c], float) for c in ("start_s", "end_s"))
-    used = np.flatnonzero((kind == STATIC) | (disturbed & (kind == DISTURBED)))
+    used = np.flatnonzero(still | (disturbed & (kind == DISTURBED)))
     used = used[np.argsort(begins[used], kind="stable")]
     start, end, run = begins[used], ends[used], runs(session.segments)[used]
     t = np.asarray(session.samples[TIME])
@@ -114,6 +114,23 @@ def record_of(session, disturbed=False):
         samplings.append(Sampling(rate, *(tuple(x.tolist()) for x in (start, n, level[run == k]))))
     slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
     return Record(session, slices, tuple(samplings), jitter, float(lost / count))
+
+
+def _steadiest(segments):
+    """Return the rests whose noise is that of the sensors, (n,).
+
+    All of them, unless the device tilts in some. Then those in which it lies still, or else the
+    third in which it tilts least, and of these no rest shorter than half the longest: a small tilt
+    is not seen, and looks like a walk.
+    """
+    rest = np.asarray(segments["kind"]) == STATIC
+    tilt = np.where(rest, np.asarray(segments["tilt_rad"], dtype=float), 0.0)
+    if not tilt.any():
+        return rest
+    still = rest & (tilt == 0)
+    used = still if still.any() else rest & (tilt <= np.quantile(tilt[rest], 1 / 3))
+    seconds = np.asarray(segments["end_s"], float) - np.asarray(segments["start_s"], float)
+    return used & (seconds >= seconds[used].max() / 2)
 
 
 def _parted(t, first, last):

@@ -135,6 +135,7 @@ def planned_recording(plan, calibration, variance, rate, aliased=0.0):
         "kind": np.where(rest, STATIC, MOTION),
         "pose": np.where(rest, np.arange(len(n)) // 2, -1),
         "n": np.maximum(1, np.round(n / RATE * rate)),
+        "tilt_rad": np.zeros(len(n)),
         **means,
         **{f"{name}_std": np.full(len(n), size) for name, size in deviations},
     }

@@ -5,6 +5,7 @@ import numpy as np
 from imuloop.core.errors import plural
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import TEMPERATURE, TIME
+from imuloop.core.units import DEGREE
 from imuloop.effects.discovered import parse
 from imuloop.report.numbers import joined, number
 from imuloop.report.recording import (
@@ -129,6 +130,7 @@ def next_steps(device):
         _clipped,
         _unexplained,
         _short_rests,
+        _tilted_rests,
         best_recording,
         hole,
         turns_needed,
@@ -195,6 +197,22 @@ def _short_rests(device):
             else:
                 text += " Hold"
             yield 1 - now / then, f"{text} each for 4 s or more."
+
+
+def _tilted_rests(device):
+    for s in device.used:
+        tilted, rests = s.segmentation.get("tilted_rests", 0), (s.segments["pose"] >= 0).sum()
+        if tilted > MANY * rests:
+            largest = s.segments["tilt_rad"].max() / DEGREE
+            how = "lay it on a table, or in a corner, instead of holding it in the hand"
+            if not s.segmentation["hand_held"]:
+                how = "wait 3 s after you put it down, or lay it on something hard"
+            # such a rest says nothing of the gyroscope's bias
+            yield (
+                1 - np.sqrt(1 - min(tilted / rests, 1.0)),
+                f"In {tilted} of {rests} rests of session {s.name} the device tilts, by up to "
+                f"{number(largest, 2)}°: {how}.",
+            )
 
 
 def _unexplained(device):

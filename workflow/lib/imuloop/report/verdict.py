@@ -261,7 +261,8 @@ def sentence(sensor, block):
         text += _within(block)
     if spoiled := block.get("moves", {}).get("left_out"):
         of = plural(block["moves"]["all"], "move")
-        text += f" Left out, for a knock between two samples: {spoiled} of {of}."
+        why = "for a knock between two samples or a tilt at the rest beside it"
+        text += f" Left out, {why}: {spoiled} of {of}."
     if found := too_quiet(block):
         name, chi2, p = found
         text += (

@@ -10,10 +10,16 @@ from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.multiples import attitudes, choose_multiples, cumulative
 from imuloop.segment.poses import number_poses
 from imuloop.segment.settings import SegmentSettings
-from imuloop.segment.static_detector import activity, detect_rests, rest_level, slow
+from imuloop.segment.static_detector import (
+    activity,
+    detect_rests,
+    rest_level,
+    slow,
+    widened,
+)
 from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.stretches import lengths, unbroken, without
-from imuloop.segment.tilt import tilts
+from imuloop.segment.tilt import steady_rests, tilts
 
 # rests that are dropped as too short, at least so many and this share of those kept, make it worth
 # to look what shorter settings would bring: parts of window_s and shortest_rest_s
@@ -23,6 +29,11 @@ SHORTER = ((1, 0.5), (0.5, 0.5), (0.5, 0.25), (0.25, 0.25))
 WORTHWHILE, ALMOST = 1.2, 0.95
 # a calibration this much less certain, by its expected error, is too dear for steady rests
 DEAREST = 2.0
+# multiples of the level and of `rate_tolerance` within which a hand may hold a device, looked at
+# where steadier rests give a calibration with more than this error, of g
+HAND_MULTIPLES, HAND_RATE, UNCERTAIN = ((20, 50, 100, 200), (1000, 3000)), 3.0, 2e-4
+# share of the rests that tilt where a hand holds the device
+HELD = 0.5
 
 
 def segment_session(samples, kind, settings, threads=1):
@@ -42,6 +53,7 @@ def segment_session(samples, kind, settings, threads=1):
     """
     rows = Samples(samples)
     stretches, step = unbroken(rows, settings.gap_factor)
+    tilt = 0.0
     if kind == "static":
         rests = undisturbed(rows, stretches, step, settings, threads)
         tilted = tilts(rows, rests, step)
@@ -50,7 +62,7 @@ def segment_session(samples, kind, settings, threads=1):
             rests = without(rests, tilted)
             rests = rests[lengths(rests) * step >= settings.shortest_static_s - step / 2]
     else:
-        rests, metadata = _find_rests(rows, stretches, step, settings)
+        rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
 
     edges = np.union1d(stretches, rests)
     ranges = np.column_stack([edges[:-1], edges[1:]])
@@ -70,6 +82,7 @@ def segment_session(samples, kind, settings, threads=1):
     table = segment_table(rows, start, end, kinds, np.full(len(start), -1))
     poses = number_poses(rows, ranges[is_rest], table[is_rest], stretches, settings)
     table.loc[is_rest, "pose"] = poses
+    table.loc[is_rest, "tilt_rad"] = tilt
     metadata |= {
         "kind": kind,
         "step_s": step,
@@ -85,14 +98,23 @@ def no_segments(kind):
 
 
 def _find_rests(rows, stretches, step, settings):
-    """Return the rests of a session, the metadata, and what shorter settings would bring."""
+    """Return the rests of a session, the tilt within each, rad, and the metadata."""
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
     rests, metadata = _detected(f, w, stretches, step, settings)
-    metadata["shorter"] = None
+    found, tilt, metadata = _steady(f, w, rests, stretches, step, metadata)
+    metadata |= {"shorter": None, "hand_held": False}
+    if len(rests) and (certain := _lowest(metadata["choice"])) > UNCERTAIN:
+        by_hand, more = _detected(f, w, stretches, step, _of_a_hand(settings))
+        if DEAREST * _lowest(more["choice"]) < certain:
+            held, sway, more = _steady(f, w, by_hand, stretches, step, more)
+            # what only moves slowly turns by more than what it tilts
+            if np.mean(sway > 0) > HELD:
+                rests, found, tilt = by_hand, held, sway
+                metadata |= more | {"hand_held": True}
     short = metadata["short_rests"]
     if short < LEAST_SHORT or short <= SHORT_SHARE * len(rests):
-        return rests, metadata
-    total, tried = cumulative(f), []
+        return found, tilt, metadata
+    total, tried, kept = cumulative(f), [], found
     now = len(attitudes(total, rests, settings.same_attitude))
     for window, shortest in SHORTER:
         each = {
@@ -107,7 +129,28 @@ def _find_rests(rows, stretches, step, settings):
         # the longest that find nearly as many
         good = (each for each in tried if each["attitudes"] >= ALMOST * most)
         metadata["shorter"] = next(good)
-    return rests, metadata
+    return kept, tilt, metadata
+
+
+def _steady(f, w, rests, stretches, step, metadata):
+    """Return rests without the ends that tilt, the tilt within each, and the metadata with both."""
+    if not len(rests):
+        return rests, np.zeros(0), metadata | {"settling_s": 0.0, "tilted_rests": 0}
+    wide = widened(f, w, rests, stretches, step)
+    found, tilt = steady_rests(f, w, wide, metadata["level"]["rate"], step)
+    cut = float((lengths(wide) - lengths(found)).sum() * step)
+    return found, tilt, metadata | {"settling_s": cut, "tilted_rests": int((tilt > 0).sum())}
+
+
+def _of_a_hand(settings):
+    """Return the settings that find the rests of a device held in the hand."""
+    force, rate = HAND_MULTIPLES
+    return replace(
+        settings,
+        accelerometer_multiples=(*settings.accelerometer_multiples, *force),
+        gyroscope_multiples=(*settings.gyroscope_multiples, *rate),
+        rate_tolerance=HAND_RATE * settings.rate_tolerance,
+    )
 
 
 def _detected(f, w, stretches, step, settings):

@@ -9,12 +9,15 @@ not, and a multiple of it means the same.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import chdtri
 
 from imuloop.segment.stretches import lengths, runs
 from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statistics
 
 # samples of a rest: the variance of fewer says nothing of its mean's error
 FEWEST_SAMPLES = 4
+# short means by which a rest is widened, s
+EDGE_S = 0.1
 
 
 @dataclass(frozen=True)
@@ -131,3 +134,41 @@ def detect_rests(still, stretches, step, settings):
     long_enough = samples * step >= settings.shortest_rest_s - step / 2
     long_enough &= samples >= FEWEST_SAMPLES
     return rests[long_enough], int(np.sum(~long_enough))
+
+
+def widened(f, w, rests, stretches, step):
+    """Return rests that go on as far as short means of both sensors are those of the rest.
+
+    The window of the detector ends a rest half its length early. From each end on, the mean over
+    `EDGE_S` of each sensor is compared with that of the rest, by the variance of its samples there:
+    the sum of the three squares is below the quantile of χ² that noise passes once in 100,000. The
+    last `EDGE_S` before the first one above is left out. Takes specific force and angular rate,
+    (3, n), ranges of samples, the stretches without a gap, and the step of time, s.
+    """
+    width = max(round(EDGE_S / step), 1)
+    rests, bound = rests.copy(), chdtri(3, 1e-5)
+    floors = [rounding_variance(x[:, :DECIDING].T) for x in (f, w)]
+    edges = np.concatenate([[0], rests.ravel(), [f.shape[1]]])
+    for k, (i, j) in enumerate(rests.tolist()):
+        a, b = stretches[np.searchsorted(stretches[:, 0], i, side="right") - 1]
+        for end, low, high in ((1, j, min(b, edges[2 * k + 3])), (0, max(a, edges[2 * k]), i)):
+            moved = np.zeros(max(high - low - width + 1, 0))
+            for x, floor in zip((f, w), floors, strict=True):
+                part = x[:, low:high]
+                if not len(moved):
+                    continue
+                means = np.cumsum(np.pad(part, ((0, 0), (1, 0))), axis=1)
+                means = (means[:, width:] - means[:, :-width]) / width
+                rest = x[:, i:j]
+                # of all axes alike: the frame of the sensor does not matter
+                variance = max(rest.var(axis=1).mean(), floor) / width
+                square = (means - rest.mean(axis=1)[:, None]) ** 2 / variance
+                moved = np.maximum(moved, square.sum(axis=0))
+            away = np.flatnonzero(moved > bound)
+            if end:
+                more = max((away[0] if len(away) else len(moved)) - width, 0)
+                rests[k, 1] = j + more
+            else:
+                more = len(moved) - 1 - away[-1] if len(away) else len(moved)
+                rests[k, 0] = i - max(more - width, 0)
+    return rests

@@ -90,7 +90,10 @@ def diagnose_motion(force, turn, recording, settings, tests, shown, beyond=None)
         return untestable("the poses do not determine both sensors")
     x = [solution.fit.x for _, solution in (force, turn)]
     knock = knocks(recording, x[1][9:12])
-    quiet, columns = knock <= SPOILED, {"knock_m_s": knock}
+    # where it tilts at either end the velocity there is not zero
+    first, tilt = recording.rotations.first, recording.poses.tilt
+    tilts = (tilt[first] > 0) | (tilt[first + 1] > 0)
+    quiet, columns = (knock <= SPOILED) & ~tilts, {"knock_m_s": knock}
     found = tuple(
         OfSensor(effect, model.sensor)
         for model, solution in (force, turn)
@@ -102,6 +105,7 @@ def diagnose_motion(force, turn, recording, settings, tests, shown, beyond=None)
     model = MotionPoses(force[0].noise, force[1].calibration, start, force[0].gravity, quiet)
     if quiet.sum() < LEAST_MOVES:
         why = f"{quiet.sum()} of {plural(len(quiet), 'move')} without a knock"
+        why += " and between rests without a tilt" * bool(tilts.any())
         why += f", at least {LEAST_MOVES} needed"
         unfitted = Solution(
             found, FitResult(start, np.zeros((0, 0)), np.nan, 0, np.zeros((0, 0)), np.zeros(0))

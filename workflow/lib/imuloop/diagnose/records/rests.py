@@ -12,6 +12,9 @@ from imuloop.diagnose.records.means import static_record
 # s; a rest of another session stands in for a static one from this length on
 INITIAL_REST = 30.0
 
+# of the segments, what the static record and the noise take
+COLUMNS = "start_s", "end_s", "kind", "tilt_rad"
+
 
 @dataclass(frozen=True)
 class StaticData:
@@ -44,8 +47,7 @@ class StaticData:
 def read_static(sessions):
     """Return the StaticData of a device from ``kind``, ``samples`` and ``segments`` by session."""
     kinds = {name: s["kind"] for name, s in sessions.items()}
-    columns = "start_s", "end_s", "kind"
-    segments = {n: read_columns(s["segments"], columns) for n, s in sessions.items()}
+    segments = {n: read_columns(s["segments"], COLUMNS) for n, s in sessions.items()}
     used = rests_to_use(kinds, segments)
     return StaticData(
         {name: kinds[name] for name in used},
@@ -59,11 +61,11 @@ def rests_to_use(kinds, segments):
 
     All static sessions, what lies between their rests included; where there is none, the longest
     rest of all others if it lasts. Kind and segments are by session; returned are ``start_s``,
-    ``end_s`` and ``kind`` of the segments to use.
+    ``end_s``, ``kind`` and ``tilt_rad`` of the segments to use.
     """
     static, longest, chosen = {}, INITIAL_REST, {}
     for name, table in segments.items():
-        columns = {column: np.asarray(table[column]) for column in ("start_s", "end_s", "kind")}
+        columns = {column: np.asarray(table[column]) for column in COLUMNS}
         still = np.flatnonzero(columns["kind"] == STATIC)
         seconds = (columns["end_s"] - columns["start_s"])[still]
         if kinds[name] == "static" and len(still):
