@@ -148,7 +148,6 @@ KEPT = [
     (put((0.3, 120), ["gz"], 0.0), "stuck at one value: gz 1"),
     (put((0.5, 400), ACCELERATION, None), "az 40"),
     (put((0.7,), ANGULAR_RATE, None), "stuck at one value: gx"),
-    (spike(3.0, "gz"), "spikes of a single sample: gz 3;"),
     (spike(-300.0, *CHANNELS), ALL_SPIKES),
     (clip("ax", 0.93), "clipped at a repeated extreme value: ax "),
     (clip("gy", 0.05), "clipped at a repeated extreme value: gy "),

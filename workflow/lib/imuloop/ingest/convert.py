@@ -48,6 +48,8 @@ class Counts:
     by_usual_step: int = 0
     missing_values: dict = field(default_factory=lambda: dict.fromkeys(CHANNELS, 0))
     impossible_values: dict = field(default_factory=lambda: dict.fromkeys(CHANNELS, 0))
+    spiked: int = 0
+    spike_values: dict = field(default_factory=lambda: dict.fromkeys(CHANNELS, 0))
     start_ns: int | None = None
     begin_s: float = 0.0
     time_unit: str | None = None

@@ -4,13 +4,14 @@ import os
 from contextlib import suppress
 from pathlib import Path
 
+import numpy as np
 import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
-from imuloop.core.samples import schema
+from imuloop.core.samples import CHANNELS, Samples, parquet_file, schema
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
-from imuloop.ingest import bursts, clocks, increments, quality
+from imuloop.ingest import bursts, clocks, increments, quality, spikes
 from imuloop.ingest import pps as marks
 from imuloop.ingest.columns import UNITS, stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
@@ -24,7 +25,10 @@ from imuloop.ingest.stamps import is_iso, iso_text
 # rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
 _SENSORS = ("acceleration", "angular_rate")
-_COUNTED = ("duplicates", "out_of_order", "non_finite", "missing_values", "impossible_values")
+_COUNTED = (
+    *("duplicates", "out_of_order", "non_finite", "missing_values", "impossible_values"),
+    *("spiked", "spike_values"),
+)
 
 
 def ingest(
@@ -139,13 +143,22 @@ def ingest(
             except RejectedLog as error:
                 reasons, logged = [str(error)], None
                 figures = written(log, counts, ())
+            fault = bursts.broken(figures, rate)
+            many = figures["gaps"]["count"] > bursts.MOST_BURSTS
+            dropped, at = spikes.find(Samples(temporary), figures["quantisation_step"], threads)
+            if len(dropped):
+                counts.spiked = len(np.unique(dropped))
+                number = np.bincount(at, minlength=len(CHANNELS)).tolist()
+                counts.spike_values = dict(zip(CHANNELS, number, strict=True))
+                _rewrite(temporary, dropped)
+                # the gaps that this leaves are counted as spikes
+                gaps = {"gaps": figures["gaps"]}
+                figures = quality.measure(temporary, full_scale, threads) | gaps
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
             wrong, doubted = judged(figures, raw_units, gravity, kind)
-            fault = bursts.broken(figures, rate)
             if fault:
                 # the rate is wrong, and what was found by it
-                many = figures["gaps"]["count"] > bursts.MOST_BURSTS
                 wrong, doubted = ([fault], []) if many else ([], [fault])
             lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
             reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
@@ -261,6 +274,20 @@ def _write(path, batches, log, counts, origin, rebuilt=False):
         if counts.time_unit:
             origin["units"]["time"] = counts.time_unit
         writer.add_key_value_metadata(schema(log.temperature, origin).metadata)
+
+
+def _rewrite(path, dropped):
+    """Write samples again without some rows."""
+    with replaced(path) as temporary, parquet_file(path) as file:
+        form, first = file.schema_arrow, 0
+        plain = form.remove_metadata()
+        with pq.ParquetWriter(temporary, plain, compression="zstd", store_schema=False) as writer:
+            for g in range(file.num_row_groups):
+                table = file.read_row_group(g)
+                keep = ~np.isin(np.arange(first, first + len(table)), dropped)
+                first += len(table)
+                writer.write_table(table.filter(keep), row_group_size=ROW_GROUP)
+            writer.add_key_value_metadata(form.metadata)
 
 
 def used_units(log, declared):

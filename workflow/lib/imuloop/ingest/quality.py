@@ -41,8 +41,9 @@ TREATMENT = (
     "missing, or beyond the same, stays missing. A step longer than "
     f"{GAP_STEPS} median steps is a gap; rate and jitter are of the other steps. More than "
     f"{MOST_DROPPED:.0%} dropped, fewer than {LEAST_ROWS} rows or less than {LEAST_DURATION:g} s: "
-    "rejected. Zeros on all axes, stuck, clipped, held or copied values and spikes are counted and "
-    "named; they stay in the samples."
+    "rejected. A row with a spike that no body makes, one value far from neighbours that agree, on "
+    "one axis alone, is dropped and counted. Zeros on all axes, stuck, clipped, held or copied "
+    "values and other spikes are counted and named; they stay in the samples."
 )
 
 
@@ -172,7 +173,7 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
     of a log.
     """
     found = []
-    lost = counts.non_finite + counts.duplicates + counts.out_of_order + bad_lines
+    lost = counts.non_finite + counts.duplicates + counts.out_of_order + bad_lines + counts.spiked
     inside = counts.read - counts.outside + bad_lines
     if inside == 0 and counts.read:
         return [f"none of the log's {plural(counts.read, 'row')} lies in the time range"]
@@ -184,6 +185,7 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
             (counts.duplicates, "with a repeated stamp, see columns.time"),
             (counts.out_of_order, "with a stamp before an earlier one"),
             (bad_lines, "lines that are no row"),
+            (counts.spiked, f"with a spike ({_spikes(counts)})"),
         )
         listed = ", ".join(f"{count} {what}" for count, what in parts if count)
         found.append(
@@ -216,6 +218,11 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
                 f"see units.{quantity} and nominal.{quantity}"
             )
     return found
+
+
+def _spikes(counts):
+    """Name the channels with spikes that were dropped, and how many; empty without."""
+    return ", ".join(f"{name} {n}" for name, n in counts.spike_values.items() if n)
 
 
 def _missing(counts):
@@ -262,6 +269,11 @@ def warnings(figures, counts, log, *, rate):
         )
     if log.bad_lines and "time" not in log.found:
         found.append("lines that are no row shorten a log without stamps by one step each")
+    if counts.spiked:
+        found.append(
+            f"{plural(counts.spiked, 'row')} dropped for a spike that no body makes: "
+            f"{_spikes(counts)}; check the wiring and the logger"
+        )
     if impossible := _impossible(counts):
         found.append(f"counted as missing{impossible}")
     missing = counts.missing_values.get(TEMPERATURE)

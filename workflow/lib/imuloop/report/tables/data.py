@@ -12,6 +12,7 @@ DROPPED = {
     "out_of_order": "Out of order",
     "non_finite": "Non-finite",
     "bad_lines": "Unreadable",
+    "spiked": "With a spike of one sample",
     "outside_time_range": "Outside the time range",
 }
 # what is mended in stamps, as quality.json counts it
@@ -80,7 +81,7 @@ def _faults(found):
         "Zero on all axes, rows": text_of(found.get("zero_rows")),
         "Stuck at one value, rows": rows("stuck"),
         "Without noise at rest": text_of(found.get("silent_at_rest")),
-        "Spikes of one sample": text_of(found.get("spikes")),
+        "Spikes of one sample, left": text_of(found.get("spikes")),
         "Clipped at a repeated extreme, rows": rows("clipped_at"),
         "Rows that a value is held": text_of(held) if held else "1",
         "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),

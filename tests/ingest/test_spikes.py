@@ -1,0 +1,133 @@
+"""Single samples that no body makes are dropped and counted; what a body makes is not touched."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import butter, lfilter
+
+from imuloop.core.samples import CHANNELS, TEMPERATURE, Samples
+from imuloop.ingest import spikes
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import example_truth
+
+N, RATE = 20_000, 100.0
+NO_STEP = np.zeros(6)
+NOISE = np.array([[0.02]] * 3 + [[0.001]] * 3)
+
+
+def noise(seed=1):
+    return NOISE * np.random.default_rng(seed).standard_normal((6, N))
+
+
+def turns(seconds, angle):
+    """Turns of minimum jerk about all axes, s and rad each, with rests between, and gravity."""
+    # there and back
+    u = np.arange(N) / RATE % (2 * seconds + 1)
+    x = np.clip(np.minimum(u, 2 * seconds + 0.5 - u) / seconds, 0, 1)
+    rate = np.where(u < seconds + 0.25, 30, -30) * angle / seconds * x**2 * (1 - x) ** 2
+    rate = rate * np.array([[0.8], [-0.5], [0.3]])
+    force = 9.8 * np.sin(angle * x**3 * (10 - 15 * x + 6 * x**2) + np.arange(3)[:, None])
+    return np.vstack([force, rate])
+
+
+def knocks(samples, seed=2):
+    """Knocks on a table, of any direction: the device rings for some samples, or for one."""
+    rng, x = np.random.default_rng(seed), np.zeros((6, N))
+    for at in rng.integers(50, N - 50, 100):
+        size = rng.normal(size=6) * [20, 20, 20, 0.5, 0.5, 0.5] * 10 ** rng.uniform(-1, 0)
+        ringing = np.exp(-np.arange(samples) / max(samples / 4, 0.1)) * np.cos(
+            rng.uniform(1, 3) * np.arange(samples)
+        )
+        x[:, at : at + samples] += size[:, None] * ringing
+    return x
+
+
+def vibration(frequency):
+    """A motor that starts and stops: above half the rate it is folded, near it, it beats."""
+    t = np.arange(N) / RATE
+    on = lfilter([0.2], [1, -0.8], (t % 7 > 3.0).astype(float))
+    phase = np.arange(6)[:, None]
+    return on * np.array([[3.0]] * 3 + [[0.2]] * 3) * np.sin(2 * np.pi * frequency * t + phase)
+
+
+BODIES = {
+    "rest": 0.0,
+    "turns by hand": turns(1.5, 2.0),
+    "turns as fast as a hand can, ten samples each": turns(0.1, 2.0),
+    "knocks that ring": knocks(12),
+    "knocks of a single sample": knocks(1),
+    **{f"vibration of {f} Hz": vibration(f) for f in (7.0, 31.0, 49.0, 50.3, 83.0, 148.0)},
+    "noise with tails": 3 * NOISE * np.random.default_rng(3).laplace(size=(6, N)),
+}
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_what_a_body_makes_is_no_spike(body):
+    assert spikes.isolated(BODIES[body] + noise(), NO_STEP).sum() == 0
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 1.0, 3.0])
+def test_steps_of_resolution_are_no_spikes(share):
+    # far above the noise a value changes now and then by a step, alone and back again
+    steps = NOISE[:, 0] / share
+    x = np.round((turns(4.0, 0.5) + noise()) / steps[:, None]) * steps[:, None]
+    assert spikes.isolated(x, steps).sum() == 0
+
+
+def test_a_filtered_step_is_no_spike():
+    # set down hard: the force jumps and stays, as a filter of the sensor lets it
+    x = noise()
+    x[:3] += lfilter(*butter(2, 0.7), 5.0 * (np.arange(N) // 997 % 2), axis=-1)
+    assert spikes.isolated(x, NO_STEP).sum() == 0
+
+
+@pytest.mark.parametrize("body", ["rest", "turns by hand"])
+@pytest.mark.parametrize("sigmas", [60, 1000])
+def test_single_values_far_off_are_found_and_no_other(body, sigmas):
+    x, put = BODIES[body] + noise(), np.zeros((6, N), dtype=bool)
+    rng = np.random.default_rng(4)
+    rows = np.arange(100, N - 100, 199)
+    put[rng.integers(6, size=len(rows)), rows] = True
+    # the larger of two near to each other must not hide the smaller
+    put[2, 5003], put[4, 5007] = True, True
+    x += put * NOISE * sigmas * rng.choice([-1, 1], x.shape)
+    np.testing.assert_array_equal(spikes.isolated(x, NO_STEP), put)
+
+
+def test_pieces_do_not_change_what_is_found(monkeypatch):
+    x = noise()
+    x[1, [99, 100, 299, 300, 450]] += 5.0
+    x[1, [100, 300]] -= 5.0
+    log = {"t": np.arange(N) / RATE, **dict(zip(CHANNELS, x, strict=True))}
+    found = []
+    for rows in (1 << 17, 100):
+        monkeypatch.setattr(spikes, "ROWS", rows)
+        found.append(spikes.find(Samples(log), dict.fromkeys(CHANNELS)).T.tolist())
+    assert found[0] == found[1] == [[99, 1], [299, 1], [450, 1]]
+
+
+def test_their_rows_are_dropped_counted_and_said(run):
+    log = simulate_session(example_truth(), "static", 1)[:8000].reset_index(drop=True)
+    rows = [500, 1234, 4321, 7000]
+    for row, name in zip(rows, ("ax", "gz", "gz", "gy"), strict=True):
+        log.loc[row, name] += 3.0
+    samples, found, *_ = run(log, kind="static")
+    columns = [*CHANNELS, TEMPERATURE] if TEMPERATURE in samples else [*CHANNELS]
+    np.testing.assert_array_equal(samples[columns], log.drop(index=rows)[columns])
+    assert found["status"] == "ok" and found["rows"] == 7996
+    assert found["spiked"] == 4 and found["gaps"]["count"] == 0
+    expected = {**dict.fromkeys(CHANNELS, 0), "ax": 1, "gy": 1, "gz": 2}
+    assert found["spike_values"] == expected
+    text = "4 rows dropped for a spike that no body makes: ax 1, gy 1, gz 2"
+    assert any(line.startswith(text) for line in found["warnings"])
+    # what the log kept is as good as if nothing had been there
+    assert not any(found["faults"]["spikes"].values())
+
+
+def test_a_log_with_too_many_is_rejected(run):
+    log = pd.DataFrame({"t": np.arange(N) / RATE, **dict(zip(CHANNELS, noise(), strict=True))})
+    log["az"] += 9.8
+    log.loc[50 : N - 50 : 15, "gx"] += 1.0
+    found = run(log, kind="static").quality
+    assert found["status"] == "rejected"
+    assert "with a spike (gx " in found["reasons"][0]

@@ -1,0 +1,101 @@
+"""Single samples that no body makes: a fault of the wire or the logger, dropped as lost samples.
+
+A turn is smooth, and a knock has several samples or shows on several axes: a value counts where its
+neighbours agree with each other, it is far from them, and no other channel moves beside it.
+"""
+
+import numpy as np
+
+from imuloop.core.samples import CHANNELS, ROWS
+from imuloop.ingest.in_order import in_order
+
+# samples each side that a cubic is laid through, and that the local noise is of
+NEAR, REACH = 4, 16
+# how many times farther from the cubic than any neighbour: knocks come to 184, most of a single
+# sample to 30, with others beside; and how many times the noise there, or steps of resolution:
+# noise that is not normal and jumps of good sensors come to 10
+OF_NEIGHBOURS, OF_NOISE = 10.0, 15.0
+# a channel moves where it is farther from its neighbours' cubic than so many times its noise;
+# beside single samples of knocks in 3.3 million measured rows one comes to 7 at least
+MOVES = 6.0
+# of values near to each other the larger hides the smaller until it is filled
+PASSES = 3
+# samples before and after a piece that its own are judged by
+CONTEXT = 2 * REACH
+
+_BESIDE = np.r_[-NEAR:0, 1 : NEAR + 1]
+_POWERS = np.vander(_BESIDE, 4, increasing=True).astype(float)
+_CUBIC = np.linalg.pinv(_POWERS)
+# what a value adds to the cubics of the two samples each side is no noise of theirs
+_AROUND = np.r_[-REACH:-2, 3 : REACH + 1]
+
+
+def find(samples, steps, threads=1):
+    """Return which values of Samples are spikes, row and channel of each, (2, k).
+
+    `steps` are the resolution of each of `CHANNELS`, None where there is none.
+    """
+    steps = np.array([steps[name] or 0.0 for name in CHANNELS])
+
+    def of_piece(first):
+        low, end = max(first - CONTEXT, 0), min(first + ROWS, len(samples))
+        x = samples.read(CHANNELS, low, min(end + CONTEXT, len(samples)))
+        channel, row = np.nonzero(isolated(x, steps)[:, first - low : end - low])
+        return np.array([row + first, channel])
+
+    found = [np.zeros((2, 0), int), *in_order(of_piece, range(0, len(samples), ROWS), threads)]
+    return np.hstack(found)
+
+
+# a damaged file may hold 1e306
+@np.errstate(over="ignore", invalid="ignore")
+def isolated(x, steps):
+    """Return which values of channels are single ones that no body makes, (c, n) as x.
+
+    With r the distance of a value from the cubic through two samples each side,
+
+        |x - cubic through NEAR each side| > max(OF_NEIGHBOURS d, OF_NOISE s, OF_NOISE q),
+
+    d the largest distance of these neighbours from their cubic, s the median of ``|r|`` within
+    REACH, as a standard deviation, q the resolution; and at the value and beside it the ``|r|`` of
+    every other channel is below MOVES times its own s or q. The first and the last REACH values
+    count as none.
+    """
+    x, found = np.array(x, dtype=float), np.zeros(np.shape(x), dtype=bool)
+    n = x.shape[1]
+    if n <= 2 * REACH:
+        return found
+    inner = slice(REACH, n - REACH)
+    for _ in range(PASSES):
+        away = np.zeros(x.shape)
+        sums = 4 * (x[:, 1:-3] + x[:, 3:-1]) - x[:, :-4] - x[:, 4:]
+        away[:, 2:-2] = np.abs(x[:, 2:-2] - sums / 6)
+        none = True
+        for k, values in enumerate(x):
+            # most are none by those next to them already
+            size = away[k, inner]
+            may = size > OF_NOISE * steps[k]
+            for d in (-5, -3, 3, 5):
+                may &= size > 2 * away[k, REACH + d : n - REACH + d]
+            at = np.flatnonzero(may) + REACH
+            near = values[at[:, None] + _BESIDE]
+            curve = near @ _CUBIC.T
+            spread = np.abs(near - curve @ _POWERS.T).max(axis=1)
+            noise = _noise(away, at, steps)
+            far = np.abs(values[at] - curve[:, 0])
+            others = np.delete(away[:, at[:, None] + np.r_[-1:2]].max(axis=2) > MOVES * noise, k, 0)
+            limit = np.maximum(OF_NEIGHBOURS * spread, OF_NOISE * noise[k])
+            is_one = (far > limit) & ~others.any(axis=0)
+            found[k, at[is_one]] = True
+            # seen by the next pass alone
+            values[at[is_one]] = curve[is_one, 0]
+            none &= not is_one.any()
+        if none:
+            break
+    return found
+
+
+def _noise(away, at, steps):
+    """Return the noise of each channel about some samples, or its resolution, (c, k)."""
+    # of a normal e the median of |e| is 0.6745 of its deviation
+    return np.maximum(np.median(away[:, at[:, None] + _AROUND], axis=2) / 0.6745, steps[:, None])
