@@ -1,13 +1,21 @@
-"""Intervals hold, of whole logs and over lost samples and late stamps, whose error is known."""
+"""Intervals hold, of whole logs, over lost samples and late stamps, and beside clipped turns."""
 
 import numpy as np
 import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recorded, scores
 from imuloop.calibrate import accelerometer, gaps, gyroscope
-from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
+from imuloop.calibrate.calibrate import (
+    calibrate_accelerometer,
+    calibrate_gyroscope,
+    read_recording,
+)
+from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.samples import ANGULAR_RATE, TIME
+from imuloop.core.samples import ANGULAR_RATE, TIME, read_samples
+from imuloop.core.tables import write_table
+from imuloop.diagnose.records.motion import knocks
+from imuloop.ingest.ingest import ingest
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.logger import lose, stamp_late
@@ -116,3 +124,59 @@ def test_stamps_at_which_the_sensor_was_sampled_add_nothing():
         where = np.array([1000]), np.array([1300]), np.zeros((1, 3)), np.full((1, 3), 1e-6)
         [(uneven, at, _)], _ = gaps.errors_of_time(log, *where)
         assert len(at) == len(uneven) + parts
+
+
+def calibrated_from_file(log, folder):
+    """Return the gyroscope's calibration and the Recording of a log, by the stages' files."""
+    paths = {"kind": "multi_position", "samples": folder / "s.parquet"}
+    log.to_csv(folder / "log.csv", index=False)
+    declared = {"device": "d", "session": "s", "kind": paths["kind"], "paths": [folder / "log.csv"]}
+    ingest(**declared, samples_path=paths["samples"], quality_path=folder / "q.json")
+    samples = read_samples(paths["samples"])
+    paths["segments"] = folder / "g.parquet"
+    table = segment_session(samples, paths["kind"], SegmentSettings())[0]
+    write_table(paths["segments"], table)
+    made, settings = read_recording({"s": paths}, 30.0), CalibrateSettings()
+    force = calibrate_accelerometer(made.poses, NOISE, TRUTH.gravity, ACCELERATION_UNIT, settings)
+    return calibrate_gyroscope(made, NOISE, force, RATE_UNIT, settings), made
+
+
+# the upper end alone, or both
+@pytest.mark.parametrize("low", [-np.inf, -1.0])
+def test_turns_beyond_the_range_are_left_out_and_pull_nothing(low, tmp_path):
+    log = simulate_session(TRUTH, "multi_position", 106)
+    top = 0.75 * log[list(ANGULAR_RATE)].abs().max().max()
+    log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].clip(low * top, top)
+    turn, made = calibrated_from_file(log, tmp_path)
+    assert 0 < made.lost.clipped < 0.5 * made.lost.rotations
+    assert len(made.rotations) == made.lost.rotations - made.lost.clipped
+    assert np.abs(scores(turn, TRUTH.gyroscope, gyroscope.NAMES)).max() < 4
+    assert turn.reduced_chi2 < 1.6
+
+
+# of the second, turns come to half of what gravity shows: no scale of the logger
+@pytest.mark.parametrize("limit", [0.3, 0.5])
+def test_of_turns_that_are_all_beyond_the_range_the_reason_says_so(limit, tmp_path):
+    log = simulate_session(TRUTH, "multi_position", 106)
+    log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].clip(-limit, limit)
+    turn, made = calibrated_from_file(log, tmp_path)
+    assert len(made.rotations) < 5
+    assert "choose a wider range or turn more slowly" in turn.not_testable
+    # the rests still know the bias
+    assert turn.method == "static"
+    np.testing.assert_allclose(turn.b, TRUTH.gyroscope.b, atol=1e-4)
+
+
+def test_a_move_in_which_the_accelerometer_is_at_the_end_of_its_range_is_none():
+    log = simulate_session(TRUTH, "multi_position", 106)
+    segments = segment_session(log, "multi_position", SegmentSettings())[0]
+    whole = record([log], [segments], 30.0)
+    assert np.isfinite(knocks(whole, np.zeros(3))).all()
+    k = 3
+    inside = (log[TIME] > whole.rotations.start_s[k]) & (log[TIME] < whole.rotations.end_s[k])
+    log.loc[inside[inside].index[5:7], "ay"] = 30.0
+    made = record([log], [segments], 30.0, [{"ay": (None, 30.0)}])
+    # its turn counts as before
+    assert len(made.rotations) == len(whole.rotations)
+    beyond = np.isnan(knocks(made, np.zeros(3)))
+    assert np.flatnonzero(beyond).tolist() == [k]

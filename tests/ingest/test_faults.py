@@ -230,6 +230,31 @@ def test_a_fault_that_turns_alone_show(logs, run, change, declared, text):
     assert len(found["reasons"]) == 1 and text in found["reasons"][0]
 
 
+def test_an_end_of_the_range_that_axes_reach_for_a_few_samples_each_is_found(logs, run):
+    # too few on any axis alone: fast turns reach the end of a range at their peaks only
+    log, limit = logs["multi_position"].copy(), 5.0
+    reached = {}
+    for name, share in zip(ANGULAR_RATE, (1, -1, 1), strict=True):
+        rows = log[name].mul(share).nlargest(9).index
+        log[name] = log[name].clip(-0.99 * limit, 0.99 * limit)
+        log.loc[rows, name], reached[name] = share * limit, share * limit
+    found = run(log).quality
+    clipped = found["faults"]["clipped_at"]
+    assert {n: f["values"] for n, f in clipped.items() if f["rows"]} == {
+        name: [value] for name, value in reached.items()
+    }
+    ends = {n: [None, v] if v > 0 else [v, None] for n, v in reached.items()}
+    assert found["rails"] == ends == run(log).metadata["rails"]
+
+
+def test_the_declared_full_scale_is_an_end_of_the_range(logs, run):
+    log = logs["multi_position"].copy()
+    most = log["gy"].abs().max()
+    found = run(log, full_scale={"angular_rate": most / 0.99}).quality
+    assert found["rails"]["gy"] == pytest.approx([-0.98 / 0.99 * most, 0.98 / 0.99 * most])
+    assert not {"ax", "ay", "az"} & set(found["rails"])
+
+
 @pytest.mark.parametrize(("factor", "lines"), [(1.14, 1), (1.08, 0)])
 def test_a_rate_that_is_somewhat_too_large(logs, run, factor, lines):
     log = logs["multi_position"].copy()

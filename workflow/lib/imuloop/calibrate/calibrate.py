@@ -84,7 +84,8 @@ def read_recording(sessions, longest_rotation):
     chosen = usable(sessions, *POSED)
     columns = (TIME, *CHANNELS, TEMPERATURE)
     samples = [read_columns(session["samples"], columns) for session, _ in chosen]
-    return record(samples, [table for _, table in chosen], longest_rotation)
+    rails = [read_metadata(session["samples"]).get("rails", {}) for session, _ in chosen]
+    return record(samples, [table for _, table in chosen], longest_rotation, rails)
 
 
 def first_log(sessions, kinds):

@@ -32,20 +32,28 @@ class Lost:
     """Rotations that gaps took, of all that are short enough to be used.
 
     They are left out as a gap is too long, or its error not known or too large; `longest` is the
-    most samples lost in a row in one of them.
+    most samples lost in a row in one of them. Others are left out as the angular rate is `clipped`.
     """
 
     rotations: int = 0
     left_out: int = 0
     longest: int = 0
+    clipped: int = 0
 
     @property
     def reason(self):
         """What they were left out for, in words; empty where none was."""
-        if not self.left_out:
-            return ""
-        samples = f"{self.longest} sample{'s' * (self.longest != 1)} in a row"
-        return f"; {self.left_out} of {self.rotations} turns lost up to {samples} and are left out"
+        reasons = ""
+        if self.left_out:
+            samples = f"{self.longest} sample{'s' * (self.longest != 1)} in a row"
+            reasons = f"; {self.left_out} of {self.rotations} turns lost up to {samples} and are "
+            reasons += "left out"
+        if self.clipped:
+            reasons += (
+                f"; {self.clipped} of {self.rotations} turns reached the end of the gyroscope's "
+                "range and are left out: choose a wider range or turn more slowly"
+            )
+        return reasons
 
 
 def errors_of_time(log, begin, last, bias, variance):

@@ -5,7 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.calibrate.gyroscope import NAMES, unpack
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_columns, read_metadata
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    TIME,
+    at_rail,
+    read_columns,
+    read_metadata,
+)
 from imuloop.core.segments import STATIC
 from imuloop.core.units import DEGREE
 
@@ -79,7 +86,8 @@ def read_turns(sessions, force):
     """
     found, rests = [], []
     for session in sessions.values():
-        known = read_metadata(session["samples"]).get("known_rotation")
+        metadata = read_metadata(session["samples"])
+        known = metadata.get("known_rotation")
         if session["kind"] != "known_rotation" or not known:
             continue
         samples = read_columns(session["samples"])
@@ -89,6 +97,7 @@ def read_turns(sessions, force):
         w, f = (
             np.column_stack([samples[c] for c in axes]) for axes in (ANGULAR_RATE, ACCELERATION)
         )
+        clipped = at_rail(samples, metadata.get("rails", {}), ANGULAR_RATE)
         table = read_columns(session["segments"])
         still = np.asarray(table["kind"]) == STATIC
         means = np.column_stack([table[f"{c}_mean"][still] for c in ANGULAR_RATE])
@@ -96,7 +105,7 @@ def read_turns(sessions, force):
         for turn in known:
             first, last = np.searchsorted(t, [turn.get("start", t[0]), turn.get("end", t[-1])])
             last = min(last, len(t) - 1)
-            if last - first < 2:
+            if last - first < 2 or clipped[first : last + 1].any():
                 continue
             rows, length = slice(first, last + 1), t[last] - t[first]
             turned = (np.diff(t[rows])[:, None] * (w[rows][1:] + w[rows][:-1]) / 2).sum(axis=0)

@@ -9,7 +9,7 @@ from scipy.integrate import cumulative_trapezoid
 from imuloop.calibrate.gaps import Lost, errors_of_time
 from imuloop.calibrate.undersampling import PARTS, aliased_turns
 from imuloop.core.noise_model import without_weight
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME, at_rail
 from imuloop.core.segments import GAP, STATIC, runs
 from imuloop.segment.windows import DECIDING
 
@@ -117,6 +117,8 @@ class Rotations:
     # variance of each axis, rad², (m,), and the power of frequency by which it falls
     aliased: np.ndarray | None = None
     fall: np.ndarray | None = None
+    # whether the specific force reached the end of its range, (m,)
+    force_clipped: np.ndarray | None = None
 
     def __len__(self):
         return len(self.first)
@@ -244,14 +246,16 @@ def turns_within(poses, samples):
     return replace(poses, added=added, to_start=to_start, to_end=to_end)
 
 
-def gather_rotations(poses, samples, segments, longest_s):
+def gather_rotations(poses, samples, segments, longest_s, rails=None):
     """Return the Rotations between consecutive poses of the same session, and the Lost.
 
     A rotation runs from the last sample of a pose to the first of the next. It is left out where
-    it lasts longer than asked, where a gap interrupts it, and where it lost too much elsewhere
-    (`gaps.errors_of_time`). Takes samples and segments of each session.
+    it lasts longer than asked, where a gap interrupts it, where the angular rate reached the end of
+    its range, and where it lost too much elsewhere (`gaps.errors_of_time`). Takes samples, segments
+    and `rails` (`at_rail`) of each session.
     """
     first, pieces, errors, aliased, all_, left_out = [], [], [], [], 0, [np.zeros(0, int)]
+    clipped, forces = 0, []
     for session in np.unique(poses.session):
         k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         start, end = poses.end_s[k], poses.start_s[k + 1]
@@ -266,14 +270,19 @@ def gather_rotations(poses, samples, segments, longest_s):
         begin, last = np.searchsorted(t, start) - 1, np.searchsorted(t, end)
         at_rest = poses.w[k], poses.variance[k, 3:]
         found, lost = errors_of_time(log, begin, last, *at_rest)
-        whole = np.array([e is not None for e in found], dtype=bool) & ~interrupted
+        ends = begin, last, rails[session] if rails else {}
+        beyond, of_force = (_any_at_rail(log, *ends, c) for c in (ANGULAR_RATE, ACCELERATION))
+        lossless = np.array([e is not None for e in found], dtype=bool) & ~interrupted
+        whole = lossless & ~beyond
+        clipped += int(np.count_nonzero(lossless & beyond))
+        forces.append(of_force[whole])
         first.append(k[whole])
         pieces.append((log, begin[whole, None], last[whole, None]))
         errors += [e for e, used in zip(found, whole, strict=True) if used]
         if whole.any():
             aliased.append(aliased_turns(log, *(v[whole] for v in (begin, last, *at_rest))))
         all_ += len(k)
-        left_out.append(lost[~whole])
+        left_out.append(lost[~lossless])
     left_out = np.concatenate(left_out)
     length = max((np.max(last - begin, initial=1) for _, begin, last in pieces), default=1) + 1
 
@@ -295,8 +304,15 @@ def gather_rotations(poses, samples, segments, longest_s):
         f=np.stack([padded(c) for c in ACCELERATION], axis=-1),
         temperature=padded(TEMPERATURE) if poses.temperature is not None else None,
         **_errors(errors, aliased, length - 1),
+        force_clipped=np.concatenate([np.zeros(0, bool), *forces]),
     )
-    return rotations, Lost(all_, len(left_out), int(left_out.max(initial=0)))
+    return rotations, Lost(all_, len(left_out), int(left_out.max(initial=0)), clipped)
+
+
+def _any_at_rail(log, begin, last, rails, names):
+    """Return in which rotations a channel reached the end of its range, (m,) of bool."""
+    before = np.append(0, np.cumsum(at_rail(log, rails, names)))
+    return before[last + 1] > before[begin]
 
 
 def _errors(errors, aliased, steps):

@@ -133,11 +133,11 @@ def pose_means(poses, logs, whole):
     return np.array(means)
 
 
-def record(samples, segments, longest_rotation):
+def record(samples, segments, longest_rotation, rails=None):
     """Return the Recording of several sessions, with temperatures where every one logs them.
 
-    Takes samples and segments of each session, DataFrames or dicts of arrays, and the longest
-    rotation, s.
+    Takes samples and segments of each session, DataFrames or dicts of arrays, the longest
+    rotation, s, and the `rails` of each session that `core.samples.at_rail` takes.
     """
     logs = tuple(Log.of(s) for s in samples)
     poses = gather_poses(segments)
@@ -146,7 +146,7 @@ def record(samples, segments, longest_rotation):
         temperature = [log.temperature for log in logs]
         poses = replace(poses, temperature=pose_means(poses, logs, temperature))
         samples = [{**s, TEMPERATURE: t} for s, t in zip(samples, temperature, strict=True)]
-    rotations, lost = gather_rotations(poses, samples, segments, longest_rotation)
+    rotations, lost = gather_rotations(poses, samples, segments, longest_rotation, rails)
     return Recording(poses, rotations, logs, lost)
 
 

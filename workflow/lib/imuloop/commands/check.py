@@ -19,7 +19,7 @@ from imuloop.commands.raw_log import (
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import read_samples
+from imuloop.core.samples import read_metadata, read_samples
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
@@ -97,9 +97,9 @@ def run(arguments):
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = log_samples(log, arguments, Path(folder), calibration=calibration)
         refuse_rejected(log, quality)
-        samples = read_samples(path)
+        samples, rails = read_samples(path), read_metadata(path).get("rails", {})
     kind, segments = segmented(samples, arguments.kind)
-    recording = record([samples], [segments], CalibrateSettings().longest_rotation)
+    recording = record([samples], [segments], CalibrateSettings().longest_rotation, [rails])
     noise, source = noise_of(arguments, calibration, kind, samples, segments)
     given, gravity = (calibration, recording, noise), arguments.gravity
     try:

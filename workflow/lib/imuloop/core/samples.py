@@ -57,6 +57,21 @@ def lost_samples(steps, usual):
     return np.where(wide, np.rint(steps / usual), 1).astype(int) - 1
 
 
+def at_rail(samples, rails, names):
+    """Return which samples are at the end of the range on one of some channels, (n,) of bool.
+
+    `rails` are the ends that channels reach, {channel: (low, high)}, None of none.
+    """
+    found = np.zeros(len(samples[TIME]), dtype=bool)
+    for name in names:
+        low, high = rails.get(name) or (None, None)
+        if low is not None:
+            found |= np.asarray(samples[name]) <= low
+        if high is not None:
+            found |= np.asarray(samples[name]) >= high
+    return found
+
+
 def schema(temperature, metadata, rebuilt=False):
     """Return the Parquet schema of a samples file, whose metadata are kept as JSON.
 

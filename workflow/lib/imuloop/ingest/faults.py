@@ -144,9 +144,14 @@ def measure(samples, metadata, figures, threads=1):
             counts, ends, railed, stuck[name], spikes[name], runs[name], rate
         ) if name not in silent else ([], 0)  # fmt: skip
         clipped[name] = {"values": values, "rows": rows}
-        stuck[name] = [run for run in stuck[name] if run[2] not in values]
         if name in ANGULAR_RATE:
             stuck[name] = [run for run in stuck[name] if run[:2] not in padding]
+    ends = dict(zip(CHANNELS, limits, strict=True))
+    for sensor in SENSORS.values():
+        lively = [name for name in sensor if name not in silent and runs[name].fine]
+        _share_ends({name: ends[name] for name in lively}, figures["range"], steps, clipped)
+    for name in CHANNELS:
+        stuck[name] = [run for run in stuck[name] if run[2] not in clipped[name]["values"]]
     axes = way.fit()
     rests = still.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
     share, mean_at_rest = rests["share"] if rests else 0.0, None
@@ -250,6 +255,31 @@ def _clipped(counts, limits, railed, stuck, spikes, runs, rate):
             values.append(value)
             rows += int(at)
     return values, rows
+
+
+def _share_ends(ends, ranges, steps, clipped):
+    """Add what axes of a sensor keep to together: each may be there for a few samples only.
+
+    Ends of the same size, to a step, are one end of the range where one was found, or where rows
+    at all of them are as many as at one that is found.
+    """
+    each = [
+        (name, value, counts, 1.01 * (steps[name] or 0.0))
+        for name, both in ends.items()
+        for value, counts in zip(ranges[name], both, strict=True)
+    ]
+    same = [
+        [e for e in each if abs(abs(e[1]) - abs(value)) <= within] for _, value, _, within in each
+    ]
+    known = {name: tuple(clipped[name]["values"]) for name in ends}
+    for (name, value, counts, _), alike in zip(each, same, strict=True):
+        total, next_to = sum(c[0] for *_, c, _ in alike), sum(c[1] for *_, c, _ in alike)
+        several = sum(c[0] >= LEAST_RAIL for *_, c, _ in alike) > 1
+        cut = several and total >= LEAST_CLIPPED and total**2 >= CUT_TAIL * next_to
+        of_one = any(v in known[n] for n, v, *_ in alike)
+        if value not in known[name] and value != 0 and (of_one or cut):
+            clipped[name]["values"].append(value)
+            clipped[name]["rows"] += int(counts[0])
 
 
 def _spikes(x, step):

@@ -1,5 +1,6 @@
 """One raw log into canonical samples and its quality figures."""
 
+import json
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -9,7 +10,7 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
-from imuloop.core.samples import CHANNELS, Samples, parquet_file, schema
+from imuloop.core.samples import CHANNELS, METADATA_KEY, Samples, parquet_file, schema
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
 from imuloop.ingest import bursts, clocks, increments, quality, spikes
 from imuloop.ingest import pps as marks
@@ -154,6 +155,9 @@ def ingest(
                 # the gaps that this leaves are counted as spikes
                 gaps = {"gaps": figures["gaps"]}
                 figures = quality.measure(temporary, full_scale, threads) | gaps
+            if rails := quality.rails(figures, full_scale):
+                origin["rails"] = rails
+                _rewrite(temporary, [], {"rails": rails})
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
             wrong, doubted = judged(figures, raw_units, gravity, kind)
@@ -276,10 +280,11 @@ def _write(path, batches, log, counts, origin, rebuilt=False):
         writer.add_key_value_metadata(schema(log.temperature, origin).metadata)
 
 
-def _rewrite(path, dropped):
-    """Write samples again without some rows."""
+def _rewrite(path, dropped, known=None):
+    """Write samples again without some rows, and with more metadata."""
     with replaced(path) as temporary, parquet_file(path) as file:
         form, first = file.schema_arrow, 0
+        metadata = json.loads(form.metadata[METADATA_KEY]) | (known or {})
         plain = form.remove_metadata()
         with pq.ParquetWriter(temporary, plain, compression="zstd", store_schema=False) as writer:
             for g in range(file.num_row_groups):
@@ -287,7 +292,7 @@ def _rewrite(path, dropped):
                 keep = ~np.isin(np.arange(first, first + len(table)), dropped)
                 first += len(table)
                 writer.write_table(table.filter(keep), row_group_size=ROW_GROUP)
-            writer.add_key_value_metadata(form.metadata)
+            writer.add_key_value_metadata({METADATA_KEY: json.dumps(metadata).encode()})
 
 
 def used_units(log, declared):

@@ -249,9 +249,13 @@ def _turns(figures, unit, gravity, kind, reasons, warnings):
     off = "; or the log's rate is off by as much"
     see = "see units.angular_rate and nominal.angular_rate"
     factors = _known_factors("angular_rate", unit, ANGULAR_RATE_UNITS)
+    # what the end of the range cuts off looks like a scale
+    clipped = figures["faults"]["clipped_at"]
+    cut = any(clipped[n]["rows"] or figures["clipped"][n] for n in ANGULAR_RATE)
     if value and sure and sure <= MOVING_ERROR:
         cause = _nearest(value, factors, sure)
-        cause = cause or _nearest(value, _full_scales("angular_rate", unit), sure)
+        if not (cause or cut):
+            cause = _nearest(value, _full_scales("angular_rate", unit), sure)
         if cause:
             reasons.append(f"{line}: {cause}{off}")
             return
@@ -261,7 +265,7 @@ def _turns(figures, unit, gravity, kind, reasons, warnings):
             f"the mean angular rate is {mean:.4g} rad/s, too much for a "
             f"{'turn by hand' if mean > PLAUSIBLE_MEAN_RATE else 'bias'}: see units.angular_rate"
         )
-    elif value and sure and abs(log(value)) > max(log(1 + PLAUSIBLE_TURN_RATIO), sure):
+    elif value and sure and not cut and abs(log(value)) > max(log(1 + PLAUSIBLE_TURN_RATIO), sure):
         warnings.append(f"{line}: its scale is off by as much; {see}{off}")
 
 

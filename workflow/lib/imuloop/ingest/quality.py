@@ -220,6 +220,25 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
     return found
 
 
+def rails(figures, full_scale=None):
+    """Return the ends of the range that channels reach, SI: {channel: [low, high]}, None of none.
+
+    A value there may be any beyond it: of quality figures the repeated extremes that were found,
+    and the declared full scale, of ``acceleration`` and ``angular_rate``.
+    """
+    found = {}
+    for sensor, axes in SENSORS.items():
+        for name in axes:
+            values = figures["faults"].get("clipped_at", {}).get(name, {"values": []})["values"]
+            ends = [end if end in values else None for end in figures["range"][name] or ()]
+            if figures["clipped"][name]:
+                limit = CLIPPED_SHARE * full_scale[sensor]
+                ends = [-limit, limit]
+            if ends != [None, None]:
+                found[name] = ends
+    return {name: ends for name, ends in found.items() if ends}
+
+
 def _spikes(counts):
     """Name the channels with spikes that were dropped, and how many; empty without."""
     return ", ".join(f"{name} {n}" for name, n in counts.spike_values.items() if n)
@@ -259,7 +278,10 @@ def warnings(figures, counts, log, *, rate):
     at_limit = {name: n for name, n in figures["clipped"].items() if n}
     if at_limit:
         listed = ", ".join(f"{name} {n}" for name, n in at_limit.items())
-        found.append(f"samples at the end of the full scale: {listed}")
+        found.append(
+            f"samples at the end of the full scale: {listed}; turns and moves with one are left "
+            "out: choose a wider range or turn more slowly"
+        )
     if figures["gaps"]["count"]:
         gaps = figures["gaps"]
         found.append(f"{plural(gaps['count'], 'gap')}, {gaps['total_s']:.4g} s together")

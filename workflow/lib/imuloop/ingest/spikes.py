@@ -11,12 +11,11 @@ from imuloop.ingest.in_order import in_order
 
 # samples each side that a cubic is laid through, and that the local noise is of
 NEAR, REACH = 4, 16
-# how many times farther from the cubic than any neighbour: knocks come to 184, most of a single
-# sample to 30, with others beside; and how many times the noise there, or steps of resolution:
-# noise that is not normal and jumps of good sensors come to 10
+# how many times farther from the cubic than any neighbour, and how many times the noise there, or
+# steps of resolution: jumps of good sensors come to 10
 OF_NEIGHBOURS, OF_NOISE = 10.0, 15.0
-# a channel moves where it is farther from its neighbours' cubic than so many times its noise;
-# beside single samples of knocks in 3.3 million measured rows one comes to 7 at least
+# another channel moves where it is so many times its noise from its neighbours' cubic; beside 230
+# knocks of a single sample, of 3.3 million measured rows, one comes to 7 at least
 MOVES = 6.0
 # of values near to each other the larger hides the smaller until it is filled
 PASSES = 3

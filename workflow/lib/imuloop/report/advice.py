@@ -266,8 +266,8 @@ def _clipped(device):
             listed = joined([f"{plural(n, 'sample')} of {name}" for name, n in counts.items()])
             yield (
                 1.0,
-                f"Session {s.name}: {listed} lie at the end of the range. Every figure that they "
-                "enter is wrong; choose a wider range or move more gently, and record it again.",
+                f"Session {s.name}: {listed} lie at the end of the range. Turns and moves with one "
+                "are left out; choose a wider range or turn more slowly, and record it again.",
             )
 
 

@@ -106,7 +106,9 @@ def diagnose_motion(force, turn, recording, settings, tests, shown, beyond=None)
     if quiet.sum() < LEAST_MOVES:
         why = f"{quiet.sum()} of {plural(len(quiet), 'move')} without a knock"
         why += " and between rests without a tilt" * bool(tilts.any())
-        why += f", at least {LEAST_MOVES} needed"
+        if np.isnan(knock).any():
+            why += " and within the accelerometer's range"
+        why += f", at least {LEAST_MOVES} needed{recording.lost.reason}"
         unfitted = Solution(
             found, FitResult(start, np.zeros((0, 0)), np.nan, 0, np.zeros((0, 0)), np.zeros(0))
         )
@@ -165,12 +167,14 @@ def knocks(recording, gyroscope_bias):
 
     The largest change of specific force over a step Δt that the turn does not make,
     ``|Δf + w × f Δt| Δt``: a knock shorter than a step is sampled by chance, or not at all. Takes
-    the gyroscope's bias, rad/s as logged, (3,).
+    the gyroscope's bias, rad/s as logged, (3,). Not-a-number where the specific force reached the
+    end of its range: what is beyond is not known.
     """
     rotations = recording.rotations
     f, w, steps = rotations.f, rotations.w - gyroscope_bias, rotations.steps[..., None]
     change = np.diff(f, axis=1) + np.cross(midpoints(w), midpoints(f)) * steps
-    return (np.linalg.norm(change, axis=2) * steps[..., 0]).max(axis=1)
+    lost = (np.linalg.norm(change, axis=2) * steps[..., 0]).max(axis=1)
+    return np.where(rotations.force_clipped, np.nan, lost)
 
 
 def _diagnosed(choices, units, columns, beyond):
