@@ -9,7 +9,15 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from bench.study.reference import base, diagnosed
+from imuloop.calibrate.accelerometer import NAMES
+from imuloop.calibrate.least_squares import FitResult
+from imuloop.calibrate.pose_fits import Solution
 from imuloop.core.effect import Channels, find_effect
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.units import RawUnit
+from imuloop.diagnose.records.one_solution import with_reference
+from imuloop.diagnose.records.reference import ReferenceResult
+from imuloop.simulate.reference import Beside, simulate_beside
 
 SEED = 12170
 QUATERNION = ["qw", "qx", "qy", "qz"]
@@ -69,6 +77,82 @@ def test_offset_drift_and_arm_are_found_alone_and_in_size():
     assert (apart <= np.array(series["final"]) + 1e-5).all()
     means = [np.mean(np.square(series[k])) for k in ("logged", "calibrated", "final")]
     assert means == sorted(means, reverse=True)
+
+
+def test_arm_and_offset_are_fitted_together_each_in_its_session():
+    """Protects T and K from a set-up whose parts do not pass alone: what belongs to it is fitted.
+
+    One session turns and shows the arm, the other is carried and shows the offset. Tried one after
+    the other, the arm was not found here, and T and K took it up.
+    """
+
+    def by_session(truth, seed):
+        k = len(np.atleast_1d(seed)) - 1
+        sizes = {"TURNS": (2.0, 0.5)[k], "PLACES": (0.03, 0.2)[k]}
+        with patch.multiple("imuloop.simulate.reference", **sizes):
+            return simulate_beside(truth, seed)
+
+    seed, arm, late = 4, (0.002, -0.001, 0.006), {"accelerometer": -0.0015}
+    truth = replace(base(seed), duration_s=16.0, dt=late, arm=arm, place_noise=3e-4)
+    with (
+        patch("imuloop.discover.beyond.beyond", return_value=None),
+        patch("bench.study.reference.simulate_beside", by_session),
+    ):
+        diagnosis, _, calibration = diagnosed(truth, seed, limits=False, sessions=2)
+    effects = found(diagnosis)["accelerometer"]
+    assert set(effects) == {"time_offset", "lever_arm"}
+    assert max(off(effects["time_offset"], late.values())) < 3.5
+    assert max(off(effects["lever_arm"], arm)) < 3.5
+    for effect in effects.values():
+        assert effect["heldout_after"] < effect["heldout_before"]
+        assert effect["ratio_ci95"][1] < 1
+    assert np.abs(errors(calibration.accelerometer, truth, "accelerometer")).max() < 3
+
+
+def test_axes_that_predict_nothing_better_stay_nominal():
+    """Protects parameters that are as the data sheet has them: fitted, they were always written.
+
+    An offset and an arm are found all the same, and a bias that data show is written.
+    """
+    arm, late = (0.02, -0.015, 0.03), {"gyroscope": -0.009, "accelerometer": 0.003}
+    truth = Beside(duration_s=30.0, dt=late, arm=arm)
+    with patch("imuloop.discover.beyond.beyond", return_value=None):
+        diagnosis, _, calibration = diagnosed(truth, SEED, limits=False)
+    effects = found(diagnosis)
+    assert set(effects["accelerometer"]) == {"time_offset", "lever_arm"}
+    assert set(effects["gyroscope"]) == {"time_offset"}
+    for sensor in effects:
+        of = getattr(calibration, sensor)
+        np.testing.assert_array_equal(of.T, np.eye(3))
+        np.testing.assert_array_equal(of.K, 1.0)
+        assert "do not lower the error of held-out data" in of.not_testable
+        assert of.names == ("b0", "b1", "b2")
+        assert (np.abs(of.b) > 3 * np.sqrt(np.diag(of.covariance))).any()
+
+
+@pytest.mark.parametrize("axes", [None, "T and K predict nothing better"])
+@pytest.mark.parametrize(("sigmas", "written"), [(1.2, False), (4.0, True)])
+def test_a_bias_that_chance_gives_is_not_written(axes, sigmas, written):
+    """Protects the bias as it is known otherwise from one of 1.2 standard errors."""
+    std, x = 0.01, np.array([0.001, 0.0, 0.0, 1.002, 1.0, 1.0])
+    fit = FitResult(x, np.eye(6) * 1e-8, 0.0, 1, np.zeros((0, 6)), np.zeros(0))
+    result = ReferenceResult(
+        {"verdict": "explained"},
+        Solution((), fit),
+        covariance=fit.covariance,
+        no_axes=axes,
+        bias=np.array([[sigmas * std, 0.0, 0.0]]),
+        frame=np.zeros((1, 3)),
+        variance=np.full(6, std**2),
+    )
+    known = SensorCalibration.nominal(RawUnit("g", 9.81, 0.0), "nothing else was recorded")
+    calibration = Calibration("imu", 9.81, known, known)
+    own = with_reference(calibration, {"accelerometer": result}).accelerometer
+    assert own.b[0] == pytest.approx(written * sigmas * std / 9.81, abs=1e-12)
+    assert own.not_testable == axes
+    assert own.K[0] == pytest.approx(9.81 * (1.0 if axes else 1.002))
+    names = ("b0", "b1", "b2") if written else ()
+    assert own.names == (names if axes else (*NAMES[:6], "b0", "b1", "b2"))
 
 
 def test_an_unexplained_accelerometer_is_not_written_and_turns_no_gyroscope():

@@ -24,7 +24,7 @@ class Carried:
     up: np.ndarray  # in the reference's world
     rate: np.ndarray  # of the last of `attitudes`, rad/s
     # from the start, one for each of `STAGES`: as logged; with T, K and its session's bias; with
-    # the effects that the search chooses without the part
+    # the set-up and the effects that the search chooses without the part
     attitudes: tuple
     floor: tuple  # rad² of the reference at an instant, and rad²/s, of each axis
 
@@ -35,8 +35,8 @@ class Carried:
         return [Rotation.from_matrix(m).as_rotvec() if len(m) else np.zeros((0, 3)) for m in moved]
 
 
-def carried(choices):
-    """Return each part of the data as `Carried`."""
+def carried(choices, before):
+    """Return each part of the data as `Carried`; `before` as of `judged_residuals`."""
     problem, found = choices.problem, []
     sensor, recording, parts = problem.sensor, problem.recording, problem.fold_of_pose
     session, first, _, last = sensor.windows(recording)
@@ -46,8 +46,8 @@ def carried(choices):
         own, log, out = (parts == part) & (session == s), recording.logs[s], frozenset({part})
         rows = slice(first[own].min(), last[own].max() + 1)
         rates = [log.w]
-        for base in ((), choices.nested(out)):
-            solution = problem.fitted(base, out)
+        for model_of, base in ((before.problem, ()), (problem, choices.nested(out))):
+            solution = model_of.fitted(base, out)
             model = sensor.model(solution, recording)
             bias, x = sensor.bias[s] + model.nuisances[s, :3], solution.fit.x
             T, K = sensor.unpack(x)

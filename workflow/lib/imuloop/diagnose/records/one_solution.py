@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.gyroscope import cross_matrix
@@ -19,6 +20,8 @@ BESIDE = ("time_offset", "clock_drift", "lever_arm")
 WHOLE = 3
 # what says nothing of axes and scale factors
 UNFITTED = ("nominal", "static")
+# probability beforehand of a bias as large that is none
+BY_CHANCE = 0.05
 # step of a derivative of what is nearly linear, 1
 STEP = 1e-6
 
@@ -111,6 +114,8 @@ def with_reference(calibration, results):
 
     Takes ReferenceResults by sensor. Of a sensor whose axes other records do not show, it is that
     beside the reference, the gyroscope's turned onto the accelerometer's where places show these.
+    T and K that predict held-out data no better than those that are known are not written, nor is
+    a bias that chance could give.
     Where the accelerometer stays unexplained beside the reference and nothing else shows its axes,
     it stays as it was, and turns no gyroscope: the data sheet says how its axes lie. Effects of
     where a marker sits and how late the reference is are not the sensor's: they are not
@@ -122,7 +127,8 @@ def with_reference(calibration, results):
     if beside and force.method in UNFITTED and beside.content["verdict"] == "unexplained":
         del known["accelerometer"]
         solution["accelerometer"] = replace(force, not_testable=_unexplained(beside))
-    if len(known) == 2:
+    nominal = [r.no_axes for s, r in known.items() if getattr(calibration, s).method in UNFITTED]
+    if len(known) == 2 and not any(nominal):
         off = known["gyroscope"].frame - known["accelerometer"].frame
         turned = np.array([off.mean(axis=0), sum(r.variance[3:] for r in known.values())])
     for sensor, result in known.items():
@@ -152,8 +158,13 @@ def _unexplained(result):
 def _together(sensor, own, result, kept, more):
     """Return a SensorCalibration of other records with what the reference says of it."""
     records = of_records(Gyroscope if sensor == "gyroscope" else Accelerometer, own)
-    at = [*range(len(records.seen)), *more]
+    count = len(records.seen)
+    at = [*range(count), *more]
     joint = result.solution.fit.x[at], result.covariance[np.ix_(at, at)]
+    if result.no_axes:
+        # what others say of T and K stays as it is
+        joint[1][:count] = joint[1][:, :count] = 0.0
+        joint[1][:count, :count] = records.gain @ records.covariance @ records.gain.T
     x, covariance = records.joined(*joint)
     names = {name.partition(".")[0] for name in own.names}
     fitted = [e for e in own.effects if e.name in names]
@@ -186,7 +197,11 @@ def _alone(sensor, own, result, turned, kept, more):
         T = T + cross_matrix(turned[:1])[0]
     at = [*range(count), *more]
     order = [(int(n[1]), int(n[2])) for n in names if n[0] == "T"]
-    values = [*(T[i] for i in order), *K, *result.bias.mean(axis=0)]
+    bias, known = result.bias.mean(axis=0), own.raw_unit.to_si(own.b)
+    square = ((bias - known) ** 2 / result.variance[:3]).sum()
+    if square < chi2.isf(BY_CHANCE, 3):
+        bias = known
+    values = [*(T[i] for i in order), *K, *bias]
     values = np.append(values, x[more])
     # what each parameter is of those of the fit; T of a gyroscope is symmetric but for the turn
     gain = np.zeros((len(values), len(at)))
@@ -202,6 +217,19 @@ def _alone(sensor, own, result, turned, kept, more):
         off = np.array([cross_matrix(axis[None])[0] for axis in np.eye(3)])
         off = np.array([off[:, i, j] for i, j in order])
         spread[:6, :6] += off * turned[1] @ off.T
-    return in_raw_units(
+    made = in_raw_units(
         own.raw_unit, names, values, spread, method="reference_motion", effects=kept
+    )
+    if not result.no_axes:
+        return made
+    if bias is known and not kept:
+        return replace(own, not_testable=result.no_axes)
+    at = np.arange(first + 3, len(values))
+    return replace(
+        made,
+        T=own.T,
+        K=own.K,
+        names=made.names[first + 3 :],
+        covariance=made.covariance[np.ix_(at, at)],
+        not_testable=result.no_axes,
     )

@@ -148,16 +148,19 @@ def _diagnosed(choices, beyond, misfit):
     return PoseResult(content, solution, choices, residuals, formula)
 
 
-def judged_residuals(choices, kinds, count):
+def judged_residuals(choices, kinds, count, before=None):
     """Return verdict and residuals of a PoseProblem, and what is left of them, pose by pose.
 
     Of some kinds of residual, `count` of which share the significance: the contract's fields, and
-    the columns of `residual_columns`.
+    the columns of `residual_columns`. `before` are Choices of the same rows with less in their
+    model, if that of `choices` has more than the effects that it adds.
     """
     problem, added = choices.problem, choices.choice().base
     sensor, settings = problem.sensor, problem.settings
-    errors = choices.following(()), choices.errors(choices.nested)
-    base, final = problem.linearized(), problem.linearized(added)
+    before = before or choices
+    more = bool(added) or before is not choices
+    errors = before.following(()), choices.errors(choices.nested)
+    base, final = before.problem.linearized(), problem.linearized(added)
     # the noise is as likely as the fit with the effects has it
     (_, judged_base), (weights, judged_final) = (
         _judged(problem, kinds, *side) for side in zip((base, final), errors, strict=True)
@@ -172,9 +175,7 @@ def judged_residuals(choices, kinds, count):
     for k, kind in enumerate(kinds):
         unit, rows = sensor.kinds[kind][0], problem.of_kind(kind)
         judged = judged_base[k], judged_final[k]
-        entry, found = residual_entry(
-            problem, kind, unit, rows, judged, errors, floor, share, bool(added)
-        )
+        entry, found = residual_entry(problem, kind, unit, rows, judged, errors, floor, share, more)
         above = np.logical_or(above, found)
         if kind != "rotation" or problem.recording.rotations.aliased is None:
             slow |= judged[1].estimated < share
@@ -187,7 +188,7 @@ def judged_residuals(choices, kinds, count):
         if kind == "rotation":
             residuals[kind] |= undersampled(problem, final.solution, entry["floor"])
     found = {
-        "verdict": verdict(*above, added),
+        "verdict": verdict(*above, more),
         "slow_noise": bool(slow and not above[1]),
         "residuals": residuals,
     }

@@ -18,10 +18,11 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.records.carried import carried, errors_over, series
-from imuloop.diagnose.records.one_solution import BESIDE, WHOLE, of_records
+from imuloop.diagnose.records.one_solution import WHOLE, of_records
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.diagnose.records.poses import Linearized, PoseProblem, by_effect
+from imuloop.diagnose.records.set_up import Adopted, clamped, loose, set_up, set_up_content
 from imuloop.diagnose.variance import Part
 from imuloop.diagnose.verdict import leaves, not_testable
 
@@ -37,6 +38,9 @@ WITHIN = (
     "in fewer than three sessions, what a reference gets wrong with attitude could look the same: "
     "more is left than its noise"
 )
+NO_BETTER = (
+    "T and K fitted beside the reference do not lower the error of held-out data for certain"
+)
 
 
 @dataclass(frozen=True)
@@ -49,6 +53,8 @@ class ReferenceResult:
     effects: tuple = ()  # FittedEffect each
     columns: tuple = ()  # of each effect the places of its parameters in the solution
     covariance: np.ndarray | None = None  # of the solution's parameters
+    # why T and K beside the reference are no better than those that are known; None if they are
+    no_axes: str | None = None
     # of each session, (s, 3): SI as logged, and what is left of the rotation between both bodies
     bias: np.ndarray | None = None
     frame: np.ndarray | None = None
@@ -144,12 +150,17 @@ class ReferenceProblem(PoseProblem):
         A reference that leaves more than its noise may err with attitude, as effects of the sensor
         do: one session, or two, cannot tell.
         """
-        own = any(effect.name not in BESIDE for effect in base)
-        if own and len(self.recording.logs) < WHOLE:
+        if base and (reason := self.within(base)):
+            return reason
+        return None if out else super().lost(base)
+
+    def within(self, base):
+        """Return why a reference in few sessions does not tell the sensor from itself, or None."""
+        if len(self.recording.logs) < WHOLE:
             values = self.linearized(base).values
             if np.median(values**2 / self.floor) > ABOVE * chi2.ppf(0.5, 1):
                 return WITHIN
-        return None if out else super().lost(base)
+        return None
 
     def slow(self, effect):
         """Return whether noise could be larger for an effect: it is known by what is left."""
@@ -171,8 +182,6 @@ def shapes_beside(sensor, recording):
         if sensor in cls.sensors and {"motion", "reference"} & {*cls.records}:
             found[cls] = tuple(cls.shapes(channels))
             others.pop(cls, None)
-            if cls.name == "lever_arm":
-                found[cls] = (cls(marker=1),)
     if sensor == "accelerometer":
         for cls in [cls for cls in found if cls.timed]:
             del found[cls]
@@ -191,8 +200,9 @@ def diagnose_reference(sensor, recording, settings, tests, own, beyond=None):
         why = f"{len(session)} windows with a reference, at least {LEAST_WINDOWS} needed"
         return ReferenceResult(not_testable(why))
     shapes, others = shapes_beside(sensor.sensor, recording)
-    known = of_records(sensor, own)
-    shapes = {c: s for c, s in shapes.items() if c not in set(map(type, known.effects))}
+    known, beside = of_records(sensor, own), set_up(sensor.sensor, recording)
+    fitted = set(map(type, (*known.effects, *beside)))
+    shapes = {c: s for c, s in shapes.items() if c not in fitted}
     others |= {type(e): ("added", "found in other records") for e in known.effects}
     parts = _parts(recording, session, first, settings.folds)
     problem = ReferenceProblem(
@@ -200,15 +210,16 @@ def diagnose_reference(sensor, recording, settings, tests, own, beyond=None):
         recording,
         shapes,
         settings,
-        tests + settings.family * len(shapes),
+        tests + settings.family * (len(shapes) + len(beside)),
         parts,
-        known.effects,
-        base_rows=known.rows(),
+        (*known.effects, *beside),
+        base_rows=loose(known.rows(), beside),
     )
     try:
         if reason := problem.lost(()):
             return ReferenceResult(not_testable(reason))
-        return _diagnosed(Choices(problem), others, (session, first, last), beyond)
+        axes = sensor.first if known.seen is None else known.seen
+        return _diagnosed(Choices(problem), axes, others, (session, first, last), beyond)
     except LinAlgError:
         return ReferenceResult(not_testable(SINGULAR))
 
@@ -223,23 +234,27 @@ def _parts(recording, session, first, count):
     return session * blocks + np.minimum(blocks * first // np.array(length)[session], blocks - 1)
 
 
-def _diagnosed(choices, others, windows, beyond):
-    """Return the ReferenceResult of a problem that can be tested."""
+def _diagnosed(choices, axes, others, windows, beyond):
+    """Return the ReferenceResult of a problem that can be tested.
+
+    `axes` are T, K and effects as they are known without the reference.
+    """
     (kind,), sensor = choices.problem.sensor.kinds, choices.problem.sensor.sensor
-    judged, columns = judged_residuals(choices, (kind,), 2)
-    covariance, fitted, columns_of = _fitted(choices)
-    content = judged | search_content(sensor, choices, fitted, others, [])
-    if beyond and leaves(judged) and (more := beyond("reference", sensor, choices)):
+    final = _Final.of(choices, axes)
+    content = final.judged | search_content(sensor, choices, final.fitted, others, [])
+    if beyond and leaves(final.judged) and (more := beyond("reference", sensor, choices)):
         content["discovered"] = more.content
         if more.choices:
-            choices = more.choices
-            judged, columns = judged_residuals(choices, (kind,), 2)
-            covariance, fitted, columns_of = _fitted(choices)
-            content |= judged | more.joined(content["effects"], content["candidates"], fitted)
+            final = _Final.of(more.choices, axes)
+            content |= final.judged
+            content |= more.joined(content["effects"], content["candidates"], final.fitted)
+    choices, columns, covariance = final.choices, final.columns, final.covariance
+    content["effects"] = [*final.beside["effects"], *content["effects"]]
+    content["candidates"] = [*content["candidates"], *final.beside["candidates"]]
     problem, added = choices.problem, choices.choice().base
     content["sessions"] = len(problem.recording.logs)
     if problem.sensor.sensor == "gyroscope":
-        parts = carried(choices)
+        parts = carried(choices, final.before)
         content["by_duration"] = errors_over(parts)
         if shown := series(parts, problem.recording.names):
             content["series"] = shown
@@ -262,14 +277,57 @@ def _diagnosed(choices, others, windows, beyond):
         content,
         solution,
         choices,
-        tuple(fitted),
-        tuple(columns_of),
+        tuple(final.fitted),
+        tuple(final.places),
         covariance,
+        final.no_axes,
         bias,
         model.nuisances[:, 3:6],
         variance,
         place | {"residual": np.full(len(session), kind, object)} | columns,
     )
+
+
+@dataclass(frozen=True)
+class _Final:
+    """A model as it is reported and written."""
+
+    choices: Choices
+    before: Choices  # without what was found of the set-up
+    no_axes: str | None  # as of ReferenceResult
+    beside: dict  # effects and candidates of the set-up
+    judged: dict
+    columns: dict
+    covariance: np.ndarray
+    fitted: list
+    places: list
+
+    @classmethod
+    def of(cls, choices, axes):
+        """Return the model with the effects of Choices; T and K free if that predicts better."""
+        known = Adopted(clamped(choices.problem, np.arange(len(axes)), axes), choices)
+        if why := _no_better(choices, known):
+            choices = known
+        covariance, fitted, places = _fitted(choices)
+        beside, before = set_up_content(choices, covariance)
+        kinds = tuple(choices.problem.sensor.kinds)
+        judged, columns = judged_residuals(choices, kinds, 2, before)
+        return cls(choices, before, why, beside, judged, columns, covariance, fitted, places)
+
+
+def _no_better(choices, known):
+    """Return why T and K are no better fitted than as `known`, other Choices, has them, or None.
+
+    Effects are the same; held-out errors are compared in the deviations of the windows by both.
+    """
+    problem, count = choices.problem, choices.problem.of_kind(*choices.problem.sensor.kinds).sum()
+    if reason := problem.within(choices.choice().base):
+        return f"T and K beside the reference are not written: {reason}"
+    each = known, choices
+    size = np.sqrt(sum(c.problem.measure[:count] ** 2 for c in each) / 2)[:, None]
+    errors = (c.errors(c.nested)[:count] / size for c in each)
+    ratio = choices.ratio(problem.fold[:count], *errors)
+    return None if ratio[1] < 1 else f"{NO_BETTER}: ratio {ratio[0]:.3f} to {ratio[1]:.3f}"
 
 
 def _fitted(choices):
