@@ -115,7 +115,8 @@ def with_reference(calibration, results):
     Takes ReferenceResults by sensor. Of a sensor whose axes other records do not show, it is that
     beside the reference, the gyroscope's turned onto the accelerometer's where places show these.
     T and K that predict held-out data no better than those that are known are not written, nor is
-    a bias that chance could give.
+    a bias that chance could give, nor anything of few sessions that do not tell a sensor from the
+    reference.
     Where the accelerometer stays unexplained beside the reference and nothing else shows its axes,
     it stays as it was, and turns no gyroscope: the data sheet says how its axes lie. Effects of
     where a marker sits and how late the reference is are not the sensor's: they are not
@@ -127,6 +128,9 @@ def with_reference(calibration, results):
     if beside and force.method in UNFITTED and beside.content["verdict"] == "unexplained":
         del known["accelerometer"]
         solution["accelerometer"] = replace(force, not_testable=_unexplained(beside))
+    for sensor in [s for s, r in known.items() if r.within]:
+        own, why = getattr(calibration, sensor), f"beside the reference, {known.pop(sensor).within}"
+        solution[sensor] = replace(own, not_testable=why) if own.method in UNFITTED else own
     nominal = [r.no_axes for s, r in known.items() if getattr(calibration, s).method in UNFITTED]
     if len(known) == 2 and not any(nominal):
         off = known["gyroscope"].frame - known["accelerometer"].frame

@@ -53,6 +53,8 @@ class ReferenceResult:
     effects: tuple = ()  # FittedEffect each
     columns: tuple = ()  # of each effect the places of its parameters in the solution
     covariance: np.ndarray | None = None  # of the solution's parameters
+    # why nothing of it is of the sensor alone; None if it is
+    within: str | None = None
     # why T and K beside the reference are no better than those that are known; None if they are
     no_axes: str | None = None
     # of each session, (s, 3): SI as logged, and what is left of the rotation between both bodies
@@ -280,6 +282,7 @@ def _diagnosed(choices, axes, others, windows, beyond):
         tuple(final.fitted),
         tuple(final.places),
         covariance,
+        final.within,
         final.no_axes,
         bias,
         model.nuisances[:, 3:6],
@@ -294,7 +297,8 @@ class _Final:
 
     choices: Choices
     before: Choices  # without what was found of the set-up
-    no_axes: str | None  # as of ReferenceResult
+    within: str | None  # both as of ReferenceResult
+    no_axes: str | None
     beside: dict  # effects and candidates of the set-up
     judged: dict
     columns: dict
@@ -304,15 +308,23 @@ class _Final:
 
     @classmethod
     def of(cls, choices, axes):
-        """Return the model with the effects of Choices; T and K free if that predicts better."""
-        known = Adopted(clamped(choices.problem, np.arange(len(axes)), axes), choices)
-        if why := _no_better(choices, known):
-            choices = known
+        """Return the model with the effects of Choices.
+
+        T and K are as they are known without the reference where they predict no worse so; they are
+        free where nobody can tell.
+        """
+        why, within = None, choices.problem.within(choices.choice().base)
+        if not within:
+            known = Adopted(clamped(choices.problem, np.arange(len(axes)), axes), choices)
+            if why := _no_better(choices, known):
+                choices = known
         covariance, fitted, places = _fitted(choices)
         beside, before = set_up_content(choices, covariance)
         kinds = tuple(choices.problem.sensor.kinds)
         judged, columns = judged_residuals(choices, kinds, 2, before)
-        return cls(choices, before, why, beside, judged, columns, covariance, fitted, places)
+        return cls(
+            choices, before, within, why, beside, judged, columns, covariance, fitted, places
+        )
 
 
 def _no_better(choices, known):
@@ -321,8 +333,6 @@ def _no_better(choices, known):
     Effects are the same; held-out errors are compared in the deviations of the windows by both.
     """
     problem, count = choices.problem, choices.problem.of_kind(*choices.problem.sensor.kinds).sum()
-    if reason := problem.within(choices.choice().base):
-        return f"T and K beside the reference are not written: {reason}"
     each = known, choices
     size = np.sqrt(sum(c.problem.measure[:count] ** 2 for c in each) / 2)[:, None]
     errors = (c.errors(c.nested)[:count] / size for c in each)

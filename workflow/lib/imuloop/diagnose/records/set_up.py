@@ -118,7 +118,7 @@ def set_up_content(choices, covariance):
         # a parameter that alone is not zero, found with the power that is asked for
         wanted = chi2.isf(np.exp(search.threshold(0)), len(at))
         square = chndtrinc(wanted, len(at), 1 - problem.settings.power)
-        limits = np.sqrt(square / np.diag(own))
+        limits = problem.enough * np.sqrt(square / np.diag(own))
         candidates.append(
             entry
             | {
