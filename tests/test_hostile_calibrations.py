@@ -81,7 +81,10 @@ def one(i, j, value):
 A, G = "accelerometer", "gyroscope"
 TEMPERATURE, WARM = f"{A}.effects.1", f"{A}.effects.0"
 NO_PATTERN = {"name": "lever_arm", "parameters": {f"r{i}{j}": 0.0 for i in "xyz" for j in "xyz"}}
-ONLY_NOISE = {"name": "gauss_markov", "parameters": {"qx": 0.0, "qy": 0.0, "qz": 0.0}}
+ONLY_NOISE = {
+    "name": "gauss_markov",
+    "parameters": {f"{key}{axis}": 0.0 for key in ("q", "tc") for axis in "xyz"},
+}
 SINGULAR = [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
 # what has to be refused

@@ -7,7 +7,7 @@ import numpy as np
 
 import imuloop.diagnose.diagnose  # noqa: F401  loads the library
 from bench.study import physics
-from bench.study.devices import HEATED_RECORD, Injected
+from bench.study.devices import DEVICES, HEATED_RECORD, Injected
 from imuloop.core.effect import Effect, find_effect
 from imuloop.diagnose.records.scan import FINENESS
 from imuloop.simulate.truth import GaussMarkovProcess, Popcorn, SpectralLine
@@ -32,7 +32,10 @@ AT_REST = {
 OUTSIDE = {"accelerometer": ("gravity_norm", 5), "gyroscope": ("pose_rate", 3)}
 FLOORS = 3.0
 # what is random, or of its own time, instead of a function of the channels
-PROCESSES = ("sinusoid", "steps", "gauss_markov")
+PROCESSES = ("sinusoid", "steps")
+# correlation times of a process, s, and its size for the diagnosis in limits of the noise stage:
+# a smaller one is in the noise, but foretells too little
+TIMES, FORETELLS = (3.0, 100.0), 3.0
 
 
 @dataclass(frozen=True)
@@ -100,6 +103,9 @@ def injected(case, seed, control):
         return (Injected(case.sensor, "harmonic", {"size": size}, extra=extra),)
     made = []
     for name in case.names:
+        if name == "gauss_markov":
+            made.append(_process(case, rng))
+            continue
         candidate = next(c for c in found["candidates"] if c["name"] == name)
         if not candidate["detection_limit"]:
             return None
@@ -113,11 +119,38 @@ def injected(case, seed, control):
     return tuple(made)
 
 
+def _process(case, rng):
+    """Return a process, sized on each axis by the limit at which the noise stage finds it there."""
+    # it takes the tables of this study
+    from bench.noise.detection import gauss_markov_limit
+
+    truth = DEVICES[case.record](case.plan)
+    noise = getattr(truth, case.sensor).noise
+    length = int(truth.rate * sum(plan.duration_s for plan in truth.sessions.values()))
+    tc = float(np.exp(rng.uniform(*np.log(TIMES))))
+    limit = [
+        gauss_markov_limit(np.array([0.0, n**2, b**2, 0.0]), tc, length, truth.rate)
+        for n, b in zip(noise.N, noise.B, strict=True)
+    ]
+    z = rng.standard_normal(3)
+    size = FORETELLS * case.limits * np.abs(z) / np.linalg.norm(z) * limit
+    process = GaussMarkovProcess(tuple(size.tolist()), tc)
+    values = dict(zip(("qx", "qy", "qz"), process.q, strict=True))
+    return Injected(
+        case.sensor,
+        "gauss_markov",
+        values,
+        {"tc": tc},
+        case.limits,
+        noise={"gauss_markov": (process,)},
+    )
+
+
 def _injected(sensor, name, candidate, alike, rng, limits):
     """Return one effect of so many detection limits."""
     limit, constants = candidate["detection_limit"], dict(candidate["constants"])
     known = list(limit)
-    for key in constants.keys() & {"tau", "half_width", "tc"}:
+    for key in constants.keys() & {"tau", "half_width"}:
         constants[key] *= BETWEEN ** rng.uniform(-1, 1)
     if name == "sinusoid":
         # every frequency of a grid is searched, and noise depends on it: half a step off at most
@@ -144,14 +177,9 @@ def _injected(sensor, name, candidate, alike, rng, limits):
         # that amplitude in every session, its phases left to the simulator
         amplitude = (max(abs(v) for key, v in values.items() if key[1] == axis) for axis in "xyz")
         noise = SpectralLine(tuple(amplitude), constants["frequency"])
-    elif name == "steps":
+    else:
         # of the first size, at one time in the middle part of every session
         first = tuple(values["h1" + axis] for axis in "xyz")
         noise = Popcorn(first, (float(rng.uniform(900, 2700)),))
         constants = {"times": noise.times}
-    else:
-        # of that size, whatever the signs
-        noise = GaussMarkovProcess(
-            tuple(abs(values["q" + axis]) for axis in "xyz"), constants["tc"]
-        )
     return Injected(sensor, name, values, constants, size, noise={name: (noise,)})

@@ -10,12 +10,11 @@ from diagnose.records import LENGTH, record, root, search, temperature
 from imuloop.core.effect import find_effect
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.scan import frequencies
-from imuloop.diagnose.records.slow_noise import hypotheses, ratios, unit_noise
+from imuloop.diagnose.records.slow_noise import hypotheses, prediction_errors, ratios, unit_noise
 from imuloop.diagnose.records.static import fitted_effects, fold_of, information
 from imuloop.diagnose.records.static_diagnosis import find
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.bias_temperature import BiasTemperature
-from imuloop.effects.gauss_markov import GaussMarkov
 from imuloop.effects.ramp import Ramp
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps
@@ -32,11 +31,11 @@ def found(values):
     """Return what is found in values (n, 3), or in those of several sessions by name."""
     values = values if isinstance(values, dict) else {"s": values}
     records = [record(v, session) for session, v in values.items()]
-    return find("accelerometer", records, records, DiagnoseSettings(), TESTS)
+    return find("accelerometer", records, DiagnoseSettings(), TESTS)
 
 
 def names(finding):
-    return [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
+    return [e.name for e in finding.effects]
 
 
 def pattern(name, n=N):
@@ -176,6 +175,18 @@ def test_estimates_and_their_errors_hold_in_slow_noise(seeds):
     assert abs(np.mean(off)) < 3.3 / np.sqrt(n)
     assert -3.9 < (np.std(off) - 1) * np.sqrt(2 * n) < 3.1
     assert np.mean(np.abs(off) < 3) > 0.97
+
+
+def test_the_next_mean_is_foretold_by_those_before_it():
+    at = record(np.zeros((60, 3))).windows
+    values = np.random.default_rng(9).normal(size=60)
+    # of white noise it is the mean of all before
+    errors = prediction_errors(values, at, unit_noise("N"))
+    before = np.cumsum(values)[:-1] / np.arange(1, 60)
+    np.testing.assert_allclose(errors, [0.0, *(values[1:] - before)], atol=1e-4)
+    # of a walk that is slow beside a window, about the last one
+    errors = prediction_errors(1e3 + np.cumsum(values), at, unit_noise("K"))
+    assert np.std(errors[1:]) < 1.1 * np.std(values[1:])
 
 
 def test_what_records_say_of_parameters_is_what_a_fit_finds():

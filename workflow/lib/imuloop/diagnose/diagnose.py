@@ -18,6 +18,7 @@ from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.recording import Recording
+from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
@@ -97,7 +98,10 @@ def diagnose_device(
     )
     # first the static records: the poses have their effects too, and the noise without these; but
     # a rest of the poses' own log is one attitude and a start, and they judge for themselves
-    still = diagnose_static(data, records, base, model, settings, noise_settings, tests, beyond)
+    still = diagnose_static(
+        *(data, records, base, model, read_json(noise)["curve_fit"]),
+        *(settings, noise_settings, tests, beyond),
+    )
     of_own_session, shown = "static" in data.kinds.values(), dict.fromkeys(SENSORS, ((), None))
     if of_own_session:
         warm = recording.poses.temperature is not None

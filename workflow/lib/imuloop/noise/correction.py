@@ -47,7 +47,7 @@ def corrected(session, log, calibration, found):
 
 
 def noise_again(device, data, calibration, found, noise_settings):
-    """Return the NoiseModel of the corrected StaticData, and their Allan tables by session."""
+    """Return the NoiseResult of the corrected StaticData, and their Allan tables by session."""
     sessions = [
         RecordedSession(
             name,
@@ -65,23 +65,20 @@ def noise_again(device, data, calibration, found, noise_settings):
         for name, table in result.allan.items()
         if len(table["tau_s"])
     }
-    return result.model, tables
+    return result, tables
 
 
-def with_found_noise(model, found, processes, lines=True):
-    """Return a NoiseModel with the processes, and lines if wanted, that were found.
+def with_lines(model, found):
+    """Return a NoiseModel with the lines among the FittedEffects of each sensor.
 
     A line that was taken out of the record is noise elsewhere: there its phase is not known.
-    `found` are the FittedEffects of each sensor, `processes` its Coloured noise if it has any.
     """
     axes = dict(model.axes)
     for sensor, names in SENSORS.items():
-        of_lines = [e for e in found.get(sensor, ()) if isinstance(e.effect, SinusoidEffect)]
+        lines = [e for e in found.get(sensor, ()) if isinstance(e.effect, SinusoidEffect)]
         for place, name in enumerate(names):
-            for effect in of_lines if lines else ():
+            for effect in lines:
                 axes[name] = _with_line(axes[name], effect, place)
-            if sensor in processes:
-                axes[name] = processes[sensor].beside(axes[name], place)
     return NoiseModel(model.device, axes)
 
 

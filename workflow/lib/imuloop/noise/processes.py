@@ -98,29 +98,6 @@ def gauss_markov_density(frequency, dt, tc):
     return dt * -np.expm1(-2 * dt / tc) / (np.expm1(-dt / tc) ** 2 + phi * chord)
 
 
-def mean_spectra(theta):
-    """Return the spectra of window means for unit Q, N, B, K and windows of unit length, (m, 4).
-
-    Expected squares of the coefficients of an orthonormal cosine transform at `theta`, shape (m,),
-    2π times frequency times length of a window. The walk's holds exactly but for the ends, flicker
-    is summed over its aliases.
-    """
-    cosine = np.cos(theta)
-    aliases = np.abs(theta[:, None] / (2 * np.pi) + np.arange(-8, 9))
-    flicker = (np.sinc(aliases) ** 2 / (2 * np.pi * aliases)).sum(axis=1)
-    return np.column_stack(
-        [2 - 2 * cosine, np.ones_like(theta), flicker, (2 + cosine) / (6 * (1 - cosine))]
-    )
-
-
-def gauss_markov_mean_spectrum(theta, tc):
-    """Return the same for a Gauss-Markov process of variance 1, `tc` in lengths of a window."""
-    a, cosine = np.exp(-1 / tc), np.cos(theta)
-    same = 2 * tc**2 * (1 / tc - 1 + a)
-    next_one = tc**2 * (1 - a) ** 2
-    return same + 2 * next_one * (cosine - a) / (1 - 2 * a * cosine + a * a)
-
-
 def _flicker_samples(d):
     """Return the generalised covariance of flicker at a lag of d samples."""
     x = np.pi * np.maximum(d, 1)

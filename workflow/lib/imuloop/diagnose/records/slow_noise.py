@@ -1,6 +1,7 @@
-"""Noise of a static record that is not known in advance: white, flicker and walk on a grid."""
+"""Noise of a static record: on a grid where it is not known, and what it foretells where it is."""
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
 
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.diagnose.evidence import Hypotheses
@@ -9,6 +10,8 @@ from imuloop.diagnose.evidence import Hypotheses
 STEP = 6.0
 # probability, before the data, that an axis has no flicker, and that it has no walk
 ABSENT = (1 / 2, 1 / 10)
+# variance of a level of which nothing is known, over the largest of the noise
+UNKNOWN = 1e6
 
 
 def ratios(span, length):
@@ -40,3 +43,16 @@ def hypotheses(windows, grid):
     """Return the Hypotheses of means over windows, shape (n, 2), on the grid, for N = 1."""
     white, flicker, walk = (unit_noise(name).mean_covariance(windows) for name in "NBK")
     return Hypotheses.of(white + b * flicker + k * walk for b, k in grid)
+
+
+def prediction_errors(values, windows, noise):
+    """Return how far each mean is from what those before it foretell, shape (n,), SI.
+
+    The foretold is the conditional mean by an AxisNoise beside a level of which nothing is known:
+    with its covariance ``Σ = L Lᵀ`` the error is ``diag(L) L⁻¹ x``. Takes means x, shape (n,), over
+    windows, (n, 2) s; the first, of which nothing is foretold, has the error 0.
+    """
+    covariance = noise.mean_covariance(windows)
+    root = cholesky(covariance + UNKNOWN * np.diag(covariance).max(), lower=True)
+    errors = np.diag(root) * solve_triangular(root, values - values[0], lower=True)
+    return np.append(0.0, errors[1:])

@@ -5,10 +5,10 @@ import numpy as np
 from imuloop.core.effect import Effect
 from imuloop.core.memory import in_pieces
 from imuloop.core.samples import SENSORS
+from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.content import residual_entry, search_content, untried
-from imuloop.diagnose.records.process import process_candidate, process_entry
 from imuloop.diagnose.records.static import fitted_effects
-from imuloop.diagnose.residuals import held_out_covariance
+from imuloop.diagnose.residuals import held_out_covariance, size
 from imuloop.diagnose.variance import FARTHEST
 from imuloop.diagnose.verdict import MARGIN, judge, verdict
 from imuloop.effects.axes import on_each_axis
@@ -22,11 +22,11 @@ UNSEEN = {
 }
 
 
-def static_content(sensor, finding, noise, change):
+def static_content(sensor, finding, noise, change, processes):
     """Return the contract's fields of a sensor's Finding.
 
     `noise` is that of the records without the effects, the floor; `change` holds its coefficients
-    before and after, by axis, where something was added.
+    before and after, by axis, where something was added; `processes` are AxisProcesses by axis.
     """
     choices, axes = finding.choices, SENSORS[sensor]
     problem, settings = choices.problem, choices.problem.settings
@@ -34,7 +34,8 @@ def static_content(sensor, finding, noise, change):
     sides = zip(((), finding.effects), errors, strict=True)
     judged = [_judged(problem, *side, noise, axes) for side in sides]
     floor = _floor(problem, noise, axes)
-    added = [e.name for e in finding.effects] + [GaussMarkov.name] * finding.has_process
+    process, why = _process(sensor, processes, settings)
+    added = [e.name for e in finding.effects] + [GaussMarkov.name] * bool(process)
     share = settings.significance / len(SENSORS) / settings.family
     residual, above = residual_entry(
         problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share, bool(added)
@@ -47,10 +48,9 @@ def static_content(sensor, finding, noise, change):
         found["discovered"] = finding.further.content
         if finding.further.choices:
             found |= finding.further.joined(found["effects"], found["candidates"], finding.effects)
-    if finding.has_process:
-        found["effects"].append(process_entry(sensor, finding.process, finding.after))
+    found["effects"] += [process] if process else []
     tried = found["candidates"]
-    tried.append(process_candidate(sensor, finding.process, finding.after, settings.power))
+    tried.append(untried(GaussMarkov.name, "added" if process else "rejected", why))
     listed = {c["name"] for c in tried}
     tried += [
         untried(
@@ -71,6 +71,43 @@ def static_content(sensor, finding, noise, change):
         "noise": change,
         "points": _points(finding, floor),
     }
+
+
+def _process(sensor, processes, settings):
+    """Return the entry of noise with a correlation time, None where it is no effect, and why."""
+    if not processes:
+        return None, "the noise stage finds none"
+
+    def ratio(each):
+        before = np.column_stack([p.before for p in each])
+        after = np.column_stack([p.after for p in each])
+        return ratio_interval(each[0].fold, before, after, settings)
+
+    intervals = {axis: ratio([p]) for axis, p in processes.items()}
+    axes = [axis for axis, ends in intervals.items() if ends[1] < 1]
+    if not axes:
+        low, high = min(intervals.values(), key=lambda ends: ends[1])
+        why = f"the noise has it, but it foretells no mean better: ratio {low:.3f} to {high:.3f}"
+        return None, why
+    terms = {f"{key}{a[1]}": getattr(processes[a].term, key) for key in ("q", "tc") for a in axes}
+    each = [processes[axis] for axis in axes]
+    ends = {name: c.ci95 or (c.value, c.value) for name, c in terms.items()}
+    units = GaussMarkov().units(sensor)
+    entry = {
+        "name": GaussMarkov.name,
+        "constants": {},
+        "parameters": {name: c.value for name, c in terms.items()},
+        "std": {name: (high - low) / 3.92 for name, (low, high) in ends.items()},
+        "units": {name: units[name] for name in terms},
+        # the noise stage has its own test
+        "p_value": None,
+        "residual": "bias",
+        "axis": axes[0] if len(axes) == 1 else None,
+        "heldout_before": size(np.column_stack([p.before for p in each])),
+        "heldout_after": size(np.column_stack([p.after for p in each])),
+        "ratio_ci95": ratio(each),
+    }
+    return entry, "found by the noise stage; it foretells the next mean better"
 
 
 def _floor(problem, noise, axes):

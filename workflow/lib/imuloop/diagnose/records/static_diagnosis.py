@@ -8,17 +8,23 @@ from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.core.effect import Channels
-from imuloop.core.noise_model import NoiseModel, without_weight
+from imuloop.core.noise_model import (
+    AxisNoise,
+    Coefficient,
+    GaussMarkovTerm,
+    NoiseModel,
+    without_weight,
+)
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.moves import separated
-from imuloop.diagnose.records.process import find_process
-from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
+from imuloop.diagnose.records.slow_noise import prediction_errors
+from imuloop.diagnose.records.static import StaticProblem, fitted_effects, fold_of, information
 from imuloop.diagnose.records.static_content import static_content
 from imuloop.diagnose.verdict import leaves, not_testable
 from imuloop.effects.sinusoid import Sinusoid
-from imuloop.noise.correction import noise_again, with_found_noise
+from imuloop.noise.correction import noise_again, with_lines
 
 # windows that tell noise from lines
 ENOUGH = 64
@@ -30,7 +36,7 @@ class StaticResult:
 
     content: dict  # the contract's fields, by sensor
     effects: dict  # FittedEffects that belong into a calibration, by sensor
-    # noise without the effects, doubtful ones too, with the lines and processes that were found
+    # noise without the effects, doubtful ones too, with the lines that were found
     noise: NoiseModel
     # Allan table without the effects, by session; empty where nothing was taken out
     allan: dict = field(default_factory=dict)
@@ -62,7 +68,6 @@ class Finding:
     effects: tuple  # FittedEffects that were added, a formula of no library last
     # the same with the best that passes the test, but that no held-out part confirms
     doubtful: tuple
-    process: object  # test for noise with a correlation time; None without enough means in a row
     # (N, 3): held-out errors, the whole search made again without each block
     before: np.ndarray
     after: np.ndarray
@@ -82,11 +87,6 @@ class Finding:
     def base(self):
         """The effects that were added, in their shapes."""
         return tuple(e.effect for e in self.effects)
-
-    @property
-    def has_process(self):
-        """Whether noise with a correlation time was added."""
-        return self.process is not None and self.process.found
 
 
 def static_tests(records, settings):
@@ -112,14 +112,14 @@ def static_candidates(sensor, records):
 
 
 def diagnose_static(
-    data, records, calibration, noise, settings, noise_settings, tests, beyond=None
+    data, records, calibration, noise, curve_fit, settings, noise_settings, tests, beyond=None
 ):
     """Return the StaticResult of both sensors of a device.
 
     Takes StaticData, the StaticRecords of each sensor, the base calibration, to whose
-    ``K (raw - b)`` effects add, and the device's noise, which is estimated again by the settings of
-    its stage; `tests` is the number of tests that share the significance, `beyond` as of
-    `pose_diagnosis.diagnose_poses`.
+    ``K (raw - b)`` effects add, the device's noise and, as of `NoiseResult`, its plain fits, both
+    estimated again by the settings of their stage where effects are taken out; `tests` is the
+    number of tests that share the significance, `beyond` as of `pose_diagnosis.diagnose_poses`.
     """
     findings, reasons = {}, {}
     for sensor, axes in SENSORS.items():
@@ -130,14 +130,13 @@ def diagnose_static(
         if reason:
             reasons[sensor] = not_testable(reason)
             continue
-        fine = data.records(sensor, calibration, 0.0)
         try:
-            findings[sensor] = find(sensor, own, fine, settings, tests)
+            findings[sensor] = find(sensor, own, settings, tests)
         except LinAlgError:
             reasons[sensor] = not_testable(SINGULAR)
 
     def result():
-        return _result(findings, reasons, data, calibration, noise, noise_settings)
+        return _result(findings, reasons, data, calibration, (noise, curve_fit), noise_settings)
 
     made = result()
     for sensor, finding in findings.items() if beyond else ():
@@ -150,32 +149,35 @@ def diagnose_static(
     return result() if named else made
 
 
-def _result(findings, reasons, data, calibration, noise, noise_settings):
-    """Return the StaticResult of Findings, and of the reasons why there are none, by sensor."""
+def _result(findings, reasons, data, calibration, logged, noise_settings):
+    """Return the StaticResult of Findings, and of the reasons why there are none, by sensor.
+
+    `logged` is the noise with its plain fits, as of `diagnose_static`.
+    """
     content = dict(reasons)
     found = {sensor: finding.effects for sensor, finding in findings.items()}
-    processes = {s: f.process.test for s, f in findings.items() if f.has_process}
-    allan, floor = {}, noise
+    allan, (noise, _), (floor, curve_fit) = {}, logged, logged
     if any(found.values()):
-        floor, allan = noise_again(noise.device, data, calibration, found, noise_settings)
-    whole = with_found_noise(floor, found, processes)
-    lines_out = with_found_noise(floor, found, processes, lines=False)
+        again, allan = noise_again(noise.device, data, calibration, found, noise_settings)
+        floor, curve_fit = again.model, again.curve_fit
+    whole = with_lines(floor, found)
     for sensor, finding in findings.items():
-        changed = finding.effects or finding.has_process
         change = {
             name: {"before": asdict(noise.axes[name]), "after": asdict(whole.axes[name])}
-            for name in (SENSORS[sensor] if changed else ())
+            for name in (SENSORS[sensor] if finding.effects else ())
         }
-        content[sensor] = static_content(sensor, finding, lines_out, change)
-    names = [e.name for own in found.values() for e in own] + list(processes)
+        fine = data.records(sensor, calibration, 0.0)
+        processes = find_processes(sensor, finding, fine, floor, curve_fit)
+        content[sensor] = static_content(sensor, finding, floor, change, processes)
+    names = {e.name for own in found.values() for e in own}
     doubtful = {sensor: finding.doubtful for sensor, finding in findings.items()}
     if doubtful != found:
         # a warm-up that no second start confirms is no random walk either
         without, _ = noise_again(noise.device, data, calibration, doubtful, noise_settings)
-        rest = with_found_noise(without, found, processes)
+        rest = with_lines(without.model, found)
     else:
         # a line is noise elsewhere, and the noise as logged has it
-        rest = noise if set(names) <= {Sinusoid.name} else whole
+        rest = noise if names <= {Sinusoid.name} else whole
     return StaticResult(
         {sensor: content[sensor] for sensor in SENSORS},
         {s: tuple(e for e in found.get(s, ()) if e.effect.lasting) for s in SENSORS},
@@ -203,16 +205,55 @@ def untestable(records, axes, settings):
     return None
 
 
-def find(sensor, records, fine, settings, tests):
-    """Return the Finding of a sensor in its means, and those over the shortest windows, `fine`."""
+def find(sensor, records, settings, tests):
+    """Return the Finding of a sensor in its means."""
     available, others = static_candidates(sensor, records)
     shapes = {cls: s for cls, s in available.items() if s}
     choices = Choices(StaticProblem(tuple(records), shapes, settings, tests))
     choice, search = choices.choice(), choices.search()
     before, after = choices.following(()), choices.errors(choices.nested)
-    process = find_process(fine, choices)
     unconfirmed = [cls for cls in choice.failed if isinstance(cls, type) and cls.lasting]
     trial = search.trial(choice.base, unconfirmed[0]) if unconfirmed else None
     effects = fitted_effects(search, choice.base)
     doubtful = fitted_effects(search, (*choice.base, *trial.effects)) if trial else effects
-    return Finding(choices, others, effects, doubtful or effects, process, before, after)
+    return Finding(choices, others, effects, doubtful or effects, before, after)
+
+
+@dataclass(frozen=True)
+class AxisProcess:
+    """Noise with a correlation time that the noise stage found on an axis, and what it foretells.
+
+    `before` and `after`, shape (n,), SI, are errors of means that are foretold without it and with
+    it, as of `slow_noise.prediction_errors`, each block of time from its own beginning on.
+    """
+
+    term: GaussMarkovTerm
+    fold: np.ndarray  # (n,): the block of time of each mean
+    before: np.ndarray
+    after: np.ndarray
+
+
+def find_processes(sensor, finding, fine, noise, curve_fit):
+    """Return the AxisProcess of each axis of a sensor that has one, by axis.
+
+    Takes the StaticRecords of means over the shortest windows, from which the effects that were
+    found are taken out here, the NoiseModel of what is left, and its plain fits without processes.
+    """
+    problem, found = finding.choices.problem, {}
+    for place, axis in enumerate(SENSORS[sensor]):
+        own = noise.axes[axis]
+        if not own.gauss_markov:
+            continue
+        plain = {term: Coefficient(curve_fit[axis][term]) for term in "QNBK"}
+        models, parts = (AxisNoise(**plain, sinusoid=own.sinusoid), own), []
+        for record in fine:
+            taken = sum((record.derivative(e.effect) @ e.vector for e in finding.effects), 0.0)
+            values, fold = (record.values - taken)[:, place], fold_of(record, problem)
+            for block in set(fold.tolist()) - {-1}:
+                seen = fold == block
+                errors = [prediction_errors(values[seen], record.windows[seen], m) for m in models]
+                parts.append((np.repeat(block, seen.sum()), *errors))
+        if parts:
+            largest = max(own.gauss_markov, key=lambda p: p.q.square * p.tc.value)
+            found[axis] = AxisProcess(largest, *map(np.concatenate, zip(*parts, strict=True)))
+    return found
