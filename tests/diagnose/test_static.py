@@ -1,13 +1,15 @@
 """Static records of simulated truth: what fits to them say, the right name, and no name."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import permutations
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from calibrate.devices import known
 from diagnose.records import LENGTH, record, root, search, temperature
-from imuloop.core.effect import find_effect
+from imuloop.core.effect import Effect, find_effect
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.scan import frequencies
 from imuloop.diagnose.records.slow_noise import hypotheses, prediction_errors, ratios, unit_noise
@@ -175,6 +177,42 @@ def test_estimates_and_their_errors_hold_in_slow_noise(seeds):
     assert abs(np.mean(off)) < 3.3 / np.sqrt(n)
     assert -3.9 < (np.std(off) - 1) * np.sqrt(2 * n) < 3.1
     assert np.mean(np.abs(off) < 3) > 0.97
+
+
+def test_a_parameter_that_axes_share_is_estimated_from_the_rows_of_all(monkeypatch):
+    """The axis that shows it least must not have the last word, in whichever order they come."""
+    monkeypatch.setattr(Effect, "library", dict(Effect.library))
+
+    @dataclass(frozen=True)
+    class Shared(Effect):
+        shown: tuple = (1.0, 1.0, 1.0)
+
+        name, equation, reference = "shared", "e_i = c s_i (T - 20) + d_i t", "a test"
+        parameters: ClassVar[dict] = {"c": "output per K", "dx": "output per s"}
+
+        def design(self, channels):
+            found = np.zeros((len(channels.t), 3, 2))
+            found[:, :, 0] = np.outer(channels.temperature - 20, self.shown)
+            found[:, 0, 1] = channels.t / channels.t[-1]
+            return found
+
+    for shown in permutations((1.0, 0.3, 1e-3)):
+        effect = Shared(shown)
+        rec = record(noise(15, 0.0, 0.0))
+        rec.values[:] += effect.design(rec.channels) @ [0.5, 1.0]
+        one = search([rec], [effect])
+        (fitted,) = fitted_effects(one, (effect,))
+        # white noise: by all rows of all axes, and a level of each
+        level = np.tile(np.eye(3), (N, 1, 1))
+        rows = np.concatenate([effect.design(rec.channels), level], axis=2).reshape(3 * N, 5)
+        (c, d, *_), *_ = np.linalg.lstsq(rows, rec.values.ravel(), rcond=None)
+        std = np.sqrt(np.linalg.inv(rows.T @ rows)[0, 0] / LENGTH)
+        values, errors, _ = one.beside((), effect)
+        for value, error in ((fitted.values["c"], fitted.std["c"]), (values[0], errors[0])):
+            assert value == pytest.approx(c, abs=0.5 * std)
+            # the noise is not known, and may be slower
+            assert 0.8 < error / std < 2
+        assert fitted.values["dx"] == pytest.approx(d, abs=0.2)
 
 
 def test_the_next_mean_is_foretold_by_those_before_it():

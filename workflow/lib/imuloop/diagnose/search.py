@@ -10,6 +10,7 @@ from imuloop.core.effect import Effect
 from imuloop.core.fisher import fisher
 from imuloop.diagnose.likeness import ONE, SHARE, imitated_share, share_on_axes
 from imuloop.diagnose.p_values import log_p_value
+from imuloop.diagnose.training import pooled
 
 # share of log p by which shapes may differ and count as equally significant
 ALIKE = 0.05
@@ -144,14 +145,14 @@ class Search:
         """
         training, count = self.training(base), len(effect.parameters)
         (pattern,) = training.evidence.patterns((effect,))
-        values, covariance = np.zeros(count), np.zeros((count, count))
+        estimates = []
         for axis, (own, at, scale) in enumerate(pattern.on_axes):
             fit = training.fit((*self.columns(base, axis), *own), axis) if own else None
             if fit is not None:
                 found, spread = fit.averaged(fit.weight)
-                values[at] = found[-len(own) :] / scale
-                spread = spread[-len(own) :, -len(own) :]
-                covariance[np.ix_(at, at)] = spread / np.outer(scale, scale)
+                spread = spread[-len(own) :, -len(own) :] / np.outer(scale, scale)
+                estimates.append((at, found[-len(own) :] / scale, spread))
+        values, covariance = pooled(count, estimates)
         return values, np.sqrt(np.diag(covariance)), covariance
 
     def best(self, base, banned=()):

@@ -310,3 +310,32 @@ class Training:
             information = information + rows[i][seen].T @ weighted
             spread = spread + weighted.T @ noise[np.ix_(seen, seen)] @ weighted
         return information, spread
+
+
+def pooled(count, estimates):
+    """Return `count` parameters, (p,), and their covariance, (p, p), from the estimates of axes.
+
+    Of each axis numbers of the parameters, values and covariance; what no axis has is zero. One
+    that several axes have is weighed by their covariances, the others of these axes with it:
+    ``C = (Σ C_a⁻¹)⁻¹``, ``θ = C Σ C_a⁻¹ θ_a``.
+    """
+    values, covariance = np.zeros(count), np.zeros((count, count))
+    for at, found, spread in estimates:
+        values[at], covariance[np.ix_(at, at)] = found, spread
+    known = np.concatenate([np.zeros(0, int), *(at for at, _, _ in estimates)])
+    # an axis that never changes knows its own for certain, and nothing of the others
+    estimates = [e for e in estimates if np.all(np.diag(e[2]) > 0)]
+    if len(np.unique(known)) == len(known) or not estimates:
+        return values, covariance
+    precision, moment = np.zeros((count, count)), np.zeros(count)
+    for at, found, spread in estimates:
+        size = np.sqrt(np.diag(spread))
+        own = np.linalg.inv(spread / np.outer(size, size)) / np.outer(size, size)
+        precision[np.ix_(at, at)] += own
+        moment[at] += own @ found
+    seen = np.flatnonzero(np.diag(precision))
+    size = np.sqrt(np.diag(precision)[seen])
+    own = np.linalg.inv(precision[np.ix_(seen, seen)] / np.outer(size, size))
+    covariance[np.ix_(seen, seen)] = own / np.outer(size, size)
+    values[seen] = covariance[np.ix_(seen, seen)] @ moment[seen]
+    return values, covariance

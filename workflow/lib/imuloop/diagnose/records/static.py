@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from imuloop.diagnose.evidence import Block, Evidence
 from imuloop.diagnose.records.scan import line_scan, step_scan
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.training import ABSORBED
+from imuloop.diagnose.training import ABSORBED, pooled
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps, joined
 
@@ -178,7 +179,7 @@ def fitted_effects(search, base, only=None):
     """
     training = search.problem.training(base, search.out, only)
     patterns = training.evidence.patterns(base)
-    values, std = ([np.zeros(len(e.parameters)) for e in base] for _ in range(2))
+    ends, estimates = np.cumsum([0, *(len(e.parameters) for e in base)]), []
     for axis in range(training.evidence.axes):
         columns = search.columns(base, axis)
         if not columns:
@@ -186,14 +187,17 @@ def fitted_effects(search, base, only=None):
         found, covariance = training.estimate(columns, axis)
         if found is None:
             return None
-        errors = np.sqrt(np.diag(covariance))
-        for k, pattern in enumerate(patterns):
-            at, scale = pattern.parameters[axis], pattern.scale[axis]
-            values[k][at], std[k][at] = found[: len(at)] / scale, errors[: len(at)] / scale
-            found, errors = found[len(at) :], errors[len(at) :]
+        each = zip(ends, patterns, strict=False)
+        at = np.concatenate([first + np.array(p.parameters[axis], int) for first, p in each])
+        scale = np.concatenate([p.scale[axis] for p in patterns])
+        estimates.append((at, found / scale, covariance / np.outer(scale, scale)))
+    values, covariance = pooled(ends[-1], estimates)
+    std = np.sqrt(np.diag(covariance))
     return tuple(
-        FittedEffect(e, *(dict(zip(e.parameters, x.tolist(), strict=True)) for x in (v, s)))
-        for e, v, s in zip(base, values, std, strict=True)
+        FittedEffect(
+            e, *(dict(zip(e.parameters, x[i:j].tolist(), strict=True)) for x in (values, std))
+        )
+        for e, (i, j) in zip(base, pairwise(ends), strict=True)
     )
 
 
