@@ -14,7 +14,7 @@ NEAR, REACH = 4, 16
 # how many times farther from the cubic than any neighbour, and how many times the noise there, or
 # steps of resolution: jumps of good sensors come to 10
 OF_NEIGHBOURS, OF_NOISE = 10.0, 15.0
-# another channel moves where it is so many times its noise from its neighbours' cubic; beside 230
+# another channel moves where it is so many times its noise from its neighbours' cubic; beside 169
 # knocks of a single sample, of 3.3 million measured rows, one comes to 7 at least
 MOVES = 6.0
 # of values near to each other the larger hides the smaller until it is filled
