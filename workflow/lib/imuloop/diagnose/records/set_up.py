@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import chndtrinc
+from scipy.special import chndtrinc, ndtri
 from scipy.stats import chi2
 
 from imuloop.core.effect import Channels
@@ -71,64 +71,56 @@ def clamped(problem, columns, values=0.0):
 def set_up_content(choices, covariance):
     """Return the contract's effects and candidates of a set-up, and Choices without those found.
 
-    Found is what differs from zero by the test of Wald, beside all that is fitted; takes the
-    covariance of the parameters of all data.
+    Found is what differs from zero by the test of Wald and lowers held-out errors, beside all that
+    is fitted; takes the covariance of the parameters of all data.
     """
     problem, base, search = choices.problem, choices.choice().base, choices.search()
-    (kind,), sensor, first = problem.sensor.kinds, problem.sensor, len(problem.sensor.names)
+    (kind,), first = problem.sensor.kinds, len(problem.sensor.names)
     rows, x = problem.of_kind(kind), problem.linearized(base).solution.fit.x
     places = by_effect(np.arange(first, len(x)), (*problem.found, *base))
-    tested = {}
+    chance, power = np.exp(search.threshold(0)), problem.settings.power
+    fold, measure = problem.fold[rows], problem.measure[rows][:, None]
+    errors, effects, candidates, found = choices.errors(choices.nested)[rows], [], [], []
     for effect in (e for e in problem.found if e.name in BESIDE):
         at = places[effect]
         own, values = np.linalg.inv(covariance[np.ix_(at, at)]), x[at]
-        chance = float(chi2.sf(values @ own @ values, len(at)))
-        tested[effect] = at, own, chance, chance < np.exp(search.threshold(0))
-    found = [effect for effect, (*_, passes) in tested.items() if passes]
-    errors = choices.errors(choices.nested)[rows]
-    after, effects, candidates = size_of(problem, kind, errors), [], []
-    for effect, (at, own, chance, passes) in tested.items():
-        std = np.sqrt(np.diag(covariance)[at])
-        parameters, deviations = (
-            dict(zip(effect.parameters, map(float, v), strict=True)) for v in (x[at], std)
+        p_value = float(chi2.sf(values @ own @ values, len(at)))
+        parameters, std = (
+            dict(zip(effect.parameters, map(float, v), strict=True))
+            for v in (values, np.sqrt(np.diag(covariance)[at]))
         )
         entry = {
             "name": effect.name,
             "constants": asdict(effect),
             "parameters": parameters,
-            "std": deviations,
-            "units": effect.units(sensor.sensor),
-            "p_value": chance,
+            "std": std,
+            "units": effect.units(problem.sensor.sensor),
+            "p_value": p_value,
             "residual": kind,
-            "heldout_after": after,
+            "heldout_after": size_of(problem, kind, errors),
         }
-        why = "fitted with the rest of the set-up; it does not differ from zero by more than chance"
-        if passes:
+        status, why = "rejected", "of the set-up: fitted, and zero but for chance"
+        if p_value < chance:
             without = Adopted(clamped(problem, at), choices)
             before = without.errors(without.nested)[rows]
-            size = problem.measure[rows][:, None]
-            effects.append(
-                entry
-                | {
-                    "heldout_before": size_of(problem, kind, before),
-                    "ratio_ci95": choices.ratio(problem.fold[rows], before / size, errors / size),
-                }
-            )
-            why = "of the set-up: fitted with the rest of it, and differs from zero"
-        # a parameter that alone is not zero, found with the power that is asked for
-        wanted = chi2.isf(np.exp(search.threshold(0)), len(at))
-        square = chndtrinc(wanted, len(at), 1 - problem.settings.power)
-        limits = problem.enough * np.sqrt(square / np.diag(own))
-        candidates.append(
-            entry
-            | {
-                "status": "added" if passes else "rejected",
-                "why": why,
-                "confounded_with": None,
-                "detection_limit": dict(zip(effect.parameters, limits.tolist(), strict=True)),
-            }
+            ratio = choices.ratio(fold, before / measure, errors / measure)
+            why = "held-out error does not fall for certain: ratio {:.3f} to {:.3f}".format(*ratio)
+            if ratio[1] < 1:
+                status, why = (
+                    "added",
+                    "of the set-up: fitted, and lowers held-out errors",
+                )
+                before = size_of(problem, kind, before)
+                effects.append(entry | {"heldout_before": before, "ratio_ci95": ratio})
+                found.append(at)
+        # the test asks for χ² of so much; held-out errors fall by χ² ± 2 χ, for certain 1.96 times
+        square = max(
+            chndtrinc(chi2.isf(chance, len(at)), len(at), 1 - power),
+            4 * (ndtri(0.975) + ndtri(power)) ** 2,
         )
-    before = choices
-    if found:
-        before = Adopted(clamped(problem, np.concatenate([places[e] for e in found])), choices)
+        limits = problem.enough * np.sqrt(square / np.diag(own))
+        limits = dict(zip(effect.parameters, limits.tolist(), strict=True))
+        entry |= {"status": status, "why": why, "confounded_with": None, "detection_limit": limits}
+        candidates.append(entry)
+    before = Adopted(clamped(problem, np.concatenate(found)), choices) if found else choices
     return {"effects": effects, "candidates": candidates}, before
