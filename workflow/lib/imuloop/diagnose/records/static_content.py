@@ -50,7 +50,7 @@ def static_content(sensor, finding, noise, change, processes):
             found |= finding.further.joined(found["effects"], found["candidates"], finding.effects)
     found["effects"] += [process] if process else []
     tried = found["candidates"]
-    tried.append(untried(GaussMarkov.name, "added" if process else "rejected", why))
+    tried.append(untried(GaussMarkov.name, "added" if process else "not_observable", why))
     listed = {c["name"] for c in tried}
     tried += [
         untried(
