@@ -106,10 +106,7 @@ def set_up_content(choices, covariance):
             ratio = choices.ratio(fold, before / measure, errors / measure)
             why = "held-out error does not fall for certain: ratio {:.3f} to {:.3f}".format(*ratio)
             if ratio[1] < 1:
-                status, why = (
-                    "added",
-                    "of the set-up: fitted, and lowers held-out errors",
-                )
+                status, why = "added", "of the set-up: fitted, and lowers held-out errors"
                 before = size_of(problem, kind, before)
                 effects.append(entry | {"heldout_before": before, "ratio_ci95": ratio})
                 found.append(at)
