@@ -36,6 +36,7 @@ def results(samples, jump, folder):
     return verdicts, limits, parameters, peak
 
 
+@pytest.mark.study
 @pytest.mark.usefixtures("undrawn")
 def test_what_lies_between_changes_nothing(recordings, tmp_path):
     samples = adis16405(recordings)[:12_000]

@@ -26,13 +26,12 @@ def clipped(channels, size):
 NOTHING, OPEN = "not_testable", "unexplained"
 
 
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("harm", "force", "turn"),
     [
         # the gyroscope's own g-sensitivity is found all the same
-        pytest.param(
-            *(clipped(F, 1.05 * GRAVITY), OPEN, "partly_explained"), marks=pytest.mark.study
-        ),
+        (clipped(F, 1.05 * GRAVITY), OPEN, "partly_explained"),
         (clipped(W, 1.5), "consistent", NOTHING),
         (halved, NOTHING, NOTHING),
     ],

@@ -196,12 +196,10 @@ def test_an_unexplained_accelerometer_is_not_written_and_turns_no_gyroscope():
 
 
 # from -4 to 4 ms within the log, and from -4 to 8: neither alone lowers the error of all parts
+@pytest.mark.study
 @pytest.mark.parametrize(
     "truth",
-    [
-        pytest.param({"clock_drift": 6.7e-5}, marks=pytest.mark.study),
-        {"clock_drift": 1e-4, "time_offset": 2e-3},
-    ],
+    [{"clock_drift": 6.7e-5}, {"clock_drift": 1e-4, "time_offset": 2e-3}],
 )
 def test_offset_that_drifts_through_zero_is_named(truth):
     late = {"gyroscope": truth.get("time_offset", 0.0)}
@@ -232,9 +230,10 @@ def test_what_a_reference_gets_wrong_with_attitude_is_no_effect():
 
 
 # by 500 ppm
+@pytest.mark.study
 @pytest.mark.parametrize(
     ("clock", "drift"),
-    [((3.0, 0.0), 0.0), pytest.param((0.0, 5e-4), 5e-4, marks=pytest.mark.study)],
+    [((3.0, 0.0), 0.0), ((0.0, 5e-4), 5e-4)],
 )
 def test_clock_of_its_own_is_handled_or_named(clock, drift):
     diagnosis, quality, _ = diagnosed(replace(base(SEED), clock=clock), SEED, limits=False)

@@ -154,6 +154,7 @@ def test_beside_a_reference_a_formula_is_found_in_sessions_that_it_was_not_fitte
     assert abs(effect.values["c0z"] - 2e-3) < 4 * effect.std["c0z"]
 
 
+@pytest.mark.study
 def test_what_the_library_has_gets_its_name_and_no_formula():
     truth = poses_device("few")
     sensors = {"accelerometer": known, "gyroscope": leaning}

@@ -10,6 +10,7 @@ import bench.fuzz.__main__ as entry
 from bench.fuzz import worker
 
 
+@pytest.mark.study
 def test_mutated_files_are_read_rejected_or_refused_in_one_line():
     # what other tests left behind is finalised here, not in a worker
     gc.collect()

@@ -12,6 +12,8 @@ from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from quick import verdicts
 
+# a minute and 2 GB
+pytestmark = pytest.mark.study
 TRIALS = (
     "03_undisturbed_slow_rotation_C.mat",
     "07_undisturbed_fast_rotation_B.mat",
@@ -82,7 +84,6 @@ def test_windows_are_those_of_the_diagnosis(device):
             assert size == pytest.approx(residual[when], rel=1e-9)
 
 
-@pytest.mark.study
 def test_what_two_trials_show_of_the_set_up_is_not_taken_for_the_sensor(recordings, tmp_path):
     """Protects trials that the fit never saw: K 2 % off and a gyroscope turned by 1 % were written.
 
@@ -104,7 +105,6 @@ def test_what_two_trials_show_of_the_set_up_is_not_taken_for_the_sensor(recordin
         assert "in fewer than three sessions" in sensor.not_testable
 
 
-@pytest.mark.study
 def test_each_trial_is_predicted_by_the_others(recordings, tmp_path):
     device = diagnosed(tmp_path, [recordings(trial) for trial in TRIALS])
     block, effects = found(device, "gyroscope")

@@ -30,7 +30,7 @@ def test_g_sensitivity_is_found_where_no_library_has_it(measured):
 @pytest.mark.parametrize(
     ("device", "base"),
     [
-        ("xsens_mti", ("g_sensitivity",)),
+        pytest.param("xsens_mti", ("g_sensitivity",), marks=pytest.mark.study),
         ("mpu9150_1", ()),
         *(pytest.param(f"mpu9150_{k}", (), marks=pytest.mark.study) for k in (2, 3)),
     ],

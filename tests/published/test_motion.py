@@ -137,7 +137,7 @@ def test_a_corrected_file_leaves_less_velocity(measured, moves, tmp_path):
     assert left["multi_position"] > 15e-3 and left["calibration"] < 6e-3
 
 
-@pytest.mark.parametrize("board", [1, 2, 3])
+@pytest.mark.parametrize("board", [1, *(pytest.param(k, marks=pytest.mark.study) for k in (2, 3))])
 def test_where_knocks_rule_nothing_is_said_of_motion(measured, board):
     for sensor in SENSORS:
         found = measured.json(f"mpu9150_{board}", "diagnosis")["sensors"][sensor]["motion"]

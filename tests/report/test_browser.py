@@ -296,9 +296,9 @@ def test_print_is_on_white_without_contents(either):
     assert len(either.pdf(path=f"{either.shots}_print.pdf")) > 50_000
 
 
-# a page of thousands of elements takes ten seconds: what differs is the page or the scheme
+# the workflow's own page has thousands of elements, of the same templates
 @pytest.mark.parametrize(
-    ("either", "scheme"), [("finished", "light"), ("plausible", "dark")], indirect=["either"]
+    ("either", "scheme"), [("plausible", "light"), ("plausible", "dark")], indirect=["either"]
 )
 def test_axe_finds_nothing_serious(either, repository, scheme):
     code = next(iter(sorted(repository.glob(AXE))), None)

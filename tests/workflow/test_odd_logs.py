@@ -39,6 +39,7 @@ def test_axes_without_noise_have_no_allan_curve_and_are_drawn_beside_others(logs
     assert faults(a=("static", still), b=("static", log), c=("six_position", log)) == []
 
 
+@pytest.mark.study
 @pytest.mark.usefixtures("undrawn")
 def test_padding_is_no_rest_and_one_sample_far_too_large_costs_one(logs, faults, tmp_path):
     whole = logs["multi_position"]

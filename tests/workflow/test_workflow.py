@@ -143,7 +143,7 @@ def git(folder, *words):
     subprocess.run(["git", "-C", folder, *who, *words], check=True, capture_output=True)
 
 
-@pytest.mark.parametrize("where", ["clone", "github"])
+@pytest.mark.parametrize("where", [pytest.param("clone", marks=pytest.mark.study), "github"])
 def test_another_workflow_has_it_as_a_module(checkout, finished, tmp_path, where):
     (tmp_path / "rest.parquet").symlink_to(finished[0] / "rest.parquet")
     config = {"imu": {"defaults": QUICK, "devices": {"resting": RESTING}}}
@@ -181,6 +181,7 @@ def test_a_target_that_names_nothing_is_refused(finished, checkout):
     assert done.returncode and line in done.stdout + done.stderr
 
 
+@pytest.mark.study
 def test_snakemake_makes_its_own_report(finished, checkout):
     folder, _ = finished
     done = snakemake(checkout, folder, "--report", "own.html")
@@ -198,6 +199,8 @@ def test_jobs_ask_for_more_memory_than_they_take(finished, checkout, repository)
     """
     runs = [(checkout, finished[0], "config.yaml"), (repository, repository, "config.yaml")]
     for workflow, folder, config in runs:
+        if not (folder / "benchmarks").exists():
+            continue
         done = snakemake(workflow, folder, "-n", "-F", config=config)
         assert done.returncode == 0, done.stderr
         jobs = re.findall(
