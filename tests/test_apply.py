@@ -1,0 +1,195 @@
+"""The command apply: a log, calibrated once, by a calibration that is one."""
+
+import gzip
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import imuloop
+from imuloop import Calibration
+from imuloop.__main__ import main
+from imuloop.core.errors import ImuloopError
+from imuloop.core.model import SensorCalibration
+from imuloop.core.samples import CHANNELS
+from imuloop.core.units import RawUnit
+from test_command_line import one_line_error
+
+COUNTS = RawUnit("count", 0.0024, 32768.0)
+COUNTED = {"acceleration": "count", "angular_rate": "deg/s"}
+NOMINAL = {"acceleration": {"scale": COUNTS.scale, "offset": COUNTS.offset}}
+T = np.array([[1, 0.01, 0.02], [0, 1, 0.03], [0, 0, 1]])
+
+
+@pytest.fixture
+def calibration(tmp_path):
+    made = Calibration(
+        "d",
+        9.80665,
+        SensorCalibration(COUNTS, T, np.full(3, 0.0025), np.array([32700.0, 32800.0, 33000.0])),
+        SensorCalibration(RawUnit("deg/s", np.pi / 180), np.eye(3), np.full(3, 0.018), np.ones(3)),
+    )
+    made.to_json(tmp_path / "calibration.json")
+    return tmp_path / "calibration.json"
+
+
+@pytest.mark.parametrize("ending", [".csv", ".parquet"])
+def test_a_raw_log_is_calibrated_by_the_formula(tmp_path, calibration, ending):
+    rng = np.random.default_rng(0)
+    raw = np.column_stack(
+        [rng.integers(30000, 36000, (300, 3)), rng.normal(scale=20, size=(300, 3))]
+    )
+    log = pd.DataFrame({"t": np.arange(300) / 100, **dict(zip(CHANNELS, raw.T, strict=True))})
+    log.to_csv(tmp_path / "log.csv", index=False)
+    out = tmp_path / f"out{ending}"
+    assert main(["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(out)]) == 0
+    got = pd.read_csv(out) if ending == ".csv" else pd.read_parquet(out)
+    f = (raw[:, :3] - [32700, 32800, 33000]) * 0.0025 @ T.T
+    np.testing.assert_allclose(got[["ax", "ay", "az"]], f, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(got[["gx", "gy", "gz"]], (raw[:, 3:] - 1) * 0.018, atol=1e-12)
+
+
+def test_a_log_with_names_and_units_of_its_own(tmp_path, calibration):
+    rng = np.random.default_rng(1)
+    raw = np.column_stack([rng.normal(size=(300, 3)), rng.normal(scale=0.2, size=(300, 3))])
+    names = ["stamp", "fx", "fy", "fz", "p", "q", "r", "T"]
+    log = np.column_stack([np.arange(300) * 10, raw, np.full(300, 300.0)])
+    pd.DataFrame(log, columns=names).to_csv(tmp_path / "log.csv", index=False)
+    arguments = ["apply", str(calibration), str(tmp_path / "log.csv")]
+    arguments += ["-o", str(tmp_path / "out.csv"), "--time-unit", "ms", "--temperature-unit", "K"]
+    arguments += ["--acceleration-unit", "g", "--angular-rate-unit", "rad/s", "--columns"]
+    arguments += ["time=stamp", "acceleration=fx,fy,fz", "angular_rate=p,q,r", "temperature=T"]
+    assert main(arguments) == 0
+    got = pd.read_csv(tmp_path / "out.csv")
+    np.testing.assert_allclose(got["t"], np.arange(300) / 100, atol=1e-12)
+    np.testing.assert_allclose(got["temperature"], 300 - 273.15)
+    counts = raw[:, :3] * 9.80665 / 0.0024 + 32768
+    f = (counts - [32700, 32800, 33000]) * 0.0025 @ T.T
+    np.testing.assert_allclose(got[["ax", "ay", "az"]], f, rtol=1e-9, atol=1e-9)
+    w = (np.degrees(raw[:, 3:]) - 1) * 0.018
+    np.testing.assert_allclose(got[["gx", "gy", "gz"]], w, atol=1e-12)
+
+
+def test_the_calibration_of_a_rejected_log_is_none_to_use(tmp_path, capsys):
+    """From a log that was rejected to its use: every step says that nothing was measured.
+
+    Protects `--nominal`, the only way to apply it, and the exports, none of which holds it.
+    """
+    rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
+    (tmp_path / "short.csv").write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")
+    log = pd.DataFrame(np.random.default_rng(0).normal(size=(300, 6)), columns=[*CHANNELS])
+    log.insert(0, "t", np.arange(300) / 100)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    made, out = tmp_path / "made", tmp_path / "out.csv"
+    assert main(["calibrate", str(tmp_path / "short.csv"), "-o", str(made)]) == 0
+    assert "calibration.json, which is nominal: nothing was measured" in capsys.readouterr().out
+    assert [path.name for path in (made / "exports").iterdir()] == ["README.txt"]
+    command = ["apply", made / "calibration.json", tmp_path / "log.csv", "-o", out]
+    message = one_line_error(command, capsys)
+    assert f"{made / 'calibration.json'}: the calibration is nominal" in message
+    assert "rejected" in message and "--nominal" in message and not out.exists()
+    assert main([str(each) for each in (*command, "--nominal")]) == 0
+    np.testing.assert_allclose(pd.read_csv(out)[list(CHANNELS)], log[list(CHANNELS)], atol=1e-12)
+    said = capsys.readouterr().out
+    assert "accelerometer: nominal (" in said and "gyroscope: nominal (" in said
+
+
+def test_apply_says_of_a_sensor_what_its_calibration_lacks(tmp_path, calibration, capsys):
+    """Protects a line each for a sensor that is nominal, and one with an unexplained residual."""
+    own = Calibration.from_json(calibration)
+    log = pd.DataFrame(np.random.default_rng(0).normal(size=(300, 6)), columns=[*CHANNELS])
+    log.insert(0, "t", np.arange(300) / 100)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    command = ["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(tmp_path / "o.csv")]
+    assert main(command) == 0 and capsys.readouterr().out == ""
+    nominal = SensorCalibration.nominal(COUNTS, "no poses")
+    doubted = replace(own.gyroscope, verdict="unexplained")
+    replace(own, accelerometer=nominal, gyroscope=doubted).to_json(calibration)
+    assert main(command) == 0
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == "accelerometer: nominal (no poses)"
+    assert second.startswith("gyroscope: unexplained (") and "diagnosis.json" in second
+
+
+def renamed(ending):
+    return lambda path: path.rename(path.with_name(f"other{ending}"))
+
+
+def packed(path):
+    other = path.with_name("packed.csv.gz")
+    other.write_bytes(gzip.compress(path.read_bytes()))
+    return other
+
+
+def by_pandas(ending, cut=None):
+    """Return what reads a table with pandas, leaves out rows and writes it anew."""
+
+    def written(path):
+        read = pd.read_csv if path.suffix == ".csv" else pd.read_parquet
+        table, other = read(path)[cut or slice(None)], path.with_name(f"pandas{ending}")
+        write = table.to_csv if ending == ".csv" else table.to_parquet
+        write(other, index=False)
+        return other
+
+    return written
+
+
+@pytest.mark.parametrize(
+    ("ending", "treated"),
+    [
+        *((ending, lambda path: path) for ending in (".csv", ".parquet")),
+        *((".csv", renamed(ending)) for ending in (".txt", ".dat", "")),
+        *((".parquet", renamed(ending)) for ending in (".pq", ".csv", "")),
+        (".csv", packed),
+        (".csv", by_pandas(".csv", slice(50, 250))),
+        (".csv", by_pandas(".parquet")),
+        (".parquet", by_pandas(".parquet", slice(50, 250))),
+    ],
+)
+def test_a_log_is_calibrated_once(tmp_path, calibration, capsys, ending, treated):
+    """What `apply` wrote is refused, by every way in, whatever it is called and in both formats.
+
+    Protects the mark in what is written and each reader's look at it: without them a second run
+    corrects the bias again, with exit status 0.
+    """
+    rng = np.random.default_rng(0)
+    raw = np.hstack([rng.integers(32000, 34000, (300, 3)), rng.normal(scale=20, size=(300, 3))])
+    log = pd.DataFrame({"t": np.arange(300) / 100, **dict(zip(CHANNELS, raw.T, strict=True))})
+    log.to_csv(tmp_path / "log.csv", index=False)
+    once, twice = tmp_path / f"once{ending}", tmp_path / "twice.csv"
+    assert main(["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(once)]) == 0
+    # other tools have the columns of the docs, and numbers alone
+    table = pd.read_csv(once) if ending == ".csv" else pd.read_parquet(once)
+    assert list(table)[:7] == ["t", *CHANNELS] and np.isfinite(table.to_numpy(float)).all()
+    path = treated(once)
+    declared = ["--format", "csv" if ending == ".csv" else "parquet"] if not path.suffix else []
+    for command in (["apply", calibration, path, "-o", twice], ["check", calibration, path]):
+        message = one_line_error([*command, *declared], capsys)
+        assert path.name in message and "calibrated already" in message and "raw log" in message
+    assert not twice.exists()
+    known = {"format": declared[1]} if declared else {}
+    with pytest.raises(ImuloopError, match="calibrated already"):
+        imuloop.read(path, **known)
+    own = Calibration.from_json(calibration)
+    with pytest.raises(ImuloopError, match="calibrated already"):
+        own.apply(table)
+    if path.suffix == ".parquet":
+        with pytest.raises(ImuloopError, match="calibrated already"):
+            own.apply_file(path, twice)
+    # and what Python calibrated in memory, from there and through a file
+    samples = own.apply(imuloop.read(tmp_path / "log.csv", units=COUNTED, nominal=NOMINAL))
+    with pytest.raises(ImuloopError, match="calibrated already"):
+        own.apply(samples)
+    with pytest.raises(ImuloopError, match="calibrated already"):
+        imuloop.read(samples)
+
+
+def test_what_cannot_be_used_is_one_line(tmp_path, calibration, capsys):
+    rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
+    (tmp_path / "short.csv").write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")
+    out = tmp_path / "out.csv"
+    for name, line in (("short.csv", "short.csv: rejected: "), ("no.csv", "no.csv")):
+        command = ["apply", calibration, tmp_path / name, "-o", out]
+        assert line in one_line_error(command, capsys)
+        assert not out.exists()
