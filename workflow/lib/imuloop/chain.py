@@ -201,9 +201,8 @@ def diagnose(device):
             noise_settings=NoiseSettings(**device.noise),
             beyond=beyond,
         )
-        what = found.sensors, found.solutions, found.calibration, found.recording, found.motion
-        diagnosis = found.content | {"next_recording": next_recording(*what)}
-        attitude, series = validate_attitude(device.name, device.gravity, found, settings)
+        diagnosis = found.content | {"next_recording": next_recording(found)}
+        attitude, series = validate_attitude(device.name, found, settings)
         if "why" in attitude:
             attitude["why"] = with_sessions(attitude["why"], device.sessions)
         tables = {"attitude": series, **found.tables}

@@ -4,8 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.effect import effect_design
-
 # parameters of the base model
 NAMES = ("T01", "T02", "T12", "K0", "K1", "K2", "b0", "b1", "b2")
 # rows and columns of T that are estimated
@@ -19,7 +17,6 @@ class AccelerometerModel:
     y: np.ndarray  # m/s^2 as logged, (n, 3)
     design: np.ndarray  # derivative of e with respect to the parameters of the effects, (n, 3, p)
     gravity: float  # m/s^2
-    known: np.ndarray | float = 0.0  # part of e that is known, m/s^2, (n, 3)
 
     def start(self):
         """Return parameters to start from: no misalignment, no bias, the mean norm as it is."""
@@ -32,7 +29,7 @@ class AccelerometerModel:
 
     def _output(self, x):
         _, K, b = unpack(x)
-        return K * (self.y - b) - self.known - self.design @ x[9:]
+        return K * (self.y - b) - self.design @ x[9:]
 
     def residuals(self, x):
         """Return ``|x| - g``, m/s^2, shape (n,), and its derivative, shape (n, 9 + p)."""
@@ -59,29 +56,9 @@ class AccelerometerModel:
         found[:, :, 9:] = -T @ self.design
         return found
 
-    def covariance(self, x, means):
-        """Return the residuals' covariance, (n, n), from that of the means, (3, n, n)."""
-        T, K, _ = unpack(x)
-        force = self.force(x)
-        weights = (force / np.linalg.norm(force, axis=1)[:, None]) @ T * K
-        return np.einsum("ia,aij,ja->ij", weights, means, weights)
-
 
 def unpack(x):
     """Return T (3, 3), K (3,) and b (3,) of the parameters in the order of `NAMES`."""
     T = np.eye(3)
     T[UPPER] = x[:3]
     return T, x[3:6], x[6:9]
-
-
-def accelerometer_model(recording, gravity, x=None, effects=(), known=()):
-    """Return the model of a recording's poses, with effects to estimate and known FittedEffects.
-
-    They see the output with K and b of the parameters x; as logged without. Gravity is in m/s^2.
-    """
-    _, K, b = (None, 1.0, 0.0) if x is None else unpack(x)
-    values = () if x is None else x[len(NAMES) :]
-    poses = recording.poses
-    channels = recording.pose_channels("accelerometer", lambda y: K * (y - b), poses.w)
-    added = sum((effect.output(channels) for effect in known), start=np.zeros((len(poses), 3)))
-    return AccelerometerModel(poses.f, effect_design(effects, channels, values), gravity, added)

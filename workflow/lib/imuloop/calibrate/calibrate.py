@@ -5,23 +5,29 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import LinAlgError, block_diag
 
-from imuloop.calibrate import accelerometer, gyroscope, six_position
+from imuloop.calibrate import accelerometer, six_position
+from imuloop.calibrate.accelerometer import AccelerometerModel
+from imuloop.calibrate.determined import (
+    NO_POSE,
+    accelerometer_undetermined,
+    direction_unknown,
+    gyroscope_undetermined,
+)
+from imuloop.calibrate.gyroscope import NAMES as OF_GYROSCOPE
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.least_squares import SINGULAR, condition_number
-from imuloop.calibrate.pose_fits import (
-    AccelerometerPoses,
-    GyroscopePoses,
-    fitted_calibration,
-    in_raw_units,
-)
 from imuloop.calibrate.poses import gather_poses
-from imuloop.calibrate.recording import Recording, record
+from imuloop.calibrate.raw_units import as_logged, in_raw_units
+from imuloop.calibrate.recording import record
+from imuloop.calibrate.sensor_pair import FORCE, SensorPair
 from imuloop.core.calibration_faults import sensor_fault
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import (
+    ACCELERATION,
     ANGULAR_RATE,
     CHANNELS,
+    SENSORS,
     TEMPERATURE,
     TIME,
     Samples,
@@ -113,33 +119,104 @@ def layout(sessions):
     return first.get("declared", {}) | ({"sensor_ids": ids} if ids else {})
 
 
-def calibrate_accelerometer(poses, noise, gravity, unit, settings):
-    """Return the multi-position calibration of the accelerometer.
+def sensor_pair(recording, noise, gravity, units, settings, given=None, turns=None, bias=None):
+    """Return the SensorPair of a recording, None if it determines no sensor, and reasons.
 
-    Nominal, with the reason, where the poses do not determine it. Arguments as of
-    `AccelerometerPoses`.
+    Parameters
+    ----------
+    recording, noise, gravity, settings : Recording, NoiseModel, float, CalibrateSettings
+        As of `SensorPair`.
+    units : dict of str to RawUnit
+        Of each sensor.
+    given : SensorCalibration, optional
+        The accelerometer's from elsewhere, where these poses do not determine it.
+    turns : KnownTurns, optional
+        What counts beside the rotations of the gyroscope.
+    bias : tuple of two ndarray, optional
+        As of `SensorPair`.
+
+    Returns
+    -------
+    SensorPair or None
+        Its parameters are those of a first fit.
+    dict of str to str
+        Why a sensor is not estimated.
     """
-    sensor = AccelerometerPoses(noise, gravity, unit, settings)
-    made, reason = _fitted(sensor, Recording(poses))
-    return made or SensorCalibration.nominal(unit, reason)
+    poses, largest, reasons = recording.poses, settings.largest_condition, {}
+    # as the data sheet has it
+    base = np.repeat([0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [3, 3, 3, 6, 3, 3])
+    known = turns.rows() if turns is not None and len(turns) and bias is None else None
+    pair = SensorPair(noise, gravity, units, settings, (), base, given, known, bias)
+    reason = accelerometer_undetermined(poses, gravity, largest)
+    reason = reason or poses.unknown_noise(noise, ACCELERATION)
+    if not reason:
+        base[:FORCE] = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity).start()
+        alone, reason = _estimated(replace(pair, estimated=("accelerometer",)), recording)
+        pair = alone or pair
+    if reason:
+        reasons["accelerometer"] = reason
+        if given is not None:
+            pair.base[:FORCE] = as_logged(given, accelerometer.NAMES)
+    elif given is not None:
+        pair = replace(pair, given=None)
+    if not len(poses):
+        reason = NO_POSE
+    elif reason and (given is None or direction_unknown(given)):
+        reason = f"direction of gravity not known: {reason}"
+    else:
+        pair.base[-3:] = poses.w.mean(axis=0) if bias is None else bias[0]
+        reason = poses.unknown_noise(noise, ANGULAR_RATE)
+        reason = reason or gyroscope_undetermined(pair.turns_derivative(recording), largest)
+        if reason:
+            reason += recording.lost.reason
+        else:
+            both = (*pair.estimated, "gyroscope")
+            whole, reason = _estimated(replace(pair, estimated=both), recording)
+            pair = whole or pair
+    if reason:
+        reasons["gyroscope"] = reason
+    return (pair if pair.estimated else None), reasons
 
 
-def calibrate_gyroscope(recording, noise, force, unit, settings, turns=None):
-    """Return the multi-position calibration of the gyroscope.
+def _estimated(pair, recording):
+    """Return a pair with the parameters of its fit, None if there is none, and why."""
+    sensor = pair.estimated[-1]
+    try:
+        solution = pair.fit(recording)
+    except LinAlgError:
+        return None, SINGULAR
+    if reason := pair.lost_by(sensor, solution, recording):
+        return None, reason
+    made = pair.calibrations(solution)
+    if fault := sensor_fault(made[sensor], sensor):
+        return None, f"the fit gives what no sensor has: {fault}"
+    base = pair.base.copy()
+    base[pair.free] = solution.fit.x
+    return replace(pair, base=base), None
 
-    With the bias alone, and the reason, where the rotations do not determine the rest; nominal
-    where the noise of an axis is not known. Arguments as of `GyroscopePoses`, `force` its
-    accelerometer; `turns` are KnownTurns, which count beside the poses, and alone where these do
-    not determine it.
+
+def calibrate_sensors(recording, noise, gravity, units, settings, given=None, turns=None):
+    """Return the calibration of both sensors by a multi-position recording.
+
+    Nominal, with the reason, where it does not determine an accelerometer. A gyroscope has the bias
+    alone, and the reason, where the rotations do not determine the rest; it is nominal where the
+    noise of an axis is not known. Arguments as of `sensor_pair`; the known turns alone count where
+    the recording does not determine it.
     """
-    poses, held = recording.poses, None
+    poses, bias = recording.poses, None
     if settings.gyroscope_bias == "initial_rest" and len(poses):
         # its error is that of the first rest's mean
-        held = poses.w[0], poses.mean_covariance(noise)[3:, 0, 0]
-    sensor = GyroscopePoses(noise, force, unit, settings, held)
-    prior = turns.rows() if turns is not None and len(turns) and held is None else None
-    made, reason = _fitted(sensor, recording, "; bias only", prior)
-    return made or by_turns(turns, unit) or rest_bias(poses, noise, unit, reason)
+        bias = poses.w[0], poses.mean_covariance(noise)[3:, 0, 0]
+    how = given, turns, bias
+    pair, reasons = sensor_pair(recording, noise, gravity, units, settings, *how)
+    made = pair.calibrations(pair.fit(recording)) if pair else {}
+    force, turn = (units[sensor] for sensor in SENSORS)
+    if "accelerometer" in reasons:
+        made["accelerometer"] = SensorCalibration.nominal(force, reasons["accelerometer"])
+    if "gyroscope" in reasons:
+        reason = reasons["gyroscope"]
+        made["gyroscope"] = by_turns(turns, turn) or rest_bias(poses, noise, turn, reason)
+    return made
 
 
 def by_turns(turns, unit):
@@ -161,27 +238,8 @@ def by_turns(turns, unit):
     bias = np.diag(1 / np.maximum((rows[:, 9:] ** 2).sum(axis=0), 1e-12))
     x = np.append(x, turns.bias)
     return in_raw_units(
-        unit, gyroscope.NAMES, x, block_diag(covariance, bias), method="known_rotation"
+        unit, OF_GYROSCOPE, x, block_diag(covariance, bias), method="known_rotation"
     )
-
-
-def _fitted(sensor, recording, left="", prior=None):
-    """Return the calibration of a sensor or None, and why there is none; `left` is what is then.
-
-    `prior` is what other data tell, as of `least_squares.fit`.
-    """
-    if reason := sensor.untestable(recording):
-        return None, reason
-    try:
-        solution = sensor.fit(recording, prior=prior)
-    except LinAlgError:
-        return None, f"{SINGULAR}{left}"
-    if reason := sensor.lost(solution, recording):
-        return None, reason
-    made = fitted_calibration(sensor, solution)
-    if fault := sensor_fault(made, sensor.sensor):
-        return None, f"the fit gives what no sensor has: {fault}{left}"
-    return made, None
 
 
 def rest_bias(poses, noise, unit, reason):
@@ -209,8 +267,8 @@ def rest_bias(poses, noise, unit, reason):
 def calibrate_six_position(poses, noise, gravity, units, settings):
     """Return the accelerometer's six-position calibration and the gyroscope's bias.
 
-    Poses that are no face are left out. Arguments as of `AccelerometerPoses`, with the units of
-    both sensors.
+    Poses that are no face are left out. Takes Poses, NoiseModel, gravity, m/s^2, the RawUnit of
+    both sensors, and CalibrateSettings.
     """
     if not len(poses):
         reason = without_pose({}, "six_position")
@@ -245,11 +303,14 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     multi = read_recording(sessions, settings.longest_rotation)
     six, static = (read_poses(sessions, kind) for kind in ("six_position", "static"))
     six_sensors = calibrate_six_position(six, model, gravity, units, settings)
-    force = calibrate_accelerometer(multi.poses, model, gravity, units[0], settings)
     # the gyroscope needs the direction of gravity, from whichever calibration there is
-    known = best(force, six_sensors[0])
-    turns = read_turns(sessions, known)
-    turn = calibrate_gyroscope(multi, model, known, units[1], settings, turns)
+    named = dict(zip(SENSORS, units, strict=True))
+    given = six_sensors[0] if six_sensors[0].method != "nominal" else None
+    how = model, gravity, named, settings, given
+    made = calibrate_sensors(multi, *how)
+    if turns := read_turns(sessions, best(made["accelerometer"], six_sensors[0])):
+        made = calibrate_sensors(multi, *how, turns)
+    force, turn = (made[sensor] for sensor in SENSORS)
     if not len(multi.poses) and len(static) and turn.method != "known_rotation":
         reason = f"{without_pose({}, 'multi_position')}; bias only"
         turn = rest_bias(static, model, units[1], reason)

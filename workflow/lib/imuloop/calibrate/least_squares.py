@@ -45,6 +45,17 @@ class FitResult:
         return self.covariance * np.fmax(1.0, self.reduced_chi2)
 
 
+@dataclass(frozen=True)
+class Solution:
+    """A fit to data, and the effects in it.
+
+    The fit has the base parameters that are estimated, then the effects', SI as logged.
+    """
+
+    effects: tuple
+    fit: FitResult
+
+
 def fit(residuals, x0, covariance, prior=None):
     """Minimise ``r(x)ᵀ Σ⁻¹ r(x)``, or ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` with what is known of x.
 

@@ -113,6 +113,17 @@ class Recording:
             run=np.repeat(self.poses.run[rotations.first], rotations.t.shape[1]),
         )
 
+    def calibrated_force(self, calibration):
+        """Return specific force by an accelerometer's calibration, m/s^2.
+
+        At the poses, (n, 3), and along the rotations, (m, k, 3).
+        """
+        poses, rotations = self.poses, self.rotations
+        channels = self.pose_channels("accelerometer", calibration.output, poses.w)
+        along = self.rotation_channels("accelerometer", calibration.output, rotations.w)
+        turned = calibration.apply(rotations.f.reshape(-1, 3), along)
+        return calibration.apply(poses.f, channels), turned.reshape(rotations.f.shape)
+
     def _remember(self, sensor, output, see, function, constants):
         """Return a function of the whole log of each session that has a pose, by its number."""
         own, other = OWN[sensor]

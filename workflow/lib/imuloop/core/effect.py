@@ -137,6 +137,16 @@ class Effect:
 
     library: ClassVar[dict[str, type]] = {}
 
+    @property
+    def kind(self):
+        """What effects of other constants are too: the class."""
+        return type(self)
+
+    @property
+    def constants(self):
+        """Constants of this shape by name."""
+        return asdict(self)
+
     def in_session(self, channels, session, windows):
         """Return the derivative of means over windows, (n, 2) s, of a session, (n, 3, p)."""
         return self.design(channels)
@@ -254,7 +264,7 @@ class FittedEffect:
 
     def to_dict(self):
         """Return what a JSON file holds of the effect."""
-        content = {"name": self.name, "constants": asdict(self.effect)}
+        content = {"name": self.name, "constants": self.effect.constants}
         content |= {"parameters": self.values, "std": self.std}
         return content | ({"range": self.seen} if self.seen else {})
 

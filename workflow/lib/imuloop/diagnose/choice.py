@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.diagnose.search import Search, Trial
+from imuloop.diagnose.search import Search, Trial, kinds_of
 
 
 @dataclass(frozen=True)
@@ -93,9 +93,9 @@ class Choices:
                     break
                 gate = self._gate(others, trial, base, out)
                 if gate[-1][1] >= 1:
-                    failed[type(effect)] = gate[-1]
+                    failed[effect.kind] = gate[-1]
                     break
-                shapes = search.trial(others, type(effect))
+                shapes = search.trial(others, effect.kind)
                 tries = shapes.tries if shapes else 0.0
                 trial = replace(trial, log_p=trial.log_p + tries, tries=tries)
                 added.append(Added(effect, trial, *gate))
@@ -115,7 +115,7 @@ class Choices:
             wide, ratio = self._lower(base, best, out)
             if wide:
                 return wide, failed
-            classes = tuple(map(type, best.effects))
+            classes = kinds_of(best.effects)
             failed[classes if len(classes) > 1 else classes[0]] = ratio
         # errors of another effect can hide that one lowers them
         for first in (search.trial(base, cls) for cls in failed if type(cls) is not tuple):
@@ -140,7 +140,7 @@ class Choices:
         do, each in its own size.
         """
         try:
-            errors = [self.following(tuple(map(type, e)), out) for e in (base, wide)]
+            errors = [self.following(kinds_of(e), out) for e in (base, wide)]
         except np.linalg.LinAlgError:
             # of few parts: without one of them more what is left determines nothing
             return "", np.zeros((0, 1)), np.zeros((0, 1)), [np.inf, np.inf]

@@ -1,7 +1,5 @@
 """What diagnosis.json holds of the search in one kind of record: effects and candidates."""
 
-from dataclasses import asdict
-
 import numpy as np
 
 from imuloop.diagnose.correlates import correlates
@@ -11,19 +9,21 @@ from imuloop.diagnose.residuals import size
 from imuloop.diagnose.verdict import above_floor, unseen
 
 
-def search_content(sensor, choices, fitted, others, probes):
-    """Return the contract's fields on what was looked for and found.
+def search_content(choices, fitted, others, probes, sensor, kinds=None):
+    """Return the contract's fields on what was looked for and found of a sensor.
 
-    `sensor` is None where effects of both are looked for, each of the first that it names. `fitted`
-    are the effects that the choices added, `others` status and reason of what cannot be
-    tried, `probes` as of `correlates`.
+    `fitted` are the effects that the choices added, `others` status and reason of what cannot be
+    tried, `probes` as of `correlates`; `kinds` of effects are those of the sensor, or all of them.
     """
     problem, choice = choices.problem, choices.choice()
+    if kinds is None:
+        every = (*problem.shapes, *problem.scans)
+        kinds = [kind for kind in every if getattr(kind, "sensor", sensor) == sensor]
     return {
         "effects": [
             {
                 **effect.to_dict(),
-                "units": effect.effect.units(sensor or effect.effect.sensors[0]),
+                "units": effect.effect.units(sensor),
                 "p_value": own.trial.p_value,
                 "residual": own.kind,
                 "heldout_before": size_of(problem, own.kind, own.before),
@@ -31,12 +31,13 @@ def search_content(sensor, choices, fitted, others, probes):
                 "ratio_ci95": own.ratio,
             }
             for effect, own in zip(fitted, choice.added, strict=True)
+            if own.effect.kind in kinds
         ],
         "candidates": [
-            *(_candidate(sensor, choices, cls) for cls in (*problem.shapes, *problem.scans)),
+            *(_candidate(sensor, choices, kind) for kind in kinds),
             *(untried(cls.name, *reason) for cls, reason in others.items()),
         ],
-        "confounded": imitated(choices.search()),
+        "confounded": imitated(choices.search(), kinds),
         "correlates": correlates(choices.search(), choice.base, probes),
     }
 
@@ -74,8 +75,8 @@ def untried(name, status, why):
 
 def _candidate(sensor, choices, cls):
     problem, search, choice = choices.problem, choices.search(), choices.choice()
-    own = [a for a in choice.added if isinstance(a.effect, cls)]
-    before = tuple(e for e in choice.base if not isinstance(e, cls))
+    own = [a for a in choice.added if a.effect.kind == cls]
+    before = tuple(e for e in choice.base if e.kind != cls)
     trial, name = own[0].trial if own else search.trial(choice.base, cls), None
     status, why = "rejected", "the residual does not fall by more than chance"
     if own:
@@ -98,7 +99,7 @@ def _candidate(sensor, choices, cls):
     elif _by_slow_noise(search, before, trial):
         why = "slow noise that these data do not exclude could look the same"
     limits = detection_limits(search, before, trial, problem.settings.power)
-    units, passed = trial.effect.units(sensor or cls.sensors[0]), cls in choice.failed
+    units, passed = trial.effect.units(sensor), cls in choice.failed
     if status == "rejected" and not passed and (hidden := unseen(cls, limits, units)):
         status, why, limits = "not_observable", hidden, None
     elif not limits:
@@ -114,7 +115,7 @@ def _candidate(sensor, choices, cls):
         "residual": kind,
         "p_value": trial.p_value,
         "heldout_after": size_of(problem, kind, choices.following((cls,))[rows]),
-        "constants": asdict(trial.effect),
+        "constants": trial.effect.constants,
         "parameters": dict(zip(names, values.tolist(), strict=True)),
         "std": dict(zip(names, std.tolist(), strict=True)),
         "confounded_with": name,

@@ -11,13 +11,13 @@ from imuloop.calibrate.calibrate import (
     best,
     read_poses,
     read_recording,
+    sensor_pair,
     usable,
     with_sessions,
 )
-from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
 from imuloop.calibrate.recording import Recording
+from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
@@ -25,11 +25,7 @@ from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.motion import diagnose_motion
 from imuloop.diagnose.records.one_solution import with_reference
-from imuloop.diagnose.records.pose_diagnosis import (
-    diagnose_poses,
-    directions_without,
-    pose_candidates,
-)
+from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnose_poses, pose_candidates
 from imuloop.diagnose.records.pose_tables import moves_table, poses_table
 from imuloop.diagnose.records.reference import (
     diagnose_references,
@@ -53,18 +49,12 @@ class Diagnosed:
     calibration: Calibration  # with the effects that were added
     # Allan table without the effects, by session; empty where nothing was taken out
     allan: dict
-    sensors: dict  # AccelerometerPoses and GyroscopePoses, by sensor
+    noise: NoiseModel  # without the effects of the static records
+    poses: PoseResult
     recording: Recording  # all poses and rotations
-    # Solution of each sensor from all poses, effects included; None where they determine none
-    solutions: dict
-    # Effects of each sensor that all poses show; None where they could not be tested
-    effects: dict
-    # `found` and `information` of PoseProblem by sensor: what the static records show
-    shown: dict
     names: list  # of the recording's sessions
-    tests: int  # number of tests that share the significance
     tables: dict  # columns of poses.parquet and moves.parquet
-    motion: tuple = ()  # MotionPoses and the Solution of what the moves show
+    motion: tuple = ()  # SensorPair and the Solution of what the moves show
 
 
 def diagnose_device(
@@ -102,84 +92,58 @@ def diagnose_device(
         *(data, records, base, model, read_json(noise)["curve_fit"]),
         *(settings, noise_settings, tests, beyond),
     )
-    of_own_session, shown = "static" in data.kinds.values(), dict.fromkeys(SENSORS, ((), None))
+    of_own_session = "static" in data.kinds.values()
+    found, information = (), None
     if of_own_session:
-        warm = recording.poses.temperature is not None
-        shown = {sensor: still.shown(sensor, warm) for sensor in SENSORS}
+        found, information = of_static_records(still, recording.poses.temperature is not None)
     # without a ramp too, which the poses do not have, but which would count as slow noise there
     noise = still.noise
-    units = (multi.accelerometer.raw_unit, multi.gyroscope.raw_unit)
-    force_model = AccelerometerPoses(noise, gravity, units[0], calibrate_settings)
-
-    def of_directions(calibration):
-        """Return χ² and reduced χ² of a gyroscope by gravity as an accelerometer has it."""
-        model = GyroscopePoses(noise, calibration, units[1], calibrate_settings)
-        if model.untestable(recording):
-            return 0.0, 1.0
-        found = model.fit(recording).fit
-        return found.chi2, found.reduced_chi2
-
-    force = diagnose_poses(
-        force_model,
+    units = {sensor: getattr(multi, sensor).raw_unit for sensor in SENSORS}
+    pair, reasons = sensor_pair(
         recording,
-        settings,
-        tests,
-        *shown["accelerometer"],
-        beyond=beyond,
-        misfit=of_directions,
+        noise,
+        gravity,
+        units,
+        replace(calibrate_settings, gyroscope_bias="rests"),
+        base.accelerometer if base.accelerometer.method == "six_position" else None,
+        read_turns(sessions, base.accelerometer),
     )
-
-    def directions(out):
-        """Return gravity's direction at the poses by an accelerometer that lacks some parts."""
-        return directions_without(force.choices, out, force.effects, force.formula)
-
-    gravity_by = force.solution.calibration if force.solution else base.accelerometer
-    turn_model = GyroscopePoses(noise, gravity_by, units[1], calibrate_settings)
-    seen = directions if force.choices else None
-    turns = read_turns(sessions, gravity_by)
-    turns = turns.rows() if len(turns) else None
-    # what an accelerometer lacks turns the direction by which a gyroscope is judged
-    lacks = force.content.get("discovered", {}).get("status", "nothing") != "nothing"
-    how = *shown["gyroscope"], seen, turns, None if lacks else beyond
-    turn = diagnose_poses(turn_model, recording, settings, tests, *how)
-    found = dict(zip(SENSORS, (force, turn), strict=True))
-    solutions = {sensor: each.solution for sensor, each in found.items()}
-    for each in found.values():
-        if "why" in each.content:
-            each.content["why"] = with_sessions(each.content["why"], sessions)
-    pair = [(m, each.solution) for m, each in ((force_model, force), (turn_model, turn))]
-    motion = diagnose_motion(*pair, recording, settings, tests, shown, beyond)
+    reasons = {sensor: with_sessions(reason, sessions) for sensor, reason in reasons.items()}
+    how = recording, settings, tests
+    poses = diagnose_poses(pair, reasons, *how, found, information, beyond)
+    motion = diagnose_motion(pair, poses.solution, *how, information, beyond)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
-    anew = bool(force.solution and force.solution.calibration.effects)
-    anew = anew or calibrate_settings.gyroscope_bias != "initial_rest"
+    force = poses.calibrations.get("accelerometer")
+    anew = bool(force and force.effects) or calibrate_settings.gyroscope_bias != "initial_rest"
     final = replace(
         base,
         **{
             sensor: final_calibration(
                 getattr(base, sensor),
-                solution,
-                still.effects[sensor] if of_own_session or not solution else (),
+                own,
+                still.effects[sensor] if of_own_session or not own else (),
                 records[sensor],
                 anew,
             )
-            for sensor, solution in solutions.items()
+            for sensor in SENSORS
+            for own in [poses.calibrations.get(sensor)]
         },
     )
     final = replace(final, **motion.calibrations)
-    final = as_seen(final, solutions, recording, (records, still.effects), noise)
+    final = as_seen(final, poses.calibrations, recording, (records, still.effects))
     beside = diagnose_references(sessions, noise, gravity, settings, tests, final, beyond)
     final = with_reference(final, beside)
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, *kinds)]
         for kinds in (POSED, ("six_position",))
     )
-    residuals = force.residuals | turn.residuals | motion.residuals
+    residuals = poses.residuals | motion.residuals
     # with the effects of the rotations alone: those at rest may need what is not logged here
-    turned = turn.solution.calibration if turn.solution else base.gyroscope
-    seen_force = calibrated_force(turn_model.accelerometer, recording, noise)
+    turned = poses.calibrations.get("gyroscope", base.gyroscope)
+    seen_force = recording.calibrated_force(force or base.accelerometer)
     # the six faces are not diagnosed
     six = poses_table(read_poses(sessions, "six_position"), faces, {})
-    blocks = {s: (found[s].content, still.content[s], motion.contents[s]) for s in SENSORS}
+    blocks = {s: (poses.contents[s], still.content[s], motion.contents[s]) for s in SENSORS}
     content = _content(device, blocks, beside)
     verdicts = {s: of_calibration(content["sensors"][s], of_own_session) for s in SENSORS}
     final = replace(final, **{s: replace(getattr(final, s), verdict=verdicts[s]) for s in verdicts})
@@ -187,16 +151,13 @@ def diagnose_device(
         content,
         final,
         still.allan,
-        dict(zip(SENSORS, (force_model, turn_model), strict=True)),
+        noise,
+        poses,
         recording,
-        solutions,
-        {sensor: each.effects for sensor, each in found.items()},
-        shown,
         names,
-        tests,
         {
             "poses": joined([poses_table(recording.poses, names, residuals), six]),
-            "moves": moves_table(recording, names, turned, seen_force, residuals),
+            "moves": moves_table(recording, names, turned, seen_force[1], residuals),
             "reference": windows_table(beside),
         },
         motion.fit,
@@ -229,16 +190,45 @@ def calibrated(six_position, multi_position):
     )
 
 
-def final_calibration(base, solution, effects, records, anew):
+def of_static_records(still, warm):
+    """Return what static records say of a device's poses: effects, and what PoseProblem takes.
+
+    Takes the StaticResult, and whether the poses have a temperature.
+    """
+    shown = {sensor: still.shown(sensor, warm) for sensor in SENSORS}
+    found = tuple(OfSensor(e, s) for s, (effects, _) in shown.items() for e in effects)
+
+    def information(effects):
+        """Return A and b as of `static.information`; zero for what a static record cannot show."""
+        ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
+        whole, moment = np.zeros((ends[-1],) * 2), np.zeros(ends[-1])
+        for sensor, (known, of_record) in shown.items():
+            own = [
+                k
+                for k, e in enumerate(effects)
+                if e.sensor == sensor
+                and (e.effect in known or ("temperature" in e.needs and not e.timed))
+            ]
+            if of_record and own:
+                at = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in own])
+                own, right = of_record(tuple(effects[k].effect for k in own))
+                whole[np.ix_(at, at)], moment[at] = own, right
+        return whole, moment
+
+    shows = any(of_record for _, of_record in shown.values())
+    return found, information if shows else None
+
+
+def final_calibration(base, found, effects, records, anew):
     """Return the calibration of a sensor with every effect that was found.
 
-    The model that was diagnosed, its covariance too: `solution`, of the poses; one without effects
+    The model that was diagnosed, its covariance too: `found`, by the poses; one without effects
     counts only if `anew`, not where the bias is held at the first rest. Where the poses determine
     none, the static records' effects are added to the base calibration; the bias of a gyroscope
     that only rested then is its level without them.
     """
-    if solution and (anew or solution.calibration.effects):
-        return solution.calibration
+    if found and (anew or found.effects):
+        return found
     if not effects:
         return base
     b = base.b
@@ -249,21 +239,21 @@ def final_calibration(base, solution, effects, records, anew):
     return replace(base, b=b, effects=effects)
 
 
-def as_seen(calibration, solutions, recording, static, noise):
+def as_seen(calibration, found, recording, static):
     """Return the calibration with every effect held to what the data show.
 
-    Those of a sensor with a solution were seen at the poses, the gyroscope's along the rotations
-    too; `static` are by sensor the static records, and the effects that they show.
+    Those of a sensor that the poses determine, by `found`, were seen there, the gyroscope's along
+    the rotations too; `static` are by sensor the static records, and the effects that they show.
     """
     force, turn = calibration.accelerometer, calibration.gyroscope
     poses, rate = {sensor: [] for sensor in SENSORS}, recording.poses.w
-    if solutions["accelerometer"] and force.effects:
+    if "accelerometer" in found and force.effects:
         poses["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
-    if solutions["gyroscope"] and turn.effects:
-        f = calibrated_force(force, recording, noise)
+    if "gyroscope" in found and turn.effects:
+        at_rest, along = recording.calibrated_force(force)
         poses["gyroscope"] = [
-            recording.pose_channels("gyroscope", turn.output, f.poses),
-            recording.rotation_channels("gyroscope", turn.output, f.rotations),
+            recording.pose_channels("gyroscope", turn.output, at_rest),
+            recording.rotation_channels("gyroscope", turn.output, along),
         ]
 
     along = []

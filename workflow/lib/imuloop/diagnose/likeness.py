@@ -40,14 +40,15 @@ def _root(gram):
     return (axes / np.sqrt(values)).T / size
 
 
-def imitated(search):
-    """Return which effects others imitate, from their patterns alone.
+def imitated(search, kinds):
+    """Return which effects of some kinds others of them imitate, from their patterns alone.
 
     A list of ``effect``, ``with`` and ``share``, where it is at least `SHARE`: of the middle one of
     the effect's shapes, by the nearest one of the other's; of the axis where it is least.
     """
     training, shapes = search.training(()), {}
-    for cls, own in search.problem.shapes.items():
+    for cls in kinds:
+        own = search.problem.shapes.get(cls, ())
         tried = search.tests((), own)
         seen = [s for s, t in zip(own, tried, strict=True) if t]
         if seen:

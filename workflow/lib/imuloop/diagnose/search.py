@@ -18,6 +18,11 @@ ALIKE = 0.05
 FACTORS = (1.4, 1.2, 1.1, 1.05, 1.02)
 
 
+def kinds_of(effects):
+    """Return the kinds of effects, their shapes apart."""
+    return tuple(effect.kind for effect in effects)
+
+
 @dataclass(frozen=True)
 class Trial:
     """An effect in its best shape, or two effects, tested beside others."""
@@ -99,7 +104,7 @@ class Search:
 
         `hopeful` leaves out what a scan, which is cheap, finds no more than chance: tests are not.
         """
-        if cls in [type(e) for e in base]:
+        if cls in kinds_of(base):
             return None
         hopeful = hopeful and cls in self.problem.scans
         key = base, cls, hopeful
@@ -133,10 +138,10 @@ class Search:
 
     def _impossible(self, base, effect):
         """Return whether a parameter is beyond its limit by more than its error."""
-        if not np.isfinite(type(effect).limit):
+        if not np.isfinite(effect.kind.limit):
             return False
         values, std, _ = self.beside(base, effect)
-        return bool(np.any(np.abs(values) - std > type(effect).limit))
+        return bool(np.any(np.abs(values) - std > effect.kind.limit))
 
     def beside(self, base, effect):
         """Return an effect's parameters beside others, and standard errors, (p,), and covariance.
@@ -188,11 +193,11 @@ class Search:
         """
         if base not in self._pairs:
             self._pairs[base] = self._passing_pairs(base)
-        allowed = [t for t in self._pairs[base] if tuple(map(type, t.effects)) not in banned]
+        allowed = [t for t in self._pairs[base] if kinds_of(t.effects) not in banned]
         return min(allowed, key=lambda t: t.log_p, default=None)
 
     def _passing_pairs(self, base):
-        training, used = self.training(base), {type(e) for e in base}
+        training, used = self.training(base), kinds_of(base)
         if training.evidence.axes > 1 or not self._above(base):
             return []
         kinds = [c for c in self.problem.shapes if c not in used and np.isinf(c.limit)]
@@ -201,7 +206,7 @@ class Search:
         own = [p.columns[0] for p in training.evidence.patterns(shapes)]
         alone = training.fits(columns, own, 0)
         seen = [k for k, fit in enumerate(alone) if fit]
-        pairs = [(i, j) for i, j in combinations(seen, 2) if type(shapes[i]) is not type(shapes[j])]
+        pairs = [(i, j) for i, j in combinations(seen, 2) if shapes[i].kind != shapes[j].kind]
         both = training.fits(columns, [(*own[i], *own[j]) for i, j in pairs], 0)
         tries, threshold, found = np.log(max(len(pairs), 1)), self.threshold(len(base)), []
         for (i, j), fit in zip(pairs, both, strict=True):
@@ -224,7 +229,7 @@ class Search:
     def reshaped(self, base):
         """Return the same effects, all but the last in the shape that is best beside the others."""
         for i, effect in enumerate(base[:-1]):
-            shapes = self.problem.shapes.get(type(effect), ())
+            shapes = self.problem.shapes.get(effect.kind, ())
             if len(shapes) > 1:
                 others = base[:i] + base[i + 1 :]
                 best = self.shaped(others, shapes, 0.0)

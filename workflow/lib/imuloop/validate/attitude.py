@@ -5,8 +5,8 @@ import pandas as pd
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.calibrate.pose_fits import residuals
 from imuloop.core.rotation import step_vectors
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.validate.attitude_errors import METHODS, angle, stretches
@@ -27,7 +27,7 @@ COLUMNS = {
 }
 
 
-def validate_attitude(device, gravity, diagnosed, settings):
+def validate_attitude(device, diagnosed, settings):
     """Compare models of a device by the error of gravity's direction on held-out stretches.
 
     The mean of the accelerometer at the rests, with the final model that never saw them, is
@@ -38,8 +38,6 @@ def validate_attitude(device, gravity, diagnosed, settings):
     ----------
     device : str
         Name of the device.
-    gravity : float
-        m/s^2.
     diagnosed : Diagnosed
         The diagnosis of the device.
     settings : DiagnoseSettings
@@ -52,21 +50,20 @@ def validate_attitude(device, gravity, diagnosed, settings):
     DataFrame
         Content of attitude.parquet, a row per stretch, method, model and time.
     """
-    recording, whole = diagnosed.recording, diagnosed.solutions["gyroscope"]
-    force, turn = diagnosed.sensors["accelerometer"], diagnosed.sensors["gyroscope"]
-    reason = turn.untestable(recording)
-    if reason is None and whole is None:
-        reason = "the poses determine no calibration of the gyroscope"
-    if reason:
-        return no_attitude(device, reason)
+    recording, poses = diagnosed.recording, diagnosed.poses
+    if "gyroscope" not in poses.calibrations:
+        why = poses.contents["gyroscope"].get("why")
+        return no_attitude(device, why or "the poses determine no calibration of the gyroscope")
     block = blocks(len(recording.poses), settings)
     keeps = [block != k for k in range(block.max() + 1)]
-    fitted = [turn] if diagnosed.effects["accelerometer"] is None else [force, turn]
-    if any(any(sensor.undetermined(recording, keeps)) for sensor in fitted):
+    if any(any(poses.pair.undetermined(s, recording, keeps)) for s in poses.pair.estimated):
         why = f"{len(block)} poses do not determine the model with a block of them held out"
         return no_attitude(device, why)
+    if poses.choices is None:
+        return no_attitude(device, poses.contents["gyroscope"]["why"])
+    problem = poses.choices.problem.parted(block)
     try:
-        models = held_out_models(diagnosed, block, gravity, settings)
+        models = held_out_models(diagnosed, problem)
     except LinAlgError:
         return no_attitude(device, SINGULAR)
     u = np.array([_directions(each, recording) for each in models])
@@ -78,8 +75,7 @@ def validate_attitude(device, gravity, diagnosed, settings):
         "device": device,
         "status": "ok",
         "effects": [
-            {s: [e.name for e in getattr(m["final"], s).effects] for s in diagnosed.effects}
-            for m in models
+            {s: [e.name for e in getattr(m["final"], s).effects] for s in SENSORS} for m in models
         ],
         "reference_deg": float(np.degrees(np.sqrt((apart**2).mean()))),
         "methods": {m: _summary(errors, m, settings) for m in METHODS},
@@ -88,7 +84,7 @@ def validate_attitude(device, gravity, diagnosed, settings):
             for name, rows in errors.groupby("session", sort=False)
         },
     }
-    floor = _rotation_floor(turn, whole, recording, block)
+    floor = _rotation_floor(problem, poses.solution)
     content["methods"]["rotation"]["floor_deg"] = float(np.degrees(floor))
     return content, errors
 
@@ -171,10 +167,11 @@ def _summary(rows, method, settings):
     }
 
 
-def _rotation_floor(turn, whole, recording, block):
+def _rotation_floor(problem, solution):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
-    _, jacobian = residuals(turn.model(whole, recording), whole.fit.x)
-    ends, kind = turn.rows(recording)
-    noise = turn.covariances(whole, recording)(turn.noise)
-    covariance = held_out_covariance(noise, jacobian, block[ends])
-    return np.sqrt(2 * np.diag(covariance)[kind == 1].mean())
+    pair, recording = problem.sensor, problem.recording
+    _, jacobian = pair.model(solution, recording).residuals(solution.fit.x)
+    noise = pair.covariances(solution, recording)(pair.noise)
+    own = slice(len(jacobian))
+    covariance = held_out_covariance(noise, jacobian, problem.ends[own])
+    return np.sqrt(2 * np.diag(covariance)[problem.of_kind("rotation")[own]].mean())

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from imuloop.calibrate.pose_fits import fitted_calibration
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import SensorCalibration
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.pose_diagnosis import directions_without, pose_problem
 
 MODELS = ("raw", "base", "final")
 # poses of a block, so that a stretch has several rotations, and the fewest blocks
@@ -20,56 +19,30 @@ def blocks(count, settings):
     return np.arange(count) * parts // max(count, 1)
 
 
-def held_out_models(diagnosed, block, gravity, settings):
+def held_out_models(diagnosed, problem):
     """Return the models of a device that do not see one block of poses, block by block.
 
     As in the diagnosis, effects are looked for only where all poses together show one. An
-    accelerometer that the poses cannot test is given. Takes the Diagnosed, the block of each pose,
-    (n,), gravity, m/s^2, and DiagnoseSettings; gives a dict of Calibration by name in `MODELS` per
-    block, whose final one is the base model where no effect was added.
+    accelerometer that the poses do not determine is given. Takes the Diagnosed, and the PoseProblem
+    whose parts are the blocks; gives a dict of Calibration by name in `MODELS` per block, whose
+    final one is the base model where no effect was added.
     """
-    sensors = dict(diagnosed.sensors)
-    if diagnosed.effects["accelerometer"] is None:
-        sensors["accelerometer"] = None
-    effects = {sensor: found or () for sensor, found in diagnosed.effects.items()}
-    nothing = dict.fromkeys(effects, ())
+    pair, searched = problem.sensor, bool(diagnosed.poses.choices.choice().base)
+    given = diagnosed.calibration
+    raw = replace(given, **{s: SensorCalibration.nominal(pair.units[s], None) for s in SENSORS})
+    plain = problem
+    if problem.found:
+        plain = replace(problem, found=(), information=None, _linearized={}, _columns={})
+    if "accelerometer" not in pair.estimated:
+        given = replace(given, accelerometer=pair.given)
 
-    def choices(sensors, searched, shown):
-        def problem(name, directions=None):
-            how = settings, diagnosed.tests, block, *shown[name], directions
-            return Choices(pose_problem(sensors[name], diagnosed.recording, *how))
+    def without(problem, base, out):
+        return replace(given, **pair.calibrations(problem.fitted(base, out)))
 
-        if not sensors["accelerometer"]:
-            return {"accelerometer": None, "gyroscope": problem("gyroscope")}
-        force = problem("accelerometer")
-
-        def directions(out):
-            return directions_without(force, out, searched["accelerometer"])
-
-        return {"accelerometer": force, "gyroscope": problem("gyroscope", directions)}
-
-    def without(choices, searched, k):
-        found, out = [], frozenset({k})
-        for name, each in choices.items():
-            if each is None:
-                found.append(choices["gyroscope"].problem.sensor.accelerometer)
-                continue
-            base = each.choice(out).base if searched[name] else ()
-            found.append(fitted_calibration(each.problem.sensor, each.problem.fitted(base, out)))
-        return Calibration("", gravity, *found)
-
-    given, turn = sensors["gyroscope"].accelerometer, sensors["gyroscope"]
-    force_unit = sensors["accelerometer"].unit if sensors["accelerometer"] else given.raw_unit
-    raw = (SensorCalibration.nominal(unit, None) for unit in (force_unit, turn.unit))
-    raw = Calibration("", gravity, *raw)
-    final = base = choices(sensors, effects, diagnosed.shown)
-    # the same problems where nothing but the search of the gyroscope tells the two apart
-    if given.effects or any(known for shown in diagnosed.shown.values() for known in shown):
-        turn = replace(turn, accelerometer=replace(given, effects=()))
-        base = choices(sensors | {"gyroscope": turn}, nothing, dict.fromkeys(effects, ((), None)))
-    models = []
-    for k in range(block.max() + 1):
-        whole = without(final, effects, k)
-        simple = without(base, nothing, k) if whole.effects else whole
+    models, choices = [], Choices(problem)
+    for k in range(problem.parts):
+        out = frozenset({k})
+        whole = without(problem, choices.choice(out).base if searched else (), out)
+        simple = without(plain, (), out) if whole.effects else whole
         models.append({"raw": raw, "base": simple, "final": whole})
     return models

@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from imuloop.calibrate import accelerometer
 from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix
-from imuloop.calibrate.least_squares import FitResult, covariance_of
-from imuloop.calibrate.pose_fits import Solution
+from imuloop.calibrate.least_squares import FitResult, Solution, covariance_of
 from imuloop.calibrate.poses import Rotations
 from imuloop.calibrate.reference.recording import HALF
 from imuloop.calibrate.reference.session_nuisances import ReferenceModel

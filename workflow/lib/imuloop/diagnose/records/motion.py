@@ -6,22 +6,24 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.gyroscope import midpoints
-from imuloop.calibrate.least_squares import SINGULAR, FitResult
-from imuloop.calibrate.motion import COUNT, FORCE, MotionPoses, OfSensor
-from imuloop.calibrate.pose_fits import Solution, in_raw_units
-from imuloop.core.effect import Effect, find_effect
+from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.sensor_pair import VELOCITY, Kind, OfSensor
+from imuloop.core.effect import Effect
 from imuloop.core.errors import plural
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content, untried
-from imuloop.diagnose.records.pose_diagnosis import judged_residuals
+from imuloop.diagnose.records.pose_diagnosis import (
+    final_solution,
+    fitted_effects,
+    judged_residuals,
+)
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import leaves, not_testable
 
-VELOCITY = ("velocity_vertical", "velocity_horizontal")
 # kinds of residuals of both sensors, which share the significance
 KINDS = 5
 # moves of which the velocity counts, at least
@@ -43,7 +45,7 @@ class MotionResult:
     # SensorCalibration of each sensor with the effects that motion shows; empty without any
     calibrations: dict = field(default_factory=dict)
     residuals: dict = field(default_factory=dict)  # columns of the moves, as of `residual_columns`
-    # MotionPoses and the Solution with what was found; empty where the poses determine no start
+    # SensorPair and the Solution with what was found; empty where the poses determine no start
     fit: tuple = ()
 
 
@@ -58,6 +60,16 @@ class MotionProblem(PoseProblem):
     enough = 1.0
 
     @cached_property
+    def rows(self):
+        """The move that each row is of, twice, -1 for none: of poses too; and its kind, (N,)."""
+        ends, kind = super().rows
+        move = np.searchsorted(self.recording.rotations.first, ends[:, :1])
+        moving = np.array(
+            [name != "pose_rate" and name != "gravity_norm" for name in self.sensor.kinds]
+        )
+        return np.where(moving[kind[: len(ends)], None], move, -1).repeat(2, axis=1), kind
+
+    @cached_property
     def measure(self):
         """What a held-out error is compared in: the noise as residuals without effects have it."""
         likeliest = self.linearized().evidence.blocks[0].noise.precision[-1]
@@ -70,53 +82,44 @@ class MotionProblem(PoseProblem):
 
 
 def candidates_in_motion(known):
-    """Return the shapes of each effect to try, but of known types."""
-    return {
-        cls: tuple(cls.shapes(None))
-        for cls in Effect.library.values()
-        if "motion" in cls.records and cls not in known
-    }
+    """Return the shapes of each effect to try, but of known kinds."""
+    found = {}
+    for cls in Effect.library.values():
+        kind = Kind(cls, cls.sensors[0])
+        if "motion" in cls.records and kind not in known:
+            found[kind] = tuple(OfSensor(shape, kind.sensor) for shape in cls.shapes(None))
+    return found
 
 
-def diagnose_motion(force, turn, recording, settings, tests, shown, beyond=None):
+def diagnose_motion(pair, solution, recording, settings, tests, information=None, beyond=None):
     """Return the MotionResult of a device.
 
-    `force` and `turn` are AccelerometerPoses or GyroscopePoses and its Solution at the poses,
-    effects included; `tests` the number of tests of the other records, which share the
-    significance; `shown` by sensor what static records show, as of PoseProblem; `beyond` as of
-    `pose_diagnosis.diagnose_poses`.
+    Takes the SensorPair and its Solution at the poses, effects included, None where these determine
+    none; the number of tests of the other records, which share the significance; `information` of
+    PoseProblem, and `beyond` as of `pose_diagnosis.diagnose_poses`.
     """
-    if not all(solution for _, solution in (force, turn)):
+    if solution is None or set(pair.estimated) != set(SENSORS):
         return untestable("the poses do not determine both sensors")
-    x = [solution.fit.x for _, solution in (force, turn)]
-    knock = knocks(recording, x[1][9:12])
+    found, x = solution.effects, solution.fit.x
+    every = pair.base.copy()
+    every[pair.free] = x[: len(pair.free)]
+    knock = knocks(recording, every[-3:])
     # where it tilts at either end the velocity there is not zero
     first, tilt = recording.rotations.first, recording.poses.tilt
     tilts = (tilt[first] > 0) | (tilt[first + 1] > 0)
     quiet, columns = (knock <= SPOILED) & ~tilts, {"knock_m_s": knock}
-    found = tuple(
-        OfSensor(effect, model.sensor)
-        for model, solution in (force, turn)
-        for effect in solution.effects
-    )
-    start = np.concatenate(
-        [x[0][:FORCE], x[1][: COUNT - FORCE], x[0][FORCE:], x[1][COUNT - FORCE :]]
-    )
-    model = MotionPoses(force[0].noise, force[1].calibration, start, force[0].gravity, quiet)
     if quiet.sum() < LEAST_MOVES:
         why = f"{quiet.sum()} of {plural(len(quiet), 'move')} without a knock"
         why += " and between rests without a tilt" * bool(tilts.any())
         if np.isnan(knock).any():
             why += " and within the accelerometer's range"
         why += f", at least {LEAST_MOVES} needed{recording.lost.reason}"
-        unfitted = Solution(
-            found, FitResult(start, np.zeros((0, 0)), np.nan, 0, np.zeros((0, 0)), np.zeros(0))
-        )
-        return replace(untestable(f"{why}: {SOFTER}", columns), fit=(model, unfitted))
-    model = model.given_rotation(recording, found)
-    shapes = candidates_in_motion({type(e.effect) for e in found})
+        return replace(untestable(f"{why}: {SOFTER}", columns), fit=(pair, solution))
+    pair = replace(pair, quiet=quiet, base=every)
+    pair = pair.given_rotation(recording, found, x)
+    shapes = candidates_in_motion(kinds_of(found))
     problem = MotionProblem(
-        model,
+        pair,
         recording,
         shapes,
         settings,
@@ -124,10 +127,11 @@ def diagnose_motion(force, turn, recording, settings, tests, shown, beyond=None)
         # poses are seen by every fit
         np.append(interleaved(len(quiet), settings.folds), -1),
         found,
-        _information(shown),
+        information,
+        pair.prior_rows(),
     )
     try:
-        return _diagnosed(Choices(problem), (force[0].unit, turn[0].unit), columns, beyond)
+        return _diagnosed(Choices(problem), columns, beyond)
     except LinAlgError:
         return untestable(SINGULAR, columns)
 
@@ -135,31 +139,6 @@ def diagnose_motion(force, turn, recording, settings, tests, shown, beyond=None)
 def untestable(why, columns=None):
     """Return the MotionResult where nothing could be tested, with the reason."""
     return MotionResult({sensor: not_testable(why) for sensor in SENSORS}, {}, columns or {})
-
-
-def _information(shown):
-    """Return what gives what static records say of effects of both sensors, None without any."""
-    if not any(information for _, information in shown.values()):
-        return None
-
-    def information(effects):
-        """Return A and b as of `static.information`; zero for what a static record cannot show."""
-        ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
-        whole, moment = np.zeros((ends[-1],) * 2), np.zeros(ends[-1])
-        for sensor, (known, of_record) in shown.items():
-            own = [
-                k
-                for k, e in enumerate(effects)
-                if e.sensors[0] == sensor
-                and (e.effect in known or ("temperature" in e.effect.needs and not e.effect.timed))
-            ]
-            if of_record and own:
-                at = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in own])
-                a, b = of_record(tuple(effects[k].effect for k in own))
-                whole[np.ix_(at, at)], moment[at] = a, b
-        return whole, moment
-
-    return information
 
 
 def knocks(recording, gyroscope_bias):
@@ -177,40 +156,37 @@ def knocks(recording, gyroscope_bias):
     return np.where(rotations.force_clipped, np.nan, lost)
 
 
-def _diagnosed(choices, units, columns, beyond):
+def _diagnosed(choices, columns, beyond):
     """Return the MotionResult of moves that can be tested."""
-
-    def of(entry):
-        # a formula says itself whose it is
-        own = entry.get("constants", {}).get("sensor")
-        return own or find_effect(entry["name"]).sensors[0]
-
     problem, added = choices.problem, choices.choice().base
-    judged, residuals = judged_residuals(choices, VELOCITY, KINDS)
-    calibrations = _calibrations(problem, added, units)
-    fitted = _fitted(calibrations, added)
-    found = search_content(None, choices, fitted, {}, _probes(problem, columns))
+    kinds = {s: [k for k in problem.shapes if k.sensor == s] for s in SENSORS}
+    probes = _probes(problem, columns)
 
-    def of_sensor(sensor):
-        own = {key: [e for e in found[key] if of(e) == sensor] for key in ("effects", "candidates")}
-        if sensor == "gyroscope":
-            own["candidates"].append(untried("time_offset", "confounded", BOTH))
-        return own
+    def judged_by(choices):
+        """Return judgement, residuals, calibrations and FittedEffects with what was found."""
+        errors, base = choices.errors(choices.nested), choices.choice().base
+        _, calibrations = final_solution(choices.problem, base)
+        fitted = fitted_effects(calibrations, base)
+        return *judged_residuals(choices, VELOCITY, KINDS, errors), calibrations, fitted
 
-    contents = {sensor: judged | found | of_sensor(sensor) for sensor in SENSORS}
+    judged, residuals, calibrations, fitted = judged_by(choices)
+    contents = {
+        s: judged | search_content(choices, fitted, {}, probes, s, kinds[s]) for s in SENSORS
+    }
+    contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))
     for sensor in SENSORS if beyond and leaves(judged) else ():
         more = beyond("motion", sensor, choices)
         if more is None:
             break
-        contents[sensor]["discovered"] = more.content
+        content = contents[sensor]
+        content["discovered"] = more.content
         if more.choices:
             problem, added = more.choices.problem, more.choices.base
-            judged, residuals = judged_residuals(more.choices, VELOCITY, KINDS)
-            calibrations = _calibrations(problem, added, units)
-            fitted = _fitted(calibrations, added)
-            found |= more.joined(found["effects"], found["candidates"], fitted)
-            for name, own in contents.items():
-                own |= judged | of_sensor(name)
+            judged, residuals, calibrations, fitted = judged_by(more.choices)
+            for each in contents.values():
+                each |= judged
+            own = [f for f, e in zip(fitted, added, strict=True) if e.sensor == sensor]
+            content |= more.joined(content["effects"], content["candidates"], own)
         if more.content["status"] != "nothing":
             break
     quiet = problem.sensor.quiet
@@ -221,32 +197,6 @@ def _diagnosed(choices, units, columns, beyond):
         columns[name][quiet] = values
     fit = problem.sensor, problem.linearized(added).solution
     return MotionResult(contents, calibrations if added else {}, columns, fit)
-
-
-def _fitted(calibrations, base):
-    """Return the FittedEffects of effects that calibrations of both sensors hold."""
-    effects = [e for own in calibrations.values() for e in own.effects]
-    return [next(f for f in effects if f.effect == e) for e in base]
-
-
-def _calibrations(problem, base, units):
-    """Return the calibration of each sensor by the fit with some effects."""
-    solution, covariance = problem.linearized(base).solution, problem.covariance(base)
-    own, found = problem.sensor.model(solution, problem.recording).own, {}
-    effects = [(e.effect, e.sensor) for e in problem.found]
-    effects += [(e, e.sensors[0]) for e in base]
-    names = (accelerometer.NAMES, gyroscope.NAMES)
-    for (sensor, at), base_names, unit in zip(own.items(), names, units, strict=True):
-        found[sensor] = in_raw_units(
-            unit,
-            base_names,
-            solution.fit.x[at],
-            covariance[np.ix_(at, at)],
-            method="multi_position",
-            effects=tuple(effect for effect, of in effects if of == sensor),
-            reduced_chi2=solution.fit.reduced_chi2,
-        )
-    return found
 
 
 def _probes(problem, columns):

@@ -9,7 +9,8 @@ from scipy.stats import chi2
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.gyroscope import cross_matrix
-from imuloop.calibrate.pose_fits import AXES, as_logged, in_raw_units
+from imuloop.calibrate.determined import AXES
+from imuloop.calibrate.raw_units import as_logged, in_raw_units
 from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope
 from imuloop.effects.lever_arm import LeverArm
 from imuloop.effects.size_effect import SizeEffect

@@ -1,19 +1,21 @@
-"""The poses of a sensor: what is missing in its model, what it is, and what remains with it."""
+"""The poses of a device: what is missing in its model, what it is, and what remains with it."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.special import sph_harm_y
 
-from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.calibrate.pose_fits import Solution, fitted_calibration
+from imuloop.calibrate.least_squares import SINGULAR, Solution
+from imuloop.calibrate.sensor_pair import OF_SENSOR, Kind, OfSensor, SensorPair
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.residuals import floor_range, held_out_covariance
+from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import judge, leaves, not_testable, verdict
 
 # kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
@@ -25,21 +27,16 @@ DEGREES = (3, 4, 5)
 
 @dataclass(frozen=True)
 class PoseResult:
-    """The diagnosis of a sensor at the poses."""
+    """The diagnosis of both sensors at the poses."""
 
-    content: dict  # the contract's fields
+    contents: dict  # the contract's fields, by sensor
+    pair: SensorPair | None = None  # None where the poses determine no sensor
     # the fit with the effects that were added; None where nothing could be fitted
     solution: Solution | None = None
-    # the library's searches; None where nothing could be tested
-    choices: Choices | None = None
+    calibrations: dict = field(default_factory=dict)  # of the sensors that were fitted
+    choices: Choices | None = None  # the searches; None where nothing could be tested
     # as of `residual_columns`; empty where nothing could be tested
     residuals: dict = field(default_factory=dict)
-    formula: tuple = ()  # the effect that no library has, if one was found
-
-    @property
-    def effects(self):
-        """The effects of the library that were added; None where nothing could be tested."""
-        return self.choices.choice().base if self.choices else None
 
 
 def pose_candidates(sensor, recording):
@@ -51,116 +48,127 @@ def pose_candidates(sensor, recording):
     return candidates(sensor, "poses", recording.pose_channels(sensor, lambda y: y, other))
 
 
-def pose_problem(
-    sensor,
-    recording,
-    settings,
-    tests,
-    fold=None,
-    found=(),
-    information=None,
-    directions=None,
-    base_rows=None,
-):
-    """Return the PoseProblem of a sensor; parts are interleaved without others."""
-    available, _ = pose_candidates(sensor.sensor, recording)
-    shapes = {cls: s for cls, s in available.items() if cls not in set(map(type, found))}
-    if fold is None:
-        fold = interleaved(len(recording.poses), settings.folds)
-    problem = PoseProblem(
-        sensor, recording, shapes, settings, tests, fold, tuple(found), information, directions
+def pose_problem(pair, recording, settings, tests, found=(), information=None, sensors=None):
+    """Return the PoseProblem of a device, parts interleaved; effects are tried on some sensors."""
+    shapes = {}
+    for sensor in pair.estimated if sensors is None else sensors:
+        for cls, own in pose_candidates(sensor, recording)[0].items():
+            if Kind(cls, sensor) not in kinds_of(found):
+                shapes[Kind(cls, sensor)] = tuple(OfSensor(shape, sensor) for shape in own)
+    fold = interleaved(len(recording.poses), settings.folds)
+    rows = pair.prior_rows()
+    return PoseProblem(
+        pair, recording, shapes, settings, tests, fold, tuple(found), information, rows
     )
-    return replace(problem, base_rows=base_rows) if base_rows else problem
 
 
 def diagnose_poses(
-    sensor,
-    recording,
-    settings,
-    tests=None,
-    found=(),
-    information=None,
-    directions=None,
-    base_rows=None,
-    beyond=None,
-    misfit=None,
+    pair, reasons, recording, settings, tests, found=(), information=None, beyond=None
 ):
-    """Return the PoseResult of one sensor; arguments as of PoseProblem.
+    """Return the PoseResult of a device.
 
-    Without a number of tests, which share the significance, this sensor's own count. `beyond`, if
-    any, is `imuloop.discover.beyond.beyond`: it looks for what the library leaves. What it finds
-    `misfit` may tell from what looks like it: it takes a SensorCalibration, gives χ² and reduced χ²
-    of data that depend on it.
+    Takes what `calibrate.calibrate.sensor_pair` gives, the number of tests that share the
+    significance, and `found` and `information` of PoseProblem. `beyond`, if any, is
+    `imuloop.discover.beyond.beyond`: it looks for what the library leaves.
     """
-    if reason := sensor.untestable(recording):
-        return PoseResult(not_testable(reason))
-    tests = tests or len(pose_candidates(sensor.sensor, recording)[0])
-    problem = pose_problem(
-        *(sensor, recording, settings, tests, None, found, information, directions, base_rows)
-    )
+    contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
+    if pair is None:
+        return PoseResult(contents)
+    found = [e for e in found if e.sensor in pair.estimated]
+    problem = pose_problem(pair, recording, settings, tests, found, information)
+    keeps = [problem.fold_of_pose != k for k in range(problem.parts)]
+    tested = []
+    for sensor in pair.estimated:
+        if any(pair.undetermined(sensor, recording, keeps)):
+            why = f"{len(recording.poses)} poses do not determine the model with a part held out"
+            contents[sensor] = not_testable(why)
+        else:
+            tested.append(sensor)
     try:
         if reason := problem.lost(()):
-            return PoseResult(not_testable(reason))
-        keeps = [problem.fold_of_pose != k for k in range(problem.parts)]
-        if any(sensor.undetermined(recording, keeps)):
-            reason = f"{len(keeps[0])} poses do not determine the model with a part held out"
-            return PoseResult(not_testable(reason), final_solution(problem, ()))
-        return _diagnosed(Choices(problem), beyond, misfit)
+            return PoseResult(contents | {s: not_testable(reason) for s in tested}, pair)
+        if not tested:
+            return PoseResult(contents, pair, *final_solution(problem, ()))
+        problem = pose_problem(pair, recording, settings, tests, found, information, tested)
+        return _diagnosed(Choices(problem), tested, contents, beyond)
     except LinAlgError:
-        return PoseResult(not_testable(SINGULAR))
+        return PoseResult(contents | {s: not_testable(SINGULAR) for s in tested}, pair)
 
 
-def directions_without(choices, out, searched, formula=()):
-    """Return gravity's direction at all poses by an accelerometer that does not see some parts.
-
-    `choices` are those of the accelerometer, `searched` whether it may choose effects; `formula`
-    is what it has beyond them, fitted here too.
-    """
-    problem = choices.problem
-    base = (*(choices.choice(out).base if searched else ()), *formula)
-    return problem.sensor.directions(problem.fitted(base, out), problem.recording)
-
-
-def _diagnosed(choices, beyond, misfit):
+def _diagnosed(choices, tested, contents, beyond):
     """Return the PoseResult of poses whose fit without effects is one."""
     problem, added = choices.problem, choices.choice().base
-    sensor, solution = problem.sensor, final_solution(problem, added)
-    judged, residuals = judged_residuals(choices, sensor.kinds, KINDS)
-    others = pose_candidates(sensor.sensor, problem.recording)[1]
-    others = {cls: why for cls, why in others.items() if cls not in set(map(type, problem.found))}
-    fitted = solution.calibration.effects[len(problem.found) :]
-    content = {**judged, **search_content(sensor.sensor, choices, fitted, others, _probes(problem))}
-    content["candidates"] += [
-        untried(e.name, "added", "found in the static record") for e in problem.found
-    ]
-    formula = ()
-    if beyond and leaves(judged) and (more := beyond("poses", sensor.sensor, choices)):
-        if misfit:
-            about = more.choices and more.choices.problem
-            more = more.told_apart(lambda e: misfit(final_solution(about, e).calibration))
+    solution, calibrations = final_solution(problem, added)
+    errors, residuals = choices.errors(choices.nested), {}
+    contents = dict(contents)
+    for sensor in tested:
+        judged, columns = judged_residuals(choices, OF_SENSOR[sensor], KINDS, errors, sensor)
+        residuals |= columns
+        others = pose_candidates(sensor, problem.recording)[1]
+        others = {
+            c: why for c, why in others.items() if Kind(c, sensor) not in kinds_of(problem.found)
+        }
+        fitted = fitted_effects(calibrations, added)
+        content = judged | search_content(choices, fitted, others, _probes(problem, sensor), sensor)
+        content["candidates"] += [
+            untried(e.name, "added", "found in the static record")
+            for e in problem.found
+            if e.sensor == sensor
+        ]
+        contents[sensor] = content
+    for sensor in tested if beyond else ():
+        content = contents[sensor]
+        more = beyond("poses", sensor, choices) if leaves(content) else None
+        if not more:
+            continue
         content["discovered"] = more.content
         if more.choices:
-            formula = more.choices.base[-1:]
-            judged, residuals = judged_residuals(more.choices, sensor.kinds, KINDS)
-            solution = final_solution(more.choices.problem, more.choices.base)
-            fitted = solution.calibration.effects[len(problem.found) :]
-            content |= judged | more.joined(content["effects"], content["candidates"], fitted)
-    return PoseResult(content, solution, choices, residuals, formula)
+            about, base = more.choices.problem, more.choices.base
+            solution, calibrations = final_solution(about, base)
+            errors, fitted = (
+                more.choices.errors(more.choices.nested),
+                fitted_effects(calibrations, base),
+            )
+            for each in tested:
+                judged, columns = judged_residuals(
+                    more.choices, OF_SENSOR[each], KINDS, errors, each
+                )
+                residuals |= columns
+                contents[each] |= judged
+            own = [f for f, e in zip(fitted, base, strict=True) if e.sensor == sensor]
+            content |= more.joined(content["effects"], content["candidates"], own)
+            break
+        # what an accelerometer lacks turns the direction by which a gyroscope is judged
+        if more.content["status"] != "nothing":
+            break
+    return PoseResult(contents, problem.sensor, solution, calibrations, choices, residuals)
 
 
-def judged_residuals(choices, kinds, count, before=None):
+def fitted_effects(calibrations, base):
+    """Return the FittedEffects of effects of a base, in its order, that calibrations hold."""
+    every = {
+        (sensor, fitted.effect): fitted
+        for sensor, calibration in calibrations.items()
+        for fitted in calibration.effects
+    }
+    return [every[effect.sensor, effect.effect] for effect in base]
+
+
+def judged_residuals(choices, kinds, count, errors, sensor=None, before=None):
     """Return verdict and residuals of a PoseProblem, and what is left of them, pose by pose.
 
     Of some kinds of residual, `count` of which share the significance: the contract's fields, and
-    the columns of `residual_columns`. `before` are Choices of the same rows with less in their
-    model, if that of `choices` has more than the effects that it adds.
+    the columns of `residual_columns`. Before is without the effects of a `sensor`, of all if none
+    is named, or, if given, as other Choices of the same rows have it. `errors` are those held out
+    with all effects.
     """
     problem, added = choices.problem, choices.choice().base
-    sensor, settings = problem.sensor, problem.settings
-    before = before or choices
-    more = bool(added) or before is not choices
-    errors = before.following(()), choices.errors(choices.nested)
-    base, final = before.problem.linearized(), problem.linearized(added)
+    pair, settings = problem.sensor, problem.settings
+    others = tuple(e for e in added if sensor and e.sensor != sensor)
+    more, start = len(others) < len(added) or before is not None, before or choices
+    errors = (start.following(kinds_of(others)) if more else errors), errors
+    base = start.problem.linearized(others if more else added)
+    final = problem.linearized(added)
     # the noise is as likely as the fit with the effects has it
     (_, judged_base), (weights, judged_final) = (
         _judged(problem, kinds, *side) for side in zip((base, final), errors, strict=True)
@@ -173,7 +181,7 @@ def judged_residuals(choices, kinds, count, before=None):
     share = settings.significance / count / settings.family
     residuals, above, slow = {}, (False, False), False
     for k, kind in enumerate(kinds):
-        unit, rows = sensor.kinds[kind][0], problem.of_kind(kind)
+        unit, rows = pair.kinds[kind][0], problem.of_kind(kind)
         judged = judged_base[k], judged_final[k]
         entry, found = residual_entry(problem, kind, unit, rows, judged, errors, floor, share, more)
         above = np.logical_or(above, found)
@@ -219,10 +227,12 @@ def undersampled(problem, solution, floor):
 
 
 def final_solution(problem, base):
-    """Return the fit with some effects, its covariance that of the noise's uncertainty too."""
+    """Return the fit with some effects and the calibrations by it.
+
+    Their covariance is that of the noise's uncertainty too.
+    """
     solution = problem.linearized(base).solution
-    calibration = fitted_calibration(problem.sensor, solution, problem.covariance(base))
-    return replace(solution, calibration=calibration)
+    return solution, problem.sensor.calibrations(solution, problem.covariance(base))
 
 
 def _judged(problem, kinds, about, errors):
@@ -243,12 +253,12 @@ def harmonics(directions, degree):
     return np.column_stack([v.real for v in values] + [v.imag for v in values[1:]])
 
 
-def _probes(problem):
+def _probes(problem, sensor):
     """Return name, kind and columns of what the residual may go with: no effects, but signposts."""
     recording, found = problem.recording, []
     poses, rotations = recording.poses, recording.rotations
     time = (poses.mid_s / (poses.mid_s.max() - poses.mid_s.min()))[:, None] ** [1, 2]
-    own = slice(0, 3) if problem.sensor.sensor == "accelerometer" else slice(3, 6)
+    own = slice(0, 3) if sensor == "accelerometer" else slice(3, 6)
     previous = np.vstack([np.zeros((1, 3)), poses.f[:-1]])
     previous[np.diff(poses.session, prepend=-1) != 0] = 0
     at_pose = {f"harmonics_{d}": harmonics(poses.f, d) for d in DEGREES}
@@ -266,7 +276,7 @@ def _probes(problem):
         for name, values in (("temperature", poses.temperature), ("temperature_rate", rate)):
             at_pose[name] = values[:, None]
             in_turn[name] = values[rotations.first, None]
-    for kind in problem.sensor.kinds:
+    for kind in OF_SENSOR[sensor]:
         probes = in_turn if kind == "rotation" else at_pose
         found += [(name, kind, problem.probe(kind, values)) for name, values in probes.items()]
     return found

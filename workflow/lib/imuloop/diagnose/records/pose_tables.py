@@ -77,12 +77,12 @@ def moves_table(recording, names, gyroscope, force, residuals):
 
     The angle is the way turned, that is the integral of the size of the angular rate; the speed its
     greatest value; the axis the direction of the integral of the rate itself. The gyroscope's
-    effects were fitted to this recording; `force` is what they see of the accelerometer. Others as
-    of `poses_table`.
+    effects were fitted to this recording; `force`, (m, k, 3), is what they see of the accelerometer.
+    Others as of `poses_table`.
     """
     rotations, channels = recording.rotations, None
     if gyroscope.effects:
-        channels = recording.rotation_channels("gyroscope", gyroscope.output, force.rotations)
+        channels = recording.rotation_channels("gyroscope", gyroscope.output, force)
     rate = gyroscope.apply(rotations.w.reshape(-1, 3), channels).reshape(rotations.w.shape)
     size = np.linalg.norm(rate, axis=2)
     angle, *turn = (

@@ -1,4 +1,4 @@
-"""The poses of a sensor and what lies between them: residuals of a calibration, and their noise."""
+"""The poses of a device and what lies between them: residuals of a calibration, and their noise."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -8,18 +8,15 @@ from typing import ClassVar
 import numpy as np
 from scipy.linalg import block_diag
 
-from imuloop.calibrate.pose_fits import residuals
+from imuloop.calibrate.noise_components import likely_sizes, total
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.training import ABSORBED
-from imuloop.diagnose.variance import Part, likely_sizes, total
 
 # from the noise as estimated to what the residuals make of it
 PATH = (0.0, 0.3, 0.6, 1.0)
 # size at which a part of the noise counts as half a parameter that was fitted
 HALF_A_PARAMETER = 0.1
-# standard deviation of the error that is foreseen of turns that were sampled too slowly, over it
-KNOWN_TO = 0.2
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,7 @@ class Linearized:
     # what the noise may be, from what was estimated of it to what the residuals make of it:
     # logarithm of the probability beforehand and covariance, (N, N)
     alternatives: list
-    # what is known of the noise, covariance, (N, N), and the Parts of it whose size is not
+    # what is known of the noise, covariance, (N, N), and the Components whose size is not
     noise: tuple
     evidence: Evidence  # of the values
     noise_with: object  # callable: takes residuals, gives their Hypotheses
@@ -41,20 +38,17 @@ class Linearized:
 
 @dataclass(frozen=True, eq=False)
 class PoseProblem:
-    """The poses of one sensor: one block of rows, whose nuisances are the base parameters."""
+    """The poses of a device: one block of rows, whose nuisances are the base parameters."""
 
-    sensor: object  # AccelerometerPoses or GyroscopePoses
+    sensor: object  # SensorPair
     recording: object
-    shapes: dict  # tuple of the shapes of each effect to try, by type
+    shapes: dict  # tuple of the shapes of each effect to try, by kind
     settings: DiagnoseSettings
     tests: int  # number of tests of the family
     # (n,): the part that each pose, or whatever rows are of, is held out with; -1 for none
     fold_of_pose: np.ndarray
     found: tuple = ()  # effects that other records show, which every fit estimates
     information: object = None  # takes effects, gives `static.information` of other records
-    # of a gyroscope: takes the parts that are not seen, gives gravity's direction at all poses by
-    # an accelerometer that did not see them either; None as all poses give it
-    directions: object = None
     # rows R and z of what other data say of the base model: ``R x - z`` has variance one
     base_rows: tuple = (np.zeros((0, 0)), np.zeros(0))
     _linearized: dict = field(default_factory=dict, repr=False)
@@ -143,8 +137,8 @@ class PoseProblem:
         return self._linearized[base]
 
     def parted(self, fold):
-        """Return the problem with another part of each pose, (n,), and directions as all give."""
-        problem = replace(self, fold_of_pose=fold, directions=None, _linearized={})
+        """Return the problem with another part of each pose, (n,)."""
+        problem = replace(self, fold_of_pose=fold, _linearized={})
         for base, about in self._linearized.items():
             evidence = about.evidence.parted(problem.ends)
             problem._linearized[base] = replace(about, evidence=evidence)
@@ -154,34 +148,32 @@ class PoseProblem:
         effects, count = (*self.found, *base), len(self.sensor.names)
         start = self.linearized(base[:-1]).solution.fit.x if base else None
         _, z = self.prior_rows
-        own = self.base_rows[0].reshape(-1, count)
-        own = np.pad(own, ((0, len(z) - len(own)), (0, 0)))
-        known = np.hstack([own, self._prior(effects)])
-        solution = self.sensor.fit(self.recording, effects, start, (known, z) if len(z) else None)
+        known = np.hstack([self._base_rows(count), self._prior(effects)])
+        solution = self.sensor.fit(self.recording, effects, start, (known, z))
         x = solution.fit.x
         model = self.sensor.model(solution, self.recording)
-        values, jacobian = residuals(model, x)
+        values, jacobian = model.residuals(x)
         values = np.append(values, known @ x - z)
         jacobian = np.concatenate([jacobian, known])
         nuisances = count + sum(len(e.parameters) for e in self.found)
         own = by_effect(jacobian[:, None, nuisances:], base)
-        covariance, slow = self.noise_parts(solution)
-        estimated = np.array([part.size for part in slow])
-        # what is missing in a model need not follow the noise: the residual of a long rest is no
-        # smaller than that of a short one
-        missing = [Part(np.diag(at * np.median(np.diag(covariance)[at]))) for at in self.groups()]
-        parts = [*slow, *missing]
-        first = np.array([part.size for part in parts])
+        covariance, *components = self.sensor.noise_components(x, self.recording, effects)
+        # rows of other records are independent, of variance one
+        covariance = block_diag(covariance, np.eye(len(z)))
+        slow, missing = ([c.padded(len(z)) for c in each] for each in components)
+        components = [*slow, *missing]
+        estimated = np.array([component.size for component in slow])
+        first = np.array([component.size for component in components])
 
         def hypotheses(values):
             """Return what the noise may be, from as estimated to as residuals make it likeliest."""
-            likeliest = likely_sizes(values, jacobian, covariance, parts)
+            likeliest = likely_sizes(values, jacobian, covariance, components)
             sizes = (first + s * (likeliest - first) for s in PATH)
             fitted = (likeliest / (likeliest + HALF_A_PARAMETER)).sum() * np.array(PATH)
-            return Hypotheses.of((total(covariance, parts, each) for each in sizes), fitted)
+            return Hypotheses.of((total(covariance, components, each) for each in sizes), fitted)
 
         noisy = likely_sizes(values, jacobian, covariance, slow)
-        off = (noisy - estimated) / [part.deviation for part in slow]
+        off = (noisy - estimated) / [component.deviation for component in slow]
         alternatives = [
             (-off @ off * s**2 / 2, total(covariance, slow, estimated + s * (noisy - estimated)))
             for s in PATH
@@ -193,10 +185,15 @@ class PoseProblem:
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
         evidence = Evidence([block], prior, design, least=1.0, plain=np.array(PATH) == 0)
-        noise = covariance, parts
+        noise = covariance, components
         return Linearized(
             solution, model, values, jacobian, alternatives, noise, evidence, hypotheses
         )
+
+    def _base_rows(self, count):
+        """Return the rows of other data for the base parameters, as many as `prior_rows` has."""
+        own = self.base_rows[0].reshape(-1, count)
+        return np.pad(own, ((0, len(self.prior_rows[1]) - len(own)), (0, 0)))
 
     def _prior(self, effects):
         """Return the rows of other records, shape (k, q), for the parameters of effects."""
@@ -207,40 +204,15 @@ class PoseProblem:
     def added(self, effect):
         """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
         if effect not in self._columns:
-            solution = self.linearized(()).solution
-            model = self.sensor.model(solution, self.recording, (effect,))
-            own = residuals(model, solution.fit.x)[1][:, -len(effect.parameters) :]
-            self._columns[effect] = np.concatenate([own, self._prior((effect,))])[:, None]
+            solution, shapes = self.linearized(()).solution, self.shapes.get(effect.kind, ())
+            # all shapes of a kind at once: what they have in common is found once
+            shapes = shapes if effect in shapes else (effect,)
+            count = sum(len(e.parameters) for e in shapes)
+            model = self.sensor.model(solution, self.recording, shapes)
+            _, jacobian = model.residuals(np.append(solution.fit.x, np.zeros(count)))
+            columns = np.concatenate([jacobian[:, -count:], self._prior(shapes)])
+            self._columns.update(by_effect(columns[:, None], shapes))
         return self._columns[effect]
-
-    def noise_parts(self, solution):
-        """Return the covariance of the noise but for flicker and walk, and these axis by axis.
-
-        What turns lose between two samples is a part too, of size one.
-        """
-        sensor, recording = self.sensor, self.recording
-        terms = [(axis, name) for axis in sensor.axes for name in "BK"]
-        limits = {t: sensor.noise.known(*t) for t in terms}
-        loose = {t: known for t, known in limits.items() if known[1] > 0}
-        without = sensor.noise.with_sizes(dict.fromkeys(loose, 0.0))
-        # rows of other records are independent, of variance one
-        others = np.eye(len(self.prior_rows[1]))
-        of_noise = sensor.covariances(solution, recording.without_aliasing())
-
-        def covariance(noise):
-            return block_diag(of_noise(noise), others)
-
-        fixed = covariance(without)
-        parts = [
-            Part(covariance(without.with_sizes({t: spread})) - fixed, size / spread, 1.0)
-            for t, (size, spread) in loose.items()
-        ]
-        if recording.rotations.aliased is not None:
-            # from here on with it
-            of_noise = sensor.covariances(solution, recording)
-            aliased = covariance(without) - fixed
-            parts += [Part(aliased, 1.0, KNOWN_TO)] * bool(aliased.any())
-        return fixed, parts
 
     def nearest(self, base):
         """Return the residuals about the fit with the most of some effects that was asked for.
@@ -252,14 +224,7 @@ class PoseProblem:
 
     def training(self, base, out, only=None):
         """Return the Training rows, about a fit of all poses with some of the effects."""
-        about = self.nearest(base)
-        found = about.evidence.training(out)
-        if out and self.directions is not None and found.values == about.evidence.values:
-            model = replace(about.model, directions=self.directions(out))
-            values = about.values.copy()
-            values[self.of_kind("rotation")] = model.angles(about.solution.fit.x).ravel()
-            found.values = about.evidence.enter(-values[None])
-        return found
+        return self.nearest(base).evidence.training(out)
 
     def slow(self, effect):
         """Return whether noise could be larger for an effect: it changes as slow noise does."""

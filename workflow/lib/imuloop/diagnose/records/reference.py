@@ -7,11 +7,11 @@ import numpy as np
 from scipy.linalg import LinAlgError, block_diag
 from scipy.stats import chi2
 
-from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.calibrate.pose_fits import Solution
+from imuloop.calibrate.least_squares import SINGULAR, Solution
 from imuloop.calibrate.reference.recording import read_reference
 from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope, started
 from imuloop.calibrate.reference.tails import spread
+from imuloop.calibrate.noise_components import Component
 from imuloop.core.effect import Channels, Effect, FittedEffect
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
@@ -22,8 +22,8 @@ from imuloop.diagnose.records.one_solution import WHOLE, of_records
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.diagnose.records.poses import Linearized, PoseProblem, by_effect
+from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.records.set_up import Adopted, clamped, loose, set_up, set_up_content
-from imuloop.diagnose.variance import Part
 from imuloop.diagnose.verdict import leaves, not_testable
 
 # windows at least: three components each, for nine parameters and a part held out
@@ -125,7 +125,7 @@ class ReferenceProblem(PoseProblem):
         block = Block(-values[:, None], jacobian[:, :count], alternatives, self.ends)
         evidence = Evidence([block], np.zeros(len(COMMON)), design)
         known = [(0.0, np.diag(self.floor))]
-        noise = white, [Part(common)]
+        noise = white, [Component(common)]
         return Linearized(solution, model, values, jacobian, known, noise, evidence, hypotheses)
 
     def added(self, effect):
@@ -203,9 +203,9 @@ def diagnose_reference(sensor, recording, settings, tests, own, beyond=None):
         return ReferenceResult(not_testable(why))
     shapes, others = shapes_beside(sensor.sensor, recording)
     known, beside = of_records(sensor, own), set_up(sensor.sensor, recording)
-    fitted = set(map(type, (*known.effects, *beside)))
+    fitted = set(kinds_of((*known.effects, *beside)))
     shapes = {c: s for c, s in shapes.items() if c not in fitted}
-    others |= {type(e): ("added", "found in other records") for e in known.effects}
+    others |= {e.kind: ("added", "found in other records") for e in known.effects}
     parts = _parts(recording, session, first, settings.folds)
     problem = ReferenceProblem(
         started(sensor, recording),
@@ -243,7 +243,7 @@ def _diagnosed(choices, axes, others, windows, beyond):
     """
     (kind,), sensor = choices.problem.sensor.kinds, choices.problem.sensor.sensor
     final = _Final.of(choices, axes)
-    content = final.judged | search_content(sensor, choices, final.fitted, others, [])
+    content = final.judged | search_content(choices, final.fitted, others, [], sensor)
     if beyond and leaves(final.judged) and (more := beyond("reference", sensor, choices)):
         content["discovered"] = more.content
         if more.choices:
@@ -321,7 +321,8 @@ class _Final:
         covariance, fitted, places = _fitted(choices)
         beside, before = set_up_content(choices, covariance)
         kinds = tuple(choices.problem.sensor.kinds)
-        judged, columns = judged_residuals(choices, kinds, 2, before)
+        errors = choices.errors(choices.nested)
+        judged, columns = judged_residuals(choices, kinds, 2, errors, before=before)
         return cls(
             choices, before, within, why, beside, judged, columns, covariance, fitted, places
         )

@@ -1,6 +1,6 @@
 """The set-up of a reference: its clock and its marker, which every fit estimates."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -91,7 +91,7 @@ def set_up_content(choices, covariance):
         )
         entry = {
             "name": effect.name,
-            "constants": asdict(effect),
+            "constants": effect.constants,
             "parameters": parameters,
             "std": std,
             "units": effect.units(problem.sensor.sensor),

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.calibrate.noise_components import FARTHEST
 from imuloop.core.effect import Effect
 from imuloop.core.memory import in_pieces
 from imuloop.core.samples import SENSORS
@@ -9,7 +10,6 @@ from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.content import residual_entry, search_content, untried
 from imuloop.diagnose.records.static import fitted_effects
 from imuloop.diagnose.residuals import held_out_covariance, size
-from imuloop.diagnose.variance import FARTHEST
 from imuloop.diagnose.verdict import MARGIN, judge, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.gauss_markov import GaussMarkov
@@ -41,7 +41,7 @@ def static_content(sensor, finding, noise, change, processes):
         problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share, bool(added)
     )
     library = finding.effects[: len(choices.choice().added)]
-    found = search_content(sensor, choices, library, finding.others, _probes(problem))
+    found = search_content(choices, library, finding.others, _probes(problem), sensor)
     for entry, own in zip(found["effects"], choices.choice().added, strict=True):
         entry["axis"] = axes[own.trial.axis] if own.before.shape[1] == 1 else None
     if finding.further:
@@ -192,7 +192,7 @@ def _by_axis(axes, finding, floor):
 def _by_session(choices):
     """Return the effects fitted to each session alone, together if it tells them apart."""
     problem, search = choices.problem, choices.search()
-    base = tuple(e for e in choices.choice().base if type(e) not in problem.scans)
+    base = tuple(e for e in choices.choice().base if e.kind not in problem.scans)
     found = {e.name: {} for e in base}
     for session in dict.fromkeys(r.session for r in problem.records):
         only = frozenset(i for i, r in enumerate(problem.records) if r.session == session)

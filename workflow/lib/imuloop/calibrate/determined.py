@@ -1,0 +1,122 @@
+"""Whether data determine the base parameters of a sensor, and whether a fit to them is one."""
+
+import numpy as np
+
+from imuloop.calibrate.accelerometer import AccelerometerModel
+from imuloop.calibrate.accelerometer import NAMES as OF_ACCELEROMETER
+from imuloop.calibrate.least_squares import condition_number, too_large
+from imuloop.core.errors import plural
+
+# the axes of an accelerometer, cheap ones and three glued to a cube too, are less off square, rad
+SLANT = 0.3
+# what data sheets of MEMS gyroscopes allow: misalignment, rad; scale factor, 1
+AXES, SCALE = 0.02, 0.03
+NO_POSE = "no multi_position session with a pose"
+
+
+def accelerometer_undetermined(poses, gravity, largest):
+    """Return why Poses do not determine the nine parameters, or None if they do.
+
+    Takes gravity, m/s^2, and the largest condition number of the design.
+    """
+    n, needed = len(poses), len(OF_ACCELEROMETER) + 1
+    if not n:
+        return NO_POSE
+    if n < needed:
+        return f"{plural(n, 'pose')} found, at least {needed} needed for 9 parameters and a check"
+    model = AccelerometerModel(poses.f, np.zeros((n, 3, 0)), gravity)
+    x = model.start()
+    condition = _accelerometer_condition(model.residuals(x)[1], x, gravity)
+    if condition <= largest:
+        return None
+    return (
+        f"the attitudes of {n} poses do not determine 9 parameters: "
+        f"{too_large(condition, largest)}; add poses in between each axis up "
+        "and down; of six faces alone the session's kind is six_position"
+    )
+
+
+def _accelerometer_condition(jacobian, x, gravity):
+    """Return the condition number of the nine parameters at x, each by its natural size."""
+    K = np.abs(x[3:6])
+    return condition_number(jacobian, np.concatenate([np.ones(3), K, gravity / K]))
+
+
+def accelerometer_lost(jacobian, x, gravity, largest):
+    """Return why a fit of gravity's norm is none, or None if it is one.
+
+    Gravity's norm is also met where K tends to zero and K b to a vector as long as gravity. What
+    lies on no ellipsoid is drawn there, and there the poses determine nothing; or to axes that no
+    accelerometer has. Takes the derivative of the norms, (n, 9), and the parameters, (9,).
+    """
+    condition, slant = _accelerometer_condition(jacobian, x, gravity), np.max(np.abs(x[:3]))
+    if not condition <= largest:
+        leads = f"where they determine nothing, {too_large(condition, largest)}"
+    elif slant > SLANT or np.min(x[3:6]) <= 0:
+        leads = f"axes {slant:.2g} rad from square, at most {SLANT:g} is plausible"
+    else:
+        return None
+    return (
+        f"specific force at {len(jacobian)} poses lies on no ellipsoid of an "
+        f"accelerometer: the fit leads to {leads}; was a pose clipped or wrapped around, did "
+        f"scale or offset change midway?"
+    )
+
+
+def gyroscope_undetermined(jacobian, largest):
+    """Return why rotations do not determine T and K, or None if they do.
+
+    Takes the derivative of the errors of the rotations with respect to T, K and b, (m, 2, 12).
+    """
+    count, needed = len(jacobian), 5
+    if count < needed:
+        return (
+            f"{plural(count, 'rotation')} between poses found, at least {needed} needed for "
+            "the 9 parameters of misalignment and scale factor"
+        )
+    condition = condition_number(jacobian.reshape(-1, 12)[:, :9], np.ones(9))
+    if condition <= largest:
+        return None
+    return (
+        f"the axes of {count} rotations do not determine misalignment and scale "
+        f"factor: {too_large(condition, largest)}; turn about each axis, both ways, "
+        "by 90 degrees and more"
+    )
+
+
+def gyroscope_lost(jacobian, white, covariance, K, largest):
+    """Return why a fit of rotations is none, or None if it is one: it ends undetermined.
+
+    Takes the derivative of the errors of m rotations with respect to T and K, (2 m, 9), these
+    errors, each given those before it, (2 m,), the covariance of T and K, and K, (3,).
+    """
+    sizes, count = np.append(np.ones(6), np.abs(K)), len(jacobian) // 2
+    condition = condition_number(jacobian, sizes)
+    if condition > largest:
+        return (
+            f"no misalignment and scale factor carries gravity through {count} rotations: the "
+            f"fit leads to where they determine nothing, {too_large(condition, largest)}; was the "
+            "angular rate clipped or wrapped around, did scale or axes change midway?"
+        )
+    # as they contradict each other: what the rates at rest do says nothing of a turn
+    scale = max(1.0, white @ white / max(len(white) - 9, 1))
+    std = np.sqrt(np.diag(covariance) * scale)
+    axes, relative = std[:6].max(), np.max(std[6:] / sizes[6:])
+    if axes > AXES or relative > SCALE:
+        return (
+            f"{count} rotations show misalignment to {axes:.2g} rad and scale factor to "
+            f"{100 * relative:.2g} %, a data sheet to {AXES:g} rad and {100 * SCALE:g} %: they "
+            "are too few, or contradict each other; was the angular rate clipped?"
+        )
+    return None
+
+
+def direction_unknown(force):
+    """Return why an accelerometer's calibration gives no direction of gravity, None if it does.
+
+    One as its data sheet has it may be degrees off: what a gyroscope fits to that is no better than
+    its own data sheet. One that is nominal for no reason is taken as known.
+    """
+    if force.method != "nominal" or force.not_testable is None:
+        return None
+    return f"direction of gravity not known: {force.not_testable}"

@@ -1,0 +1,49 @@
+"""Parameters in SI as logged and in the raw units of a log: both ways."""
+
+import numpy as np
+
+from imuloop.core.effect import FittedEffect
+from imuloop.core.model import SensorCalibration
+
+
+def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), reduced_chi2=None):
+    """Return the SensorCalibration that parameters in SI as logged stand for, in raw units.
+
+    ``K_raw = K s`` and ``b_raw = b / s + offset`` for ``SI = s (raw - offset)``. x, shape (p,), and
+    its covariance hold the parameters named in `base`, three scale factors and three biases last,
+    then those of the effects, whose names begin with the effect's: ``g_sensitivity.G00``. Effects
+    that are known from elsewhere, FittedEffect each, go before them.
+    """
+    count = len(base)
+    factor = np.ones(len(x))
+    factor[count - 6 : count - 3] = unit.scale
+    factor[count - 3 : count] = 1 / unit.scale
+    raw = x * factor
+    T = np.eye(3)
+    for name, value in zip(base[:-6], x[: count - 6], strict=True):
+        T[int(name[1]), int(name[2])] = value
+    names = [f"{effect.name}.{p}" for effect in effects for p in effect.parameters]
+    # in the order of the effects' parameters
+    values, fitted = zip(x[count:], np.sqrt(np.diag(covariance))[count:], strict=True), []
+    for effect in effects:
+        own = {p: tuple(map(float, next(values))) for p in effect.parameters}
+        both = ({p: pair[k] for p, pair in own.items()} for k in (0, 1))
+        fitted.append(FittedEffect(effect, *both))
+    return SensorCalibration(
+        raw_unit=unit,
+        T=T,
+        K=raw[count - 6 : count - 3],
+        b=raw[count - 3 : count] + unit.offset,
+        names=(*base, *names),
+        covariance=covariance * np.outer(factor, factor),
+        effects=(*known, *fitted),
+        method=method,
+        reduced_chi2=reduced_chi2,
+    )
+
+
+def as_logged(calibration, base):
+    """Return the base parameters of a calibration, SI as logged: inverse of `in_raw_units`."""
+    unit = calibration.raw_unit
+    T = [calibration.T[int(name[1]), int(name[2])] for name in base[:-6]]
+    return np.concatenate([T, calibration.K / unit.scale, unit.to_si(calibration.b)])
