@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.accelerometer import NAMES as OF_ACCELEROMETER
+from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.least_squares import condition_number, too_large
 from imuloop.core.errors import plural
 

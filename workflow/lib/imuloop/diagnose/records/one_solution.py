@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.gyroscope import cross_matrix
 from imuloop.calibrate.determined import AXES
+from imuloop.calibrate.gyroscope import cross_matrix
 from imuloop.calibrate.raw_units import as_logged, in_raw_units
 from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope
 from imuloop.effects.lever_arm import LeverArm

@@ -77,7 +77,7 @@ def moves_table(recording, names, gyroscope, force, residuals):
 
     The angle is the way turned, that is the integral of the size of the angular rate; the speed its
     greatest value; the axis the direction of the integral of the rate itself. The gyroscope's
-    effects were fitted to this recording; `force`, (m, k, 3), is what they see of the accelerometer.
+    effects were fitted to this recording; `force`, (m, k, 3), is what they see of it.
     Others as of `poses_table`.
     """
     rotations, channels = recording.rotations, None

@@ -8,10 +8,10 @@ from scipy.linalg import LinAlgError, block_diag
 from scipy.stats import chi2
 
 from imuloop.calibrate.least_squares import SINGULAR, Solution
+from imuloop.calibrate.noise_components import Component
 from imuloop.calibrate.reference.recording import read_reference
 from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope, started
 from imuloop.calibrate.reference.tails import spread
-from imuloop.calibrate.noise_components import Component
 from imuloop.core.effect import Channels, Effect, FittedEffect
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
@@ -22,8 +22,8 @@ from imuloop.diagnose.records.one_solution import WHOLE, of_records
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.diagnose.records.poses import Linearized, PoseProblem, by_effect
-from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.records.set_up import Adopted, clamped, loose, set_up, set_up_content
+from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import leaves, not_testable
 
 # windows at least: three components each, for nine parameters and a part held out

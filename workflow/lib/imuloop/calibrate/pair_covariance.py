@@ -1,0 +1,184 @@
+"""The covariance of the residuals of both sensors by the noise of their six channels."""
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from imuloop.calibrate import accelerometer
+from imuloop.calibrate.gyroscope import cross_matrix
+from imuloop.core.noise_model import AxisNoise, Coefficient
+from imuloop.core.samples import ANGULAR_RATE, CHANNELS
+
+
+class PairCovariance:
+    """The covariance of the residuals of a PairModel that the noise predicts.
+
+    Every channel has means at the poses and a mean over each move; what each makes of a residual is
+    the gain. What a move has of slow noise the poses beside it have too; noise of different runs is
+    independent. White noise within a move, and errors of its time stamps, enter its rotation and
+    its velocity alike.
+    """
+
+    def __init__(self, x, model, recording):
+        self.model, self.poses = model, recording.poses
+        self.of_force, self.of_turn, self.turn = model.at(x)
+        self.rotations = self.turn.rotations if self.turn else recording.rotations.select([])
+        if self.turn:
+            self._along_moves()
+        self.gains = self._gains()
+        if model.y is not None:
+            self.gains = np.array([model.given_rotation(gain) for gain in self.gains])
+
+    def by(self, noise):
+        """Return the covariance of the residuals that count by a noise model, shape (N, N)."""
+        found = 0.0
+        for gain, axis in zip(self.gains, range(6), strict=True):
+            found = found + gain @ self._of_means(noise, axis) @ gain.T
+        if self.turn and len(self.rotations):
+            white = [noise.axes[name].N.square for name in CHANNELS]
+            at = self.model.moves
+            found[at[:, :, None], at[:, None]] += np.tensordot(white, self.within, 1) + self.added
+            for axis, columns in zip(ANGULAR_RATE, self.tilted, strict=True):
+                found += noise.axes[axis].N.square * (columns @ columns.T)
+        return self._counted(found)
+
+    def component(self, axis, term):
+        """Return that of flicker, 'B', or walk, 'K', of one channel alone, of size one."""
+        one = AxisNoise(**{term: Coefficient(1.0)})
+        gain, means = self.gains[CHANNELS.index(axis)], np.zeros((self.gains.shape[2],) * 2)
+        for own, windows, _, _ in self._runs:
+            means[np.ix_(own, own)] = one.mean_covariance(windows)
+        return self._counted(gain @ self._about_mean(means) @ gain.T)
+
+    def _about_mean(self, means):
+        """Return a covariance of means less the mean over all rests: the bias is that mean."""
+        share = np.zeros(len(means))
+        share[: len(self.poses)] = self.poses.duration_s / self.poses.duration_s.sum()
+        left = means - share @ means
+        return left - (left @ share)[:, None]
+
+    def _counted(self, covariance):
+        counted = self.model.counted
+        return covariance if counted.all() else covariance[np.ix_(counted, counted)]
+
+    @cached_property
+    def _runs(self):
+        """Of each run the places of its means, their windows, its poses and its moves."""
+        poses, found = self.poses, []
+        ends = np.column_stack([self.rotations.start_s, self.rotations.end_s])
+        of_run = poses.run[self.rotations.first]
+        for run in np.unique(poses.run):
+            at, moves = np.flatnonzero(poses.run == run), np.flatnonzero(of_run == run)
+            windows = np.concatenate([poses.windows[at], ends[moves]])
+            found.append((np.append(at, len(poses) + moves), windows, at, moves))
+        return found
+
+    def _of_means(self, noise, axis):
+        """Return the covariance of one channel's means at the poses and over the moves."""
+        poses, model = self.poses, noise.axes[CHANNELS[axis]]
+        fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
+        means, slow = np.zeros((2, *(self.gains.shape[2],) * 2))
+        for own, windows, at, moves in self._runs:
+            whole, quick = (each.mean_covariance(windows) for each in (model, fast))
+            rest, turned = np.arange(len(at)), len(at) + np.arange(len(moves))
+            slow[np.ix_(own, own)] = whole - quick
+            if whole.any():
+                # white noise within a move does not act as its mean does
+                quick[turned, turned] -= model.N.square / np.diff(windows[len(at) :])[:, 0]
+                if poses.added is not None:
+                    quick[rest, rest] += poses.added[at, axis]
+            else:
+                # of a channel without noise the poses' own variance is known
+                quick[rest, rest] = poses.variance[at, axis] / poses.n[at]
+            means[np.ix_(own, own)] = quick
+        return means + self._about_mean(slow)
+
+    def _along_moves(self):
+        """Find what turns in the middle of each step, white noise and stamps make of residuals."""
+        model, turn, rotations = self.model, self.turn, self.rotations
+        self.path = path = turn.path(self.of_turn)
+        self.carried = turn.plane @ path.last.swapaxes(1, 2)
+        # error of each move per turn on the axes at its start, in the middle of each step
+        per_turn = (self.carried @ cross_matrix(turn.departures))[:, None]
+        T, K, _ = accelerometer.unpack(self.of_force)
+        m, steps = path.steps.shape
+        per_turn = np.broadcast_to(per_turn, (m, steps, 2, 3))
+        if model.y is not None:
+            self.frame = model.frame(turn)
+            levers = self.frame[:, None] @ model.levers(self.of_force, path)
+            levers = levers - model.of_rotation[:, None] @ per_turn
+            per_turn = np.concatenate([per_turn, levers], axis=2)
+        turned = per_turn @ path.middle
+        self.turned = (turned * path.steps[..., None, None]).sum(axis=1)
+        width = per_turn.shape[2]
+        self.within, self.added = np.zeros((6, m, width, width)), np.zeros((m, width, width))
+        for axis in range(3):
+            own = turned[..., axis]
+            self.within[3 + axis] = (own * path.steps[..., None]).swapaxes(1, 2) @ own
+            if model.y is not None:
+                pushed = (self.frame[:, None] @ model.attitudes(path) @ (T * K))[..., axis]
+                own = np.pad(pushed, ((0, 0), (0, 0), (2, 0)))
+                self.within[axis] = (own * model.weights[..., None]).swapaxes(1, 2) @ own
+        if rotations.added is not None:
+            at = np.arange(m)[:, None], rotations.added_at
+            gain = turned[at]
+            self.added = (gain @ rotations.added @ gain.swapaxes(2, 3)).sum(axis=1)
+
+    @cached_property
+    def tilted(self):
+        """What white noise of each rate makes of residuals where a rest tilts, (3, N, k).
+
+        A direction at a tilted pose is turned by the gyroscope to where its rotation starts or
+        ends; the mean of a walk over T, from either end, has a third of the variance at T.
+        """
+        poses, first = self.poses, self.rotations.first
+        found = []
+        for k in np.flatnonzero(poses.tilt > 0 if poses.tilt is not None else []):
+            own = np.zeros((self.gains.shape[1], 3))
+            leaving, arriving = np.flatnonzero(first == k), np.flatnonzero(first + 1 == k)
+            rows = self.model.moves[:, :2]
+            for move in leaving:
+                own[rows[move]] += self.carried[move]
+            for move in arriving:
+                own[rows[move]] -= self.turn.plane[move]
+            crossed = np.cross(np.eye(3), self.turn.directions[k])
+            found.append(np.sqrt(poses.duration_s[k] / 3) * own @ crossed)
+        if self.model.y is not None:
+            found = [self.model.given_rotation(columns) for columns in found]
+        return np.array(found).reshape(-1, self.gains.shape[1], 3).transpose(2, 1, 0)
+
+    def _gains(self):
+        """Return what each channel's mean at a pose or over a move adds, (6, N, n + m)."""
+        model, turn, n, m = self.model, self.turn, len(self.poses), len(self.rotations)
+        T, K, _ = accelerometer.unpack(self.of_force)
+        force = model.force.force(self.of_force)
+        norm = (force / np.linalg.norm(force, axis=1)[:, None]) @ T * K
+        rows = n + (3 * n + (5 if model.y is not None else 2) * m if turn else 0)
+        gains, poses = np.zeros((6, rows, n + m)), np.arange(n)
+        for axis in range(3):
+            gains[axis, poses, poses] = norm[:, axis]
+        if not turn:
+            return gains
+        first, moves, move = turn.rotations.first, n + np.arange(m), model.moves
+        across = model.across(self.of_force) @ (T * K)
+        begun, ended = self.carried @ across[first], -turn.plane @ across[first + 1]
+        if model.y is not None:
+            pull = model.force.gravity * model.weights.sum(axis=1)[:, None, None]
+            weighted = model.attitudes(self.path) * model.weights[..., None, None]
+            pushed = self.frame @ weighted.sum(axis=1) @ (T * K)
+            begun = np.concatenate([begun, -pull * self.frame @ across[first]], axis=1)
+        # the turned means of velocities are already less what the rotation says
+        turned = self.turned.copy()
+        if model.y is not None:
+            turned[:, 2:] += model.of_rotation @ turned[:, :2]
+        for axis in range(3):
+            gain = gains[axis]
+            gain[move, first[:, None]] += begun[:, :, axis]
+            gain[move[:, :2], first[:, None] + 1] += ended[:, :, axis]
+            if model.y is not None:
+                gain[move[:, 2:], moves[:, None]] = pushed[:, :, axis]
+            gain = gains[3 + axis]
+            gain[n + 3 * poses + axis, poses] = 1.0
+            gain[move, moves[:, None]] = turned[:, :, axis]
+        return gains
