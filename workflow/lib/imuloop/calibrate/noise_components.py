@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
+from scipy.optimize import lsq_linear
 
 from imuloop.core.precision import precision
 
@@ -12,7 +13,7 @@ TINY = 1e-6
 # in standard deviations, how far a size is from what is known of it: to the end of its interval
 FARTHEST = 1.96
 # steps of the search, and its end: by so much the logarithm of the likelihood may still rise
-STEPS, RISE = 100, 1e-11
+STEPS, RISE = 100, 1e-9
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def total(fixed, components, sizes):
     return found
 
 
-def likely_sizes(values, jacobian, fixed, components, known=None):
+def likely_sizes(values, jacobian, fixed, components, known=None, start=None):
     """Return the sizes of components that are likeliest, shape (k,), none beyond what is known.
 
     Maximises, with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``, the restricted likelihood and the
@@ -53,8 +54,8 @@ def likely_sizes(values, jacobian, fixed, components, known=None):
 
         -(log |Σ| + log |Jᵀ Σ⁻¹ J| + rᵀ P r)/2 - Σ_k (s_k - s_k0)²/2σ_k²
 
-    by Newton's steps in the squares of the sizes, with the average information
-    ``rᵀ P V_k P V_l P r/2``, as long as it rises and within the bounds.
+    by Newton's steps in the squares of the sizes, within the bounds, with the average information
+    ``rᵀ P V_k P V_l P r/2``, damped until it rises.
 
     Parameters
     ----------
@@ -68,6 +69,8 @@ def likely_sizes(values, jacobian, fixed, components, known=None):
         V_k, s_k0 and σ_k.
     known : (ndarray, ndarray), optional
         Rows R, (m, p), of what is known of the parameters, and their residuals of variance one.
+    start : ndarray, shape (k,), optional
+        Sizes to start from; what is known of them without.
 
     References
     ----------
@@ -102,30 +105,24 @@ def likely_sizes(values, jacobian, fixed, components, known=None):
         trace = np.array([np.vdot(projected, c.covariance) for c in components])
         slope = (trace - moved @ left + weight * (1 - sizes / own)) / 2
         information = moved @ projected @ moved.T / 2
-        information += np.diag(weight * sizes / (4 * own**3))
+        information += np.diag(weight * sizes / (4 * own**3) + 1e-12 * trace**2)
         return loss, slope, information
 
-    squares = np.where(sizes > 0, sizes, 0.3 * np.minimum(deviations, 1.0)) ** 2
+    first = np.where(sizes > 0, sizes, 0.3 * np.minimum(deviations, 1.0))
+    squares = (first if start is None else start) ** 2
     squares = np.clip(squares, TINY**2, most)
     (loss, slope, information), damping = state(squares), 1e-3
     for _ in range(STEPS):
-        # one that leads out of the bounds stays
-        free = ~((squares <= TINY**2) & (slope > 0) | (squares >= most) & (slope < 0))
-        if not free.any():
+        # the lowest point of the parabola within the bounds
+        root = np.linalg.cholesky(information + damping * np.diag(np.diag(information))).T
+        target = solve_triangular(root, -slope, trans=1)
+        step = lsq_linear(root, target, (TINY**2 - squares, most - squares), method="bvls").x
+        if -slope @ step < RISE:
             break
-        own = information[np.ix_(free, free)]
-        step = np.zeros(len(squares))
-        damped = own + damping * np.diag(np.diag(own))
-        step[free] = np.linalg.lstsq(damped, -slope[free], rcond=None)[0]
         tried = np.clip(squares + step, TINY**2, most)
-        promised = -slope @ (tried - squares)
-        if promised < RISE:
-            break
         found = state(tried)
         if found[0] <= loss + 1e-12 * abs(loss):
             squares, (loss, slope, information), damping = tried, found, damping / 10
         else:
-            damping = max(10 * damping, 1e-3)
-            if damping > 1e12:
-                break
+            damping *= 10
     return np.where(squares > 1.01 * TINY**2, np.sqrt(squares), 0.0)

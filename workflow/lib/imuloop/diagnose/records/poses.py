@@ -165,9 +165,11 @@ class PoseProblem:
         estimated = np.array([component.size for component in slow])
         first = np.array([component.size for component in components])
 
-        def hypotheses(values):
+        likeliest = likely_sizes(values, jacobian, covariance, components)
+
+        def hypotheses(values, start=likeliest):
             """Return what the noise may be, from as estimated to as residuals make it likeliest."""
-            likeliest = likely_sizes(values, jacobian, covariance, components)
+            likeliest = likely_sizes(values, jacobian, covariance, components, start=start)
             sizes = (first + s * (likeliest - first) for s in PATH)
             fitted = (likeliest / (likeliest + HALF_A_PARAMETER)).sum() * np.array(PATH)
             return Hypotheses.of((total(covariance, components, each) for each in sizes), fitted)
