@@ -109,7 +109,7 @@ class GyroscopeModel:
         found[:, :, 9:12] = -entries.sum(axis=2).reshape(m, 3, 3) @ (T * K)
         if len(x) > 12:
             seen = (T.T @ entries.reshape(m, 3, 3, k)).swapaxes(2, 3).reshape(m, 3, 3 * k)
-            found[:, :, 12:] = -seen @ self.rotation_design.reshape(m, 3 * k, -1)
+            found[:, :, 12:] = -seen @ self.rotation_design.reshape(m, 3 * k, len(x) - 12)
         return found
 
     def rotation_errors(self, x):
