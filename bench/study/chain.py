@@ -9,13 +9,13 @@ import numpy as np
 
 from imuloop import chain
 from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.calibrate import raw_units, read_recording
-from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses
+from imuloop.calibrate.calibrate import raw_units, read_recording, sensor_pair
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.motion import untestable
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
@@ -95,18 +95,15 @@ def likeness(truth, sessions, folder):
         return {}
     units = raw_units(sessions, ["multi_position", "static"])
     noise = NoiseModel.from_json(folder / "noise.json")
-    force = Calibration.from_json(folder / "calibration.json").accelerometer
-    sensors = (
-        AccelerometerPoses(noise, truth.gravity, units[0], CalibrateSettings()),
-        GyroscopePoses(noise, force, units[1], CalibrateSettings()),
-    )
-    found = {}
-    for sensor in sensors:
-        search = Choices(pose_problem(sensor, recording, DiagnoseSettings(), 1)).search()
-        for cls in search.problem.shapes:
-            if trial := search.trial((), cls):
-                _, _, covariance = search.beside((), trial.effect)
-                information = np.linalg.inv(covariance)
-                size = np.sqrt(np.diag(information))
-                found[sensor.sensor, cls.name] = information / np.outer(size, size)
+    named = dict(zip(SENSORS, units, strict=True))
+    pair, _ = sensor_pair(recording, noise, truth.gravity, named, CalibrateSettings())
+    if pair is None:
+        return {}
+    search, found = Choices(pose_problem(pair, recording, DiagnoseSettings(), 1)).search(), {}
+    for kind in search.problem.shapes:
+        if trial := search.trial((), kind):
+            _, _, covariance = search.beside((), trial.effect)
+            information = np.linalg.inv(covariance)
+            size = np.sqrt(np.diag(information))
+            found[kind.sensor, kind.name] = information / np.outer(size, size)
     return found
