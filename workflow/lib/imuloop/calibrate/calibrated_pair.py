@@ -1,0 +1,106 @@
+"""Both sensors of a device at a calibration: its parameters as one fit of both has them."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imuloop.calibrate.pair_covariance import PairCovariance
+from imuloop.calibrate.raw_units import as_logged
+from imuloop.calibrate.sensor_pair import BASES, OF_SENSOR, OfSensor, SensorPair
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.samples import SENSORS
+
+OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+
+
+@dataclass(frozen=True)
+class CalibratedPair:
+    """The p parameters of a Calibration, SI as logged, the first of which residuals depend on.
+
+    Attributes
+    ----------
+    pair : SensorPair
+        Of both sensors, all residuals.
+    effects : tuple of OfSensor
+        What residuals depend on beside misalignment, scale factor and bias.
+    names, units : tuple of str
+        ``accelerometer.K0``, ``gyroscope.g_sensitivity.G00``: both base models, then the effects,
+        then what else the calibration holds; the SI unit of a change, 1 for a scale factor.
+    x : ndarray
+        Values of the parameters of the base models and the effects.
+    covariance : ndarray, shape (p, p)
+        That of the calibration, no parameter of one sensor with one of the other; zero of what was
+        not estimated.
+    """
+
+    pair: SensorPair
+    effects: tuple
+    names: tuple
+    units: tuple
+    x: np.ndarray
+    covariance: np.ndarray
+
+    @classmethod
+    def of(cls, calibration, noise, gravity, effects=None, quiet=None):
+        """Return those of a Calibration, with its effects or some OfSensor that it may not hold.
+
+        Takes the NoiseModel, gravity, m/s^2, and `quiet` of a SensorPair.
+        """
+        sensors = {name: getattr(calibration, name) for name in SENSORS}
+        held = {OfSensor(e.effect, s): e for s, own in sensors.items() for e in own.effects}
+        effects = tuple(held if effects is None else effects)
+        units = {
+            f"{sensor}.{name}": {"T": "rad", "K": "1", "b": OUTPUT[sensor]}[name[0]]
+            for sensor, names in BASES.items()
+            for name in names
+        }
+        for each in (*effects, *(e for e in held if e not in effects)):
+            own = each.units(each.sensor)
+            units |= {f"{each.sensor}.{each.name}.{p}": unit for p, unit in own.items()}
+        names, covariance = tuple(units), np.zeros((len(units),) * 2)
+        for sensor, own in sensors.items():
+            # effects that come from another record than the parameters have standard errors alone
+            std = {f"{e.name}.{p}": s for e in own.effects for p, s in e.std.items()}
+            for name, size in std.items():
+                covariance[(names.index(f"{sensor}.{name}"),) * 2] = size**2
+            if own.names:
+                at, factor = [names.index(f"{sensor}.{n}") for n in own.names], si_factor(own)
+                covariance[np.ix_(at, at)] = own.covariance * np.outer(factor, factor)
+        base = np.concatenate([as_logged(own, BASES[s]) for s, own in sensors.items()])
+        values = [held[e].vector if e in held else np.zeros(len(e.parameters)) for e in effects]
+        raw = {sensor: own.raw_unit for sensor, own in sensors.items()}
+        pair = SensorPair(
+            noise, gravity, raw, CalibrateSettings(), tuple(SENSORS), base, quiet=quiet
+        )
+        x = np.concatenate([base, *values])
+        return cls(pair, effects, names, tuple(units.values()), x, covariance)
+
+    def of_moves(self, quiet):
+        """Return the same with the velocities of some moves among the residuals."""
+        return replace(self, pair=replace(self.pair, quiet=quiet))
+
+    def model(self, recording, x=None):
+        """Return the PairModel of a recording, at other parameters where they are given."""
+        return self.pair.model_at(self.x if x is None else x, recording, self.effects)
+
+    def noise(self, recording, counted=None):
+        """Return the covariance that the noise predicts of residuals, or those that count."""
+        model = self.model(recording)
+        model = model if counted is None else replace(model, counted=counted)
+        return PairCovariance(self.x, model, recording).by(self.pair.noise)
+
+
+def si_factor(sensor):
+    """Return the SI units, as logged, of each parameter that a SensorCalibration estimated."""
+    of = {"K": 1 / sensor.raw_unit.scale, "b": sensor.raw_unit.scale}
+    return np.array([1.0 if "." in name else of.get(name[0], 1.0) for name in sensor.names])
+
+
+def kinds_of_rows(pair, recording):
+    """Return the kind of each residual of a SensorPair that counts, and whose it is, (N,) of str.
+
+    Velocities are of no sensor.
+    """
+    kinds = np.array(list(pair.kinds))[pair.rows(recording)[1]]
+    owners = {kind: sensor for sensor, own in OF_SENSOR.items() for kind in own}
+    return kinds, np.array([owners.get(kind, "motion") for kind in kinds.tolist()], dtype=object)
