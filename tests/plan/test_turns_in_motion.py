@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from calibrate.devices import recorded
-from calibrate.test_motion import motion
+from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.core.effect import FittedEffect
 from imuloop.effects.lever_arm import LeverArm
 from imuloop.effects.rate_sensitivity import RateSensitivity
@@ -33,10 +33,16 @@ def turned(seed, slowly=(), never=(), count=48):
     return simulate_plan(TRUTH, Plan(UP, turns), seed, HOLD_S, seconds)
 
 
+def in_motion(recording):
+    """Return the Diagnosed of a recording all of whose moves count."""
+    found = fitted(recording)
+    pair = replace(found.poses.pair, quiet=np.ones(len(recording.rotations), dtype=bool))
+    pair = pair.given_rotation(recording, (), found.poses.solution.fit.x)
+    return replace(found, motion=(pair, pair.fit(recording)))
+
+
 def asked(log):
-    recording = recorded(log)
-    made, _ = motion(TRUTH, recording)
-    return next_recording(*fitted(recording), recording, (made, made.fit(recording)))["motion"]
+    return next_recording(in_motion(recorded(log)))["motion"]
 
 
 @pytest.mark.parametrize("axis", [0, 2])
@@ -56,14 +62,12 @@ def test_the_axis_is_the_one_that_was_turned_about_slowly(axis):
 
 def test_an_arm_that_the_calibration_holds_is_known_as_well_as_there():
     """Protects σ now of what other records show: it was that of these moves alone."""
-    recording, arm = recorded(turned(1)), LeverArm()
-    made, _ = motion(TRUTH, recording)
-    models, solutions, calibration = fitted(recording)
+    made, arm = in_motion(recorded(turned(1))), LeverArm()
+    calibration = made.calibration
     every = dict.fromkeys(arm.parameters, 0.0), dict.fromkeys(arm.parameters, 1.0)
     force = replace(calibration.accelerometer, effects=(FittedEffect(arm, *every),))
     calibration = replace(calibration, accelerometer=force)
-    what = models, solutions, calibration, recording, (made, made.fit(recording))
-    found = next_recording(*what)["motion"]
+    found = next_recording(replace(made, calibration=calibration))["motion"]
     assert found["parameter"].startswith("lever_arm.") and found["std"] == 1.0
     assert found["std_after"] < found["level"]
 
@@ -75,11 +79,12 @@ def test_nothing_is_asked_where_every_move_was_fast():
 def test_expected_errors_are_those_of_a_fit_with_the_turns_added():
     log = turned(4, slowly=(1,))
     found = asked(log)
-    axis, effects = "xyz".index(found["axes"][0]), (LeverArm(), RateSensitivity())
+    axis = "xyz".index(found["axes"][0])
+    effects = [OfSensor(effect, "accelerometer") for effect in (LeverArm(), RateSensitivity())]
     plan = level_turns(axis, found["seconds"], initial_rest_s=50.0, rest_s=HOLD_S)
     more = simulate_plan(TRUTH, plan, 4, HOLD_S, np.full(len(plan.turns), found["seconds"]))
     both = recorded(log, more)
-    fit = motion(TRUTH, both)[0].fit(both, effects).fit
+    fit = in_motion(both).motion[0].fit(both, effects).fit
     at = list(effects[0].parameters).index(found["parameter"].partition(".")[2])
     # not by what chance makes of the residuals
     std = np.sqrt(np.diag(fit.covariance))[at - 15]

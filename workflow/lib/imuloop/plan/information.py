@@ -1,111 +1,130 @@
-"""What a sensor's parameters are known to, and what another recording would add to it."""
+"""What a device's parameters are known to, and what another recording would add to it."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import block_diag, cholesky, solve_triangular
+from scipy.linalg import cholesky, solve_triangular
 
-from imuloop.calibrate.least_squares import FitResult
-from imuloop.calibrate.pose_fits import Solution, as_logged, residuals
+from imuloop.calibrate.calibrated_pair import CalibratedPair, kinds_of_rows
+from imuloop.calibrate.sensor_pair import OfSensor
+from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE
+from imuloop.diagnose.residuals import chi_square
 
 # rate that errors of the gyroscope's output are weighed at, rad/s; the accelerometer's at 1 g
 RATE_IN_USE = 100 * DEGREE
 # condition number up to which information is inverted
 LARGEST = 1e10
+# share of a direction of which nothing is known, from which on a parameter is not known either
+UNKNOWN = 1e-6
 
 
 @dataclass(frozen=True)
 class Information:
-    """What is known of a sensor's parameters: the inverse of their covariance, (p, p), SI.
+    """What is known of the parameters of both sensors: the inverse of their covariance, SI.
 
-    Of what calibration.json holds that covariance is its own, whatever recording shows it, and so
-    are the standard errors, `held`. Of the rest it is that of the poses at hand, zero where these
-    say nothing. The solution is what the residuals of the AccelerometerPoses or GyroscopePoses
-    are linear about; its parameters come first. Excess is the reduced chi square by which the
-    variances of a recording are multiplied, at least 1.
+    Of what calibration.json holds that covariance is its own, whatever recording shows it. Of the
+    rest it is that of the recording at hand, zero where this says nothing.
+
+    Attributes
+    ----------
+    about : CalibratedPair
+        The final calibration, which residuals are linear about.
+    matrix : ndarray, shape (p, p)
+        The information.
+    excess : dict of str to float
+        Reduced chi square of each sensor's residuals, and of the motion's, at least 1: the
+        variances of a recording are so many times those of the noise.
+    recorded : ndarray, shape (p, p), or None
+        What the recording at hand says alone.
     """
 
-    model: object
-    solution: Solution
-    names: tuple[str, ...]
-    held: dict
+    about: CalibratedPair
     matrix: np.ndarray
-    recorded: np.ndarray | float = 0.0  # what the poses at hand say alone
-    excess: float = 1.0
+    excess: dict
+    recorded: np.ndarray | None = None
 
     @classmethod
-    def of(cls, model, solution, calibration, recording):
-        """Return what a Calibration and a recording, of which there may be none, say of a sensor.
+    def of(cls, diagnosed, pair, solution, sought=()):
+        """Return what a Diagnosed knows.
 
-        Takes the sensor's model and its fit to the poses, None where these determine none.
+        Takes the SensorPair and Solution of the recording at hand, None where this determines no
+        sensor, and further OfSensor effects.
         """
-        own, excess = getattr(calibration, model.sensor), 1.0
-        fitted = [e for e in own.effects if solution and e.effect in solution.effects]
-        if solution is None and model.sensor == "gyroscope":
-            # effects from elsewhere may need channels that a plan has not
-            model = replace(model, accelerometer=replace(calibration.accelerometer, effects=()))
-        elif solution and solution.fit.dof > 0:
-            excess = max(1.0, solution.fit.reduced_chi2)
-        x = np.concatenate([as_logged(own, model.names), *(e.vector for e in fitted)])
-        fit = FitResult(x, np.full((len(x),) * 2, np.inf), np.nan, 0, np.zeros((0, len(x))), x[:0])
-        about = Solution(tuple(e.effect for e in fitted), fit, own)
-        held, covariance = held_by(own)
-        names = (*model.names, *(f"{e.name}.{p}" for e in fitted for p in e.effect.parameters))
-        names += tuple(name for name in held if name not in names)
-        recorded = np.zeros((len(names),) * 2)
+        calibration, recording = diagnosed.calibration, diagnosed.recording
+        held = {OfSensor(e.effect, s) for s in SENSORS for e in getattr(calibration, s).effects}
+        # effects from elsewhere may need channels that a plan has not
+        effects = [e for e in solution.effects if e in held] if solution else []
+        effects += [e for e in sought if e not in effects]
+        quiet = pair.quiet if pair else None
+        about = CalibratedPair.of(calibration, diagnosed.noise, calibration.gravity, effects, quiet)
+        excess = excess_of(pair, solution, recording) if solution else {}
+        known, recorded = cls(about, np.zeros((len(about.names),) * 2), excess), None
         # a pose without specific force, as of a channel scaled to nothing, has no direction
         felt = np.linalg.norm(recording.poses.f, axis=1) > 0
         if len(recording.poses) and len(recording.rotations) and felt.all():
-            recorded = of_recording(model, about, recording, len(names)) / excess
-        matrix = combined(names, held, covariance, recorded)
-        std = dict(zip(held, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-        return cls(model, about, names, std, matrix, recorded, excess)
+            recorded = known.of_recording(recording)
+        matrix = combined(about.covariance, known.matrix if recorded is None else recorded)
+        return replace(known, matrix=matrix, recorded=recorded)
+
+    @property
+    def held(self):
+        """Standard errors of what the calibration holds, by name."""
+        std = np.sqrt(np.diag(self.about.covariance)).tolist()
+        return {name: s for name, s in zip(self.about.names, std, strict=True) if s > 0}
 
     def std(self, more=None):
         """Return standard errors by name, with more information; None where unknown."""
+        names = self.about.names
         total = self.matrix if more is None else self.matrix + more
-        found = dict.fromkeys(self.names) | self.held
-        seen = np.diag(total) > 0
-        total = total[np.ix_(seen, seen)]
         size = np.sqrt(np.diag(total))
-        scaled = total / np.outer(size, size)
-        if len(size) and np.linalg.cond(scaled) <= LARGEST:
-            after = np.sqrt(np.diag(np.linalg.inv(scaled))) / size
-            found |= zip(np.array(self.names)[seen].tolist(), after.tolist(), strict=True)
-        return found if more is not None else found | self.held
+        size[size == 0] = 1.0
+        values, axes = np.linalg.eigh(total / np.outer(size, size))
+        shown = values > values[-1] / LARGEST
+        unknown = (axes[:, ~shown] ** 2).sum(axis=1) > UNKNOWN
+        after = np.sqrt((axes[:, shown] ** 2 / values[shown]).sum(axis=1)) / size
+        found = dict(zip(names, np.where(unknown, None, after).tolist(), strict=True))
+        held = self.held
+        if more is None:
+            return found | held
+        return found | {name: s for name, s in held.items() if found[name] is None}
 
-    def with_recording(self, recording):
-        """Return standard errors by name with another recording, of independent noise."""
-        more = of_recording(self.model, self.solution, recording, len(self.names))
-        return self.std(more / self.excess)
+    def of_recording(self, recording):
+        """Return ``Jᵀ Σ⁻¹ J`` of another recording, (p, p), its noise with the excess."""
+        about, matrix = self.about, np.zeros((len(self.about.names),) * 2)
+        _, jacobian = about.model(recording).residuals(about.x)
+        owners = kinds_of_rows(about.pair, recording)[1]
+        size = np.sqrt([self.excess.get(owner, 1.0) for owner in owners])
+        root = cholesky(about.noise(recording), lower=True)
+        white = solve_triangular(root, jacobian / size[:, None], lower=True)
+        matrix[: len(about.x), : len(about.x)] = white.T @ white
+        return matrix
 
 
-def held_by(own):
-    """Return names and covariance, SI as logged, of all that a SensorCalibration holds.
+def excess_of(pair, solution, recording):
+    """Return the reduced chi square of residuals by what the noise predicts, at least 1.
 
-    Effects that come from another record than its parameters have standard errors alone.
+    By sensor, and of the velocities of `motion`.
     """
-    more = {f"{e.name}.{p}": s for e in own.effects for p, s in e.std.items() if s > 0}
-    more = {name: std for name, std in more.items() if name not in own.names}
-    unit = {"K": 1 / own.raw_unit.scale, "b": own.raw_unit.scale}
-    factor = [1.0 if "." in name else unit.get(name[0], 1.0) for name in own.names]
-    covariance = np.zeros((0, 0)) if own.covariance is None else own.covariance
-    covariance = covariance * np.outer(factor, factor)
-    return (*own.names, *more), block_diag(covariance, np.diag(np.square([*more.values()])))
+    values, jacobian = pair.model(solution, recording).residuals(solution.fit.x)
+    covariance = pair.covariances(solution, recording)(pair.noise)
+    owners = kinds_of_rows(pair, recording)[1]
+    every = list(dict.fromkeys(owners))
+    found, _ = chi_square(values, covariance, jacobian, [owners == owner for owner in every])
+    reduced = (square / dof if dof > 0 else 1.0 for square, dof in found)
+    return {owner: max(1.0, each) for owner, each in zip(every, reduced, strict=True)}
 
 
-def combined(names, held, covariance, recorded):
-    """Return the information on parameters by name, (p, p): of what is held C⁻¹, its covariance's.
+def combined(covariance, recorded):
+    """Return the information on parameters, (p, p): of what is held C⁻¹, its covariance's.
 
     Of the rest that of a recording, (p, p), which leaves open what is held; what both say of each
     other is left out.
     """
-    known = np.isin(names, held)
-    at = [list(names).index(name) for name in held]
-    matrix = np.zeros((len(names),) * 2)
-    matrix[np.ix_(at, at)] = _inverse(covariance)
+    known = np.diag(covariance) > 0
     across, own = recorded[np.ix_(~known, known)], recorded[np.ix_(known, known)]
+    matrix = np.zeros_like(covariance)
+    matrix[np.ix_(known, known)] = _inverse(covariance[np.ix_(known, known)])
     rest = recorded[np.ix_(~known, ~known)] - across @ _inverse(own) @ across.T
     matrix[np.ix_(~known, ~known)] = rest
     return matrix
@@ -117,15 +136,3 @@ def _inverse(matrix):
     size[size == 0] = 1.0
     size = np.outer(size, size)
     return np.linalg.pinv(matrix / size, rcond=1 / LARGEST, hermitian=True) / size
-
-
-def of_recording(model, solution, recording, count=0):
-    """Return ``Jᵀ Σ⁻¹ J`` of a recording about a solution, (p, p), of `count` parameters at least.
-
-    What the model does not have is zero.
-    """
-    _, jacobian = residuals(model.model(solution, recording), solution.fit.x)
-    root = cholesky(model.covariances(solution, recording)(model.noise), lower=True)
-    white = solve_triangular(root, jacobian, lower=True)
-    rest = np.zeros((max(0, count - jacobian.shape[1]),) * 2)
-    return block_diag(white.T @ white, rest)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from imuloop.core.samples import CHANNELS
+from imuloop.calibrate.sensor_pair import BASES
+from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.units import DEGREE, HOUR
 from imuloop.plan.information import RATE_IN_USE, Information
 from imuloop.plan.motion import turns_in_motion
@@ -27,21 +28,16 @@ BEFORE_TURNS = HOLES[1]
 STATIC_H = (2.0, 8.0)
 # heating and cooling at least over this much, K
 SPAN_K = 20.0
-_OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 
-def next_recording(models, solutions, calibration, recording, motion=None):
+def next_recording(diagnosed):
     """Return what candidates for the next recording would do to each standard error.
 
     A new session has noise of its own, so its information ``Jᵀ Σ⁻¹ J`` adds to what is known: the
     inverse of the covariance of the final calibration, which all records are in. The derivative is
     that at the final calibration, Σ that of the noise model; where the residual of the poses
     exceeds its floor, it is taken to do so again. Planned poses last as long as those at hand, and
-    so do turns.
-
-    Takes AccelerometerPoses and GyroscopePoses, and a Solution or None, by sensor; the final
-    Calibration; the Recording of the multi-position sessions, of which there may be none; and
-    MotionPoses with their Solution, of the moves between the poses.
+    so do turns. Takes a Diagnosed.
 
     Returns
     -------
@@ -53,19 +49,14 @@ def next_recording(models, solutions, calibration, recording, motion=None):
         ``weight`` is the error of a sensor's output at 1 g or 100 deg/s that one standard error
         makes, over the noise of a mean of one second. Empty where the noise is not known.
     """
-    steps = [np.diff(log.t) for log in recording.logs]
+    noise, calibration, recording = diagnosed.noise, diagnosed.calibration, diagnosed.recording
+    steps, poses = [np.diff(log.t) for log in recording.logs], recording.poses
     # counts only where the noise of an axis is known from the poses alone
     rate = float(1 / np.median(np.concatenate(steps))) if steps else 1.0
-    noise, poses = models["accelerometer"].noise, recording.poses
     floor = noise_floor(noise, poses, rate)
     if not np.all(floor > 0) or poses.unknown_noise(noise, CHANNELS):
         return {}
     variance = np.median(poses.variance, axis=0) if len(poses) else floor**2
-    known = {
-        sensor: Information.of(models[sensor], solutions[sensor], calibration, recording)
-        for sensor in models
-    }
-
     # turns are as hasty as those at hand
     aliased = recording.rotations.aliased if len(poses) else None
     hasty = 0.0 if aliased is None else float(aliased.mean())
@@ -73,22 +64,23 @@ def next_recording(models, solutions, calibration, recording, motion=None):
     def planned(plan):
         return planned_recording(plan, calibration, variance, rate, hasty)
 
+    known = Information.of(diagnosed, diagnosed.poses.pair, diagnosed.poses.solution)
     made = [(e, planned(plan)) for e, plan in candidate_plans(recording, calibration, known)]
     if any(recorded.poses.unknown_noise(noise, CHANNELS) for _, recorded in made):
         return {}
-    content = {
-        sensor: _sensor(own, made, recording, calibration, floor[3 * k : 3 * k + 3])
-        for k, (sensor, own) in enumerate(known.items())
-    }
+    after = [(e, known.std(known.of_recording(recorded))) for e, recorded in made]
+    if known.recorded is not None:
+        after.append((_again(poses), known.std(known.recorded)))
+    weights = _weights(known, recording, floor)
+    content = {sensor: _sensor(known, sensor, after, weights) for sensor in SENSORS}
     content["gyroscope"]["candidates"] += _rests(calibration.gyroscope, noise)
     turns, in_motion = {}, {}
     if len(poses):
-        turns = _turns(known["gyroscope"], content, recording, calibration, floor[3:], planned)
-    if motion:
+        turns = _turns(known, recording, calibration, floor[3:], planned)
+    if diagnosed.motion:
         habits = _habits(recording)
         in_motion = turns_in_motion(
-            *(*motion, calibration, recording, floor[:3]),
-            lambda *turn: planned(level_turns(*turn, **habits)),
+            diagnosed, floor[:3], lambda *turn: planned(level_turns(*turn, **habits))
         )
     return {"sensors": content, "turns": turns, "motion": in_motion}
 
@@ -135,11 +127,11 @@ def candidate_plans(recording, calibration, known):
         return plans
     for n in HOLES:
         spread("poses", n)
-    axis, up = weakest_axis(known["gyroscope"]), holes(directions, BEFORE_TURNS)
+    axis, up = weakest_axis(known), holes(directions, BEFORE_TURNS)
     for n in TURNS[1:3]:
         add("turns", up, full_turns(axis, n, up, **habits), n, "xyz"[axis])
-    effects = [effect for own in known.values() for effect in own.solution.effects]
-    if "temperature" in habits and any("temperature" in effect.needs for effect in effects):
+    warm = any("temperature" in effect.needs for effect in known.about.effects)
+    if "temperature" in habits and warm:
         low, high = poses.temperature.min(), poses.temperature.max()
         rise = max(SPAN_K, high - low)
         course = ((0.0, low), (0.5, low + rise), (1.0, low))
@@ -158,40 +150,59 @@ def directions_of(recording, calibration):
 def weakest_axis(known):
     """Return the axis whose scale factor is known worst; the first that is not known at all."""
     std = known.std()
-    return max(range(3), key=lambda i: std[f"K{i}"] or np.inf)
+    return max(range(3), key=lambda i: std[f"gyroscope.K{i}"] or np.inf)
 
 
-def _sensor(known, made, recording, calibration, floor):
-    """Return parameters and candidates of a sensor."""
-    before, sensor, poses = known.std(), known.model.sensor, recording.poses
-    own, solution = getattr(calibration, sensor), known.solution
-    # the error of the output that one unit of each parameter makes, over its noise
-    use = calibration.gravity if sensor == "accelerometer" else RATE_IN_USE
-    base = [name for name in known.names if "." not in name]
-    weights = [(1.0 if name[0] == "b" else use) / floor[int(name[1])] for name in base]
-    if solution.effects:
-        # of an effect the root mean square of what it does in this recording, where it does most
-        designs = known.model.designs(solution, recording)
-        sizes = [np.sqrt((design**2).sum(axis=1).mean(axis=0)) for design in designs]
-        weights = np.append(weights, np.max(sizes, axis=0) / floor.mean())
-    units = {name: {"T": "rad", "K": "1", "b": _OUTPUT[sensor]}[name[0]] for name in base}
-    for each in own.effects:
-        units |= {f"{each.name}.{p}": unit for p, unit in each.effect.units(sensor).items()}
-    # what this recording does not show has no weight
-    weights, parameters = dict(zip(known.names, weights, strict=False)), {}
-    for name in known.names:
-        std, weight, unit = before[name], weights.get(name), units[name]
+def _sensor(known, sensor, after, weights):
+    """Return parameters and candidates of a sensor; `after` are an entry and standard errors."""
+    before, about, prefix = known.std(), known.about, f"{sensor}."
+    units = dict(zip(about.names, about.units, strict=True))
+    names = {n: n.removeprefix(prefix) for n in about.names if n.startswith(prefix)}
+    parameters = {}
+    for name, own in names.items():
+        std, weight = before[name], weights.get(name)
         weight = None if std is None or weight is None else float(std * weight)
-        parameters[name] = {"unit": unit, "std": std, "weight": weight}
-    candidates = [{**entry, "std": known.with_recording(plan)} for entry, plan in made]
-    if np.any(known.recorded):
-        # each session has its own clock
-        at = [poses.session == session for session in np.unique(poses.session)]
-        duration = float(sum(np.ptp([poses.start_s[k], poses.end_s[k]]) for k in at))
-        entry = {"name": "again", "poses": len(poses), "turns": 0, "axis": None}
-        entry |= {"duration_s": duration, "up": None, "std": known.std(known.recorded)}
-        candidates.append(entry)
-    return {"excess": known.excess, "parameters": parameters, "candidates": candidates}
+        parameters[own] = {"unit": units[name], "std": std, "weight": weight}
+    candidates = [
+        {**entry, "std": {own: std[name] for name, own in names.items()}} for entry, std in after
+    ]
+    excess = known.excess.get(sensor, 1.0)
+    return {"excess": excess, "parameters": parameters, "candidates": candidates}
+
+
+def _weights(known, recording, floor):
+    """Return the error of the output that one unit of each parameter makes, over its noise.
+
+    Takes the standard deviation of that, (6,). By name; what this recording does not show has none.
+    """
+    about, found = known.about, {}
+    model = about.model(recording) if about.effects else None
+    for k, (sensor, base) in enumerate(BASES.items()):
+        own = floor[3 * k : 3 * k + 3]
+        use = about.pair.gravity if sensor == "accelerometer" else RATE_IN_USE
+        for name in base:
+            found[f"{sensor}.{name}"] = (1.0 if name[0] == "b" else use) / own[int(name[1])]
+        at = model.own[sensor][len(base) :] if model else ()
+        if not len(at):
+            continue
+        # of an effect the root mean square of what it does in this recording, where it does most
+        designs = [model.force.design]
+        if sensor == "gyroscope":
+            turn = model.turn
+            designs = [turn.rate_design, turn.rotation_design.reshape(-1, 3, len(at))]
+        sizes = [np.sqrt((design**2).sum(axis=1).mean(axis=0)) for design in designs]
+        for place, size in zip(at, np.max(sizes, axis=0), strict=True):
+            found[about.names[place]] = size / own.mean()
+    return found
+
+
+def _again(poses):
+    """Return the entry of the same recording once more."""
+    # each session has its own clock
+    at = [poses.session == session for session in np.unique(poses.session)]
+    duration = float(sum(np.ptp([poses.start_s[k], poses.end_s[k]]) for k in at))
+    entry = {"name": "again", "poses": len(poses), "turns": 0, "axis": None}
+    return {**entry, "duration_s": duration, "up": None}
 
 
 def _rests(gyroscope, noise):
@@ -208,7 +219,7 @@ def _rests(gyroscope, noise):
     return entries
 
 
-def _turns(known, content, recording, calibration, floor, planned):
+def _turns(known, recording, calibration, floor, planned):
     """Return how many full turns show the scale factor of the axis that is known worst.
 
     ``axis``; ``std`` now; ``level``, the error of the scale factor that at 100 deg/s is the noise
@@ -220,14 +231,13 @@ def _turns(known, content, recording, calibration, floor, planned):
     level = float(floor[i] / RATE_IN_USE)
     angles, speeds, rotations = np.zeros((1, 3)), np.zeros((1, 3)), recording.rotations
     if rotations is not None and len(rotations):
-        k, b = known.solution.fit.x[6:9], known.solution.fit.x[9:12]
-        rates = k * (rotations.w - b)
+        rates = calibration.gyroscope.output(rotations.w)
         mean = (rates[:, 1:] + rates[:, :-1]) / 2
         angles = np.abs((mean * rotations.steps[..., None]).sum(axis=1)) / DEGREE
         speeds = angles / (rotations.end_s - rotations.start_s)[:, None]
     found = {
         "axis": "xyz"[i],
-        "std": content["gyroscope"]["parameters"][f"K{i}"]["std"],
+        "std": known.std()[f"gyroscope.K{i}"],
         "level": level,
         "turned_deg": angles.sum(axis=0).tolist(),
         "largest_deg": angles.max(axis=0).tolist(),
@@ -237,7 +247,7 @@ def _turns(known, content, recording, calibration, floor, planned):
     up = holes(directions_of(recording, calibration), BEFORE_TURNS)
     for n in TURNS:
         plan = full_turns(i, n, up, **_habits(recording))
-        after = known.with_recording(planned(plan))[f"K{i}"]
+        after = known.std(known.of_recording(planned(plan)))[f"gyroscope.K{i}"]
         found |= {"poses": len(up), "turns": n, "std_after": after}
         if after is not None and after <= level:
             break
