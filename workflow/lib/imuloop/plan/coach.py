@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
+from imuloop.calibrate.calibrate import calibrate_sensors
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
@@ -61,12 +61,11 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
         density = np.sqrt(np.median(recording.poses.variance, axis=0) * np.median(np.diff(t)))
         white = (AxisNoise(N=Coefficient(float(n), identifiable=True)) for n in density)
         noise = NoiseModel("device", dict(zip(CHANNELS, white, strict=True)))
-    force = calibrate_accelerometer(recording.poses, noise, gravity, units[0], settings)
-    turn = calibrate_gyroscope(recording, noise, force, units[1], settings)
-    sensors = {"accelerometer": force, "gyroscope": turn}
+    of_sensor = dict(zip(SENSORS, units, strict=True))
+    sensors = calibrate_sensors(recording, noise, gravity, of_sensor, settings)
     relative = {name: _relative(sensor) for name, sensor in sensors.items()}
     worst = {name: max(found.values(), default=np.inf) for name, found in relative.items()}
-    up = force.aligned(recording.poses.f)
+    up = sensors["accelerometer"].aligned(recording.poses.f)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     hole, angle = largest_hole(up)
     covered = np.degrees(angle) < WIDE_HOLE
