@@ -7,7 +7,8 @@ import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, planned, recording
 from imuloop.calibrate.accelerometer import AccelerometerModel
-from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
+from imuloop.calibrate.calibrate import calibrate_sensors
+from imuloop.calibrate.calibrated_pair import CalibratedPair
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect
@@ -17,7 +18,6 @@ from imuloop.core.units import RawUnit
 from imuloop.effects.g_sensitivity import GSensitivity
 from imuloop.simulate.truth import Noise, example_truth
 from imuloop.validate.drift import check_drift, holm
-from imuloop.validate.drift_residuals import OldParameters
 from imuloop.validate.new_bias import update_biases
 from seeds import least
 
@@ -67,10 +67,9 @@ def drawn(still, truth, seed, force=None, turn=None):
 
 
 def calibrated(made, noise, truth):
-    settings = CalibrateSettings()
-    force = calibrate_accelerometer(made.poses, noise, truth.gravity, ACCELERATION_UNIT, settings)
-    turn = calibrate_gyroscope(made, noise, force, RATE_UNIT, settings)
-    return Calibration("d", truth.gravity, force, turn)
+    units = {"accelerometer": ACCELERATION_UNIT, "gyroscope": RATE_UNIT}
+    sensors = calibrate_sensors(made, noise, truth.gravity, units, CalibrateSettings())
+    return Calibration("d", truth.gravity, **sensors)
 
 
 @pytest.fixture(scope="module", params=[30, pytest.param(100, marks=pytest.mark.study)])
@@ -169,10 +168,14 @@ def in_counts(calibration):
     return replace(calibration, accelerometer=force)
 
 
+def pair_of(calibration, noise):
+    return CalibratedPair.of(calibration, noise, calibration.gravity)
+
+
 def test_raw_units_change_nothing(still, truth, noise, calibrations):
     old, made = calibrations[0], drawn(still, truth, 10)
     olds = [old, in_counts(old)]
-    one, other = (OldParameters.of(each, "accelerometer").x for each in olds)
+    one, other = (pair_of(each, noise).x for each in olds)
     np.testing.assert_allclose(other, one, rtol=1e-12, atol=1e-12)
     one, other = (check_drift(each, made, noise) for each in olds)
     for a, b in zip(one.sensors.values(), other.sensors.values(), strict=True):
@@ -252,7 +255,7 @@ def test_new_biases_are_as_near_the_truth_as_their_covariance_says(
 
 
 @pytest.mark.parametrize("side", [1, -1])
-def test_new_biases_take_the_error_of_fresh_data_away(updated, calibrations, truth, side):
+def test_new_biases_take_the_error_of_fresh_data_away(updated, calibrations, truth, noise, side):
     """Protects what the update is for: what is left is what the covariance says, not the jump.
 
     The covariance with T and K makes it less on the side of the few rests than on the other.
@@ -266,9 +269,9 @@ def test_new_biases_take_the_error_of_fresh_data_away(updated, calibrations, tru
     for old, new in zip(calibrations, updated, strict=True):
         before.append(np.mean((old.accelerometer.aligned(raw) - g) ** 2))
         after.append(np.mean((new.accelerometer.aligned(raw) - g) ** 2))
-        x = OldParameters.of(new, "accelerometer")
-        derivative = AccelerometerModel(raw, np.zeros((50, 3, 0)), truth.gravity).derivative(x.x)
-        predicted.append(np.mean(np.einsum("nip,pq,niq->ni", derivative, x.covariance, derivative)))
+        pair, model = pair_of(new, noise), AccelerometerModel(raw, np.zeros((50, 3, 0)), 9.8)
+        derivative, covariance = model.derivative(pair.x[:9]), pair.covariance[:9, :9]
+        predicted.append(np.mean(np.einsum("nip,pq,niq->ni", derivative, covariance, derivative)))
     jump = np.mean(JUMP["accelerometer"] ** 2)
     assert abs(np.mean(before) / jump - 1) < 0.05
     assert 0.7 < np.mean(after) / np.mean(predicted) < 1.4

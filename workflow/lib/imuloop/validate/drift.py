@@ -8,18 +8,15 @@ from scipy.stats import chi2, norm
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import SENSORS
+from imuloop.diagnose.residuals import chi_square
 from imuloop.effects.turn_on_bias import TurnOnBias
-from imuloop.validate.drift_residuals import (
-    BASE,
-    BIASES,
-    SCALES,
-    accelerometer_residuals,
-    gyroscope_residuals,
-    testable,
-)
+from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
 
 # level at which a misfit of the new log widens the errors
 MISFIT = 0.01
+# degrees of freedom below which nothing is left to judge a misfit by
+LEAST_DOF = 0.5
+SCALES = ("K0", "K1", "K2")
 # Allan deviation of flicker noise of unit coefficient
 _FLICKER = np.sqrt(2 * np.log(2) / np.pi)
 
@@ -112,13 +109,13 @@ class Drift:
 def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn_on=None):
     """Test whether the parameters of a calibration still hold in a new log.
 
-    With the old parameters x, r are the residuals of the new log: ``|f| - g`` at rest; angular
-    rate at rest and the direction of gravity after each turn. Their covariance without a drift is
-    ``S = Σ + J C Jᵀ``, of the noise and of the calibration's own errors C. The change of those
-    parameters that the log determines is the δ of least ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If it
-    determines all of them, δ is the difference to a new calibration, and its covariance the sum
-    of both. Two families of tests share the level: each parameter by itself, and one χ² test per
-    sensor of all together; each family after Holm.
+    With the old parameters x, r are the residuals of both sensors in the new log: ``|f| - g`` at
+    rest; angular rate at rest and the direction of gravity after each turn. Their covariance
+    without a drift is ``S = Σ + J C Jᵀ``, of the noise and of the calibration's own errors C. The
+    change of those parameters that the log determines is the δ of least
+    ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If it determines all of them, δ is the difference to a new
+    calibration, and its covariance the sum of both. Two families of tests share the level: each
+    parameter by itself, and one χ² test per sensor of all together; each family after Holm.
 
     Parameters
     ----------
@@ -149,29 +146,19 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     if not len(recording.poses):
         raise ImuloopError("the log holds no rest: nothing can be tested")
     recording, gravity = recording.of_new_runs(), gravity or calibration.gravity
-    allowed = {}
-    for (name, axes), given in zip(SENSORS.items(), turn_on or (None, None), strict=True):
-        allowed[name] = _turn_on(getattr(calibration, name), noise, axes, given)
-    found, change = {}, None
-    force = accelerometer_residuals(calibration, recording, noise, gravity)
-    for name in SENSORS:
-        try:
-            residuals = force
-            if name == "gyroscope":
-                residuals = gyroscope_residuals(calibration, recording, noise, force, change)
-            unknown = recording.poses.unknown_noise(noise, SENSORS[name])
-            if isinstance(residuals, str):
-                found[name], change = SensorDrift(name, None, why=residuals), None
-            elif unknown:
-                untested = residuals.estimated
-                found[name], change = SensorDrift(name, None, untested=untested, why=unknown), None
-            else:
-                found[name], change = _test(residuals, allowed[name], level)
-        except LinAlgError as error:
-            raise ImuloopError(
-                f"nothing can be tested: the calibration of the {name} is so far from the log, or "
-                "its errors are so large, that rounding leaves nothing of the noise"
-            ) from error
+    turn_on = dict(zip(SENSORS, turn_on or (None, None), strict=True))
+    allowed = {
+        name: _turn_on(getattr(calibration, name), noise, axes, turn_on[name])
+        for name, axes in SENSORS.items()
+    }
+    try:
+        residuals = DriftResiduals.of(calibration, recording, noise, gravity)
+        found = _test(residuals, allowed)
+    except LinAlgError as error:
+        raise ImuloopError(
+            "nothing can be tested: the calibration is so far from the log, or its errors are so "
+            "large, that rounding leaves nothing of the noise"
+        ) from error
     sensors = _judged(found, level)
     if all(sensor.drifted is None for sensor in sensors.values()):
         why = "; ".join(f"{name}: {sensor.why}" for name, sensor in sensors.items())
@@ -193,75 +180,92 @@ def _turn_on(sensor, noise, axes, given):
     return tuple(float(_FLICKER * (noise.axes[axis].B.value or 0.0)) for axis in axes)
 
 
-def _test(residuals, turn_on, level):
-    """Return the test of one sensor, and change and covariance of all parameters if it drifted."""
-    old, prior = residuals.old, residuals.old.covariance.copy()
-    biases = [old.names.index(name) for name in BIASES]
-    prior[biases, biases] += np.square(turn_on)
-    basis, names, units, untested, why = testable(residuals)
-    r, _ = residuals.function(old.x)
-    change, covariance, expected, left = fit_change(residuals, basis, prior)
-    dof = len(r) - len(change)
-    std = np.sqrt(np.diag(covariance))
-    # the change of a scale factor is relative
-    factor = [1 / old.x[old.names.index(n)] if n in SCALES else 1.0 for n in names]
-    rows = zip(names, units, change.tolist(), std.tolist(), factor, strict=True)
-    changes = [
-        Change(name, unit, c * f, s * f, c / s, float(2 * norm.sf(abs(c / s))))
-        for name, unit, c, s, f in rows
-    ]
-    joint = float(change @ np.linalg.solve(covariance, change))
-    result = SensorDrift(
-        residuals.sensor,
-        False,
-        tuple(changes),
-        untested,
-        why,
-        joint,
-        len(change),
-        float(chi2.sf(joint, len(change))),
-        residuals=residuals.summary(r, np.diag(expected)),
-        misfit=left / dof if dof > 0 else None,
-        turn_on=turn_on,
-    )
-    # chance among the joint test and the single ones, as `_judged` has it for one sensor
-    p = min(result.p_value, min(c.p_value for c in changes) * len(changes))
-    if p < level / 2 and set(BASE[residuals.sensor]) <= set(names):
-        return result, (basis @ change, basis @ covariance @ basis.T)
-    return result, None
+def _test(residuals, turn_on):
+    """Return the test of each sensor; takes what of the bias is allowed for."""
+    old, untestable = residuals.old, residuals.untestable
+    found = {
+        name: SensorDrift(name, None, untested=residuals.estimated[name], why=why)
+        for name, why in untestable.items()
+    }
+    if not residuals.tested:
+        return found
+    prior = old.covariance.copy()
+    for name in SENSORS:
+        biases = residuals.places(name, BIASES)
+        prior[biases, biases] += np.square(turn_on[name])
+    r, jacobian = residuals.at(old.x)
+    tests = {name: testable(residuals, name, jacobian) for name in residuals.tested}
+    basis = np.hstack([own[0] for own in tests.values()])
+    change, covariance, expected, misfits = fit_change(residuals, basis, prior)
+    last = 0
+    for name, (own, names, units, untested, why) in tests.items():
+        last, at = last + own.shape[1], slice(last, last + own.shape[1])
+        delta, spread = change[at], covariance[at, at]
+        # the change of a scale factor is relative
+        factor = np.where([n in SCALES for n in names], own.T @ old.x, 1.0)
+        std = np.sqrt(np.diag(spread))
+        rows = zip(names, units, delta, std, factor, strict=True)
+        changes = tuple(
+            Change(
+                n, unit, float(c / k), float(s / k), float(c / s), float(2 * norm.sf(abs(c / s)))
+            )
+            for n, unit, c, s, k in rows
+        )
+        joint = float(delta @ np.linalg.solve(spread, delta))
+        found[name] = SensorDrift(
+            name,
+            False,
+            changes,
+            untested,
+            why,
+            joint,
+            len(changes),
+            float(chi2.sf(joint, len(changes))),
+            residuals=residuals.summary(name, r, np.diag(expected)),
+            misfit=misfits[name],
+            turn_on=turn_on[name],
+        )
+    return {name: found[name] for name in SENSORS}
 
 
 def fit_change(residuals, basis, prior):
     """Return the change δ of the parameters along a basis, (p, q), that a new log shows.
 
-    With its covariance, the covariance S of the residuals before it, and the least
-    ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. `prior`, (p, p), is the covariance of the old parameters.
+    With its covariance, the covariance S of the residuals before it, and by sensor the reduced chi
+    square that is left, None without a degree of freedom. `prior`, (p, p), is the covariance of the
+    old parameters.
     """
-    r, jacobian = residuals.function(residuals.old.x)
-    excess, dof = residuals.excess, len(r) - basis.shape[1]
+    _, jacobian = residuals.at(residuals.old.x)
+    known, owners = jacobian @ prior @ jacobian.T, residuals.owners
+    excess = np.ones(len(owners))
     for attempt in range(2):
-        expected = excess * residuals.noise + jacobian @ prior @ jacobian.T
-        change, covariance, left = _solve(residuals, basis, cholesky(expected, lower=True))
-        if attempt or dof < 1 or chi2.sf(left, dof) >= MISFIT:
+        size = np.sqrt(excess)
+        expected = residuals.noise * np.outer(size, size) + known
+        change, covariance, left = _solve(residuals, basis, expected)
+        groups = [owners == name for name in residuals.tested]
+        found, _ = chi_square(*left, groups)
+        if attempt:
             break
-        # the new log fits worse than its noise whatever the parameters: so do they
-        excess *= left / dof
+        for at, (square, dof) in zip(groups, found, strict=True):
+            # the new log fits worse than its noise whatever the parameters: so do they
+            if dof > LEAST_DOF and chi2.sf(square, dof) < MISFIT:
+                excess[at] = square / dof
     if not np.all(np.diag(covariance) > 0):
         raise LinAlgError("rounding leaves a covariance indefinite")
-    return change, covariance, expected, left
+    misfits = [square / dof if dof > LEAST_DOF else None for square, dof in found]
+    return change, covariance, expected, dict(zip(residuals.tested, misfits, strict=True))
 
 
-def _solve(residuals, basis, root):
-    """Return the δ of least ``(r + J δ)ᵀ S⁻¹ (r + J δ)``, its covariance, the least value."""
-    change = np.zeros(basis.shape[1])
+def _solve(residuals, basis, expected):
+    """Return the δ of least ``(r + J δ)ᵀ S⁻¹ (r + J δ)``, its covariance, and r, S and J there."""
+    change, root = np.zeros(basis.shape[1]), cholesky(expected, lower=True)
     # nearly linear: the second step is for changes that are large
     for _ in range(3):
-        r, jacobian = residuals.function(residuals.old.x + basis @ change)
+        r, jacobian = residuals.at(residuals.old.x + basis @ change)
         design = solve_triangular(root, jacobian @ basis, lower=True)
         change = change - np.linalg.lstsq(design, solve_triangular(root, r, lower=True))[0]
-    r, _ = residuals.function(residuals.old.x + basis @ change)
-    left = solve_triangular(root, r, lower=True)
-    return change, np.linalg.inv(design.T @ design), float(left @ left)
+    r, jacobian = residuals.at(residuals.old.x + basis @ change)
+    return change, np.linalg.inv(design.T @ design), (r, expected, jacobian @ basis)
 
 
 def holm(p_values):

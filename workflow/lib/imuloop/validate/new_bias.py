@@ -4,17 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from imuloop.calibrate.calibrated_pair import si_factor
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration
 from imuloop.core.samples import SENSORS
 from imuloop.validate.drift import fit_change
-from imuloop.validate.drift_residuals import (
-    BIASES,
-    accelerometer_residuals,
-    gyroscope_residuals,
-    si_factor,
-    testable,
-)
+from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
 
 
 @dataclass(frozen=True)
@@ -54,46 +49,48 @@ def update_biases(calibration, recording, noise, log, *, gravity=None):
     """
     nothing = recording.rotations.select(np.zeros(len(recording.rotations), dtype=bool))
     rests = replace(recording.of_new_runs(), rotations=nothing)
-    gravity, kept, updated = gravity or calibration.gravity, {}, {}
-    for name, axes in SENSORS.items():
-        if name == "accelerometer":
-            force = found = accelerometer_residuals(calibration, rests, noise, gravity)
-        else:
-            # specific force as the new bias has it
-            found = gyroscope_residuals(calibration, rests, noise, force, None)
-        why = found if isinstance(found, str) else recording.poses.unknown_noise(noise, axes)
-        if not why and not set(BIASES) <= set(testable(found)[1]):
-            why = f"the bias is not determined by {found.data}"
+    residuals = DriftResiduals.of(calibration, rests, noise, gravity or calibration.gravity)
+    _, jacobian = residuals.at(residuals.old.x)
+    kept = dict(residuals.untestable)
+    for name in residuals.tested:
+        if not set(BIASES) <= set(testable(residuals, name, jacobian)[1]):
+            kept[name] = f"the bias is not determined by {residuals.data(name)}"
             if name == "accelerometer":
-                why += "; it takes three or more in directions of their own"
-        if why:
-            kept[name] = why
-            continue
-        new = _with_bias(getattr(calibration, name), found)
-        calibration, updated[name] = replace(calibration, **{name: new}), log
+                kept[name] += "; it takes three or more in directions of their own"
+    updated = [name for name in SENSORS if name not in kept]
     if not updated:
-        why = "; ".join(f"{name}: {each}" for name, each in kept.items())
+        why = "; ".join(f"{name}: {kept[name]}" for name in SENSORS)
         raise ImuloopError(f"no bias can be updated: {why}")
-    return BiasUpdate(replace(calibration, updated=calibration.updated | updated), kept)
+    change, covariance = _new_biases(residuals, updated)
+    sensors = {
+        name: _with_bias(getattr(calibration, name), residuals, name, change, covariance)
+        for name in updated
+    }
+    logs = calibration.updated | dict.fromkeys(updated, log)
+    return BiasUpdate(replace(calibration, **sensors, updated=logs), kept)
 
 
-def _with_bias(sensor, residuals):
-    """Return a SensorCalibration with the bias that DriftResiduals show."""
-    old, factor = residuals.old, si_factor(sensor)
-    place = [old.names.index(name) for name in sensor.names]
-    biases = [old.names.index(name) for name in BIASES]
-    prior = old.covariance.copy()
+def _new_biases(residuals, updated):
+    """Return the change of all parameters, none but biases of some sensors, and covariance."""
+    old = residuals.old
+    biases = np.concatenate([residuals.places(name, BIASES) for name in updated])
+    prior, change = old.covariance.copy(), np.zeros(len(old.x))
     prior[biases], prior[:, biases] = 0.0, 0.0
-    change, own, expected, _ = fit_change(residuals, np.eye(len(old.x))[:, biases], prior)
-    _, jacobian = residuals.function(old.x)
+    found, own, expected, _ = fit_change(residuals, np.eye(len(old.x))[:, biases], prior)
+    _, jacobian = residuals.at(old.x)
     across = -own @ jacobian[:, biases].T @ np.linalg.solve(expected, jacobian @ prior)
-    new = prior
-    new[biases], new[:, biases] = across, across.T
-    new[np.ix_(biases, biases)] = own
+    change[biases] = found
+    prior[biases], prior[:, biases] = across, across.T
+    prior[np.ix_(biases, biases)] = own
+    return change, prior
+
+
+def _with_bias(sensor, residuals, name, change, covariance):
+    """Return a SensorCalibration with the change of its bias, and its covariance."""
+    place, factor = residuals.places(name, sensor.names), si_factor(sensor)
     # of all other parameters as it was, to the last bit
-    covariance = sensor.covariance.copy()
-    its = np.isin(sensor.names, BIASES)
+    new, its = sensor.covariance.copy(), np.isin(sensor.names, BIASES)
     of_bias = its | its[:, None]
-    raw = new[np.ix_(place, place)] / np.outer(factor, factor)
-    covariance[of_bias] = raw[of_bias]
-    return replace(sensor, b=sensor.b + change / sensor.raw_unit.scale, covariance=covariance)
+    new[of_bias] = (covariance[np.ix_(place, place)] / np.outer(factor, factor))[of_bias]
+    moved = change[residuals.places(name, BIASES)] / sensor.raw_unit.scale
+    return replace(sensor, b=sensor.b + moved, covariance=new)
