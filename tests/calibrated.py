@@ -2,7 +2,7 @@
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, planned, recording
 from imuloop import Calibration
-from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
+from imuloop.calibrate.calibrate import calibrate_sensors
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
@@ -15,8 +15,6 @@ def calibrated_device(folder, poses, rest, *seeds):
         simulate_session(truth, "multi_position", seed).to_csv(folder / f"{seed}.csv", index=False)
     noise, recorded, settings = known_noise(truth), recording(truth, seeds[0]), CalibrateSettings()
     noise.to_json(folder / "noise.json")
-    force = calibrate_accelerometer(
-        recorded.poses, noise, truth.gravity, ACCELERATION_UNIT, settings
-    )
-    turn = calibrate_gyroscope(recorded, noise, force, RATE_UNIT, settings)
-    return Calibration("d", truth.gravity, force, turn)
+    units = {"accelerometer": ACCELERATION_UNIT, "gyroscope": RATE_UNIT}
+    sensors = calibrate_sensors(recorded, noise, truth.gravity, units, settings)
+    return Calibration("d", truth.gravity, **sensors)

@@ -24,6 +24,8 @@ from imuloop.plan.next_recording import candidate_plans, directions_of, next_rec
 from imuloop.plan.session import FULL_TURN_S
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import SessionTruth, example_truth
+from imuloop.validate import attitude
+from imuloop.validate.drift_residuals import DriftResiduals
 from plan.planned_log import simulate_plan
 
 SENSORS = ("accelerometer", "gyroscope")
@@ -164,48 +166,65 @@ def in_usual_units(truth, sensor, name, unit):
 
 @pytest.fixture(scope="module", params=["poses and static", "poses", "static"])
 def diagnosed(request):
-    """Return next_recording and the Calibration of a device that temperature changes."""
-    truth = in_usual_units(TRUTH, "accelerometer", "g", STANDARD_GRAVITY)
-    truth = in_usual_units(truth, "gyroscope", "deg/s", np.radians(1))
+    """Return what a device that temperature changes is known to, wherever that is said.
+
+    The content of next_recording; the Calibration of calibration.json, and the one that the
+    validation of the attitude is given; the CalibratedPair that `check` tests a new log against.
+    """
     values = dict.fromkeys(BiasTemperature().parameters, 1e-4)
     effect = FittedEffect(BiasTemperature(), values, {})
-    truth = replace(truth, gyroscope=replace(truth.gyroscope, effects=(effect,)))
+    truth = replace(TRUTH, gyroscope=replace(TRUTH.gyroscope, effects=(effect,)))
     poses = replace(SESSION, temperature=((0.0, 20.0), (150.0, 22.0)))
     course = ((0.0, 20.0), (450.0, 40.0), (900.0, 20.0))
     sessions = {"poses": poses, "static": SessionTruth("static", 1, duration_s=900.0)}
     sessions["static"] = replace(sessions["static"], temperature=course)
     kept = {name: sessions[name] for name in request.param.split(" and ")}
-    truth = replace(truth, sessions=kept)
+    new_log = recorded(simulate_session(replace(truth, sessions=sessions), "poses", 9))
+    truth = in_usual_units(truth, "accelerometer", "g", STANDARD_GRAVITY)
+    truth = in_usual_units(truth, "gyroscope", "deg/s", np.radians(1))
 
     def read(truth, sessions, folder):
-        return Calibration.from_json(folder / "calibration.json")
+        calibration = Calibration.from_json(folder / "calibration.json")
+        # `diagnosis_of` stands in for it
+        _, given, _ = attitude.validate_attitude.call_args.args
+        return calibration, given.calibration
 
     with patch("imuloop.discover.beyond.beyond", return_value=None):
-        found, calibration = diagnosis_of(truth, 3, read, limits=False, motion=True)
-    return found["next_recording"], calibration, request.param
+        device = replace(truth, sessions=kept)
+        found, (calibration, given) = diagnosis_of(device, 3, read, limits=False, motion=True)
+    checked = DriftResiduals.of(calibration, new_log, NOISE, calibration.gravity).old
+    return found["next_recording"], calibration, given, checked, request.param
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_what_is_known_now_is_what_the_calibration_says(diagnosed, sensor):
-    """Protects σ now: it left out all that other records than the poses say, and was 150 times it.
+def test_what_is_known_is_the_same_wherever_it_is_said(diagnosed, sensor):
+    """Protects σ of each parameter: next_recording had 150 times that of calibration.json.
 
-    Of every parameter that calibration.json holds, whatever record it is from, in other units too.
+    It left out all that other records than the poses say; the validation of the attitude had a
+    calibration of its own. Of every parameter, whatever record it is from, in other units too.
     """
-    content, calibration, sessions = diagnosed
-    own, found = getattr(calibration, sensor), content["sensors"][sensor]
-    unit = {"K": 1 / own.raw_unit.scale, "b": own.raw_unit.scale}
-    held = {n: std * (1.0 if "." in n else unit.get(n[0], 1.0)) for n, std in own.std.items()}
-    held |= {f"{e.name}.{p}": std for e in own.effects for p, std in e.std.items()}
+    content, calibration, given, checked, sessions = diagnosed
+    found, expected = content["sensors"][sensor], std_of(getattr(calibration, sensor))
     # not of nothing: T, K and b by poses, and what the static record shows of the temperature
-    assert "poses" not in sessions or {"T01", "K0", "b0"} <= set(held)
-    assert sensor == "accelerometer" or "static" not in sessions or any("." in n for n in held)
-    assert set(held) <= set(found["parameters"])
-    for name, std in held.items():
-        assert found["parameters"][name]["std"] == pytest.approx(std, rel=1e-6), name
+    assert "poses" not in sessions or {"T01", "K0", "b0"} <= set(expected)
+    assert sensor == "accelerometer" or "static" not in sessions or any("." in n for n in expected)
+    planned = {name: p["std"] for name, p in found["parameters"].items()}
+    in_check = dict(zip(checked.names, np.sqrt(np.diag(checked.covariance)), strict=True))
+    for name, std in expected.items():
+        assert planned[name] == pytest.approx(std, rel=1e-6), name
+        assert in_check[f"{sensor}.{name}"] == pytest.approx(std, rel=1e-6), name
+    assert std_of(getattr(given, sensor)) == pytest.approx(expected, rel=1e-6)
     for candidate in found["candidates"]:
         for name, std in candidate["std"].items():
-            now = found["parameters"][name]["std"]
+            now = planned[name]
             assert now is None or std <= now * (1 + 1e-6), (candidate["name"], name)
+
+
+def std_of(own):
+    """Return the standard errors of all that a SensorCalibration holds, SI."""
+    unit = {"K": 1 / own.raw_unit.scale, "b": own.raw_unit.scale}
+    held = {n: std * (1.0 if "." in n else unit.get(n[0], 1.0)) for n, std in own.std.items()}
+    return held | {f"{e.name}.{p}": std for e in own.effects for p, std in e.std.items()}
 
 
 def test_nothing_is_expected_where_the_noise_is_unknown(first):
