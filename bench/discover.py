@@ -33,9 +33,8 @@ from imuloop.diagnose.records.means import StaticRecord
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.records.static import StaticProblem
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.discover.discover import discover
-from imuloop.discover.pursuit import fitted
-from imuloop.discover.searched import of_poses, of_static, rows_of
+from imuloop.discover.discovery import discover, error_ratios, heldout_errors
+from imuloop.discover.search_input import of_poses, of_static, rows_of
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -272,18 +271,18 @@ def outcome(name, limits, plan, seed):
     added, searched = pattern(problem), of_poses(problem)
     found = discover(searched)
     space = found.space
-    if not found.found.candidates:
+    if not found.selection.candidates:
         return Outcome(found, False, np.nan)
     # what was put in, in units of the noise, against the space of what was found
-    white = np.linalg.qr(beside_base(space.columns[:, list(found.found.columns)]))[0]
+    white = np.linalg.qr(beside_base(space.columns[:, list(found.selection.columns)]))[0]
     share = np.sum((white.T @ added) ** 2) / np.sum(added**2)
     right = bool(share >= SHARE and white.shape[1] <= 2 * rank)
     # its columns; of one column what it adds
     known = problem.added(PutIn(name, rank))[:, 0] if rank > 1 else root @ added
-    own = searched.rows
-    after = np.array([kind["after"] for kind in found.kinds.values()])
-    held_out = _held_out(searched, _independent(known, own.jacobian))
-    return Outcome(found, right, float(np.max(after / held_out)))
+    known = _independent(known, searched.rows.jacobian)
+    errors = heldout_errors(searched, [known] * len(searched.folds))
+    ratios = error_ratios(searched, errors, found.heldout).values()
+    return Outcome(found, right, max(kind["ratio"] for kind in ratios))
 
 
 def at_rest(name, limits, seed):
@@ -330,9 +329,9 @@ def at_rest(name, limits, seed):
     record = StaticRecord("rest", windows, still, values.reshape(3, -1).T, seen)
     searched = of_static(StaticProblem((record,), {}, DiagnoseSettings(), TESTS), (), "gyroscope")
     found = discover(searched)
-    if name not in AT_REST or not found.found.candidates:
+    if name not in AT_REST or not found.selection.candidates:
         return Outcome(found, False, np.nan)
-    columns = searched.space.columns[:, list(found.found.columns)]
+    columns = searched.space.columns[:, list(found.selection.columns)]
     basis = np.linalg.qr(beside_level(columns / np.linalg.norm(columns, axis=0)))[0]
     share = np.sum((basis.T @ beside_level(added)) ** 2) / np.sum(beside_level(added) ** 2)
     return Outcome(found, bool(share >= SHARE and basis.shape[1] <= 2), np.nan)
@@ -347,19 +346,6 @@ def _independent(columns, jacobian):
     return left[:, size > 1e-3]
 
 
-def _held_out(searched, columns):
-    """Return the held-out error of each kind with the columns of the true effect known."""
-    rows, fold = searched.rows, searched.fold
-    errors, design = np.zeros(len(rows.values)), np.column_stack([rows.jacobian, columns])
-    for part in range(fold[:, 0].max() + 1):
-        held = np.flatnonzero(fold[:, 0] == part)
-        seen = np.flatnonzero(~(fold == part).any(axis=1))
-        theta = fitted(rows.seen(seen), design[seen])[0]
-        errors[held] = rows.values[held] - design[held] @ theta
-    kinds = searched.kinds.values()
-    return np.sqrt([count * np.mean(errors[own] ** 2) for own, count in kinds])
-
-
 def _work(task):
     """Return the case of a device; found, named, right, wrong; error over that of the known."""
     try:
@@ -367,7 +353,7 @@ def _work(task):
     except OtherPoses:
         return task[:3], None
     named, right = made.discovery.effect is not None, made.right
-    words = bool(made.discovery.found.candidates), named, named and right, named and not right
+    words = bool(made.discovery.selection.candidates), named, named and right, named and not right
     return task[:3], (words, made.against_known, named and made.discovery.effect.formula)
 
 

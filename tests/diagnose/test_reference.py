@@ -95,7 +95,7 @@ def test_arm_and_offset_are_fitted_together_each_in_its_session():
     seed, arm, late = 4, (0.002, -0.001, 0.006), {"accelerometer": -0.0015}
     truth = replace(base(seed), duration_s=16.0, dt=late, arm=arm, place_noise=3e-4)
     with (
-        patch("imuloop.discover.beyond.beyond", return_value=None),
+        patch("imuloop.discover.search.search_formulas", return_value=None),
         patch("bench.study.reference.simulate_beside", by_session),
     ):
         diagnosis, _, calibration = diagnosed(truth, seed, limits=False, sessions=2)
@@ -116,7 +116,7 @@ def test_axes_that_predict_nothing_better_stay_nominal():
     """
     arm, late = (0.02, -0.015, 0.03), {"gyroscope": -0.009, "accelerometer": 0.003}
     truth = Beside(duration_s=30.0, dt=late, arm=arm)
-    with patch("imuloop.discover.beyond.beyond", return_value=None):
+    with patch("imuloop.discover.search.search_formulas", return_value=None):
         diagnosis, _, calibration = diagnosed(truth, SEED, limits=False)
     effects = found(diagnosis)
     assert set(effects["accelerometer"]) == {"time_offset", "lever_arm"}
@@ -172,7 +172,7 @@ def test_an_unexplained_accelerometer_is_not_written_and_turns_no_gyroscope():
         return columns | {f"p{k}": columns[f"p{k}"] + sag[:, i] for i, k in enumerate("xyz")}
 
     truth = replace(base(SEED), duration_s=60.0)
-    with patch("imuloop.discover.beyond.beyond", return_value=None):
+    with patch("imuloop.discover.search.search_formulas", return_value=None):
         diagnosis, _, calibration = diagnosed(truth, SEED, limits=False, change=harm)
     # the diagnosis says what it found
     block = diagnosis["sensors"]["accelerometer"]["reference"]

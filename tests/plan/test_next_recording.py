@@ -189,7 +189,7 @@ def diagnosed(request):
         _, given, _ = attitude.validate_attitude.call_args.args
         return calibration, given.calibration
 
-    with patch("imuloop.discover.beyond.beyond", return_value=None):
+    with patch("imuloop.discover.search.search_formulas", return_value=None):
         device = replace(truth, sessions=kept)
         found, (calibration, given) = diagnosis_of(device, 3, read, limits=False, motion=True)
     checked = DriftResiduals.of(calibration, new_log, NOISE, calibration.gravity).old

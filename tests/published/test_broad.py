@@ -90,7 +90,7 @@ def test_what_two_trials_show_of_the_set_up_is_not_taken_for_the_sensor(recordin
     Trial 6 shows the arm and trial 18 the offset, and neither passed alone.
     """
     names = ("06_undisturbed_fast_rotation_A", "18_undisturbed_fast_translation_with_breaks_B")
-    with patch("imuloop.discover.beyond.beyond", return_value=None):
+    with patch("imuloop.discover.search.search_formulas", return_value=None):
         device = diagnosed(tmp_path, [recordings(f"{name}.mat") for name in names])
     _, effects = found(device, "accelerometer")
     assert set(effects) == {"time_offset", "lever_arm"}

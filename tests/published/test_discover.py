@@ -7,8 +7,8 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.discover.discover import discover
-from imuloop.discover.searched import of_poses
+from imuloop.discover.discovery import discover
+from imuloop.discover.search_input import of_poses
 
 
 def problem(measured, device):
@@ -21,7 +21,7 @@ def problem(measured, device):
 def test_g_sensitivity_is_found_where_no_library_has_it(measured):
     found = discover(of_poses(problem(measured, "xsens_mti")))
     terms = {f"{axis}: f{other}" for axis in "xyz" for other in "xyz"}
-    assert set(found.effect.formula.split("; ")) == terms and not found.found.imitators
+    assert set(found.effect.formula.split("; ")) == terms and not found.selection.imitators
     # held out, the whole search in each part; as good as with the effect known
     assert found.kinds["pose_rate"]["ratio"] <= 0.25
     assert found.kinds["rotation"]["ratio"] <= 0.29
@@ -37,4 +37,4 @@ def test_g_sensitivity_is_found_where_no_library_has_it(measured):
 )
 def test_nothing_more_is_found(measured, device, base):
     effects = tuple(find_effect(name)() for name in base)
-    assert not discover(of_poses(problem(measured, device), effects)).found.candidates
+    assert not discover(of_poses(problem(measured, device), effects)).selection.candidates

@@ -169,7 +169,7 @@ def diagnose(device):
     from imuloop.diagnose.diagnose import calibrated, diagnose_device, undiagnosed
     from imuloop.diagnose.records.pose_tables import no_tables
     from imuloop.diagnose.settings import DiagnoseSettings
-    from imuloop.discover.beyond import beyond
+    from imuloop.discover.search import search_formulas
     from imuloop.noise.allan import allan_table
     from imuloop.noise.settings import NoiseSettings
     from imuloop.plan.next_recording import next_recording
@@ -199,7 +199,7 @@ def diagnose(device):
             calibrate_settings=CalibrateSettings(**device.calibrate),
             settings=settings,
             noise_settings=NoiseSettings(**device.noise),
-            beyond=beyond,
+            beyond=search_formulas,
         )
         diagnosis = found.content | {"next_recording": next_recording(found)}
         attitude, series = validate_attitude(device.name, found, settings)

@@ -75,7 +75,7 @@ def diagnose_device(
     Takes local gravity, m/s^2, ``kind``, ``samples`` and ``segments`` (paths) of each session by
     name, paths of the results of the stages before, and settings: of the calibration, repeated with
     effects, of the diagnosis, and of the noise stage, repeated without them. `beyond` is
-    `imuloop.discover.beyond.beyond`, where effects are to be looked for that no library has.
+    `search_formulas` of `imuloop.discover`, where effects are to be looked for that no library has.
     """
     model = NoiseModel.from_json(noise)
     multi, base = Calibration.from_json(multi_position), calibrated(six_position, multi_position)

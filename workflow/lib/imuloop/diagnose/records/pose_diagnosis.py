@@ -69,7 +69,7 @@ def diagnose_poses(
 
     Takes what `calibrate.calibrate.sensor_pair` gives, the number of tests that share the
     significance, and `found` and `information` of PoseProblem. `beyond`, if any, is
-    `imuloop.discover.beyond.beyond`: it looks for what the library leaves.
+    `search_formulas` of `imuloop.discover`: it looks for what the library leaves.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
     if pair is None:

@@ -71,7 +71,7 @@ class Finding:
     # (N, 3): held-out errors, the whole search made again without each block
     before: np.ndarray
     after: np.ndarray
-    further: object = None  # Beyond of a search of what the library leaves
+    further: object = None  # FormulaSearch of a search of what the library leaves
 
     def with_formula(self, further):
         """Return the same with what a search beyond the library found."""
