@@ -21,8 +21,9 @@ from scipy.stats import chi2, ncx2
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.devices import poses_device
 from bench.study.tables import table
-from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses, fitted_calibration
+from imuloop.calibrate.calibrate import sensor_pair
 from imuloop.calibrate.recording import record
+from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Channels, Effect
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
@@ -202,14 +203,11 @@ def with_extra(truth, sensor, extra):
 
 
 def problem_in(samples, sensor, gravity, noise, unit=UNITS["accelerometer"]):
-    """Return the problem of a sensor in samples of poses; `unit` is the accelerometer's."""
+    """Return the problem of poses, effects of a sensor; `unit` is of the accelerometer."""
     segments = segment_session(samples, SESSION, SegmentSettings())[0]
-    recording, settings = record([samples], [segments], 30.0), CalibrateSettings()
-    force = AccelerometerPoses(noise, gravity, unit, settings)
-    if sensor == "gyroscope":
-        calibration = fitted_calibration(force, force.fit(recording))
-        force = GyroscopePoses(noise, calibration, UNITS[sensor], settings)
-    return pose_problem(force, recording, DiagnoseSettings(), TESTS)
+    recording, units = record([samples], [segments], 30.0), UNITS | {"accelerometer": unit}
+    pair, _ = sensor_pair(recording, noise, gravity, units, CalibrateSettings())
+    return pose_problem(pair, recording, DiagnoseSettings(), TESTS, sensors=(sensor,))
 
 
 def problem_of(truth, seed, sensor, noise):
@@ -238,7 +236,7 @@ def outcome(name, limits, plan, seed):
     if plan == "at_rest":
         return at_rest(name, limits, seed)
     if name in UNITS:
-        return Outcome(discover(of_poses(control(plan, seed, name)[2])), False, np.nan)
+        return Outcome(discover(of_poses(control(plan, seed, name)[2], (), name)), False, np.nan)
     sensor, columns = TRUTHS[name]
     truth, noise, plain, channels = control(plan, seed, sensor)
     rows = rows_of(plain, ())
@@ -268,7 +266,7 @@ def outcome(name, limits, plan, seed):
         square = np.sum(pattern(with_sizes(sizes)) ** 2)
         sizes = sizes * limits * np.sqrt(_one_limit(rank) / square)
     problem = with_sizes(sizes)
-    added, searched = pattern(problem), of_poses(problem)
+    added, searched = pattern(problem), of_poses(problem, (), sensor)
     found = discover(searched)
     space = found.space
     if not found.selection.candidates:
@@ -278,7 +276,8 @@ def outcome(name, limits, plan, seed):
     share = np.sum((white.T @ added) ** 2) / np.sum(added**2)
     right = bool(share >= SHARE and white.shape[1] <= 2 * rank)
     # its columns; of one column what it adds
-    known = problem.added(PutIn(name, rank))[:, 0] if rank > 1 else root @ added
+    put_in = OfSensor(PutIn(name, rank), sensor)
+    known = problem.added(put_in)[:, 0] if rank > 1 else root @ added
     known = _independent(known, searched.rows.jacobian)
     errors = heldout_errors(searched, [known] * len(searched.folds))
     ratios = error_ratios(searched, errors, found.heldout).values()

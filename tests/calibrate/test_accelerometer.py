@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from imuloop.calibrate.pose_fits import AccelerometerPoses, direction_unknown
 
 from calibrate.devices import ACCELERATION_UNIT, IndependentMeans, known_noise, poses_of, slopes
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.calibrate import calibrate_accelerometer
 from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.calibrate.pose_fits import AccelerometerPoses, direction_unknown
 from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.simulate.truth import example_truth

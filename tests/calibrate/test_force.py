@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+from imuloop.calibrate.force import calibrated_force
 
 from calibrate.devices import ACCELERATION_UNIT, known_noise, recording
 from imuloop.calibrate import accelerometer
-from imuloop.calibrate.force import calibrated_force
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.model import SensorCalibration
 from imuloop.simulate.truth import example_truth

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from imuloop.calibrate.force import calibrated_force
 
 from calibrate.devices import RATE_UNIT, known_noise, noiseless, recording, slopes
 from imuloop.calibrate import accelerometer
 from imuloop.calibrate.calibrate import calibrate_gyroscope
-from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.gyroscope import gyroscope_model
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+from imuloop.calibrate.motion import MotionPoses
 
 from bench.study import physics
 from bench.study.devices import Injected, with_effects
 from calibrate.devices import noiseless, planned, recording
 from diagnose.models import pose_sensors
-from imuloop.calibrate.motion import MotionPoses
 from imuloop.core.effect import find_effect
 from imuloop.core.samples import SENSORS
 from imuloop.simulate.truth import example_truth

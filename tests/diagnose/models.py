@@ -1,7 +1,8 @@
 """How the sensors of a simulated device are fitted at the poses."""
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise
 from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses, fitted_calibration
+
+from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise
 from imuloop.calibrate.settings import CalibrateSettings
 
 SETTINGS = CalibrateSettings()

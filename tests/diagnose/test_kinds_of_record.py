@@ -6,13 +6,13 @@ from typing import ClassVar
 
 import numpy as np
 import pytest
+from imuloop.calibrate.pose_fits import Solution
 from scipy.linalg import block_diag
 from scipy.stats import f as f_distribution
 
 from diagnose import rows
 from diagnose.records import LENGTH, windows
 from imuloop.calibrate import least_squares
-from imuloop.calibrate.pose_fits import Solution
 from imuloop.core.effect import Channels
 from imuloop.diagnose.evidence import Hypotheses
 from imuloop.diagnose.records.means import StaticRecord

@@ -3,11 +3,11 @@
 import numpy as np
 import pandas as pd
 import pytest
+from imuloop.calibrate.force import calibrated_force
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, planned, recording
 from diagnose.models import pose_sensors
 from diagnose.test_search import with_g_sensitivity
-from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.recording import record
 from imuloop.core.effect import FittedEffect
 from imuloop.core.model import SensorCalibration

@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from bench.study.reference import base, diagnosed
 from imuloop.calibrate.accelerometer import NAMES
-from imuloop.calibrate.least_squares import FitResult
-from imuloop.calibrate.pose_fits import Solution
+from imuloop.calibrate.least_squares import FitResult, Solution
 from imuloop.core.effect import Channels, find_effect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from imuloop.calibrate.pose_fits import AccelerometerPoses, residuals
 from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import recording
 from diagnose.models import pose_sensors
 from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.calibrate.pose_fits import AccelerometerPoses, residuals
 from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices

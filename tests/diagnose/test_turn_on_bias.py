@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from imuloop.calibrate.pose_fits import GyroscopePoses, fitted_calibration
 
 import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import RATE_UNIT, known_noise
 from diagnose.models import accelerometer_poses
-from imuloop.calibrate.pose_fits import GyroscopePoses, fitted_calibration
 from imuloop.calibrate.recording import record
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from imuloop.diagnose.variance import Part, likely_sizes, total
 
 N = 40

@@ -93,7 +93,7 @@ def family(turn=False, log=None, unit=ACCELERATION_UNIT):
         axes = {names[axis]: own for axis, own in noise.axes.items()}
         noise = replace(noise, axes={axis: axes[axis] for axis in noise.axes})
     problem = problem_in(samples, "accelerometer", truth.gravity, noise, unit)
-    searched = of_poses(problem)
+    searched = of_poses(problem, (), "accelerometer")
     found = discover(searched)
     own, space = found.selection, found.space
     named = [own.candidates[0], *own.imitators]

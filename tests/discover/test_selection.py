@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from imuloop.diagnose.variance import Part
+from imuloop.calibrate.noise_components import Component
 from imuloop.discover.selection import (
     ALIKE,
     SIMPLER,
@@ -19,7 +19,7 @@ from imuloop.discover.space import Space
 
 def rows(values, columns):
     n = len(values)
-    parts = (Part(np.diag(np.full(n, 1e-6))),)
+    parts = (Component(np.diag(np.full(n, 1e-6))),)
     own = Rows(values, np.ones((n, 1)), np.eye(n), parts, np.arange(n), n)
     terms = tuple(f"x: fx^{k % 9 + 1}" for k in range(columns.shape[1]))
     singles = tuple((k,) for k in range(columns.shape[1]))

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from imuloop.calibrate.pose_fits import AccelerometerPoses
 
 from calibrate.devices import (
     ACCELERATION_UNIT,
@@ -17,7 +18,6 @@ from calibrate.devices import (
 )
 from imuloop.calibrate.accelerometer import unpack
 from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
-from imuloop.calibrate.pose_fits import AccelerometerPoses
 from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.calibrate.six_position import find_faces, fit_six_position

@@ -2,9 +2,11 @@
 
 import pytest
 
-from imuloop.calibrate.pose_fits import GyroscopePoses
+from imuloop.calibrate.calibrate import sensor_pair
+from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.discover.discovery import discover
@@ -13,13 +15,14 @@ from imuloop.discover.search_input import of_poses
 
 def problem(measured, device):
     recording, noise, base = measured.fit_of(device)
-    settings = noise, base.accelerometer, base.gyroscope.raw_unit, CalibrateSettings()
-    return pose_problem(GyroscopePoses(*settings), recording, DiagnoseSettings(), 30)
+    units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
+    pair, _ = sensor_pair(recording, noise, base.gravity, units, CalibrateSettings())
+    return pose_problem(pair, recording, DiagnoseSettings(), 30, sensors=("gyroscope",))
 
 
 @pytest.mark.study
 def test_g_sensitivity_is_found_where_no_library_has_it(measured):
-    found = discover(of_poses(problem(measured, "xsens_mti")))
+    found = discover(of_poses(problem(measured, "xsens_mti"), (), "gyroscope"))
     terms = {f"{axis}: f{other}" for axis in "xyz" for other in "xyz"}
     assert set(found.effect.formula.split("; ")) == terms and not found.selection.imitators
     # held out, the whole search in each part; as good as with the effect known
@@ -36,5 +39,6 @@ def test_g_sensitivity_is_found_where_no_library_has_it(measured):
     ],
 )
 def test_nothing_more_is_found(measured, device, base):
-    effects = tuple(find_effect(name)() for name in base)
-    assert not discover(of_poses(problem(measured, device), effects)).selection.candidates
+    effects = tuple(OfSensor(find_effect(name)(), "gyroscope") for name in base)
+    searched = of_poses(problem(measured, device), effects, "gyroscope")
+    assert not discover(searched).selection.candidates

@@ -5,9 +5,9 @@ Tedaldi, Pretto, Menegatti, ICRA 2014; the figures are those of the program's ex
 
 import numpy as np
 import pytest
+from imuloop.calibrate.force import calibrated_force
 
 from imuloop.calibrate.calibrate import calibrate_gyroscope
-from imuloop.calibrate.force import calibrated_force
 from imuloop.calibrate.gyroscope import gyroscope_model
 from imuloop.calibrate.settings import CalibrateSettings
 

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from imuloop.calibrate.motion import MotionPoses
+from imuloop.calibrate.pose_fits import as_logged
 from scipy.integrate import trapezoid
 from scipy.linalg import cholesky, solve_triangular
 from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  loads the library
 from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.motion import MotionPoses
-from imuloop.calibrate.pose_fits import as_logged
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses, fitted_calibration
 
 import imuloop.effects  # noqa: F401  loads the library
-from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses, fitted_calibration
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.core.samples import read_columns

@@ -165,7 +165,8 @@ def judged_residuals(choices, kinds, count, errors, sensor=None, before=None):
     problem, added = choices.problem, choices.choice().base
     pair, settings = problem.sensor, problem.settings
     others = tuple(e for e in added if sensor and e.sensor != sensor)
-    more, start = len(others) < len(added) or before is not None, before or choices
+    start = before or choices
+    more = len(others) < len(added) or start is not choices
     errors = (start.following(kinds_of(others)) if more else errors), errors
     base = start.problem.linearized(others if more else added)
     final = problem.linearized(added)
