@@ -1,9 +1,10 @@
 """Generalised least squares with a full covariance of the residuals."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.linalg import LinAlgError
+from scipy.linalg import cholesky, solve_triangular
 
 # steps after which a fit is given up for done, and the first damping where one fails
 _STEPS, _DAMPING = 100, 1e-3
@@ -49,11 +50,13 @@ class FitResult:
 class Solution:
     """A fit to data, and the effects in it.
 
-    The fit has the base parameters that are estimated, then the effects', SI as logged.
+    The fit has the base parameters that are estimated, then the effects', SI as logged. Reduced χ²
+    is by what the noise alone predicts, of each sensor's residuals and of those of ``motion``.
     """
 
     effects: tuple
     fit: FitResult
+    reduced_chi2: dict = field(default_factory=dict)
 
 
 def fit(residuals, x0, covariance, prior=None):
@@ -119,6 +122,33 @@ def fit(residuals, x0, covariance, prior=None):
             damping = max(10 * damping, _DAMPING)
     own = r[: len(jacobian)]
     return FitResult(x, covariance_of(white), float(r @ r), len(r) - len(x), jacobian, own)
+
+
+def chi_square(values, covariance, jacobian, groups):
+    """Return χ² and degrees of freedom of each group of residuals, and the log likelihood of all.
+
+    The trace of ``H = J C Jᵀ Σ⁻¹`` is how many of the parameters a group's residuals carry. Takes
+    residuals, (n,), their covariance Σ, (n, n), and derivative J with respect to the parameters,
+    (n, p), which are fitted anew to all together, and masks of the groups; the likelihood is
+    restricted.
+    """
+    root = cholesky(covariance, lower=True)
+    size = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian / np.where(size > 0, size, 1.0)
+    white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
+    q, r = np.linalg.qr(white[:, 1:])
+    left = values - scaled @ solve_triangular(r, q.T @ white[:, 0])
+    leverage = solve_triangular(r, scaled.T, trans=1)
+    found = []
+    for at in groups:
+        own = covariance[np.ix_(at, at)]
+        taken = np.trace(np.linalg.solve(own, leverage[:, at].T @ leverage[:, at]))
+        # rounding leaves less than nothing of what never leaves its level
+        square = max(float(left[at] @ np.linalg.solve(own, left[at])), 0.0)
+        found.append((square, float(at.sum() - taken)))
+    rest = white[:, 0] - q @ (q.T @ white[:, 0])
+    likelihood = -np.log(np.diag(root)).sum() - np.log(np.abs(np.diag(r))).sum() - rest @ rest / 2
+    return found, float(likelihood)
 
 
 def covariance_of(white):

@@ -13,7 +13,7 @@ from imuloop.calibrate.determined import (
     gyroscope_lost,
     gyroscope_undetermined,
 )
-from imuloop.calibrate.least_squares import Solution, fit
+from imuloop.calibrate.least_squares import Solution, chi_square, fit
 from imuloop.calibrate.noise_components import Component, likely_sizes, total
 from imuloop.calibrate.pair_covariance import PairCovariance
 from imuloop.calibrate.pair_model import COUNT, FORCE, PairModel
@@ -36,6 +36,8 @@ KINDS = {
 }
 OF_SENSOR = {"accelerometer": ("gravity_norm",), "gyroscope": ("pose_rate", "rotation")}
 VELOCITY = ("velocity_vertical", "velocity_horizontal")
+OWNER = {kind: sensor for sensor, kinds in OF_SENSOR.items() for kind in kinds}
+OWNER |= dict.fromkeys(VELOCITY, "motion")
 # standard deviation of the error that is foreseen of turns that were sampled too slowly, over it
 ALIASED_TO = 0.2
 
@@ -324,7 +326,12 @@ class SensorPair:
             sizes = likely_sizes(r, jacobian, estimated, missing, (known, known @ x - z))
             found = fit(model.residuals, x, total(estimated, missing, sizes), (known, z))
             x = found.x
-        return Solution(tuple(effects), found)
+        r, jacobian = model.residuals(x)
+        owner = np.array([OWNER[kind] for kind in self.kinds])[self.rows(recording)[1]]
+        owners = np.unique(owner)
+        squares, _ = chi_square(r, estimated, jacobian, [owner == each for each in owners])
+        reduced = [square / dof if dof > 0 else None for square, dof in squares]
+        return Solution(tuple(effects), found, dict(zip(owners.tolist(), reduced, strict=True)))
 
     def calibrations(self, solution, covariance=None):
         """Return the SensorCalibration of each estimated sensor; a given one as it is.
@@ -354,7 +361,7 @@ class SensorPair:
                 whole[np.ix_(at, at)],
                 method="multi_position",
                 effects=effects,
-                reduced_chi2=found.reduced_chi2,
+                reduced_chi2=solution.reduced_chi2.get(sensor),
             )
         return made
 

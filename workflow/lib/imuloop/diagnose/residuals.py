@@ -1,7 +1,6 @@
 """Residuals against their floor: what the noise alone would leave, in the fit and held out."""
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 from scipy.special import chdtrc
 
 from imuloop.core.precision import precision
@@ -10,33 +9,6 @@ from imuloop.core.precision import precision
 NEGLIGIBLE = 0.025
 # of its largest, below which a direction is no parameter's own
 SINGULAR = 1e-12
-
-
-def chi_square(values, covariance, jacobian, groups):
-    """Return χ² and degrees of freedom of each group of residuals, and the log likelihood of all.
-
-    The trace of ``H = J C Jᵀ Σ⁻¹`` is how many of the parameters a group's residuals carry. Takes
-    residuals, (n,), their covariance Σ, (n, n), and derivative J with respect to the parameters,
-    (n, p), which are fitted anew to all together, and masks of the groups; the likelihood is
-    restricted.
-    """
-    root = cholesky(covariance, lower=True)
-    size = np.linalg.norm(jacobian, axis=0)
-    scaled = jacobian / np.where(size > 0, size, 1.0)
-    white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
-    q, r = np.linalg.qr(white[:, 1:])
-    left = values - scaled @ solve_triangular(r, q.T @ white[:, 0])
-    leverage = solve_triangular(r, scaled.T, trans=1)
-    found = []
-    for at in groups:
-        own = covariance[np.ix_(at, at)]
-        taken = np.trace(np.linalg.solve(own, leverage[:, at].T @ leverage[:, at]))
-        # rounding leaves less than nothing of what never leaves its level
-        square = max(float(left[at] @ np.linalg.solve(own, left[at])), 0.0)
-        found.append((square, float(at.sum() - taken)))
-    rest = white[:, 0] - q @ (q.T @ white[:, 0])
-    likelihood = -np.log(np.diag(root)).sum() - np.log(np.abs(np.diag(r))).sum() - rest @ rest / 2
-    return found, float(likelihood)
 
 
 def held_out_errors(values, weights, jacobian, folds, counts):

@@ -9,7 +9,6 @@ from imuloop.calibrate.calibrated_pair import CalibratedPair, kinds_of_rows
 from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE
-from imuloop.diagnose.residuals import chi_square
 
 # rate that errors of the gyroscope's output are weighed at, rad/s; the accelerometer's at 1 g
 RATE_IN_USE = 100 * DEGREE
@@ -58,7 +57,8 @@ class Information:
         effects += [e for e in sought if e not in effects]
         quiet = pair.quiet if pair else None
         about = CalibratedPair.of(calibration, diagnosed.noise, calibration.gravity, effects, quiet)
-        excess = excess_of(pair, solution, recording) if solution else {}
+        reduced = solution.reduced_chi2 if solution else {}
+        excess = {owner: max(1.0, chi2 or 1.0) for owner, chi2 in reduced.items()}
         known, recorded = cls(about, np.zeros((len(about.names),) * 2), excess), None
         # a pose without specific force, as of a channel scaled to nothing, has no direction
         felt = np.linalg.norm(recording.poses.f, axis=1) > 0
@@ -99,20 +99,6 @@ class Information:
         white = solve_triangular(root, jacobian / size[:, None], lower=True)
         matrix[: len(about.x), : len(about.x)] = white.T @ white
         return matrix
-
-
-def excess_of(pair, solution, recording):
-    """Return the reduced chi square of residuals by what the noise predicts, at least 1.
-
-    By sensor, and of the velocities of `motion`.
-    """
-    values, jacobian = pair.model(solution, recording).residuals(solution.fit.x)
-    covariance = pair.covariances(solution, recording)(pair.noise)
-    owners = kinds_of_rows(pair, recording)[1]
-    every = list(dict.fromkeys(owners))
-    found, _ = chi_square(values, covariance, jacobian, [owners == owner for owner in every])
-    reduced = (square / dof if dof > 0 else 1.0 for square, dof in found)
-    return {owner: max(1.0, each) for owner, each in zip(every, reduced, strict=True)}
 
 
 def combined(covariance, recorded):

@@ -6,9 +6,9 @@ import numpy as np
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.stats import chi2, norm
 
+from imuloop.calibrate.least_squares import chi_square
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.residuals import chi_square
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
 

@@ -108,6 +108,7 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
     first, tilt = recording.rotations.first, recording.poses.tilt
     tilts = (tilt[first] > 0) | (tilt[first + 1] > 0)
     quiet, columns = (knock <= SPOILED) & ~tilts, {"knock_m_s": knock}
+    pair = replace(pair, quiet=quiet, base=every)
     if quiet.sum() < LEAST_MOVES:
         why = f"{quiet.sum()} of {plural(len(quiet), 'move')} without a knock"
         why += " and between rests without a tilt" * bool(tilts.any())
@@ -115,7 +116,6 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
             why += " and within the accelerometer's range"
         why += f", at least {LEAST_MOVES} needed{recording.lost.reason}"
         return replace(untestable(f"{why}: {SOFTER}", columns), fit=(pair, solution))
-    pair = replace(pair, quiet=quiet, base=every)
     pair = pair.given_rotation(recording, found, x)
     shapes = candidates_in_motion(kinds_of(found))
     problem = MotionProblem(
