@@ -1,9 +1,7 @@
 """A simulated device with logs and a calibration."""
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, planned, recording
+from calibrate.devices import calibrated, known_noise, planned, recording
 from imuloop import Calibration
-from imuloop.calibrate.calibrate import calibrate_sensors
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 
@@ -13,8 +11,7 @@ def calibrated_device(folder, poses, rest, *seeds):
     truth = planned(example_truth(rate=50.0), poses=poses, initial_rest_s=rest)
     for seed in seeds:
         simulate_session(truth, "multi_position", seed).to_csv(folder / f"{seed}.csv", index=False)
-    noise, recorded, settings = known_noise(truth), recording(truth, seeds[0]), CalibrateSettings()
+    noise = known_noise(truth)
     noise.to_json(folder / "noise.json")
-    units = {"accelerometer": ACCELERATION_UNIT, "gyroscope": RATE_UNIT}
-    sensors = calibrate_sensors(recorded, noise, truth.gravity, units, settings)
-    return Calibration("d", truth.gravity, **sensors)
+    sensors = calibrated(recording(truth, seeds[0]), noise, truth.gravity)
+    return Calibration("d", truth.gravity, *sensors)

@@ -90,16 +90,15 @@ def likeness(truth, sessions, folder):
     By sensor and effect, the information of its parameters with ones on the diagonal, (q, q): zeros
     elsewhere where each parameter leaves a pattern square to those of the others.
     """
-    recording = read_recording(sessions, CalibrateSettings().longest_rotation)
-    if not len(recording.poses):
-        return {}
-    units = raw_units(sessions, ["multi_position", "static"])
+    settings = CalibrateSettings()
+    recording = read_recording(sessions, settings.longest_rotation)
+    units = dict(zip(SENSORS, raw_units(sessions, ["multi_position", "static"]), strict=True))
     noise = NoiseModel.from_json(folder / "noise.json")
-    named = dict(zip(SENSORS, units, strict=True))
-    pair, _ = sensor_pair(recording, noise, truth.gravity, named, CalibrateSettings())
+    pair, _ = sensor_pair(recording, noise, truth.gravity, units, settings)
     if pair is None:
         return {}
-    search, found = Choices(pose_problem(pair, recording, DiagnoseSettings(), 1)).search(), {}
+    search = Choices(pose_problem(pair, recording, DiagnoseSettings(), 1)).search()
+    found = {}
     for kind in search.problem.shapes:
         if trial := search.trial((), kind):
             _, _, covariance = search.beside((), trial.effect)

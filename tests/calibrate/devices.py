@@ -4,9 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from imuloop.calibrate.poses import Poses
-from imuloop.calibrate.recording import record
+from imuloop.calibrate.calibrate import calibrate_sensors
+from imuloop.calibrate.poses import Poses, Rotations
+from imuloop.calibrate.recording import Recording, record
+from imuloop.calibrate.sensor_pair import SensorPair
+from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
+from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
@@ -15,16 +19,9 @@ from imuloop.simulate.truth import Noise
 
 ACCELERATION_UNIT = RawUnit("m/s^2", 1.0)
 RATE_UNIT = RawUnit("rad/s", 1.0)
-
-
-class IndependentMeans:
-    """Stands in for a noise model: each pose's mean has a variance of its own, SI."""
-
-    def __init__(self, variance):
-        self.variance = variance
-
-    def pose_mean_covariance(self, windows):
-        return np.tile(np.eye(len(windows)) * self.variance, (6, 1, 1))
+UNITS = {"accelerometer": ACCELERATION_UNIT, "gyroscope": RATE_UNIT}
+# of no channel is it known: the variance within each pose counts alone
+UNKNOWN_NOISE = NoiseModel("d", dict.fromkeys(CHANNELS, AxisNoise()))
 
 
 def known(value):
@@ -55,20 +52,55 @@ def recording(truth, seed, session="multi_position"):
     return recorded(simulate_session(truth, session, seed))
 
 
-def poses_of(f):
-    """Return poses of 5 s each with these mean specific forces, (n, 3), at rest."""
+def calibrated(recording, noise, gravity, given=None, turns=None, units=UNITS, **settings):
+    """Return the accelerometer's and the gyroscope's calibration by a recording."""
+    how = units, CalibrateSettings(**settings), given, turns
+    made = calibrate_sensors(recording, noise, gravity, *how)
+    return made["accelerometer"], made["gyroscope"]
+
+
+def at_rest(f, error=1e-5):
+    """Return a recording of poses of mean specific force f, (n, 3), known to standard errors.
+
+    5 s each, on and off; without a rotation.
+    """
     n = len(f)
-    start = 10.0 * np.arange(n)
-    return Poses(
+    start, variance = 10.0 * np.arange(n), np.broadcast_to(error, n)[:, None] ** 2 * np.ones(6)
+    poses = Poses(
         np.zeros(n, int), np.zeros(n, int), start, start + 5, np.full(n, 5.0), np.full(n, 500), f,
-        np.zeros((n, 3)), np.full((n, 6), 1e-6), None,
+        np.zeros((n, 3)), 500 * variance, None,
     )  # fmt: skip
+    none, along = np.zeros(0), np.zeros((0, 2, 3))
+    return Recording(
+        poses, Rotations(np.zeros(0, int), none, none, along[..., 0], along, along, None)
+    )
 
 
 def slopes(function, x, step=1e-6):
     """Return the derivative of a function by differences, a column per parameter."""
     steps = np.eye(len(x)) * step
     return np.transpose([(function(x + h) - function(x - h)) / (2 * step) for h in steps])
+
+
+def true_parameters(truth):
+    """Return the base parameters of both sensors, the accelerometer's first, (21,)."""
+    a, g = truth.accelerometer, truth.gyroscope
+    of_force, of_turn = a.T[np.triu_indices(3, 1)], g.T[~np.eye(3, dtype=bool)]
+    return np.concatenate([of_force, a.K, a.b, of_turn, g.K, g.b])
+
+
+def true_pair(truth, made, moves=True, **more):
+    """Return the SensorPair of a recording at the true parameters, and these.
+
+    With the velocity of all moves, or without any; estimates both sensors, if not said otherwise.
+    """
+    base, noise, how = true_parameters(truth), known_noise(truth), CalibrateSettings()
+    more = {"estimated": tuple(UNITS), **more}
+    pair = SensorPair(noise, truth.gravity, UNITS, how, base=base, **more)
+    if moves:
+        pair = replace(pair, quiet=np.ones(len(made.rotations), dtype=bool))
+        pair = pair.given_rotation(made, (), base[pair.free])
+    return pair, base[pair.free]
 
 
 def noiseless(truth):

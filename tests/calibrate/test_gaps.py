@@ -3,15 +3,10 @@
 import numpy as np
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recorded, scores
+from calibrate.devices import calibrated, known_noise, recorded, scores
 from imuloop.calibrate import accelerometer, gaps, gyroscope
-from imuloop.calibrate.calibrate import (
-    calibrate_accelerometer,
-    calibrate_gyroscope,
-    read_recording,
-)
+from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.recording import record
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.samples import ANGULAR_RATE, TIME, read_samples
 from imuloop.core.tables import write_table
 from imuloop.diagnose.records.motion import knocks
@@ -27,10 +22,9 @@ NOISE = known_noise(TRUTH)
 SEEDS = 5
 
 
-def calibrated(log):
-    made, settings = recorded(log), CalibrateSettings()
-    force = calibrate_accelerometer(made.poses, NOISE, TRUTH.gravity, ACCELERATION_UNIT, settings)
-    return force, calibrate_gyroscope(made, NOISE, force, RATE_UNIT, settings), made
+def of_log(log):
+    made = recorded(log)
+    return *calibrated(made, NOISE, TRUTH.gravity), made
 
 
 def in_order(log):
@@ -52,7 +46,7 @@ def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
     found = []
     for seed in range(100, 100 + SEEDS):
         log = simulate_session(TRUTH, "multi_position", seed)
-        force, turn, made = calibrated(HARMS[harm](log, np.random.default_rng(seed)))
+        force, turn, made = of_log(HARMS[harm](log, np.random.default_rng(seed)))
         assert force.not_testable is None and turn.not_testable is None
         assert made.lost.rotations - made.lost.left_out == len(made.rotations) >= 37
         assert (made.rotations.added is None) == (harm == "none")
@@ -78,7 +72,7 @@ def test_turns_lost_to_gaps_are_counted_and_named():
     lost = (np.abs(log[TIME].to_numpy()[:, None] - middle) < 0.2).any(axis=1)
     left = log[~lost].reset_index(drop=True)
     longest = round(left[TIME].diff().max() * 100) - 1
-    _, fitted, made = calibrated(left)
+    _, fitted, made = of_log(left)
     assert len(made.rotations) == 3
     assert fitted.not_testable == (
         "3 rotations between poses found, at least 5 needed for the 9 parameters of misalignment "
@@ -136,9 +130,8 @@ def calibrated_from_file(log, folder):
     paths["segments"] = folder / "g.parquet"
     table = segment_session(samples, paths["kind"], SegmentSettings())[0]
     write_table(paths["segments"], table)
-    made, settings = read_recording({"s": paths}, 30.0), CalibrateSettings()
-    force = calibrate_accelerometer(made.poses, NOISE, TRUTH.gravity, ACCELERATION_UNIT, settings)
-    return calibrate_gyroscope(made, NOISE, force, RATE_UNIT, settings), made
+    made = read_recording({"s": paths}, 30.0)
+    return calibrated(made, NOISE, TRUTH.gravity)[1], made
 
 
 # the upper end alone, or both

@@ -6,17 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recording
-from imuloop.calibrate.calibrate import (
-    calibrate_accelerometer,
-    calibrate_gyroscope,
-    rest_bias,
-    with_sessions,
-    without_pose,
-)
+from calibrate.devices import RATE_UNIT, calibrated, known_noise, recording
+from imuloop.calibrate.calibrate import rest_bias, with_sessions, without_pose
 from imuloop.calibrate.poses import gather_poses, gather_rotations, rounded_means, turns_within
 from imuloop.calibrate.recording import record
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
@@ -138,13 +131,12 @@ LINES = AxisNoise(sinusoid=(SinusoidTerm(Coefficient(1e-3), Coefficient(4.613)),
     ],
 )
 def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, own, variance, what):
-    made, known, settings = recording(TRUTH, 0), known_noise(TRUTH), CalibrateSettings()
+    made, known = recording(TRUTH, 0), known_noise(TRUTH)
     factor = np.where(np.arange(6) == axis, variance, 1.0)
     poses = replace(made.poses, variance=made.poses.variance * factor)
     noise = NoiseModel("d", {**known.axes, CHANNELS[axis]: own})
-    force = calibrate_accelerometer(poses, noise, TRUTH.gravity, ACCELERATION_UNIT, settings)
-    good = calibrate_accelerometer(made.poses, known, TRUTH.gravity, ACCELERATION_UNIT, settings)
-    turn = calibrate_gyroscope(replace(made, poses=poses), noise, good, RATE_UNIT, settings)
+    good, _ = calibrated(made, known, TRUTH.gravity)
+    force, turn = calibrated(replace(made, poses=poses), noise, TRUTH.gravity, good)
     reason = f"{CHANNELS[axis]} {what}: its noise is not known"
     for sensor, silent in ((force, axis < 3), (turn, axis >= 3)):
         expected = ("nominal", reason) if silent else ("multi_position", None)

@@ -1,24 +1,44 @@
-"""How the sensors of a simulated device are fitted at the poses."""
+"""How the sensors of a simulated device are fitted at the poses, and what is looked for there."""
 
-from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses, fitted_calibration
-
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise
+from calibrate.devices import UNITS, known_noise
+from imuloop.calibrate.calibrate import sensor_pair
+from imuloop.calibrate.sensor_pair import Kind, OfSensor
 from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.settings import DiagnoseSettings
 
-SETTINGS = CalibrateSettings()
 
-
-def accelerometer_poses(truth, noise=None):
+def fitted_pair(truth, recording, noise=None, given=None):
+    """Return the SensorPair of a recording, None without one, and why a sensor is not fitted."""
     noise = noise or known_noise(truth)
-    return AccelerometerPoses(noise, truth.gravity, ACCELERATION_UNIT, SETTINGS)
+    return sensor_pair(recording, noise, truth.gravity, UNITS, CalibrateSettings(), given)
 
 
-def gyroscope_poses(force, recording, effects=()):
-    """Return how the gyroscope is fitted, gravity by the accelerometer's fit to a recording."""
-    calibration = fitted_calibration(force, force.fit(recording, effects))
-    return GyroscopePoses(force.noise, calibration, RATE_UNIT, force.settings)
+def pair_of(truth, recording, noise=None):
+    """Return the SensorPair of a recording that determines both sensors."""
+    pair, reasons = fitted_pair(truth, recording, noise)
+    assert reasons == {}
+    return pair
 
 
-def pose_sensors(truth, recording, noise=None):
-    force = accelerometer_poses(truth, noise)
-    return {"accelerometer": force, "gyroscope": gyroscope_poses(force, recording)}
+def of_sensor(sensor, *effects):
+    """Return effects as those of one sensor."""
+    return tuple(OfSensor(effect, sensor) for effect in effects)
+
+
+def shapes_of(sensor, *effects):
+    """Return shapes of one kind of effect of a sensor, by that kind."""
+    return {Kind(type(effects[0]), sensor): of_sensor(sensor, *effects)}
+
+
+def problem_of(pair, recording, shapes=None, parts=10, **more):
+    """Return a PoseProblem, parts interleaved, in which these shapes are looked for."""
+    fold = interleaved(len(recording.poses), parts)
+    return PoseProblem(pair, recording, shapes or {}, DiagnoseSettings(), 1, fold, **more)
+
+
+def diagnosed(truth, recording, noise=None, tests=0, **settings):
+    """Return the PoseResult of a recording."""
+    found = fitted_pair(truth, recording, noise)
+    return diagnose_poses(*found, recording, DiagnoseSettings(**settings), tests)

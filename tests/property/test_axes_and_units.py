@@ -6,28 +6,22 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from imuloop.calibrate.pose_fits import AccelerometerPoses
 
 from calibrate.devices import (
-    ACCELERATION_UNIT,
-    RATE_UNIT,
-    IndependentMeans,
+    UNITS,
+    UNKNOWN_NOISE,
+    at_rest,
+    calibrated,
     known_noise,
-    poses_of,
     recording,
 )
 from imuloop.calibrate.accelerometer import unpack
-from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
-from imuloop.calibrate.recording import Recording
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.calibrate.six_position import find_faces, fit_six_position
-from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.units import RawUnit
 from imuloop.simulate.truth import example_truth
 from property.strategies import G, directions, misalignments, seeds, signed_permutations, vectors
 
-SETTINGS = CalibrateSettings()
 ERROR = 2e-3
 FACES = np.vstack([np.eye(3), -np.eye(3)])
 devices = st.tuples(misalignments(triangular=True, size=0.03), vectors(0.95, 1.05), vectors(-1, 1))
@@ -42,8 +36,8 @@ def means(device, up, seed):
 
 def multi_position(f, error=ERROR):
     """Return T, K, b of the nine-parameter fit to pose means with independent errors."""
-    sensor = AccelerometerPoses(IndependentMeans(error**2), G, ACCELERATION_UNIT, SETTINGS)
-    return unpack(sensor.fit(Recording(poses_of(f))).fit.x)
+    made, _ = calibrated(at_rest(f, error), UNKNOWN_NOISE, G)
+    return made.T, made.K, made.b
 
 
 def six_position(f, error=ERROR):
@@ -75,57 +69,52 @@ def test_the_norm_does_not_depend_on_how_axes_are_named_or_turned(method, device
 
 @pytest.fixture(scope="module")
 def made():
-    """A simulated session, and the calibration of its accelerometer that is the truth."""
+    """The noise of a simulated device, and a session of it."""
     truth = example_truth()
-    a = truth.accelerometer
-    force = SensorCalibration(ACCELERATION_UNIT, a.T, a.K, a.b)
-    return known_noise(truth), recording(truth, 11), force
+    return known_noise(truth), recording(truth, 11)
 
 
 def turned_recording(made, turn):
-    """Return recording and noise of a device whose axes are named and turned otherwise.
+    """Return noise and recording of a device whose axes are named and turned otherwise.
 
-    The accelerometer is calibrated first, so that only the gyroscope is left to estimate. A
-    mirrored frame turns angular rate, an axial vector, the other way.
+    A mirrored frame turns angular rate, an axial vector, the other way.
     """
-    noise, log, force = made
+    noise, log = made
     mirror = np.linalg.det(turn)
 
     def each(table):
-        return replace(table, f=force.apply(table.f) @ turn.T, w=mirror * table.w @ turn.T)
+        return replace(table, f=table.f @ turn.T, w=mirror * table.w @ turn.T)
 
     order = np.abs(turn).argmax(axis=1)
     axes = {s + "xyz"[i]: noise.axes[s + "xyz"[k]] for s in "ag" for i, k in enumerate(order)}
-    return replace(log, poses=each(log.poses), rotations=each(log.rotations)), NoiseModel("d", axes)
-
-
-NOTHING = SensorCalibration(ACCELERATION_UNIT, np.eye(3), np.ones(3), np.zeros(3))
+    return NoiseModel("d", axes), replace(log, poses=each(log.poses), rotations=each(log.rotations))
 
 
 @settings(max_examples=6)
 @given(signed_permutations)
-def test_a_gyroscope_turns_with_its_axes(made, turn):
-    fits = [
-        calibrate_gyroscope(log, noise, NOTHING, RATE_UNIT, SETTINGS)
-        for log, noise in (turned_recording(made, p) for p in (np.eye(3), turn))
-    ]
-    plain, other = fits
-    mirror = np.linalg.det(turn)
-    np.testing.assert_allclose(other.T, turn @ plain.T @ turn.T, atol=1e-6)
-    np.testing.assert_allclose(other.K, np.abs(turn) @ plain.K, atol=1e-6)
-    np.testing.assert_allclose(other.b, mirror * turn @ plain.b, atol=1e-7)
-    assert other.reduced_chi2 == pytest.approx(plain.reduced_chi2, rel=1e-4)
+def test_both_sensors_turn_with_their_axes(made, turn):
+    """The triangular T ties the body frame to the order of the axes: products know no frame."""
+    f, w, found, chi2 = G * directions(30, 1), directions(30, 2), [], []
+    for own in (np.eye(3), turn):
+        noise, log = turned_recording(made, own)
+        force, rate = calibrated(log, noise, G)
+        mirror = np.linalg.det(own)
+        x, y = force.apply(f @ own.T), mirror * rate.apply(mirror * w @ own.T)
+        found.append([(a * b).sum(axis=1) for a, b in ((x, x), (y, y), (x, y))])
+        chi2.append(rate.reduced_chi2)
+    for (plain, other), size in zip(zip(*found, strict=True), (G**2, 1.0, G), strict=True):
+        np.testing.assert_allclose(other, plain, atol=1e-6 * size)
+    assert chi2[1] == pytest.approx(chi2[0], rel=1e-4)
 
 
 @settings(max_examples=4)
 @given(st.floats(1e-6, 1e3), st.floats(-1e5, 1e5))
 def test_the_unit_of_the_log_reaches_k_and_b_alone(made, scale, offset):
-    noise, log, force = made
-    for calibrate, unit in (
-        (lambda u: calibrate_accelerometer(log.poses, noise, G, u, SETTINGS), ACCELERATION_UNIT),
-        (lambda u: calibrate_gyroscope(log, noise, force, u, SETTINGS), RATE_UNIT),
+    noise, log = made
+    counts = dict.fromkeys(UNITS, RawUnit("count", scale, offset))
+    for plain, other in zip(
+        *(calibrated(log, noise, G, units=units) for units in (UNITS, counts)), strict=True
     ):
-        plain, other = calibrate(unit), calibrate(RawUnit("count", scale, offset))
         np.testing.assert_array_equal(other.T, plain.T)
         np.testing.assert_allclose(other.K, plain.K * scale, rtol=1e-12)
         np.testing.assert_allclose((other.b - offset) * scale, plain.b, atol=1e-10 * scale * 1e5)

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, difference, recorded
-from imuloop.calibrate.calibrate import calibrate_accelerometer, calibrate_gyroscope
-from imuloop.calibrate.settings import CalibrateSettings
+from calibrate.devices import calibrated, difference, recorded
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import read_samples
 from imuloop.simulate.logger import lose
@@ -13,9 +11,8 @@ GRAVITY = 9.81744
 
 
 def gyroscope(samples, noise):
-    made, settings = recorded(samples), CalibrateSettings()
-    force = calibrate_accelerometer(made.poses, noise, GRAVITY, ACCELERATION_UNIT, settings)
-    return calibrate_gyroscope(made, noise, force, RATE_UNIT, settings), len(made.rotations)
+    made = recorded(samples)
+    return calibrated(made, noise, GRAVITY)[1], len(made.rotations)
 
 
 def test_one_per_cent_lost_leaves_the_gyroscope_as_it_is(measured):

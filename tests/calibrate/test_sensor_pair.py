@@ -1,0 +1,173 @@
+"""Both sensors in one fit: recovery, what is known beforehand, what is held, and a plain fit."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from calibrate.devices import (
+    ACCELERATION_UNIT,
+    calibrated,
+    difference,
+    known_noise,
+    noiseless,
+    planned,
+    recording,
+    scores,
+    true_pair,
+    true_parameters,
+)
+from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.calibrate.accelerometer import AccelerometerModel
+from imuloop.calibrate.known_rotation import KnownTurns
+from imuloop.core.model import SensorCalibration
+from imuloop.core.sphere import fibonacci_lattice
+from imuloop.simulate.truth import example_truth
+from seeds import seeds
+
+TRUTH = example_truth()
+NOISE = known_noise(TRUTH)
+# too few poses for an accelerometer
+FEW = planned(example_truth(rate=50.0), poses=8, initial_rest_s=20.0)
+
+
+def known_accelerometer(x=None, covariance=None):
+    """Return an accelerometer of six faces of base parameters x, exact ones without."""
+    T, K, b = accelerometer.unpack(true_parameters(TRUTH)[:9] if x is None else x)
+    names = () if covariance is None else accelerometer.NAMES
+    return SensorCalibration(ACCELERATION_UNIT, T, K, b, names, covariance, method="six_position")
+
+
+def test_without_noise_the_truth_comes_back():
+    quiet = noiseless(TRUTH)
+    for sensor, made in zip(
+        ("accelerometer", "gyroscope"),
+        calibrated(recording(quiet, 0), known_noise(quiet), TRUTH.gravity),
+        strict=True,
+    ):
+        # what is left is the integration between samples
+        for name in "TKb":
+            true = getattr(getattr(quiet, sensor), name)
+            np.testing.assert_allclose(getattr(made, name), true, atol=1e-5)
+
+
+@seeds(10, 40)
+def test_a_given_accelerometer_counts_as_far_as_it_is_known(seeds):
+    size = np.repeat([3e-3, 5e-3, 0.05], 3)
+    rng, true = np.random.default_rng(0), true_parameters(FEW)[:9]
+    pulls, errors = [], []
+    for seed in range(seeds):
+        made = recording(FEW, seed)
+        x = true + size * rng.standard_normal(9)
+        turns = []
+        for covariance in (np.diag(size**2), None):
+            given = known_accelerometer(x, covariance)
+            force, turn = calibrated(made, NOISE, TRUTH.gravity, given)
+            assert "9 poses found, at least 10 needed" in force.not_testable
+            assert turn.method == "multi_position" and turn.names == gyroscope.NAMES
+            turns.append(turn)
+        pulls.append(scores(turns[0], TRUTH.gyroscope, gyroscope.NAMES))
+        errors.append([difference(t, TRUTH.gyroscope, gyroscope.NAMES[:9]) for t in turns])
+    # three standard errors, as if those of a device were one
+    assert np.mean(np.square(pulls)) < 1 + 3 * np.sqrt(2 / seeds)
+    known, exact = np.sqrt(np.mean(np.square(errors), axis=(0, 2)))
+    # rotations show its errors, unless it is taken for exact
+    assert known < 0.8 * exact
+
+
+def test_known_turns_add_their_information():
+    made, true = recording(TRUTH, 1), true_parameters(TRUTH)[9:]
+    T, K, b = gyroscope.unpack(true)
+    # both ways about each axis, twenty times
+    target = 2 * np.pi * np.tile(np.vstack([np.eye(3), -np.eye(3)]), (20, 1))
+    seconds = np.full(len(target), 10.0)
+    turned = np.linalg.solve(T, target.T).T / K + seconds[:, None] * b
+    turns = KnownTurns(turned, seconds, target, b)
+    pair, _ = true_pair(TRUTH, made, moves=False)
+    R, z = (20 * each for each in turns.rows())
+    plain, fitted = (replace(pair, turns=own).fit(made).fit for own in (None, (R, z)))
+    before, after = (np.linalg.inv(f.covariance) for f in (plain, fitted))
+    R = np.pad(R, ((0, 0), (9, 0)))
+    size = np.sqrt(np.diag(before + R.T @ R))
+    # but for the weights, which follow the residuals
+    np.testing.assert_allclose((after - before - R.T @ R) / np.outer(size, size), 0, atol=0.1)
+    expected = np.linalg.solve(before + R.T @ R, before @ plain.x + R.T @ z)
+    np.testing.assert_allclose((fitted.x - expected) * size, 0, atol=0.1)
+    assert np.abs((fitted.x - plain.x) * size).max() > 10
+    assert fitted.dof == plain.dof + len(z)
+    with_them, without = (
+        calibrated(made, NOISE, TRUTH.gravity, turns=own)[1].std for own in (turns, None)
+    )
+    assert all(with_them[f"K{k}"] < without[f"K{k}"] for k in range(3))
+
+
+def test_a_bias_that_is_held_stays_at_the_first_rest():
+    made = recording(TRUTH, 2)
+    force, turn = calibrated(made, NOISE, TRUTH.gravity, gyroscope_bias="initial_rest")
+    np.testing.assert_array_equal(turn.b, made.poses.w[0])
+    # its error is that of the mean of that rest
+    expected = np.sqrt(made.poses.mean_covariance(NOISE)[3:, 0, 0])
+    np.testing.assert_allclose([turn.std[f"b{k}"] for k in range(3)], expected)
+    assert not turn.covariance[:9, 9:].any()
+    assert force.method == turn.method == "multi_position"
+
+
+def test_too_few_rotations_leave_the_bias_alone():
+    made = recording(TRUTH, 3)
+    few = made.select(np.arange(len(made.poses)) < 4)
+    _, fitted = calibrated(few, NOISE, TRUTH.gravity, known_accelerometer())
+    assert fitted.method == "static"
+    assert "3 rotations between poses found, at least 5 needed" in fitted.not_testable
+    assert fitted.names == ("b0", "b1", "b2")
+    np.testing.assert_allclose(fitted.b, TRUTH.gyroscope.b, atol=5 * max(fitted.std.values()))
+
+
+def plain(made, gravity):
+    """Return base parameters by equal weights, (21,).
+
+    Nine of gravity's norm; nine of the rotations by these, and the mean rate of the rests.
+    """
+    poses = made.poses
+    model = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity)
+    x = least_squares(lambda x: model.residuals(x)[0], model.start(), x_scale="jac").x
+    force = model.force(x)
+    bias = np.average(poses.w, axis=0, weights=poses.duration_s)
+    start = np.concatenate([np.zeros(6), np.ones(3), bias])
+    turn = gyroscope.gyroscope_model(made, lambda f: model.force(x), start)
+    turn = replace(turn, directions=force / np.linalg.norm(force, axis=1, keepdims=True))
+    errors = lambda y: turn.angles(np.append(y, bias)).ravel()  # noqa: E731
+    return np.concatenate([x, least_squares(errors, start[:9]).x, bias])
+
+
+def errors_in_use(x, truth):
+    """Return the root mean square error over all directions of gravity, and of turns at 90 deg/s.
+
+    The accelerometer's frame is its own x axis and xy plane: a turn of the whole is no error.
+    """
+    u, found = fibonacci_lattice(200), []
+    for unpack, own, size, sensor in (
+        (accelerometer.unpack, x[:9], truth.gravity, truth.accelerometer),
+        (gyroscope.unpack, x[9:], np.pi / 2, truth.gyroscope),
+    ):
+        raw = np.linalg.solve(sensor.T, size * u.T).T / sensor.K + sensor.b
+        T, K, b = unpack(own)
+        found.append(np.sqrt(np.mean(((K * (raw - b)) @ T.T - size * u) ** 2)))
+    return found
+
+
+def test_it_is_no_worse_than_a_plain_fit_on_clean_devices():
+    ratios = []
+    for seed in range(12):
+        made = recording(TRUTH, 300 + seed)
+        sensors = calibrated(made, NOISE, TRUTH.gravity)
+        joint = np.concatenate(
+            [
+                *(sensors[0].T[np.triu_indices(3, 1)], sensors[0].K, sensors[0].b),
+                *(sensors[1].T[~np.eye(3, dtype=bool)], sensors[1].K, sensors[1].b),
+            ]
+        )
+        each = [errors_in_use(x, TRUTH) for x in (joint, plain(made, TRUTH.gravity))]
+        ratios.append(np.divide(*each))
+    # in the mean it is better, and none is worse by more than its noise
+    assert np.exp(np.mean(np.log(ratios), axis=0)).max() < 1.02
+    assert np.max(ratios) < 1.5
