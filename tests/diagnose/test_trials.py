@@ -24,6 +24,14 @@ def test_what_the_base_model_takes_up_is_not_tried():
         assert "taken up by the base model" in PoseProblem.unseen(problem, made, cls)
 
 
+def test_a_nuisance_that_one_part_alone_shows_is_an_error_each_time_that_part_is_held_out():
+    alone = np.column_stack([np.ones(N), np.arange(N) % 10 == 0]).astype(float)
+    made = Choices(rows(T * 0, alone, WAVE)).search(frozenset({0}))
+    for _ in range(2):
+        with pytest.raises(np.linalg.LinAlgError):
+            made.training(()).left((), 0)
+
+
 def test_p_values_are_uniform_without_an_effect():
     rng = np.random.default_rng(2)
     drawn = [search(rng.normal(size=N), LINE, WAVE).trial((), Column).p_value for _ in range(200)]

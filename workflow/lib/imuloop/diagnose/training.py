@@ -126,7 +126,8 @@ class Training:
 
     def _enter(self, new):
         """Add the products of columns that nobody asked for before."""
-        first, points = len(self._place), len(self.evidence.prior)
+        # they may not be determined: then no column has a place
+        first, points, nuisances = len(self._place), len(self.evidence.prior), self._nuisances
         self._place |= {c: first + k for k, c in enumerate(new)}
         known, total = list(self._place), len(self._place)
         grown, added, whole = np.zeros((points, total, total)), 0.0, 0.0
@@ -146,7 +147,7 @@ class Training:
                     ahead = np.concatenate([self._ahead[i], ahead], axis=1)
                 self._ahead[i] = ahead
                 cross = cross - before @ np.swapaxes(ahead, 1, 2)
-            side = side @ self._nuisances[i]
+            side = side @ nuisances[i]
             if first:
                 side = np.concatenate([self._sides[i], side], axis=1)
             self._sides[i] = side
