@@ -10,9 +10,8 @@ from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.units import DEGREE, RawUnit
-from imuloop.effects.bias_temperature import BiasTemperature
-from imuloop.effects.g_sensitivity import GSensitivity
-from imuloop.effects.scale_temperature import ScaleTemperature
+from imuloop.effects.other_sensor import GSensitivity
+from imuloop.effects.temperature import BiasTemperature, ScaleTemperature
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.exported import Exported
 

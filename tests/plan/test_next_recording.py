@@ -15,7 +15,7 @@ from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.effects.temperature import BiasTemperature
 from imuloop.plan.information import Information
 from imuloop.plan.next_recording import candidate_plans, directions_of, next_recording
 from imuloop.plan.session import FULL_TURN_S

@@ -9,9 +9,9 @@ import numpy as np
 from imuloop.core.effect import Effect
 from imuloop.core.memory import first_order_lag, in_pieces
 from imuloop.effects.axes import AXES
-from imuloop.effects.bias_temperature_rate import lagged_rate
+from imuloop.effects.mechanics import WINDOW, vibration
+from imuloop.effects.temperature import lagged_rate
 from imuloop.effects.thermometer import ROOM, temperature
-from imuloop.effects.vibration_rectification import WINDOW, vibration
 
 # rad/s; faster is a turn
 TURNING = 0.15

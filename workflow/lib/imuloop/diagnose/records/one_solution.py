@@ -11,8 +11,7 @@ from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.gyroscope import cross_matrix
 from imuloop.calibrate.pose_fits import AXES, as_logged, in_raw_units
 from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope
-from imuloop.effects.lever_arm import LeverArm
-from imuloop.effects.size_effect import SizeEffect
+from imuloop.effects.other_sensor import LeverArm, SizeEffect
 
 # of the set-up, not of the sensor
 BESIDE = ("time_offset", "clock_drift", "lever_arm")
