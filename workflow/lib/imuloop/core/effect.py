@@ -38,8 +38,8 @@ class Channels:
         Median step of the whole log, s, where it comes in pieces.
     run : ndarray of int, shape (n,), or None
         Which of the runs of the data, 0, 1, ..., each point lies in; None in a run of its own.
-    held : dict, or None
-        Takes, by name of an effect, at which points it was held to its range.
+    clamped : dict, or None
+        Takes, by name of an effect, at which points it was clamped to its range.
     """
 
     t: np.ndarray
@@ -50,7 +50,7 @@ class Channels:
     past: dict | None = None
     step: float | None = None
     run: np.ndarray | None = None
-    held: dict | None = None
+    clamped: dict | None = None
 
     def remembered(self, function, *constants):
         """Return what depends on the past of the log, at these points, shape (n, …).
@@ -141,8 +141,8 @@ class Effect:
         """Return the derivative of means over windows, (n, 2) s, of a session, (n, 3, p)."""
         return self.design(channels)
 
-    def held(self, design, low, high):
-        """Return a derivative, shape (n, 3, p), held to the ranges of its parameters, (p,) each."""
+    def clamped(self, design, low, high):
+        """Return a derivative, (n, 3, p), clamped to the ranges of its parameters, (p,) each."""
         # a parameter that an axis does not have is zero there
         return np.where(design == 0, 0.0, np.clip(design, low, high))
 
@@ -235,10 +235,10 @@ class FittedEffect:
             low, high = np.transpose(
                 [self.seen.get(name, (-np.inf, np.inf)) for name in self.effect.parameters]
             )
-            held = self.effect.held(design, low, high)
-            if channels.held is not None:
-                channels.held[self.name] = np.any(held != design, axis=(1, 2))
-            design = held
+            clamped = self.effect.clamped(design, low, high)
+            if channels.clamped is not None:
+                channels.clamped[self.name] = np.any(clamped != design, axis=(1, 2))
+            design = clamped
         return design @ self.vector
 
     def held_to(self, channels):

@@ -303,23 +303,24 @@ class Calibration:
         self._refuse_nominal(nominal)
         return apply_file(self, source, target)
 
-    def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, held=(None, None)):
+    def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, clamped=(None, None)):
         """Return calibrated specific force and angular rate, shape (n, 3) each.
 
         The accelerometer's effects see the angular rate before the gyroscope's own effects; the
         gyroscope's see the calibrated specific force. Arguments are as of `Channels`, `pasts` and
-        `held` one per sensor; an ImuloopError if a value is not finite, and all as logged are.
+        `clamped` one per sensor; an ImuloopError if a value is not finite, and all as logged are.
         """
         known = all(np.isfinite(values).all() for values in (f, w, t))
         # what overflows is refused below
         with np.errstate(over="ignore", invalid="ignore"):
             own, other = self.accelerometer.output(f), self.gyroscope.aligned(w)
             f = self.accelerometer.apply(
-                f, Channels(t, own, other, temperature, past=pasts[0], step=step, held=held[0])
+                f,
+                Channels(t, own, other, temperature, past=pasts[0], step=step, clamped=clamped[0]),
             )
             own = self.gyroscope.output(w)
             w = self.gyroscope.apply(
-                w, Channels(t, own, f, temperature, past=pasts[1], step=step, held=held[1])
+                w, Channels(t, own, f, temperature, past=pasts[1], step=step, clamped=clamped[1])
             )
         for sensor, values in (("accelerometer", f), ("gyroscope", w)):
             wrong = ~np.isfinite(values).all(axis=1)

@@ -154,10 +154,9 @@ class Samples:
             with parquet_file(self._table) as file:
                 self._metadata = file.metadata
             groups = range(self._metadata.num_row_groups)
-            rows = [self._metadata.row_group(g).num_rows for g in groups]
-            self._edges = np.cumsum([0, *rows])
+            self._edges = np.cumsum([0, *(self._metadata.row_group(g).num_rows for g in groups)])
             # a range across two groups is read again half a range later
-            self._held_group = lru_cache(3)(self._group)
+            self._group = lru_cache(3)(self._read_group)
         self.names = tuple(self._metadata.schema.names if self._metadata else self._table)
 
     def __len__(self):
@@ -173,12 +172,9 @@ class Samples:
             raise KeyError(name)
         if not self._metadata:
             return np.asarray(self._table[name])
-        column = np.empty(len(self))
-        for g, (first, last) in enumerate(pairwise(self._edges)):
-            column[first:last] = self._group((name,), g)[0]
-        return column
+        return self.read((name,), 0, len(self))[0]
 
-    def _group(self, names, g):
+    def _read_group(self, names, g):
         """Return columns of a row group of the file."""
         # batches, threads or buffers would keep a file's worth of memory
         with parquet_file(self._table, metadata=self._metadata, pre_buffer=False) as file:
@@ -187,28 +183,14 @@ class Samples:
 
     def read(self, names, first, last):
         """Return columns of a range of rows, shape (len(names), last - first)."""
-        names = tuple(names)
         if not self._metadata:
             return np.array([np.asarray(self._table[name])[first:last] for name in names], float)
-        low, high = np.searchsorted(self._edges, (first, last - 1), side="right") - 1
         out = np.empty((len(names), last - first))
-        for g in range(low, high + 1):
-            edge = self._edges[g]
-            begin, end = max(first, edge), min(last, self._edges[g + 1])
-            out[:, begin - first : end - first] = self._held_group(names, g)[
-                :, begin - edge : end - edge
-            ]
-        return out
-
-    def at(self, name, rows):
-        """Return a column's values at some rows, shape of `rows`."""
-        rows = np.asarray(rows, dtype=int)
-        if not self._metadata:
-            return np.asarray(self._table[name], dtype=float)[rows]
-        out = np.empty(rows.shape)
-        groups = np.searchsorted(self._edges, rows, side="right") - 1
-        for g in np.unique(groups):
-            out[groups == g] = self._held_group((name,), g)[0, rows[groups == g] - self._edges[g]]
+        for g, (begin, end) in enumerate(pairwise(self._edges)):
+            low, high = max(first, begin), min(last, end)
+            if low < high:
+                group = self._group(tuple(names), g)
+                out[:, low - first : high - first] = group[:, low - begin : high - begin]
         return out
 
     def pieces(self, names, rows=ROWS):

@@ -31,7 +31,7 @@ def other_slope(channels):
     return slope(channels.t, channels.other)
 
 
-def unheld(self, design, low, high):
+def unclamped(self, design, low, high):
     """Return the derivative of a delay as it is: a time is the same however fast all changes."""
     return design
 
@@ -55,7 +55,7 @@ class TimeOffset(Effect):
     limit = LATEST
     reach = REACH + LATEST
 
-    held = unheld
+    clamped = unclamped
 
     def design(self, channels, values=(0.0,)):
         """Return the rate of change since what the sensor shows was there, shape (n, 3, 1)."""
@@ -81,7 +81,7 @@ class GyroAxisDelay(Effect):
     limit = LATEST
     reach = REACH + LATEST
 
-    held = unheld
+    clamped = unclamped
 
     def design(self, channels, values=(0.0, 0.0)):
         """Return the derivative with respect to both delays, shape (n, 3, 2)."""
@@ -116,7 +116,7 @@ class ClockDrift(Effect):
     # late at one end and early at the other, neither alone lowers the error of all parts
     hidden_by = ("time_offset",)
 
-    held = unheld
+    clamped = unclamped
 
     @classmethod
     def shapes(cls, channels):

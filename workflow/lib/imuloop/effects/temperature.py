@@ -52,9 +52,9 @@ class BiasTemperature(Effect):
         warmer = temperature(channels) - self.reference_temperature
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
 
-    def held(self, design, low, high):
-        """Return the powers of a temperature that is held: an even one has but one end."""
-        first = super().held(design[:, :, :3], low[:3], high[:3])
+    def clamped(self, design, low, high):
+        """Return the powers of a temperature that is clamped: an even one has but one end."""
+        first = super().clamped(design[:, :, :3], low[:3], high[:3])
         return np.concatenate([first**k for k in range(1, self.order + 1)], axis=2)
 
 

@@ -14,7 +14,7 @@ from imuloop.segment.static_detector import (
     activity,
     detect_rests,
     rest_level,
-    slow,
+    turns_slowly,
     widened,
 )
 from imuloop.segment.steady import unsteady_samples
@@ -74,8 +74,9 @@ def segment_session(samples, kind, settings, threads=1):
     ranges, kinds = np.insert(ranges, at, gaps[:, None], axis=0), np.insert(kinds, at, GAP)
     is_rest, is_gap = kinds == STATIC, kinds == GAP
     # a stretch ends one step after its last sample, and a gap with the next one
-    ends = dict(zip(stretches[:, 1], rows.at(TIME, stretches[:, 1] - 1) + step, strict=True))
-    start = rows.at(TIME, np.where(is_gap, 0, ranges[:, 0]))
+    t = rows[TIME]
+    ends = dict(zip(stretches[:, 1], t[stretches[:, 1] - 1] + step, strict=True))
+    start = t[np.where(is_gap, 0, ranges[:, 0])]
     start[is_gap] = [ends[j] for j in ranges[is_gap, 0]]
     end = np.append(start[1:], [ends[j] for j in stretches[-1:, 1]])
 
@@ -169,7 +170,7 @@ def _detected(f, w, stretches, step, settings):
     def choose(may_rest):
         return choose_multiples(f, lambda pair: found(may_rest, pair)[0], settings)
 
-    may_rest = slow(moving, level, settings)
+    may_rest = turns_slowly(moving, level.rate, settings.rate_tolerance)
     # where no pair finds a rest long enough, the widest says how many were too short
     widest = (max(settings.accelerometer_multiples), max(settings.gyroscope_multiples))
     steady = may_rest & ~unsteady_samples(w, found(may_rest, widest)[0], step, settings)

@@ -90,7 +90,6 @@ def _freedom(parts, window):
 
 
 def _parts(i, j, step):
-    """Return a rest in parts of `PART` at most, as even as can be, the longer ones first."""
-    n, count = j - i, max(1, int(np.ceil((j - i) * step / PART)))
-    edges = i + np.arange(count + 1) * (n // count) + np.minimum(np.arange(count + 1), n % count)
-    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+    """Return a rest in parts of `PART` at most, as even as can be."""
+    parts = np.array_split(np.arange(i, j), max(1, int(np.ceil((j - i) * step / PART))))
+    return [(int(part[0]), int(part[-1]) + 1) for part in parts]
