@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import betaincinv, chdtr, chdtri
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
+from imuloop.core.samples import CHANNELS
 from imuloop.ingest.in_order import in_order
 from imuloop.segment.stretches import lengths, merged, without
 from imuloop.segment.wavelets import FINE, SPACING, coarse_details, fine_details, pieces
@@ -102,14 +102,12 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     live on. A coefficient is a disturbance if its squared distance would occur in an undisturbed
     session of Gaussian noise with the probability `false_alarm`, divided by the number of samples.
     All scales together hold 1.3 coefficients per sample (Bonferroni, so right for any correlation).
-    Hotelling's T² replaces χ², as scales with few coefficients know their covariance badly.
     Sensors at rest throw out single samples of 7 to 12 standard deviations (an ADIS16405 some
     fifty in a million); below eight samples a disturbance has to have twice the amplitude.
 
     Of a disturbance that shows on several scales the finest places the cut; the search is then
-    repeated on what is left, so that a tilt beside a knock, or the sway after it, is found too. A
-    lasting tilt costs its transition only: before and after are separate stretches, never
-    compared again.
+    repeated on the rest, so that a tilt beside a knock, or the sway after it, is found too. A
+    lasting tilt costs its transition only: before and after are separate stretches.
 
     Takes Samples, their stretches without a gap, the median step of time, s, and how many threads
     may work at once, which changes nothing in the result.
@@ -121,27 +119,25 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     section 2.4 (threshold over all coefficients).
     """
     levels = max(1, int(np.log2(max(settings.longest_scale_s / step, 2))))
-    deciding = [
-        rows.read(axes, 0, min(DECIDING, len(rows))) for axes in (ACCELERATION, ANGULAR_RATE)
-    ]
+    sensors = np.split(rows.read(CHANNELS, 0, min(DECIDING, len(rows))), 2)
     search = _WaveletSearch(
         rows=rows,
         widths=[2**level for level in range(1, levels + 1)],
-        floor=np.repeat([rounding_variance(x.T) for x in deciding], 3),
+        floor=np.repeat([rounding_variance(x.T) for x in sensors], 3),
         false_alarm=settings.false_alarm / max(len(rows), 1),
         guard=round(settings.guard_s / step),
         threads=threads,
     )
     shortest = round(settings.shortest_static_s / step)
-    left = stretches
+    ranges = stretches
     for _ in range(ROUNDS):
-        cuts = search.cuts(left)
+        cuts = search.cuts(ranges)
         if not len(cuts):
             break
-        left = without(left, cuts)
-        of_stretch = np.searchsorted(stretches[:, 0], left[:, 0], side="right") - 1
-        left = left[lengths(left) >= np.minimum(shortest, lengths(stretches)[of_stretch])]
-    return left
+        ranges = without(ranges, cuts)
+        stretch = np.searchsorted(stretches[:, 0], ranges[:, 0], side="right") - 1
+        ranges = ranges[lengths(ranges) >= np.minimum(shortest, lengths(stretches)[stretch])]
+    return ranges
 
 
 @dataclass(frozen=True)
@@ -255,24 +251,22 @@ def _beyond(details, covariance, bound):
     return np.flatnonzero(squared_distance(details.T, covariance) > bound)
 
 
-def steepest(rows, found, width, covariance):
+def steepest(rows, first, width, covariance):
     """Return where, in the support of each coefficient, the means of two halves differ most.
 
     Takes the first samples of the supports, in order, and the covariance of the coefficients,
     (6, 6); the halves are of half a scale each.
     """
-    half, length = width // 2, 3 * width - 2
-    best, n = np.empty_like(found), 0
-    while n < len(found):
-        # supports overlap: those in a part of the log are looked at together
-        end = np.searchsorted(found, found[n] + max(length, TOGETHER), side="right")
-        low, high = found[n], found[end - 1] + length
+    half, length, best = width // 2, 3 * width - 2, np.empty_like(first)
+    # supports overlap: those in a part of the log are looked at together
+    group = (first - first[0]) // max(length, TOGETHER)
+    for members in np.split(np.arange(len(first)), np.flatnonzero(np.diff(group)) + 1):
+        low, high = first[members[0]], first[members[-1]] + length
         total = np.zeros((K, high - low + 1))
         np.cumsum(rows.read(CHANNELS, low, high), axis=1, out=total[:, 1:])
         difference = total[:, width:] - 2 * total[:, half : half - width] + total[:, :-width]
         change = squared_distance(difference.T, covariance)
-        for k in range(n, end):
-            a = found[k] - low
-            best[k] = found[k] + np.argmax(change[a : a + length - width + 1])
-        n = end
+        for k in members:
+            a = first[k] - low
+            best[k] = first[k] + np.argmax(change[a : a + length - width + 1])
     return best

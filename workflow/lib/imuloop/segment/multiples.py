@@ -90,10 +90,10 @@ def choose_multiples(specific_force, detect, settings):
 
     The sum of squares over the poses falls with each pose that is lost, and even their mean
     square, held out or not, says nothing of the attitudes that are missing. So pairs are compared
-    by `expected_error`, which asks how well the poses determine a calibration for all attitudes.
-    Up to half above the lowest they count as equal: few poses have a small residual by luck, and
-    poses that show what the model lacks would be left out first. Of these the most attitudes win,
-    then the fewest pieces that they fall into, then the lowest error, then the widest pair.
+    by `expected_error`. Up to half above the lowest they count as equal: few poses have a small
+    residual by luck, and poses that show what the model lacks would be left out first. Of these the
+    most attitudes win, then the fewest pieces that they fall into, then the lowest error, then the
+    widest pair.
 
     Takes specific force, m/s², (3, n), and a function from a pair of multiples to the rests,
     (m, 2). The pair is None where none finds a rest; the table has a row for each that does.
@@ -115,7 +115,11 @@ def choose_multiples(specific_force, detect, settings):
     return (best["accelerometer"], best["gyroscope"]), table
 
 
+def lowest_error(table):
+    """Return the lowest expected error of a table of pairs; infinite of none."""
+    return min((row["expected_error"] for row in table), default=np.inf)
+
+
 def _lowest(table, tolerance):
     """Return the rows whose expected error is the lowest to a relative tolerance."""
-    bound = (1 + tolerance) * min(row["expected_error"] for row in table)
-    return [row for row in table if row["expected_error"] <= bound]
+    return [r for r in table if r["expected_error"] <= (1 + tolerance) * lowest_error(table)]

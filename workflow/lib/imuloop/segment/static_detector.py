@@ -104,11 +104,6 @@ def rest_level(force, rate, moving, step, settings):
     return RestLevel(source, seconds, *levels.tolist(), bias.tolist())
 
 
-def turns_slowly(moving, bias, tolerance):
-    """Return whether the windowed mean rate about each sample is the bias, rad/s, shape (n,)."""
-    return np.linalg.norm(moving.rate - np.reshape(bias, (3, 1)), axis=0) <= tolerance
-
-
 def detect_rests(still, stretches, step, settings):
     """Return the rests of a session, and the number of those dropped as too short.
 
