@@ -164,7 +164,7 @@ def narrow_device(board=None, accelerometer=(10.0, 30.0), gyroscope=(10.0, 30.0)
     f = 4.9 * np.sin(np.linspace(0, 6, n)[:, None] + np.arange(3))
     for name, ends in zip(SENSORS, (accelerometer, gyroscope), strict=True):
         seen = [Channels(np.zeros(n), f, f, np.linspace(*ends, n))]
-        effects = tuple(e.held_to(seen) for e in board.sensor(name).effects)
+        effects = tuple(e.with_ranges(seen) for e in board.sensor(name).effects)
         board = with_sensor(board, name, effects=effects)
     return board
 

@@ -166,9 +166,8 @@ class Effect:
 
     def units(self, sensor):
         """Return the SI unit of each parameter for a sensor."""
-        return {
-            name: unit.replace("output", _OUTPUT[sensor]) for name, unit in self.parameters.items()
-        }
+        output = _OUTPUT[sensor]
+        return {name: unit.replace("output", output) for name, unit in self.parameters.items()}
 
     def design(self, channels):
         """Return D, the derivative of `e` to the parameters at n points, SI, shape (n, 3, p)."""
@@ -208,15 +207,15 @@ class FittedEffect:
         The effect, with its constants.
     values, std : dict of str to float
         Parameters and their standard errors, SI.
-    seen : dict of str to (float, float)
+    ranges : dict of str to (float, float)
         Least and largest value that the derivative of each parameter had in the data that show the
-        effect, SI; it is held to them. Empty for an effect that acts everywhere.
+        effect, SI; it is clamped to them. Empty for an effect that acts everywhere.
     """
 
     effect: Effect
     values: dict
     std: dict
-    seen: dict = field(default_factory=dict)
+    ranges: dict = field(default_factory=dict)
 
     @property
     def name(self):
@@ -231,32 +230,31 @@ class FittedEffect:
     def output(self, channels):
         """Return what the effect adds to the sensor's output, shape (n, 3), SI."""
         design = self.effect.design_at(channels, self.vector)
-        if self.seen:
-            low, high = np.transpose(
-                [self.seen.get(name, (-np.inf, np.inf)) for name in self.effect.parameters]
-            )
-            clamped = self.effect.clamped(design, low, high)
+        if self.ranges:
+            anything = (-np.inf, np.inf)
+            ends = [self.ranges.get(name, anything) for name in self.effect.parameters]
+            clamped = self.effect.clamped(design, *np.transpose(ends))
             if channels.clamped is not None:
                 channels.clamped[self.name] = np.any(clamped != design, axis=(1, 2))
             design = clamped
         return design @ self.vector
 
-    def held_to(self, channels):
-        """Return the same, held to what its derivative is in data that show it, Channels each."""
+    def with_ranges(self, channels):
+        """Return the same with the ranges of its derivative in data that show it, Channels each."""
         parts = [self.effect.design_at(each, self.vector) for each in channels]
-        seen = dict(self.seen)
+        ranges = dict(self.ranges)
         for k, name in enumerate(self.effect.parameters):
-            found = np.concatenate([np.zeros(0), *(d[:, :, k].ravel() for d in parts)])
-            found = found[found != 0]
-            if len(found):
-                seen[name] = (float(found.min()), float(found.max()))
-        return replace(self, seen=seen)
+            design = np.concatenate([np.zeros(0), *(part[:, :, k].ravel() for part in parts)])
+            if design.any():
+                design = design[design != 0]
+                ranges[name] = float(design.min()), float(design.max())
+        return replace(self, ranges=ranges)
 
     def to_dict(self):
         """Return what a JSON file holds of the effect."""
         content = {"name": self.name, "constants": asdict(self.effect)}
         content |= {"parameters": self.values, "std": self.std}
-        return content | ({"range": self.seen} if self.seen else {})
+        return content | ({"range": self.ranges} if self.ranges else {})
 
     @classmethod
     def from_dict(cls, content):
@@ -271,17 +269,15 @@ class FittedEffect:
             raise ImuloopError(f"effect {name}: its parameters are {', '.join(effect.parameters)}")
         values = {key: float(content["parameters"][key]) for key in effect.parameters}
         std = dict(content.get("std", {}))
-        seen = {key: tuple(map(float, ends)) for key, ends in content.get("range", {}).items()}
-        for what, of in (("std", std), ("range", seen)):
-            if not set(of) <= set(values):
-                raise ImuloopError(f"effect {name}: {what} of what is no parameter of it")
+        ranges = {key: tuple(map(float, ends)) for key, ends in content.get("range", {}).items()}
+        if not {*ranges, *std} <= {*values}:
+            raise ImuloopError(f"effect {name}: range or std of what is no parameter of it")
         if not np.isfinite([*values.values(), *std.values()]).all():
             raise ImuloopError(f"effect {name}: a parameter or its std is no finite number")
-        if not all(
-            len(ends) == 2 and -np.inf < ends[0] <= ends[1] < np.inf for ends in seen.values()
-        ):
-            raise ImuloopError(f"effect {name}: range is no least and largest value")
-        return cls(effect, values, std, seen)
+        for ends in ranges.values():
+            if not (len(ends) == 2 and -np.inf < ends[0] <= ends[1] < np.inf):
+                raise ImuloopError(f"effect {name}: range is no least and largest value")
+        return cls(effect, values, std, ranges)
 
 
 def _check_constants(effect):

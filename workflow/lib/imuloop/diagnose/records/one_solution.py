@@ -181,8 +181,8 @@ def _together(sensor, own, result, kept, more):
         known=[e for e in own.effects if e not in fitted],
         reduced_chi2=own.reduced_chi2,
     )
-    seen = {e.name: e.seen for e in fitted}
-    held = tuple(replace(e, seen=seen.get(e.name, e.seen)) for e in made.effects)
+    ranges = {e.name: e.ranges for e in fitted}
+    held = tuple(replace(e, ranges=ranges.get(e.name, e.ranges)) for e in made.effects)
     return replace(made, effects=held)
 
 
