@@ -17,58 +17,28 @@ _OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 @dataclass(frozen=True)
 class Channels:
-    """What an effect may depend on, at n points: samples, or poses.
+    """What an effect may depend on, at n points: samples, or poses."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (n,)
-        Time since the start of the log, s.
-    output : ndarray, shape (n, 3)
-        The sensor's own output ``K (raw - b)``, SI, on its own axes.
-    other : ndarray, shape (n, 3)
-        The other sensor's output, SI.
-    temperature : ndarray, shape (n,), or None
-        Temperature, degC; None where it was not logged.
-    history : callable, or None
-        See `remembered`; None where the points are samples.
-    past : dict, or None
-        What functions that remember have kept of the log so far, where it comes in pieces one
-        after the other; None where the points are the whole log.
-    step : float, or None
-        Median step of the whole log, s, where it comes in pieces.
-    run : ndarray of int, shape (n,), or None
-        Which of the runs of the data, 0, 1, ..., each point lies in; None in a run of its own.
-    clamped : dict, or None
-        Takes, by name of an effect, at which points it was clamped to its range.
-    """
-
-    t: np.ndarray
-    output: np.ndarray
-    other: np.ndarray
-    temperature: np.ndarray | None = None
-    history: Callable | None = None
+    t: np.ndarray  # (n,): time since the start of the log, s
+    output: np.ndarray  # (n, 3): the sensor's own output ``K (raw - b)``, SI, on its own axes
+    other: np.ndarray  # (n, 3): the other sensor's output, SI
+    temperature: np.ndarray | None = None  # (n,): degC; None where it was not logged
+    history: Callable | None = None  # see `remembered`; None where the points are samples
+    # of a log that comes in pieces: what functions that remember have kept of it so far
     past: dict | None = None
-    step: float | None = None
+    step: float | None = None  # of a log that comes in pieces: median step of the whole, s
+    # (n,): which of the runs of the data, 0, 1, ..., each point lies in; None in a run of its own
     run: np.ndarray | None = None
+    # takes, by name of an effect, at which points it was clamped to its range
     clamped: dict | None = None
 
     def remembered(self, function, *constants):
         """Return what depends on the past of the log, at these points, shape (n, …).
 
-        Parameters
-        ----------
-        function : callable
-            Takes the Channels of a whole log and the constants; gives an array whose first axis is
-            the log's samples; at a pose their mean over it is taken. Of a log in pieces it gets a
-            piece after the other if it is marked as `imuloop.core.memory.in_pieces`, with a dict of
-            its own as `past`: empty at the first.
-        *constants : hashable
-            Constants of the function.
-
-        Raises
-        ------
-        ImuloopError
-            If the log comes in pieces, and the function is not marked for them.
+        The function takes the Channels of a whole log and constants, and gives an array whose first
+        axis is the log's samples; at a pose their mean over it is taken. Of a log in pieces it gets
+        a piece after the other, with a dict of its own as `past`, empty at the first; an
+        ImuloopError if it is not marked for that as `imuloop.core.memory.in_pieces`.
         """
         if self.history is not None:
             return self.history(function, *constants)
@@ -89,50 +59,29 @@ class Effect:
     model ``x = T (K (raw - b) - e)``. D, its derivative, is what a subclass gives. Constants that D
     does not depend on linearly (a time constant, an order) are fields of the subclass, then a
     frozen dataclass: an instance is one shape of the effect.
-
-    Attributes
-    ----------
-    name : str
-        Name of the effect, as in results.
-    sensors : tuple of str
-        The sensors that can have it: both if not said.
-    parameters : dict of str to str
-        Names of the parameters and their SI units; ``output`` in a unit is that of the sensor.
-    equation, reference : str
-        What the effect adds, and where it is described.
-    needs : tuple of str
-        Channels without which it cannot be seen: ``temperature``, ``run``.
-    records : tuple of str
-        The data in which it is looked for: ``poses``, ``static_record``, ``motion``, ``reference``.
-    unobservable : str or None
-        Why other data than its `records` cannot show it, if so.
-    limit : float
-        Largest size of a parameter that is physically possible, SI.
-    timed : bool
-        Whether it depends on the time since the start of the log, or on what was before.
-    reach : float
-        How far about a point the effect looks, s; what it remembers besides is in `Channels.past`.
-    lasting : bool
-        Whether a device that had it in one record has it in the next.
-    hidden_by : tuple of str
-        Effects without which its own can look like none, as theirs without it.
-    bounds : dict of str to (float, float)
-        Least and largest value of a constant, where not any number will do.
     """
 
-    name: ClassVar[str]
+    name: ClassVar[str]  # as in results
+    # the sensors that can have it
     sensors: ClassVar[tuple[str, ...]] = ("accelerometer", "gyroscope")
+    # names of the parameters and their SI units; ``output`` in a unit is that of the sensor
     parameters: ClassVar[dict[str, str]]
-    equation: ClassVar[str]
-    reference: ClassVar[str]
+    equation: ClassVar[str]  # what it adds
+    reference: ClassVar[str]  # where it is described
+    # channels without which it cannot be seen: ``temperature``, ``run``
     needs: ClassVar[tuple[str, ...]] = ()
+    # data in which it is looked for: ``poses``, ``static_record``, ``motion``, ``reference``
     records: ClassVar[tuple[str, ...]] = ("poses", "static_record")
-    unobservable: ClassVar[str | None] = None
-    limit: ClassVar[float] = np.inf
+    unobservable: ClassVar[str | None] = None  # why other data cannot show it, if so
+    limit: ClassVar[float] = np.inf  # largest size of a parameter that is physically possible, SI
+    # whether it depends on the time since the start of the log, or on what was before
     timed: ClassVar[bool] = False
+    # how far about a point it looks, s; what it remembers besides is in `Channels.past`
     reach: ClassVar[float] = 0.0
-    lasting: ClassVar[bool] = True
+    lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
+    # effects without which it can look like none, as they without it
     hidden_by: ClassVar[tuple[str, ...]] = ()
+    # least and largest value of a constant, where not any number will do
     bounds: ClassVar[dict[str, tuple[float, float]]] = {"tau": (1e-3, 1e7)}
 
     library: ClassVar[dict[str, type]] = {}
@@ -199,22 +148,13 @@ def effect_design(effects, channels, values=()):
 
 @dataclass(frozen=True)
 class FittedEffect:
-    """An effect with the values of its parameters.
+    """An effect with the values of its parameters."""
 
-    Attributes
-    ----------
-    effect : Effect
-        The effect, with its constants.
-    values, std : dict of str to float
-        Parameters and their standard errors, SI.
-    ranges : dict of str to (float, float)
-        Least and largest value that the derivative of each parameter had in the data that show the
-        effect, SI; it is clamped to them. Empty for an effect that acts everywhere.
-    """
-
-    effect: Effect
-    values: dict
-    std: dict
+    effect: Effect  # with its constants
+    values: dict  # parameters by name, SI
+    std: dict  # their standard errors, SI
+    # least and largest value that the derivative of each parameter had in the data that show the
+    # effect, SI; it is clamped to them. Empty for an effect that acts everywhere
     ranges: dict = field(default_factory=dict)
 
     @property

@@ -36,45 +36,21 @@ _WORDS = ("method", "not_testable", "reduced_chi2", "verdict")
 
 @dataclass(frozen=True)
 class SensorCalibration:
-    """The calibration of one sensor, ``x = T (K (raw - b) - e)``.
+    """The calibration of one sensor, ``x = T (K (raw - b) - e)``."""
 
-    Attributes
-    ----------
-    raw_unit : RawUnit
-        Unit of `raw` and b.
-    T : ndarray, shape (3, 3)
-        Misalignment, unit diagonal; upper triangular for an accelerometer.
-    K : ndarray, shape (3,)
-        Scale factor, SI per raw unit.
-    b : ndarray, shape (3,)
-        Bias, raw units.
-    names : tuple of str
-        The parameters that were estimated: ``T01``, …, ``K0``, …, ``b0``, … and an effect's.
-    covariance : ndarray, shape (p, p)
-        Their covariance, in the parameters' own units.
-    effects : tuple of FittedEffect
-        What adds up to e, SI, on the sensor's own axes.
-    method : {'multi_position', 'six_position', 'static', 'nominal'}
-        What the parameters come from.
-    not_testable : str or None
-        Why the data do not determine the full model.
-    reduced_chi2 : float or None
-        Of the fit, against the noise model.
-    verdict : str or None
-        The worst in diagnosis.json of the records that the parameters and effects come from; None
-        where it was not diagnosed.
-    """
-
-    raw_unit: RawUnit
-    T: np.ndarray
-    K: np.ndarray
-    b: np.ndarray
+    raw_unit: RawUnit  # of `raw` and b
+    T: np.ndarray  # (3, 3): misalignment, unit diagonal; upper triangular for an accelerometer
+    K: np.ndarray  # (3,): scale factor, SI per raw unit
+    b: np.ndarray  # (3,): bias, raw units
+    # the p parameters that were estimated: ``T01``, …, ``K0``, …, ``b0``, … and an effect's
     names: tuple[str, ...] = ()
-    covariance: np.ndarray | None = None
-    effects: tuple[FittedEffect, ...] = ()
-    method: str = "nominal"
-    not_testable: str | None = None
-    reduced_chi2: float | None = None
+    covariance: np.ndarray | None = None  # (p, p): in the parameters' own units
+    effects: tuple[FittedEffect, ...] = ()  # what adds up to e, SI, on the sensor's own axes
+    method: str = "nominal"  # what the parameters come from, as `multi_position`
+    not_testable: str | None = None  # why the data do not determine the full model
+    reduced_chi2: float | None = None  # of the fit, against the noise model
+    # the worst in diagnosis.json of the records that the parameters and effects come from; None
+    # where it was not diagnosed
     verdict: str | None = None
 
     @classmethod
@@ -153,28 +129,16 @@ class SensorCalibration:
 
 @dataclass(frozen=True)
 class Calibration:
-    """The calibration of a device.
+    """The calibration of a device."""
 
-    Attributes
-    ----------
-    device : str
-        Name of the device.
-    gravity : float
-        Local gravity that the accelerometer was calibrated to, m/s^2.
-    accelerometer, gyroscope : SensorCalibration
-        One for each sensor.
-    log : dict
-        What was declared of the log that it is from: ``format``, ``columns``, ``units``, ``rate``
-        as of the config; ``sensor_ids``, where the log's autopilot has some.
-    updated : dict
-        By sensor, the name of the later log that its bias is from; empty as calibrated.
-    """
-
-    device: str
-    gravity: float
+    device: str  # name
+    gravity: float  # local gravity that the accelerometer was calibrated to, m/s^2
     accelerometer: SensorCalibration
     gyroscope: SensorCalibration
+    # what was declared of the log that it is from: ``format``, ``columns``, ``units``, ``rate`` as
+    # of the config; ``sensor_ids``, where the log's autopilot has some
     log: dict = field(default_factory=dict)
+    # by sensor, the name of the later log that its bias is from; empty as calibrated
     updated: dict = field(default_factory=dict)
 
     @property

@@ -134,17 +134,8 @@ class Samples:
     """Samples of a session by column and by range of rows; of a file only what is asked for.
 
     ``samples[name]``, ``name in samples`` and ``len(samples)``, the number of rows, are those of a
-    DataFrame; a column is read when it is asked for, and not kept.
-
-    Parameters
-    ----------
-    source : path-like, DataFrame, dict or Samples
-        Parquet file, or columns by name.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Columns.
+    DataFrame; a column is read when it is asked for, and not kept. The source is the path of a
+    Parquet file, a DataFrame, a dict of columns or other Samples; `names` are the columns.
     """
 
     def __init__(self, source):
