@@ -85,10 +85,10 @@ class GyroAxisDelay(Effect):
 
     def design(self, channels, values=(0.0, 0.0)):
         """Return the derivative with respect to both delays, shape (n, 3, 2)."""
-        found = np.zeros((len(channels.t), 3, 2))
+        design = np.zeros((len(channels.t), 3, 2))
         for axis, late in enumerate(values):
-            found[:, axis, axis] = -channels.remembered(own_change, float(late))[:, axis]
-        return found
+            design[:, axis, axis] = -channels.remembered(own_change, float(late))[:, axis]
+        return design
 
     design_at = design
 

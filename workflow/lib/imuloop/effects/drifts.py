@@ -44,9 +44,9 @@ class WarmUp(Effect):
     @classmethod
     def shapes(cls, channels):
         """Return the time constants of which the data hold several, and several points in each."""
+        several = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
         longest = np.ptp(channels.t) / SETTLINGS
-        shown = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
-        return tuple(cls(tau) for tau in shown if tau <= longest) or (cls(),)
+        return tuple(cls(tau) for tau in several if tau <= longest) or (cls(),)
 
     def design(self, channels):
         """Return the exponential on each axis, its mean over a pose, shape (n, 3, 3)."""

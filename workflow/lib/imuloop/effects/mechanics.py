@@ -62,15 +62,15 @@ def vibration(channels):
     Of two windows, the `WINDOW` before and the one after, the quieter: at either end of a pose one
     of them lies in the pose, so that what shakes the turn beside it does not count.
     """
-    t, found = channels.t, np.array(channels.output)
+    t, square = channels.t, np.array(channels.output)
     last = np.searchsorted(t, t + WINDOW, side="right") - 1
     # an axis at a time: a log of days is large
     for axis in range(3):
-        fast = fast_part(t, found[:, [axis]], PERIOD, channels.step)
+        fast = fast_part(t, square[:, [axis]], PERIOD, channels.step)
         before = moving_mean(t, fast**2, WINDOW)[:, 0]
         # sums of large squares may leave less than nothing of small ones
-        found[:, axis] = np.maximum(np.minimum(before, before[last]), 0.0)
-    return found
+        square[:, axis] = np.maximum(np.minimum(before, before[last]), 0.0)
+    return square
 
 
 class VibrationRectification(Effect):

@@ -38,9 +38,8 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     Starting from a covariance that is the same in every direction of a sensor, the half of the
     vectors nearest to zero gives the next covariance, until it stands still. Its scale follows
     from the median of the squared distance, χ² with k degrees of freedom; all vectors within the
-    97.5 % quantile then give the final covariance. Where tails are heavier than normal, as of a
-    noise that swells with temperature, the 99 % quantile sets the scale, up to `tail_limit` times.
-    No step prefers an axis: turning the sensor's frame turns the covariance with it.
+    97.5 % quantile then give the final covariance. Where tails are heavier than normal the 99 %
+    quantile sets the scale, up to `tail_limit` times. No step prefers an axis.
 
     Takes vectors of one or more sensors, three axes each, (n, k), and the variance of rounding,
     (k,), which is added to each channel.
@@ -188,17 +187,17 @@ class _WaveletSearch:
             parts = zip(details, widths, levels, strict=True)
             return [first + w * _beyond(detail, *level) for (first, detail), w, level in parts]
 
-        found = [each for _, each, _ in self._each(ranges, widths, too_large)]
+        first = [each for _, each, _ in self._each(ranges, widths, too_large)]
         for k, width in enumerate(widths):
-            yield width, levels[k][0], np.concatenate([each[k] for each in found])
+            yield width, levels[k][0], np.concatenate([each[k] for each in first])
         if len(widths) < len(fine):
             return
         smooth = {start: np.hstack(parts) for start, parts in smooth.items()}
         shifts = [0]
         for width in self.widths[len(fine) :]:
-            found = {start: coarse_details(each, width) for start, each in smooth.items()}
-            details = [detail for detail, _ in found.values()]
-            smooth = {start: each for start, (_, each) in found.items()}
+            halved = {start: coarse_details(each, width) for start, each in smooth.items()}
+            details = [detail for detail, _ in halved.values()]
+            smooth = {start: rest for start, (_, rest) in halved.items()}
             # shift after shift, so that what is taken of them overlaps as little as all of them
             overlap = width // SPACING
             shifts = [shift + half for shift in shifts for half in (0, overlap // 2)]

@@ -36,10 +36,8 @@ def expected_error(f):
     deviation σ and a weak Gaussian prior on B (0.05) and c (0.1), the same in every direction, β
     has the covariance C = (XᵀX/σ² + P⁻¹)⁻¹. The figure is the root of the mean of xᵀ C x over
     all directions, relative to g, with the upper 95 % limit of σ² from the residual sum S and its
-    n − tr H degrees of freedom: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1).
-
-    More poses lower C, worse poses raise σ. Poses that do not determine the model leave the
-    prior, far above any residual; few poses with a small residual by luck are not believed.
+    n − tr H degrees of freedom: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1). More poses lower C, worse
+    poses raise σ; few poses with a small residual by luck are not believed.
     Takes the mean specific force of each attitude, m/s², shape (n, 3).
 
     References

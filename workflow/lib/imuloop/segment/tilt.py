@@ -80,23 +80,23 @@ def _alike(u, turned, taken):
 
     Of both what is taken by `scipy.signal.detrend` is left out: the mean, or a line.
     """
-    found, length = np.empty((0, 2), dtype=int), FEWEST
+    alike, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
         starts = np.arange(0, len(u) - length + 1, max(length // 4, 1))
         at = starts[:, None] + np.arange(length)
-        power, left = (
+        power, residual = (
             (detrend(x[at], axis=1, type=taken) ** 2).sum(axis=2).mean(axis=1)
             for x in (u, u - turned)
         )
         # a ramp has a root mean square of a twelfth's root of its span
-        sure = (power >= LEAST**2 / 12) & (left <= MOST_LEFT**2 * power)
+        sure = (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
         windows = np.column_stack([starts, starts + length])[sure]
         # those that a shorter one lies in are placed already
-        inside = (found[:, 0] >= windows[:, :1]) & (found[:, 1] <= windows[:, 1:])
+        inside = (alike[:, 0] >= windows[:, :1]) & (alike[:, 1] <= windows[:, 1:])
         windows = windows[~inside.any(axis=1)]
-        found = merged(np.concatenate([found, windows])) if len(windows) else found
+        alike = merged(np.concatenate([alike, windows])) if len(windows) else alike
         length *= 2
-    return found
+    return alike
 
 
 def _placed(u):
@@ -104,8 +104,8 @@ def _placed(u):
 
     The window says that the device tilted; where, the accelerometer knows better.
     """
-    left, coming = (np.linalg.norm(u - each, axis=1) > LEAST / 2 for each in (u[0], u[-1]))
-    return np.array([max(np.argmax(left) - 1, 0), len(u) - max(np.argmax(coming[::-1]) - 1, 0)])
+    after, before = (np.linalg.norm(u - each, axis=1) > LEAST / 2 for each in (u[0], u[-1]))
+    return np.array([max(np.argmax(after) - 1, 0), len(u) - max(np.argmax(before[::-1]) - 1, 0)])
 
 
 def steady_rests(f, w, rests, bias, step):
@@ -115,7 +115,7 @@ def steady_rests(f, w, rests, bias, step):
     a tilt changes gravity's direction, not its norm. Else it keeps all, with the root mean square
     of its tilt. Arguments as of `rest_tilts`.
     """
-    kept, left = rests.copy(), np.zeros(len(rests))
+    kept, tilt = rests.copy(), np.zeros(len(rests))
     for k, (parts, tilts) in enumerate(rest_tilts(f, w, rests, bias, step)):
         still = runs(tilts == 0)
         spans = parts[still[:, 1] - 1, 1] - parts[still[:, 0], 0]
@@ -123,8 +123,8 @@ def steady_rests(f, w, rests, bias, step):
             first, end = still[np.argmax(spans)]
             kept[k] = parts[first, 0], parts[end - 1, 1]
         else:
-            left[k] = np.sqrt(np.mean(tilts**2))
-    return kept, left
+            tilt[k] = np.sqrt(np.mean(tilts**2))
+    return kept, tilt
 
 
 def rest_tilts(f, w, rests, bias, step):
