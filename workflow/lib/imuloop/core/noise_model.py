@@ -89,20 +89,16 @@ class AxisNoise:
     @classmethod
     def from_dict(cls, content):
         """Return the processes from their JSON form."""
-        return cls(
-            *(Coefficient.from_dict(content[name]) for name in "QNBKR"),
-            gauss_markov=tuple(
-                GaussMarkovTerm(*(Coefficient.from_dict(p[key]) for key in ("q", "tc")))
-                for p in content["gauss_markov"]
-            ),
-            sinusoid=tuple(
-                SinusoidTerm(
-                    *(Coefficient.from_dict(p[key]) for key in ("amplitude", "frequency")),
-                    p.get("origin"),
-                )
-                for p in content["sinusoid"]
-            ),
-        )
+
+        def read(of, *names):
+            return [Coefficient.from_dict(of[name]) for name in names]
+
+        processes = [GaussMarkovTerm(*read(p, "q", "tc")) for p in content["gauss_markov"]]
+        lines = [
+            SinusoidTerm(*read(p, "amplitude", "frequency"), p.get("origin"))
+            for p in content["sinusoid"]
+        ]
+        return cls(*read(content, *"QNBKR"), tuple(processes), tuple(lines))
 
     def allan_variance(self, tau):
         """Return the Allan variance, unit of the axis squared, at `tau` in s (array_like)."""
@@ -242,8 +238,8 @@ class NoiseModel:
         """Return the model with other values of flicker and walk, by axis and term."""
         axes = dict(self.axes)
         for (axis, term), value in sizes.items():
-            own = replace(getattr(axes[axis], term), value=value)
-            axes[axis] = replace(axes[axis], **{term: own})
+            coefficient = replace(getattr(axes[axis], term), value=value)
+            axes[axis] = replace(axes[axis], **{term: coefficient})
         return replace(self, axes=axes)
 
     def pose_mean_covariance(self, windows):

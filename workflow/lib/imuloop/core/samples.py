@@ -62,14 +62,14 @@ def at_rail(samples, rails, names):
 
     `rails` are the ends that channels reach, {channel: (low, high)}, None of none.
     """
-    found = np.zeros(len(samples[TIME]), dtype=bool)
+    clipped = np.zeros(len(samples[TIME]), dtype=bool)
     for name in names:
         low, high = rails.get(name) or (None, None)
         if low is not None:
-            found |= np.asarray(samples[name]) <= low
+            clipped |= np.asarray(samples[name]) <= low
         if high is not None:
-            found |= np.asarray(samples[name]) >= high
-    return found
+            clipped |= np.asarray(samples[name]) >= high
+    return clipped
 
 
 def schema(temperature, metadata, rebuilt=False):

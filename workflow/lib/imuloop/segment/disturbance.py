@@ -190,11 +190,14 @@ class _WaveletSearch:
         first = [each for _, each, _ in self._each(ranges, widths, too_large)]
         for k, width in enumerate(widths):
             yield width, levels[k][0], np.concatenate([each[k] for each in first])
-        if len(widths) < len(fine):
-            return
-        smooth = {start: np.hstack(parts) for start, parts in smooth.items()}
+        if len(widths) == len(fine):
+            smooth = {start: np.hstack(parts) for start, parts in smooth.items()}
+            yield from self._coarse(smooth, self.widths[len(fine) :])
+
+    def _coarse(self, smooth, widths):
+        """Yield the same of the scales above `FINE`; takes their smooth sequence by range."""
         shifts = [0]
-        for width in self.widths[len(fine) :]:
+        for width in widths:
             halved = {start: coarse_details(each, width) for start, each in smooth.items()}
             details = [detail for detail, _ in halved.values()]
             smooth = {start: rest for start, (_, rest) in halved.items()}
