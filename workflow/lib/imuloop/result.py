@@ -37,24 +37,12 @@ IN_MEMORY = "in memory"
 
 @dataclass(frozen=True)
 class Result:
-    """What the chain found out about one device.
+    """What the chain found out about one device."""
 
-    Attributes
-    ----------
-    device : imuloop.chain.Device
-        The device as the stages took it; its folder has the files of the contract.
-    logs : dict of str to str
-        Where the log of each session came from: its path, or ``in memory``.
-    failures : tuple of str
-        What went wrong, a line each: logs that were rejected, stages that failed.
-    notes : tuple of str
-        What to look at in a log that was used, a line each.
-    """
-
-    device: chain.Device
-    logs: dict
-    failures: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    device: chain.Device  # as the stages took it; its folder has the files of the contract
+    logs: dict  # where the log of each session came from: its path, or ``in memory``
+    failures: tuple[str, ...] = ()  # a line each: logs that were rejected, stages that failed
+    notes: tuple[str, ...] = ()  # a line each: what to look at in a log that was used
     # keeps a temporary folder as long as the result
     _folder: object = field(default=None, repr=False, compare=False)
 
@@ -136,8 +124,8 @@ class Result:
         return "\n".join(lines)
 
     def __repr__(self):
-        found = [f"{s} {r} {v}" for s, of in self.verdict.items() for r, v in of.items()]
-        return f"<Result of {self.device.name}: {', '.join(found)}>"
+        verdicts = [f"{s} {r} {v}" for s, of in self.verdict.items() for r, v in of.items()]
+        return f"<Result of {self.device.name}: {', '.join(verdicts)}>"
 
     def _repr_html_(self):
         return f"<pre>{escape(str(self))}</pre>"

@@ -10,8 +10,7 @@ from imuloop.core.effect import Effect
 from imuloop.core.memory import first_order_lag, in_pieces
 from imuloop.effects.axes import AXES
 from imuloop.effects.mechanics import WINDOW, vibration
-from imuloop.effects.temperature import lagged_rate
-from imuloop.effects.thermometer import ROOM, temperature
+from imuloop.effects.temperature import ROOM, lagged_rate, temperature
 
 # rad/s; faster is a turn
 TURNING = 0.15
