@@ -93,7 +93,7 @@ def test_an_update_of_a_package_that_is_used_reruns_the_job(digest, monkeypatch)
 def test_the_stages_depend_on_their_own_code_only(repository, tmp_path):
     """A change of the diagnosis reaches the diagnosis, not the stages before it."""
     shutil.copytree(repository / "workflow/lib/imuloop", tmp_path / "imuloop")
-    with open(tmp_path / "imuloop/effects/g_sensitivity.py", "a") as effect:
+    with open(tmp_path / "imuloop/effects/other_sensor.py", "a") as effect:
         effect.write("\nEXTRA = 1\n")
 
     def changed(stage):

@@ -133,7 +133,7 @@ def test_a_table_in_units_of_its_own_and_a_file_are_read_alike(log, path):
 
 
 def test_logs_of_every_kind_are_sessions_of_one_device(log, path, tmp_path, monkeypatch):
-    monkeypatch.setattr("imuloop.result.STAGES", ())
+    monkeypatch.setattr("imuloop.chain.stages", tuple)
     rest = log[log["t"] < 15]
     at_rest = (rest["t"], rest[FORCE], rest[TURN])
     how = {"static": at_rest, "six_position": path, "folder": tmp_path, "progress": False}

@@ -95,7 +95,7 @@ def test_delays_are_taken_out_by_samples_of_another_time(log, tmp_path, seconds)
         FittedEffect(delay, {"dtx": seconds, "dty": -seconds / 2}, {}),
     )
     # no range holds them: a knock beyond what was seen is as late as all else
-    fitted = [replace(one, seen=dict.fromkeys(one.values, (-1e-9, 1e-9))) for one in fitted]
+    fitted = [replace(one, ranges=dict.fromkeys(one.values, (-1e-9, 1e-9))) for one in fitted]
     for sensor, one in zip(("accelerometer", "gyroscope"), fitted, strict=True):
         made = replace(made, **{sensor: replace(getattr(made, sensor), effects=(one,))})
     assert apply_file(made, log, tmp_path / "out.parquet", 300) == {}
@@ -114,7 +114,7 @@ def test_samples_that_are_held_are_counted_once(log, tmp_path, rows):
         np.linspace(20.0, 30.0, 1000),
     )
     sensor = made.gyroscope
-    sensor = replace(sensor, effects=tuple(e.held_to([first]) for e in sensor.effects))
+    sensor = replace(sensor, effects=tuple(e.with_ranges([first]) for e in sensor.effects))
     held = apply_file(replace(made, gyroscope=sensor), log, tmp_path / "out.parquet", rows)
     assert set(held) == {("gyroscope", "bias_temperature"), ("gyroscope", "bias_drift")}
     assert held["gyroscope", "bias_drift"] == np.sum(table["t"] > table["t"][999])

@@ -134,7 +134,7 @@ def test_an_effect_is_held_to_what_its_data_showed(shape):
         run=whole.run[100:150],
     )
     free = replace(fitted(shape, 6), std=dict.fromkeys(shape.parameters, 0.5))
-    held = free.held_to([some])
+    held = free.with_ranges([some])
     # in the data nothing changes, and elsewhere no parameter adds more than it did there
     np.testing.assert_array_equal(held.output(some), free.output(some))
     if shape.name in NOT_HELD:
@@ -146,7 +146,7 @@ def test_an_effect_is_held_to_what_its_data_showed(shape):
     assert FittedEffect.from_dict(json.loads(json.dumps(held.to_dict()))) == held
     assert held.to_dict()["constants"] == asdict(shape)
     # data of more than one kind widen the range
-    wider = held.held_to([whole])
+    wider = held.with_ranges([whole])
     np.testing.assert_allclose(wider.output(whole), free.output(whole), atol=1e-12)
 
 

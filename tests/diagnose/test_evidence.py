@@ -8,9 +8,9 @@ from scipy.stats import f as f_distribution
 from diagnose.records import LENGTH, record, root, search
 from imuloop.diagnose.p_values import log_f_tail
 from imuloop.diagnose.records.slow_noise import ratios, unit_noise
-from imuloop.effects.bias_temperature import BiasTemperature
-from imuloop.effects.ramp import Ramp
+from imuloop.effects.drifts import Ramp
 from imuloop.effects.steps import Steps
+from imuloop.effects.temperature import BiasTemperature
 
 
 @pytest.mark.parametrize("held", [(), (3,), (2, 5), "one"])

@@ -13,11 +13,9 @@ from imuloop.core.noise_model import Coefficient
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.records.poses import PoseProblem
-from imuloop.effects.bias_drift import BiasDrift
-from imuloop.effects.bias_temperature import BiasTemperature
-from imuloop.effects.ramp import Ramp
+from imuloop.effects.drifts import BiasDrift, Ramp, WarmUp
 from imuloop.effects.sinusoid import Sinusoid
-from imuloop.effects.warm_up import WarmUp
+from imuloop.effects.temperature import BiasTemperature
 from seeds import least, seeds
 
 DRIFT = BiasDrift()

@@ -16,11 +16,9 @@ from imuloop.diagnose.records.means import (
     window_length,
 )
 from imuloop.diagnose.records.rests import rests_to_use
-from imuloop.effects.bias_temperature_rate import lagged_rate
-from imuloop.effects.reorientation import creep
-from imuloop.effects.thermal_hysteresis import branch
-from imuloop.effects.vibration_rectification import vibration
-from imuloop.effects.warm_up import settling
+from imuloop.effects.drifts import settling
+from imuloop.effects.mechanics import creep, vibration
+from imuloop.effects.temperature import branch, lagged_rate
 
 
 def calibration(scale=1.0):

@@ -17,7 +17,7 @@ from imuloop.core.units import DEGREE
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
 from imuloop.diagnose.records.pose_tables import moves_table, no_tables, poses_table
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.effects.g_sensitivity import GSensitivity
+from imuloop.effects.other_sensor import GSensitivity
 from imuloop.simulate.truth import example_truth
 
 RATE, G = 100.0, 9.8

@@ -18,7 +18,7 @@ from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, directions_w
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.effects.warm_up import WarmUp
+from imuloop.effects.drifts import WarmUp
 from imuloop.simulate.truth import example_truth
 
 GSensitivity = find_effect("g_sensitivity")

@@ -16,10 +16,10 @@ from imuloop.diagnose.records.slow_noise import hypotheses, prediction_errors, r
 from imuloop.diagnose.records.static import fitted_effects, fold_of, information
 from imuloop.diagnose.records.static_diagnosis import find
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.effects.bias_temperature import BiasTemperature
-from imuloop.effects.ramp import Ramp
+from imuloop.effects.drifts import Ramp
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps
+from imuloop.effects.temperature import BiasTemperature
 from seeds import seeds
 
 N, TESTS = 120, 26

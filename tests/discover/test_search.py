@@ -81,7 +81,7 @@ def test_the_formula_is_in_diagnosis_and_calibration(made):
     assert abs(value - SIZE) < 4 * effect["std"][key]
     assert effect["heldout_after"] < 0.6 * effect["heldout_before"]
     (fitted,) = made.calibration.accelerometer.effects
-    assert fitted.values == effect["parameters"] and set(fitted.seen) == {key}
+    assert fitted.values == effect["parameters"] and set(fitted.ranges) == {key}
     # by gravity with the formula; and what is consistent is not searched
     block = made.diagnosis["sensors"]["gyroscope"]["poses"]
     assert block["verdict"] == "consistent" and "discovered" not in block

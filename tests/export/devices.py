@@ -10,9 +10,8 @@ from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.units import DEGREE, RawUnit
-from imuloop.effects.bias_temperature import BiasTemperature
-from imuloop.effects.g_sensitivity import GSensitivity
-from imuloop.effects.scale_temperature import ScaleTemperature
+from imuloop.effects.other_sensor import GSensitivity
+from imuloop.effects.temperature import BiasTemperature, ScaleTemperature
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.exported import Exported
 
@@ -165,7 +164,7 @@ def narrow_device(board=None, accelerometer=(10.0, 30.0), gyroscope=(10.0, 30.0)
     f = 4.9 * np.sin(np.linspace(0, 6, n)[:, None] + np.arange(3))
     for name, ends in zip(SENSORS, (accelerometer, gyroscope), strict=True):
         seen = [Channels(np.zeros(n), f, f, np.linspace(*ends, n))]
-        effects = tuple(e.held_to(seen) for e in board.sensor(name).effects)
+        effects = tuple(e.with_ranges(seen) for e in board.sensor(name).effects)
         board = with_sensor(board, name, effects=effects)
     return board
 

@@ -20,7 +20,7 @@ from export.devices import (
 )
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import SENSORS
-from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.effects.temperature import BiasTemperature
 from imuloop.export.autopilots import ARDUPILOT, PX4
 from imuloop.simulate.reference import Beside, simulate_beside
 

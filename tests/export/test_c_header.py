@@ -73,7 +73,7 @@ def calibrated(tmp_path):
 def without_a_range_of_some(board):
     for name, lacking in (("accelerometer", {"c1y", "sTz"}), ("gyroscope", {"c2x", "G12"})):
         effects = tuple(
-            replace(e, seen={k: ends for k, ends in e.seen.items() if k not in lacking})
+            replace(e, ranges={k: ends for k, ends in e.ranges.items() if k not in lacking})
             for e in board.sensor(name).effects
         )
         board = with_sensor(board, name, effects=effects)
@@ -83,7 +83,7 @@ def without_a_range_of_some(board):
 def held_arms():
     t, w = np.arange(200) / 200, np.random.default_rng(1).uniform(-1.7, 1.7, (200, 3))
     board, seen = turning_device(), [Channels(t, w, w)]
-    effects = tuple(e.held_to(seen) for e in board.sensor("accelerometer").effects)
+    effects = tuple(e.with_ranges(seen) for e in board.sensor("accelerometer").effects)
     return turning_device(board, effects)
 
 

@@ -22,7 +22,7 @@ from export.devices import (
 )
 from imuloop.core.noise_model import Coefficient, GaussMarkovTerm
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
-from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.effects.temperature import BiasTemperature
 from imuloop.export.gnss_ins_sim import GNSS_INS_SIM
 from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR, MATLAB_PARAMETERS
 

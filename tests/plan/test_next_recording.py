@@ -18,7 +18,7 @@ from imuloop.core.samples import CHANNELS
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.diagnose.diagnose import Diagnosed
 from imuloop.diagnose.records.pose_diagnosis import PoseResult
-from imuloop.effects.bias_temperature import BiasTemperature
+from imuloop.effects.temperature import BiasTemperature
 from imuloop.plan.information import Information
 from imuloop.plan.next_recording import candidate_plans, directions_of, next_recording
 from imuloop.plan.session import FULL_TURN_S

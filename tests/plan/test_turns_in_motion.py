@@ -9,8 +9,7 @@ import pytest
 from calibrate.devices import recorded
 from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.core.effect import FittedEffect
-from imuloop.effects.lever_arm import LeverArm
-from imuloop.effects.rate_sensitivity import RateSensitivity
+from imuloop.effects.other_sensor import LeverArm, RateSensitivity
 from imuloop.plan.next_recording import next_recording
 from imuloop.plan.session import Plan, level_turns
 from imuloop.report.recording import turns_in_motion

@@ -20,7 +20,7 @@ from imuloop.core.segments import segment_table
 from imuloop.core.tables import write_table
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.pose_tables import no_tables
-from imuloop.effects.g_sensitivity import GSensitivity
+from imuloop.effects.other_sensor import GSensitivity
 from imuloop.export.export import write_exports
 from imuloop.noise.noise import no_noise
 from imuloop.report.verdict import UNTESTED

@@ -6,41 +6,33 @@ import pywt
 
 from imuloop.segment import wavelets
 from imuloop.segment.wavelets import (
-    DENSE,
     FINE,
+    SPACING,
     WAVELET,
     coarse_details,
     fine_details,
     pieces,
-    whole,
 )
 
 
 def coefficients(x, ranges, levels):
     """Return scale -> {first sample: coefficient} of samples of shape (k, n)."""
-    found, sequences = {}, []
-    for piece in pieces(ranges):
-        i, j, a, b, begin = piece
-        details, smooth = fine_details(x[:, begin:b], piece, FINE)
-        for width, (detail, first) in zip(FINE, details, strict=True):
-            low, high = whole(piece, width)
-            assert detail.shape[1] == high - low
-            found.setdefault(width, {}).update(each(detail, first, width))
-        if smooth is not None:
-            if a == i:
-                sequences.append((i, j, 0, []))
-            sequences[-1][3].append(smooth)
-    sequences = [(i, j, shift, np.hstack(parts)) for i, j, shift, parts in sequences]
-    for width in [2**level for level in range(6, levels + 1)]:
-        details, sequences = coarse_details(sequences, width)
-        found[width] = {}
-        for detail, first in details:
-            found[width].update(each(detail, first, width))
+    found, smooth = {2**level: {} for level in range(1, levels + 1)}, {}
+    for start, begin, end, before in pieces(ranges):
+        details, rest = fine_details(x[:, begin:end], before, len(FINE))
+        for width, (first, detail) in zip(FINE, details, strict=True):
+            found[width].update(each(detail, begin + first, width))
+        smooth.setdefault(start, []).append(rest)
+    for start, parts in smooth.items():
+        rest = np.hstack(parts)
+        for width in [2**level for level in range(6, levels + 1)]:
+            detail, rest = coarse_details(rest, width)
+            found[width].update(each(detail, start + 2, SPACING))
     return found
 
 
-def each(detail, first, width):
-    return {first + k * width: c for k, c in enumerate(detail.T)}
+def each(detail, first, step):
+    return {first + k * step: c for k, c in enumerate(detail.T)}
 
 
 @pytest.fixture(autouse=True)
@@ -52,7 +44,7 @@ def small(monkeypatch):
 def test_pieces_give_what_the_whole_gives(n):
     x = np.random.default_rng(n).normal(size=(2, n + 7))
     found, smooth, width = coefficients(x, [(7, n + 7)], 5), x[:, 7:], 1
-    while width < DENSE:
+    while width < SPACING:
         width *= 2
         if smooth.shape[1] < WAVELET.dec_len:
             assert not found[width]
@@ -86,8 +78,8 @@ def test_long_scales_are_dense_and_a_straight_drift_leaves_nothing():
     drift = np.linspace(0, 100, 2000) * np.arange(1, 7)[:, None]
     for width, found in coefficients(drift, [(0, 2000)], 8).items():
         np.testing.assert_allclose(list(found.values()), 0, atol=1e-8)
-        if width > DENSE:
+        if width > SPACING:
             # transformed at every shift by half of the scale below
             starts = np.sort(list(found))
-            assert np.all(np.diff(starts) == DENSE)
-            assert starts[0] < DENSE and 2000 - (starts[-1] + 3 * width - 2) < DENSE
+            assert np.all(np.diff(starts) == SPACING)
+            assert starts[0] < SPACING and 2000 - (starts[-1] + 3 * width - 2) < SPACING

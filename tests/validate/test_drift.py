@@ -15,7 +15,7 @@ from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit
-from imuloop.effects.g_sensitivity import GSensitivity
+from imuloop.effects.other_sensor import GSensitivity
 from imuloop.simulate.truth import Noise, example_truth
 from imuloop.validate.drift import check_drift, holm
 from imuloop.validate.new_bias import update_biases

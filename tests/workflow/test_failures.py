@@ -9,6 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from imuloop import chain
+from imuloop.report.report import write_report
 from quick import DRAW, blank
 
 STAGES = ("ingest", "segment", "noise", "calibrate", "diagnose", "allan", "export", "report_device")
@@ -41,7 +42,7 @@ def results(logs, tmp_path_factory):
             assert [failure.stage for failure in failures] == expected
     provenance = {"commit": "", "command": "", "config": {}, "versions": {}}
     folders = [folder / name for name in names]
-    chain.report(folders, provenance, folder / "report.html", folder / "comparison.csv")
+    write_report(folders, provenance, folder / "report.html", folder / "comparison.csv")
     return folder
 
 

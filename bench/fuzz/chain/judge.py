@@ -17,6 +17,7 @@ from imuloop.chain import Device
 from imuloop.config import resolve
 from imuloop.config_faults import config_faults
 from imuloop.core.errors import ImuloopError
+from imuloop.report.report import write_report
 
 DEVICE = "imu"
 SESSION = ("quality.json samples.parquet segments.parquet allan.parquet").split()
@@ -150,7 +151,7 @@ def run(declared, results):
         chain.ingest(device, name, session, [session["sources"]["log"]["path"]])
     chain.run(device)
     provenance = {"command": "fuzz", "commit": "not known", "config": {}}
-    chain.report(
+    write_report(
         [results / DEVICE], provenance, results / "report.html", results / "comparison.csv"
     )
     logging.getLogger().removeHandler(caught)

@@ -9,9 +9,13 @@ is that of its stage.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from imuloop.core.failure import attempt
+
+# the files of a session
+_TABLES = ("samples", "segments", "allan")
 
 
 @dataclass(frozen=True)
@@ -42,14 +46,8 @@ class Device:
     def sessions(self):
         """Kind and files of each session by its name."""
         return {
-            name: {
-                "kind": kind,
-                "quality": self.file(f"{name}/quality.json"),
-                **{
-                    table: self.file(f"{name}/{table}.parquet")
-                    for table in ("samples", "segments", "allan")
-                },
-            }
+            name: {"kind": kind, "quality": self.file(f"{name}/quality.json")}
+            | {table: self.file(f"{name}/{table}.parquet") for table in _TABLES}
             for name, kind in self.kinds.items()
         }
 
@@ -70,18 +68,8 @@ def ingest(device, session, declared, paths):
         "samples_path": files["samples"],
         "quality_path": files["quality"],
     }
-
-    def work():
-        ingest(
-            **what,
-            **declared,
-            paths=paths,
-            nominal=device.nominal,
-            full_scale=device.full_scale,
-            gravity=device.gravity,
-            threads=device.threads,
-        )
-
+    given = {key: getattr(device, key) for key in ("nominal", "full_scale", "gravity", "threads")}
+    work = partial(ingest, **what, **declared, paths=paths, **given)
     return attempt(device, "ingest", work, lambda *why: write_nothing(**what, why=why))
 
 
@@ -92,20 +80,18 @@ def segment(device):
     from imuloop.segment.segment import no_segments, segment_session
     from imuloop.segment.settings import SegmentSettings
 
-    settings, failures = SegmentSettings(**device.segment), []
-    for files in device.sessions.values():
+    settings = SegmentSettings(**device.segment)
 
-        def work(files=files):
-            samples = Samples(files["samples"])
-            found = segment_session(samples, files["kind"], settings, device.threads)
-            write_table(files["segments"], *found)
+    def work(files):
+        samples = Samples(files["samples"])
+        segments = segment_session(samples, files["kind"], settings, device.threads)
+        write_table(files["segments"], *segments)
 
-        def instead(reason, failed, files=files):
-            segments, metadata = no_segments(files["kind"])
-            write_table(files["segments"], segments, metadata | {"failed": failed})
+    def instead(files, reason, failed):
+        segments, metadata = no_segments(files["kind"])
+        write_table(files["segments"], segments, metadata | {"failed": failed})
 
-        failures += attempt(device, "segment", work, instead)
-    return failures
+    return _of_each_session(device, "segment", work, instead)
 
 
 def noise(device):
@@ -128,8 +114,7 @@ def noise(device):
             )
             for name, each in device.sessions.items()
         ]
-        settings = NoiseSettings(**device.noise)
-        write(estimate_noise(device.name, sessions, settings))
+        write(estimate_noise(device.name, sessions, NoiseSettings(**device.noise)))
 
     def instead(reason, failed):
         write(no_noise(device.name, device.kinds, reason), failed)
@@ -154,10 +139,7 @@ def calibrate(device):
     def work():
         calibrate_device(**what, noise=given, settings=CalibrateSettings(**device.calibrate))
 
-    def instead(*why):
-        write_nominal(**what, why=why)
-
-    return attempt(device, "calibrate", work, instead, [given])
+    return attempt(device, "calibrate", work, lambda *why: write_nominal(**what, why=why), [given])
 
 
 def diagnose(device):
@@ -222,20 +204,16 @@ def allan(device):
     """Write the Allan curves of each session, those as logged first, then the corrected."""
     from imuloop.core.tables import joined, read_session, write_table
 
-    def write(files, parts):
+    raw, corrected = (device.file(f"allan_{which}.parquet") for which in ("raw", "corrected"))
+
+    def work(files):
+        parts = [read_session(path, files["name"]) for path in (raw, corrected)]
         write_table(files["allan"], joined(parts))
 
-    failures, paths = [], [device.file(f"allan_{which}.parquet") for which in ("raw", "corrected")]
-    for name, files in device.sessions.items():
+    def instead(files, reason, failed):
+        write_table(files["allan"], read_session(raw, ""))
 
-        def work(name=name, files=files):
-            write(files, [read_session(path, name) for path in paths])
-
-        def instead(reason, failed, files=files):
-            write(files, [read_session(paths[0], "")])
-
-        failures += attempt(device, "allan", work, instead)
-    return failures
+    return _of_each_session(device, "allan", work, instead)
 
 
 def export(device):
@@ -249,13 +227,9 @@ def export(device):
     def work():
         calibration, noise_path = device.file("calibration.json"), device.file("noise.json")
         qualities = [files["quality"] for files in device.sessions.values()]
-        label = device.label or device.name
-        write_exports(
-            folder,
-            export_files(
-                read_exported(device.name, label, calibration, noise_path, qualities, given[2])
-            ),
-        )
+        names = device.name, device.label or device.name
+        exported = read_exported(*names, calibration, noise_path, qualities, given[2])
+        write_exports(folder, export_files(exported))
 
     def instead(reason, failed):
         line = one_line(f"No file for other tools of {device.name}: {reason}")
@@ -268,7 +242,7 @@ def report_device(device):
     """Write a device's part of the report, its page, its figures and its row of the comparison."""
     from imuloop.report.section import write_failed, write_section
 
-    given = (device.name, device.label or device.name, device.folder, device.kinds)
+    given = device.name, device.label or device.name, device.folder, device.kinds
     return attempt(
         device,
         "report_device",
@@ -277,14 +251,20 @@ def report_device(device):
     )
 
 
-def report(folders, provenance, report_path, comparison_path):
-    """Join the parts of devices to the report; see `imuloop.report.report.write_report`."""
-    from imuloop.report.report import write_report
-
-    write_report(folders, provenance, report_path, comparison_path)
+def stages():
+    """Return the stages that make results of what was ingested, in order."""
+    return segment, noise, calibrate, diagnose, allan
 
 
 def run(device):
     """Do all stages of a device that follow ingest; return what went wrong, in order."""
-    stages = (segment, noise, calibrate, diagnose, allan, export, report_device)
-    return [failure for stage in stages for failure in stage(device)]
+    return [failure for stage in (*stages(), export, report_device) for failure in stage(device)]
+
+
+def _of_each_session(device, stage, work, instead):
+    """Attempt a stage with the files of each session; return what went wrong."""
+    failures = []
+    for name, files in device.sessions.items():
+        files = files | {"name": name}
+        failures += attempt(device, stage, partial(work, files), partial(instead, files))
+    return failures

@@ -33,30 +33,16 @@ from imuloop.core.units import STANDARD_GRAVITY
 KINDS = ("multi_position", "six_position", "static")
 # where a log came from that was no file
 IN_MEMORY = "in memory"
-# what a result is made by; files for other tools and pages only when they are asked for
-STAGES = (chain.segment, chain.noise, chain.calibrate, chain.diagnose, chain.allan)
 
 
 @dataclass(frozen=True)
 class Result:
-    """What the chain found out about one device.
+    """What the chain found out about one device."""
 
-    Attributes
-    ----------
-    device : imuloop.chain.Device
-        The device as the stages took it; its folder has the files of the contract.
-    logs : dict of str to str
-        Where the log of each session came from: its path, or ``in memory``.
-    failures : tuple of str
-        What went wrong, a line each: logs that were rejected, stages that failed.
-    notes : tuple of str
-        What to look at in a log that was used, a line each.
-    """
-
-    device: chain.Device
-    logs: dict
-    failures: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    device: chain.Device  # as the stages took it; its folder has the files of the contract
+    logs: dict  # where the log of each session came from: its path, or ``in memory``
+    failures: tuple[str, ...] = ()  # a line each: logs that were rejected, stages that failed
+    notes: tuple[str, ...] = ()  # a line each: what to look at in a log that was used
     # keeps a temporary folder as long as the result
     _folder: object = field(default=None, repr=False, compare=False)
 
@@ -98,6 +84,7 @@ class Result:
         Results that are kept are `linked`, relative to it.
         """
         from imuloop.report.provenance import provenance
+        from imuloop.report.report import write_report
 
         path, folder = Path(path), self.device.folder
         self._done(chain.export)
@@ -105,7 +92,7 @@ class Result:
         sessions = {n: {"kind": k, "log": self.logs[n]} for n, k in self.device.kinds.items()}
         config = {"gravity": self.device.gravity, "sessions": sessions}
         made_by = provenance(Path(imuloop.__file__).parents[3], command, config)
-        chain.report([folder], made_by, path, folder / "comparison.csv")
+        write_report([folder], made_by, path, folder / "comparison.csv")
         kept = self._folder is None and linked
         _link(path, self.device.name, os.path.relpath(folder, path.parent) if kept else None)
         return path
@@ -113,11 +100,12 @@ class Result:
     def export(self, folder) -> list:
         """Write the calibration for other tools into a folder; return the paths."""
         self._done(chain.export)
-        own = self.device.file("exports")
         Path(folder).mkdir(parents=True, exist_ok=True)
-        targets = [Path(folder) / source.name for source in sorted(own.iterdir())]
-        for target in targets:
-            target.write_bytes((own / target.name).read_bytes())
+        sources = sorted(self.device.file("exports").iterdir())
+        targets = [Path(folder) / source.name for source in sources]
+        for source, target in zip(sources, targets, strict=True):
+            # it may be the same file
+            target.write_bytes(source.read_bytes())
         return targets
 
     def _done(self, stage):
@@ -136,8 +124,8 @@ class Result:
         return "\n".join(lines)
 
     def __repr__(self):
-        found = [f"{s} {r} {v}" for s, of in self.verdict.items() for r, v in of.items()]
-        return f"<Result of {self.device.name}: {', '.join(found)}>"
+        verdicts = [f"{s} {r} {v}" for s, of in self.verdict.items() for r, v in of.items()]
+        return f"<Result of {self.device.name}: {', '.join(verdicts)}>"
 
     def _repr_html_(self):
         return f"<pre>{escape(str(self))}</pre>"
@@ -200,13 +188,9 @@ def calibrate(
     ImuloopError
         If a log does not exist, or is not as declared.
     """
-    first = (t, acceleration, angular_rate, temperature)
-    given = {
-        "multi_position": [first] if acceleration is not None else _several(t),
-        "six_position": _several(six_position),
-        "static": _several(static),
-    }
-    logs = {f"{kind}_{i + 1}": log for kind in given for i, log in enumerate(given[kind])}
+    poses = _several(t) if acceleration is None else [(t, acceleration, angular_rate, temperature)]
+    given = zip(KINDS, (poses, _several(six_position), _several(static)), strict=True)
+    logs = {f"{kind}_{i + 1}": log for kind, each in given for i, log in enumerate(each)}
     kept = folder or tempfile.TemporaryDirectory(prefix="imuloop-")
     device = chain.Device(
         name,
@@ -219,20 +203,16 @@ def calibrate(
         threads=threads,
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
-    declared = {
-        "format": format,
-        "columns": dict(columns or {}),
-        "units": dict(units or {}),
-        "rate": rate,
-    }
+    declared = {"format": format, "rate": rate}
+    declared |= {"columns": dict(columns or {}), "units": dict(units or {})}
     failures, notes = [], []
-    with tqdm(total=len(logs) + len(STAGES), disable=not progress, leave=False) as bar:
+    with tqdm(total=len(logs) + len(chain.stages()), disable=not progress, leave=False) as bar:
         for session, log in logs.items():
             bar.set_description(f"ingest {session}")
             wrong, look = _ingested(device, session, log, declared)
             failures, notes = failures + wrong, notes + look
             bar.update()
-        for stage in STAGES:
+        for stage in chain.stages():
             bar.set_description(stage.__name__)
             failures += map(str, stage(device))
             bar.update()
@@ -295,10 +275,9 @@ def _basis(sensor):
 
 
 def _several(logs):
-    """Return a list of logs, of one too."""
-    if isinstance(logs, list) or (isinstance(logs, tuple) and not logs):
-        return list(logs)
-    return [logs]
+    """Return a list of logs, of one too: a tuple of arrays."""
+    is_list = isinstance(logs, list) or (isinstance(logs, tuple) and not logs)
+    return list(logs) if is_list else [logs]
 
 
 def _ingested(device, session, log, declared):

@@ -6,7 +6,7 @@ from pathlib import Path
 from imuloop import Calibration
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import add_arguments, log_samples, refuse_rejected
-from imuloop.core.errors import ImuloopError, one_line, plural
+from imuloop.core.errors import one_line, plural
 from imuloop.core.files import refuse_overwriting
 
 EXAMPLE = """example:
@@ -38,8 +38,8 @@ def run(arguments):
     """Write the calibrated samples of a log."""
     calibration, output = Calibration.from_json(arguments.calibration), arguments.output
     # before the log is read, which may take long
-    if not (arguments.nominal or calibration.measured):
-        raise ImuloopError(f"{arguments.calibration}: {calibration.nominal_words()}")
+    if not arguments.nominal:
+        calibration.refuse_nominal(arguments.calibration)
     beside = arguments.log.with_name("quality.json")
     refuse_overwriting([output], [arguments.calibration, arguments.log, beside])
     output.parent.mkdir(parents=True, exist_ok=True)

@@ -33,39 +33,34 @@ _ROUNDING = 1e-6
 
 def content_fault(content):
     """Return what of a calibration's JSON, a dict, is not as its schema has it, or None."""
-    error = next(
-        Draft202012Validator(yaml.safe_load(SCHEMA.read_text())).iter_errors(content), None
-    )
-    if error is None:
+    validator = Draft202012Validator(yaml.safe_load(SCHEMA.read_text()))
+    if error := next(validator.iter_errors(content), None):
+        key, text = ".".join(map(str, error.absolute_path)), error.message
+        if len(text) > _SHOWN:
+            text = f"{text[: _SHOWN // 2]} … {text[-_SHOWN // 2 :]}"
+        return f"{key}: {text}" if key else text
+    try:
         # a number of more digits than a double holds becomes infinite
-        numbers = json.loads(json.dumps(content), parse_int=float)
-        return None if _finite(numbers) else "a number is not finite"
-    key, text = ".".join(map(str, error.absolute_path)), error.message
-    if len(text) > _SHOWN:
-        text = f"{text[: _SHOWN // 2]} … {text[-_SHOWN // 2 :]}"
-    return f"{key}: {text}" if key else text
-
-
-def _finite(value):
-    if isinstance(value, (dict, list)):
-        return all(map(_finite, value.values() if isinstance(value, dict) else value))
-    return not isinstance(value, float) or math.isfinite(value)
+        json.dumps(json.loads(json.dumps(content), parse_int=float), allow_nan=False)
+    except ValueError:
+        return "a number is not finite"
+    return None
 
 
 def sensor_fault(calibration, sensor):
     """Return why a SensorCalibration can be none of a sensor, in a line; None if it can."""
-    return next(_faults(calibration, sensor), None)
+    faults = _base_faults, _effect_faults, _covariance_faults
+    return next((fault for each in faults for fault in each(calibration, sensor)), None)
 
 
-def _faults(calibration, sensor):
+def _base_faults(calibration, sensor):
     T, K, b, unit = calibration.T, calibration.K, calibration.b, calibration.raw_unit
-    for name, values, shape in (("T", T, (3, 3)), ("K", K, (3,)), ("b", b, (3,))):
-        if values.shape != shape or not np.isfinite(values).all():
-            yield f"{name} is not {' × '.join(map(str, shape))} finite numbers"
+    for name, values in (("T", T), ("K", K), ("b", b)):
+        if not np.isfinite(values).all():
+            yield f"{name} is no finite number on each axis"
+    nominal = {"scale": unit.scale, "offset": unit.offset}
     try:
-        known = raw_unit(
-            _QUANTITIES[sensor], unit.name, {"scale": unit.scale, "offset": unit.offset}
-        )
+        known = raw_unit(_QUANTITIES[sensor], unit.name, nominal)
     except ImuloopError as error:
         yield str(error)
     if known.name != unit.name:
@@ -90,13 +85,11 @@ def _faults(calibration, sensor):
         yield "T is not upper triangular: the accelerometer's axes define the body's"
     if np.abs(T).max() > _FURTHEST or not np.linalg.cond(T) <= _FURTHEST:
         yield "T is singular or nearly so: two of its axes are one"
-    yield from _effect_faults(calibration.effects, sensor)
-    yield from _covariance_faults(calibration, sensor)
 
 
-def _effect_faults(effects, sensor):
-    names = [effect.name for effect in effects]
-    for effect in effects:
+def _effect_faults(calibration, sensor):
+    names = [effect.name for effect in calibration.effects]
+    for effect in calibration.effects:
         if sensor not in effect.effect.sensors:
             yield f"{effect.name} is no effect of the {sensor}"
         if type(effect.effect).design is Effect.design:
@@ -109,30 +102,28 @@ def _effect_faults(effects, sensor):
 
 
 def _covariance_faults(calibration, sensor):
-    names, matrix = calibration.names, calibration.covariance
-    matrix = np.zeros((0, 0)) if matrix is None else matrix
+    names, unit = calibration.names, calibration.raw_unit
+    matrix = np.zeros((0, 0)) if calibration.covariance is None else calibration.covariance
     known = {f"{effect.name}.{key}" for effect in calibration.effects for key in effect.values}
     known |= _SCALES | (_UPPER if sensor == "accelerometer" else _ANGLES)
     if unknown := set(names) - known:
         yield f"covariance: '{min(unknown)}' is no parameter"
-    if len(set(names)) < len(names):
-        yield "covariance: a name is there twice"
     if matrix.shape != (len(names), len(names)):
         yield f"covariance: {len(names)} names, but a matrix of the shape {matrix.shape}"
+    if not names:
+        return
     variance = np.diag(matrix)
     if not (np.isfinite(matrix).all() and (variance >= 0).all()):
         yield "covariance: a variance is below zero, or no finite number"
-    if not names:
-        return
-    # in units of the standard errors; what was held has none
-    held = variance == 0
-    std = np.sqrt(np.where(held, 1.0, variance))
-    units = {"K": 1 / calibration.raw_unit.scale, "b": calibration.raw_unit.scale}
+    # in units of the standard errors; what was fixed has none
+    fixed = variance == 0
+    std = np.sqrt(np.where(fixed, 1.0, variance))
+    units = {"K": 1 / unit.scale, "b": unit.scale}
     for name, size in zip(names, std.tolist(), strict=True):
         if size * units.get(name[0] if name in _SCALES else "", 1.0) > _LARGEST:
             yield f"covariance: the standard error {size:.4g} of {name} is of no sensor"
     with np.errstate(over="ignore"):
         share = matrix / std / std[:, None]
-    symmetric = np.abs(share - share.T).max() <= _ROUNDING and not share[held].any()
+    symmetric = np.abs(share - share.T).max() <= _ROUNDING and not share[fixed].any()
     if not symmetric or np.linalg.eigvalsh(share)[0] < -_ROUNDING:
         yield "covariance: the matrix is not symmetric and positive semi-definite"

@@ -17,58 +17,28 @@ _OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 @dataclass(frozen=True)
 class Channels:
-    """What an effect may depend on, at n points: samples, or poses.
+    """What an effect may depend on, at n points: samples, or poses."""
 
-    Attributes
-    ----------
-    t : ndarray, shape (n,)
-        Time since the start of the log, s.
-    output : ndarray, shape (n, 3)
-        The sensor's own output ``K (raw - b)``, SI, on its own axes.
-    other : ndarray, shape (n, 3)
-        The other sensor's output, SI.
-    temperature : ndarray, shape (n,), or None
-        Temperature, degC; None where it was not logged.
-    history : callable, or None
-        See `remembered`; None where the points are samples.
-    past : dict, or None
-        What functions that remember have kept of the log so far, where it comes in pieces one
-        after the other; None where the points are the whole log.
-    step : float, or None
-        Median step of the whole log, s, where it comes in pieces.
-    run : ndarray of int, shape (n,), or None
-        Which of the runs of the data, 0, 1, ..., each point lies in; None in a run of its own.
-    held : dict, or None
-        Takes, by name of an effect, at which points it was held to its range.
-    """
-
-    t: np.ndarray
-    output: np.ndarray
-    other: np.ndarray
-    temperature: np.ndarray | None = None
-    history: Callable | None = None
+    t: np.ndarray  # (n,): time since the start of the log, s
+    output: np.ndarray  # (n, 3): the sensor's own output ``K (raw - b)``, SI, on its own axes
+    other: np.ndarray  # (n, 3): the other sensor's output, SI
+    temperature: np.ndarray | None = None  # (n,): degC; None where it was not logged
+    history: Callable | None = None  # see `remembered`; None where the points are samples
+    # of a log that comes in pieces: what functions that remember have kept of it so far
     past: dict | None = None
-    step: float | None = None
+    step: float | None = None  # of a log that comes in pieces: median step of the whole, s
+    # (n,): which of the runs of the data, 0, 1, ..., each point lies in; None in a run of its own
     run: np.ndarray | None = None
-    held: dict | None = None
+    # takes, by name of an effect, at which points it was clamped to its range
+    clamped: dict | None = None
 
     def remembered(self, function, *constants):
         """Return what depends on the past of the log, at these points, shape (n, …).
 
-        Parameters
-        ----------
-        function : callable
-            Takes the Channels of a whole log and the constants; gives an array whose first axis is
-            the log's samples; at a pose their mean over it is taken. Of a log in pieces it gets a
-            piece after the other if it is marked as `imuloop.core.memory.in_pieces`, with a dict of
-            its own as `past`: empty at the first.
-        *constants : hashable
-            Constants of the function.
-
-        Raises
-        ------
-        ImuloopError
-            If the log comes in pieces, and the function is not marked for them.
+        The function takes the Channels of a whole log and constants, and gives an array whose first
+        axis is the log's samples; at a pose their mean over it is taken. Of a log in pieces it gets
+        a piece after the other, with a dict of its own as `past`, empty at the first; an
+        ImuloopError if it is not marked for that as `imuloop.core.memory.in_pieces`.
         """
         if self.history is not None:
             return self.history(function, *constants)
@@ -89,50 +59,29 @@ class Effect:
     model ``x = T (K (raw - b) - e)``. D, its derivative, is what a subclass gives. Constants that D
     does not depend on linearly (a time constant, an order) are fields of the subclass, then a
     frozen dataclass: an instance is one shape of the effect.
-
-    Attributes
-    ----------
-    name : str
-        Name of the effect, as in results.
-    sensors : tuple of str
-        The sensors that can have it: both if not said.
-    parameters : dict of str to str
-        Names of the parameters and their SI units; ``output`` in a unit is that of the sensor.
-    equation, reference : str
-        What the effect adds, and where it is described.
-    needs : tuple of str
-        Channels without which it cannot be seen: ``temperature``, ``run``.
-    records : tuple of str
-        The data in which it is looked for: ``poses``, ``static_record``, ``motion``, ``reference``.
-    unobservable : str or None
-        Why other data than its `records` cannot show it, if so.
-    limit : float
-        Largest size of a parameter that is physically possible, SI.
-    timed : bool
-        Whether it depends on the time since the start of the log, or on what was before.
-    reach : float
-        How far about a point the effect looks, s; what it remembers besides is in `Channels.past`.
-    lasting : bool
-        Whether a device that had it in one record has it in the next.
-    hidden_by : tuple of str
-        Effects without which its own can look like none, as theirs without it.
-    bounds : dict of str to (float, float)
-        Least and largest value of a constant, where not any number will do.
     """
 
-    name: ClassVar[str]
+    name: ClassVar[str]  # as in results
+    # the sensors that can have it
     sensors: ClassVar[tuple[str, ...]] = ("accelerometer", "gyroscope")
+    # names of the parameters and their SI units; ``output`` in a unit is that of the sensor
     parameters: ClassVar[dict[str, str]]
-    equation: ClassVar[str]
-    reference: ClassVar[str]
+    equation: ClassVar[str]  # what it adds
+    reference: ClassVar[str]  # where it is described
+    # channels without which it cannot be seen: ``temperature``, ``run``
     needs: ClassVar[tuple[str, ...]] = ()
+    # data in which it is looked for: ``poses``, ``static_record``, ``motion``, ``reference``
     records: ClassVar[tuple[str, ...]] = ("poses", "static_record")
-    unobservable: ClassVar[str | None] = None
-    limit: ClassVar[float] = np.inf
+    unobservable: ClassVar[str | None] = None  # why other data cannot show it, if so
+    limit: ClassVar[float] = np.inf  # largest size of a parameter that is physically possible, SI
+    # whether it depends on the time since the start of the log, or on what was before
     timed: ClassVar[bool] = False
+    # how far about a point it looks, s; what it remembers besides is in `Channels.past`
     reach: ClassVar[float] = 0.0
-    lasting: ClassVar[bool] = True
+    lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
+    # effects without which it can look like none, as they without it
     hidden_by: ClassVar[tuple[str, ...]] = ()
+    # least and largest value of a constant, where not any number will do
     bounds: ClassVar[dict[str, tuple[float, float]]] = {"tau": (1e-3, 1e7)}
 
     library: ClassVar[dict[str, type]] = {}
@@ -151,8 +100,8 @@ class Effect:
         """Return the derivative of means over windows, (n, 2) s, of a session, (n, 3, p)."""
         return self.design(channels)
 
-    def held(self, design, low, high):
-        """Return a derivative, shape (n, 3, p), held to the ranges of its parameters, (p,) each."""
+    def clamped(self, design, low, high):
+        """Return a derivative, (n, 3, p), clamped to the ranges of its parameters, (p,) each."""
         # a parameter that an axis does not have is zero there
         return np.where(design == 0, 0.0, np.clip(design, low, high))
 
@@ -176,9 +125,8 @@ class Effect:
 
     def units(self, sensor):
         """Return the SI unit of each parameter for a sensor."""
-        return {
-            name: unit.replace("output", _OUTPUT[sensor]) for name, unit in self.parameters.items()
-        }
+        output = _OUTPUT[sensor]
+        return {name: unit.replace("output", output) for name, unit in self.parameters.items()}
 
     def design(self, channels):
         """Return D, the derivative of `e` to the parameters at n points, SI, shape (n, 3, p)."""
@@ -210,23 +158,14 @@ def effect_design(effects, channels, values=()):
 
 @dataclass(frozen=True)
 class FittedEffect:
-    """An effect with the values of its parameters.
+    """An effect with the values of its parameters."""
 
-    Attributes
-    ----------
-    effect : Effect
-        The effect, with its constants.
-    values, std : dict of str to float
-        Parameters and their standard errors, SI.
-    seen : dict of str to (float, float)
-        Least and largest value that the derivative of each parameter had in the data that show the
-        effect, SI; it is held to them. Empty for an effect that acts everywhere.
-    """
-
-    effect: Effect
-    values: dict
-    std: dict
-    seen: dict = field(default_factory=dict)
+    effect: Effect  # with its constants
+    values: dict  # parameters by name, SI
+    std: dict  # their standard errors, SI
+    # least and largest value that the derivative of each parameter had in the data that show the
+    # effect, SI; it is clamped to them. Empty for an effect that acts everywhere
+    ranges: dict = field(default_factory=dict)
 
     @property
     def name(self):
@@ -241,32 +180,31 @@ class FittedEffect:
     def output(self, channels):
         """Return what the effect adds to the sensor's output, shape (n, 3), SI."""
         design = self.effect.design_at(channels, self.vector)
-        if self.seen:
-            low, high = np.transpose(
-                [self.seen.get(name, (-np.inf, np.inf)) for name in self.effect.parameters]
-            )
-            held = self.effect.held(design, low, high)
-            if channels.held is not None:
-                channels.held[self.name] = np.any(held != design, axis=(1, 2))
-            design = held
+        if self.ranges:
+            anything = (-np.inf, np.inf)
+            ends = [self.ranges.get(name, anything) for name in self.effect.parameters]
+            clamped = self.effect.clamped(design, *np.transpose(ends))
+            if channels.clamped is not None:
+                channels.clamped[self.name] = np.any(clamped != design, axis=(1, 2))
+            design = clamped
         return design @ self.vector
 
-    def held_to(self, channels):
-        """Return the same, held to what its derivative is in data that show it, Channels each."""
+    def with_ranges(self, channels):
+        """Return the same with the ranges of its derivative in data that show it, Channels each."""
         parts = [self.effect.design_at(each, self.vector) for each in channels]
-        seen = dict(self.seen)
+        ranges = dict(self.ranges)
         for k, name in enumerate(self.effect.parameters):
-            found = np.concatenate([np.zeros(0), *(d[:, :, k].ravel() for d in parts)])
-            found = found[found != 0]
-            if len(found):
-                seen[name] = (float(found.min()), float(found.max()))
-        return replace(self, seen=seen)
+            design = np.concatenate([np.zeros(0), *(part[:, :, k].ravel() for part in parts)])
+            if design.any():
+                design = design[design != 0]
+                ranges[name] = float(design.min()), float(design.max())
+        return replace(self, ranges=ranges)
 
     def to_dict(self):
         """Return what a JSON file holds of the effect."""
         content = {"name": self.name, "constants": self.effect.constants}
         content |= {"parameters": self.values, "std": self.std}
-        return content | ({"range": self.seen} if self.seen else {})
+        return content | ({"range": self.ranges} if self.ranges else {})
 
     @classmethod
     def from_dict(cls, content):
@@ -281,17 +219,15 @@ class FittedEffect:
             raise ImuloopError(f"effect {name}: its parameters are {', '.join(effect.parameters)}")
         values = {key: float(content["parameters"][key]) for key in effect.parameters}
         std = dict(content.get("std", {}))
-        seen = {key: tuple(map(float, ends)) for key, ends in content.get("range", {}).items()}
-        for what, of in (("std", std), ("range", seen)):
-            if not set(of) <= set(values):
-                raise ImuloopError(f"effect {name}: {what} of what is no parameter of it")
+        ranges = {key: tuple(map(float, ends)) for key, ends in content.get("range", {}).items()}
+        if not {*ranges, *std} <= {*values}:
+            raise ImuloopError(f"effect {name}: range or std of what is no parameter of it")
         if not np.isfinite([*values.values(), *std.values()]).all():
             raise ImuloopError(f"effect {name}: a parameter or its std is no finite number")
-        if not all(
-            len(ends) == 2 and -np.inf < ends[0] <= ends[1] < np.inf for ends in seen.values()
-        ):
-            raise ImuloopError(f"effect {name}: range is no least and largest value")
-        return cls(effect, values, std, seen)
+        for ends in ranges.values():
+            if not (len(ends) == 2 and -np.inf < ends[0] <= ends[1] < np.inf):
+                raise ImuloopError(f"effect {name}: range is no least and largest value")
+        return cls(effect, values, std, ranges)
 
 
 def _check_constants(effect):

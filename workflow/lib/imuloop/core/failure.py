@@ -34,11 +34,7 @@ def attempt(device, stage, work, instead, before=()):
     ``work()`` writes the stage's results; ``instead(reason, failed)`` writes some that say why
     there are none, with the content of their key of that name, None where a stage before failed, as
     one of the JSON results `before` may say. Gives the Failures, empty where nothing went wrong.
-
-    Raises
-    ------
-    MachineFault, MemoryError, OSError
-        If the machine lacks room, rights or memory.
+    What the machine lacks, room, rights or memory, is raised.
     """
     for path in before:
         if earlier := read_json(path).get("failed"):
@@ -63,11 +59,12 @@ def attempt(device, stage, work, instead, before=()):
 
 def read_failures(folder, sessions):
     """Return the failures of a device's stages, (name of a session or None, Failure), in order."""
-    folder, found = Path(folder), []
+    contents = []
     for name in sessions:
-        found.append((name, read_json(folder / name / "quality.json").get("failed")))
-        found.append((name, read_metadata(folder / name / "segments.parquet").get("failed")))
+        contents.append((name, read_json(Path(folder, name, "quality.json"))))
+        contents.append((name, read_metadata(Path(folder, name, "segments.parquet"))))
     for name in ("noise", "multi_position", "diagnosis", "exports"):
-        path = folder / f"{name}.json"
-        found.append((None, read_json(path).get("failed") if path.exists() else None))
-    return [(name, Failure(**each)) for name, each in found if each]
+        if (path := Path(folder, f"{name}.json")).exists():
+            contents.append((None, read_json(path)))
+    failed = [(name, content.get("failed")) for name, content in contents]
+    return [(name, Failure(**each)) for name, each in failed if each]

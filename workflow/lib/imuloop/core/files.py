@@ -23,12 +23,8 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 def replaced(path):
     """Give a temporary path beside `path` that takes its place when the block succeeds.
 
-    It is removed if the block raises, after a kill by the next writer.
-
-    Raises
-    ------
-    MachineFault
-        If the disk is full.
+    It is removed if the block raises, after a kill by the next writer. A MachineFault if the disk
+    is full.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -67,32 +63,32 @@ def refuse_overwriting(targets, sources):
 
     The ImuloopError names both.
     """
-    read = {which: each for source in sources for each, which in _files_at(source)}
+    read = {key: each for source in sources for key, each in _files_at(source).items()}
     for target in targets:
-        for each, which in _files_at(target):
-            if which in read:
+        for key, each in _files_at(target).items():
+            if key in read:
                 same = f" ({each} is the same file)" if str(each) != str(target) else ""
                 raise ImuloopError(
-                    f"{target}: writing there would destroy {read[which]}, which is read: "
+                    f"{target}: writing there would destroy {read[key]}, which is read: "
                     f"give another name{same}"
                 )
 
 
 def _files_at(path):
-    """Yield each file at a path, of a folder all below, with what tells files apart."""
-    found, seen = [Path(path)], set()
-    while found:
-        each = found.pop()
+    """Return each file at a path, of a folder all below, by what tells files apart."""
+    files, folders, waiting = {}, set(), [Path(path)]
+    for each in waiting:
         # what is not there, or may not be looked into, cannot be read either
         with suppress(OSError):
             state = each.stat()
-            which = state.st_dev, state.st_ino
+            key = state.st_dev, state.st_ino
             if not each.is_dir():
-                yield each, which
-            elif which not in seen:
+                files[key] = each
+            elif key not in folders:
                 # a link may lead back up
-                seen.add(which)
-                found += each.iterdir()
+                folders.add(key)
+                waiting += each.iterdir()
+    return files
 
 
 def plain(value):
@@ -119,13 +115,8 @@ def write_json(path, content):
 def read_json(path, most=None):
     """Return the content of a JSON file of at most so many bytes.
 
-    Raises
-    ------
-    ImuloopError
-        If it is no regular file, is larger, or is no JSON: no UTF-8, nested too deep, with a key
-        given twice or NaN.
-    FileNotFoundError
-        If it is not there.
+    An ImuloopError if it is no regular file, is larger, or is no JSON: no UTF-8, nested too deep,
+    with a key given twice or NaN; a FileNotFoundError if it is not there.
     """
     path = Path(path)
     size = path.stat().st_size
@@ -143,11 +134,11 @@ def read_json(path, most=None):
 
 
 def _object(pairs):
-    content = dict(pairs)
-    if len(content) < len(pairs):
-        names = [name for name, _ in pairs]
-        twice = next(name for name in names if names.count(name) > 1)
-        raise ValueError(f"the key '{twice}' is given twice")
+    content = {}
+    for name, value in pairs:
+        if name in content:
+            raise ValueError(f"the key '{name}' is given twice")
+        content[name] = value
     return content
 
 

@@ -94,26 +94,17 @@ def first_order_lag(t, values, tau, past=None):
 def play(values, half_width, t=None, past=None):
     """Return the play operator: what is dragged along by walls `half_width` to either side.
 
-    ``p₁ = min(max(p₀, x - w), x + w)``, p = x at the start. Each step is a clamp between two
-    walls, and clamps after clamps are a clamp again, so that all are found by doubling. Time and
-    `past` are as of `first_order_lag`.
+    ``p₁ = min(max(p₀, x - w), x + w)``, p = x at the start. Time and `past` are as of
+    `first_order_lag`.
 
     References
     ----------
     M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996.
     """
-    low, high = values - half_width, values + half_width
-    step = 1
-    while step < len(values):
-        walls = low[step:], high[step:]
-        earlier = np.clip(low[:-step], *walls), np.clip(high[:-step], *walls)
-        low, high = (
-            np.concatenate([kept[:step], new])
-            for kept, new in zip((low, high), earlier, strict=True)
-        )
-        step *= 2
     last = _before(past, t)
-    p = np.clip(values[:1] if last is None else past["p"][last], low, high)
+    at = next(iter(values[:1] if last is None else past["p"][last:]), 0.0)
+    walls = zip((values - half_width).tolist(), (values + half_width).tolist(), strict=True)
+    p = np.array([at := min(max(at, low), high) for low, high in walls])
     if past is not None:
         past.update(t=t, p=p)
     return p

@@ -10,8 +10,7 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
 from imuloop.core.pieces import apply_file
 from imuloop.core.samples import (
-    ACCELERATION,
-    ANGULAR_RATE,
+    CHANNELS,
     METADATA_KEY,
     SENSORS,
     TEMPERATURE,
@@ -31,47 +30,27 @@ UNEXPLAINED = (
 )
 
 
+# what a file says of a sensor as it is
+_WORDS = ("method", "not_testable", "reduced_chi2", "verdict")
+
+
 @dataclass(frozen=True)
 class SensorCalibration:
-    """The calibration of one sensor, ``x = T (K (raw - b) - e)``.
+    """The calibration of one sensor, ``x = T (K (raw - b) - e)``."""
 
-    Attributes
-    ----------
-    raw_unit : RawUnit
-        Unit of `raw` and b.
-    T : ndarray, shape (3, 3)
-        Misalignment, unit diagonal; upper triangular for an accelerometer.
-    K : ndarray, shape (3,)
-        Scale factor, SI per raw unit.
-    b : ndarray, shape (3,)
-        Bias, raw units.
-    names : tuple of str
-        The parameters that were estimated: ``T01``, …, ``K0``, …, ``b0``, … and an effect's.
-    covariance : ndarray, shape (p, p)
-        Their covariance, in the parameters' own units.
-    effects : tuple of FittedEffect
-        What adds up to e, SI, on the sensor's own axes.
-    method : {'multi_position', 'six_position', 'static', 'nominal'}
-        What the parameters come from.
-    not_testable : str or None
-        Why the data do not determine the full model.
-    reduced_chi2 : float or None
-        Of the fit, against the noise model.
-    verdict : str or None
-        The worst in diagnosis.json of the records that the parameters and effects come from; None
-        where it was not diagnosed.
-    """
-
-    raw_unit: RawUnit
-    T: np.ndarray
-    K: np.ndarray
-    b: np.ndarray
+    raw_unit: RawUnit  # of `raw` and b
+    T: np.ndarray  # (3, 3): misalignment, unit diagonal; upper triangular for an accelerometer
+    K: np.ndarray  # (3,): scale factor, SI per raw unit
+    b: np.ndarray  # (3,): bias, raw units
+    # the p parameters that were estimated: ``T01``, …, ``K0``, …, ``b0``, … and an effect's
     names: tuple[str, ...] = ()
-    covariance: np.ndarray | None = None
-    effects: tuple[FittedEffect, ...] = ()
-    method: str = "nominal"
-    not_testable: str | None = None
-    reduced_chi2: float | None = None
+    covariance: np.ndarray | None = None  # (p, p): in the parameters' own units
+    effects: tuple[FittedEffect, ...] = ()  # what adds up to e, SI, on the sensor's own axes
+    method: str = "nominal"  # what the parameters come from, as `multi_position`
+    not_testable: str | None = None  # why the data do not determine the full model
+    reduced_chi2: float | None = None  # of the fit, against the noise model
+    # the worst in diagnosis.json of the records that the parameters and effects come from; None
+    # where it was not diagnosed
     verdict: str | None = None
 
     @classmethod
@@ -83,8 +62,8 @@ class SensorCalibration:
     @property
     def measured(self):
         """Whether anything in it was measured, so that it is not what the data sheet promises."""
-        own, promised = ((s.T, s.K, s.b) for s in (self, self.nominal(self.raw_unit, None)))
-        same = all(map(np.array_equal, own, promised))
+        promised = self.nominal(self.raw_unit, None)
+        same = all(np.array_equal(getattr(self, x), getattr(promised, x)) for x in "TKb")
         return self.method != "nominal" or bool(self.effects) or not same
 
     @property
@@ -124,10 +103,7 @@ class SensorCalibration:
             "raw_unit": self.raw_unit.name,
             "raw_scale": self.raw_unit.scale,
             "raw_offset": self.raw_unit.offset,
-            "method": self.method,
-            "not_testable": self.not_testable,
-            "reduced_chi2": self.reduced_chi2,
-            "verdict": self.verdict,
+            **{key: getattr(self, key) for key in _WORDS},
             "T": self.T,
             "K": self.K,
             "b": self.b,
@@ -138,45 +114,31 @@ class SensorCalibration:
     @classmethod
     def from_dict(cls, content):
         """Return the calibration that a JSON file holds."""
+        rows = content["covariance"]["matrix"]
+        if any(len(row) != len(rows) for row in rows):
+            raise ImuloopError("covariance: the matrix is not square")
         return cls(
-            raw_unit=RawUnit(content["raw_unit"], content["raw_scale"], content["raw_offset"]),
-            T=np.array(content["T"], dtype=float),
-            K=np.array(content["K"], dtype=float),
-            b=np.array(content["b"], dtype=float),
+            RawUnit(content["raw_unit"], content["raw_scale"], content["raw_offset"]),
+            *(np.array(content[key], dtype=float) for key in "TKb"),
             names=tuple(content["covariance"]["names"]),
-            covariance=_matrix(content["covariance"]["matrix"]),
-            effects=tuple(FittedEffect.from_dict(effect) for effect in content["effects"]),
-            method=content["method"],
-            not_testable=content["not_testable"],
-            reduced_chi2=content["reduced_chi2"],
-            verdict=content.get("verdict"),
+            covariance=np.array(rows, dtype=float).reshape(len(rows), len(rows)),
+            effects=tuple(map(FittedEffect.from_dict, content["effects"])),
+            **{key: content.get(key) for key in _WORDS},
         )
 
 
 @dataclass(frozen=True)
 class Calibration:
-    """The calibration of a device.
+    """The calibration of a device."""
 
-    Attributes
-    ----------
-    device : str
-        Name of the device.
-    gravity : float
-        Local gravity that the accelerometer was calibrated to, m/s^2.
-    accelerometer, gyroscope : SensorCalibration
-        One for each sensor.
-    log : dict
-        What was declared of the log that it is from: ``format``, ``columns``, ``units``, ``rate``
-        as of the config; ``sensor_ids``, where the log's autopilot has some.
-    updated : dict
-        By sensor, the name of the later log that its bias is from; empty as calibrated.
-    """
-
-    device: str
-    gravity: float
+    device: str  # name
+    gravity: float  # local gravity that the accelerometer was calibrated to, m/s^2
     accelerometer: SensorCalibration
     gyroscope: SensorCalibration
+    # what was declared of the log that it is from: ``format``, ``columns``, ``units``, ``rate`` as
+    # of the config; ``sensor_ids``, where the log's autopilot has some
     log: dict = field(default_factory=dict)
+    # by sensor, the name of the later log that its bias is from; empty as calibrated
     updated: dict = field(default_factory=dict)
 
     @property
@@ -200,16 +162,14 @@ class Calibration:
                 lines.append(f"{name}: unexplained ({UNEXPLAINED})")
         return lines
 
-    def nominal_words(self):
-        """Return why a calibration of which nothing was measured is not applied, and what to do."""
-        return (
-            f"the calibration is nominal, nothing was measured: {'; '.join(self.limits())}; to "
-            "apply what the data sheet promises give --nominal, in Python nominal=True"
-        )
-
-    def _refuse_nominal(self, nominal):
-        if not (nominal or self.measured):
-            raise ImuloopError(f"{self.device}: {self.nominal_words()}")
+    def refuse_nominal(self, where=None):
+        """Raise an ImuloopError that says where, if nothing was measured, and what to do."""
+        if not self.measured:
+            raise ImuloopError(
+                f"{where or self.device}: the calibration is nominal, nothing was measured: "
+                f"{'; '.join(self.limits())}; to apply what the data sheet promises give "
+                "--nominal, in Python nominal=True"
+            )
 
     def apply(self, samples, *, nominal=False):
         """Return calibrated samples.
@@ -235,13 +195,13 @@ class Calibration:
         """
         check_columns(samples.columns)
         refuse_calibrated(samples.columns, samples.attrs.get(METADATA_KEY.decode(), {}))
-        self._refuse_nominal(nominal)
-        sensors = (ACCELERATION, ANGULAR_RATE)
-        f, w = (samples[list(axes)].to_numpy(dtype=float) for axes in sensors)
+        if not nominal:
+            self.refuse_nominal()
+        f, w = (samples[list(axes)].to_numpy(dtype=float) for axes in SENSORS.values())
         temperature = samples[TEMPERATURE].to_numpy(float) if TEMPERATURE in samples else None
         f, w = self.calibrated(f, w, samples[TIME].to_numpy(float), temperature)
         calibrated = samples.copy()
-        calibrated[list(ACCELERATION)], calibrated[list(ANGULAR_RATE)] = f, w
+        calibrated[list(CHANNELS)] = np.hstack([f, w])
         calibrated.attrs |= calibrated_attrs(self.device)
         return calibrated
 
@@ -273,7 +233,8 @@ class Calibration:
         ImuloopError
             If shapes differ, an effect lacks its input, or nothing was measured.
         """
-        self._refuse_nominal(nominal)
+        if not nominal:
+            self.refuse_nominal()
         f, w = np.asarray(acceleration, dtype=float), np.asarray(angular_rate, dtype=float)
         if f.shape != w.shape or f.ndim not in (1, 2) or f.shape[-1] != 3:
             raise ImuloopError(
@@ -300,28 +261,29 @@ class Calibration:
 
         `nominal` as of `apply`.
         """
-        self._refuse_nominal(nominal)
+        if not nominal:
+            self.refuse_nominal()
         return apply_file(self, source, target)
 
-    def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, held=(None, None)):
+    def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, clamped=(None, None)):
         """Return calibrated specific force and angular rate, shape (n, 3) each.
 
         The accelerometer's effects see the angular rate before the gyroscope's own effects; the
         gyroscope's see the calibrated specific force. Arguments are as of `Channels`, `pasts` and
-        `held` one per sensor; an ImuloopError if a value is not finite, and all as logged are.
+        `clamped` one per sensor; an ImuloopError if a value is not finite, and all as logged are.
         """
+
+        def applied(k, sensor, values, other):
+            history = {"past": pasts[k], "step": step, "clamped": clamped[k]}
+            output = sensor.output(values)
+            return sensor.apply(values, Channels(t, output, other, temperature, **history))
+
         known = all(np.isfinite(values).all() for values in (f, w, t))
         # what overflows is refused below
         with np.errstate(over="ignore", invalid="ignore"):
-            own, other = self.accelerometer.output(f), self.gyroscope.aligned(w)
-            f = self.accelerometer.apply(
-                f, Channels(t, own, other, temperature, past=pasts[0], step=step, held=held[0])
-            )
-            own = self.gyroscope.output(w)
-            w = self.gyroscope.apply(
-                w, Channels(t, own, f, temperature, past=pasts[1], step=step, held=held[1])
-            )
-        for sensor, values in (("accelerometer", f), ("gyroscope", w)):
+            f = applied(0, self.accelerometer, f, self.gyroscope.aligned(w))
+            w = applied(1, self.gyroscope, w, f)
+        for sensor, values in zip(SENSORS, (f, w), strict=True):
             wrong = ~np.isfinite(values).all(axis=1)
             if known and wrong.any():
                 raise ImuloopError(
@@ -341,8 +303,7 @@ class Calibration:
             "device": self.device,
             "gravity": self.gravity,
             "log": self.log,
-            "accelerometer": self.accelerometer.to_dict(),
-            "gyroscope": self.gyroscope.to_dict(),
+            **{sensor: getattr(self, sensor).to_dict() for sensor in SENSORS},
         }
         more = {"updated": self.updated, "failed": failed}
         write_json(path, content | {key: value for key, value in more.items() if value})
@@ -366,8 +327,7 @@ class Calibration:
             calibration = cls(
                 content["device"],
                 content["gravity"],
-                SensorCalibration.from_dict(content["accelerometer"]),
-                SensorCalibration.from_dict(content["gyroscope"]),
+                *(SensorCalibration.from_dict(content[sensor]) for sensor in SENSORS),
                 content.get("log", {}),
                 content.get("updated", {}),
             )
@@ -378,13 +338,6 @@ class Calibration:
 
     def _refuse(self, path):
         """Raise an error that names a file for a calibration that cannot be."""
-        for sensor in ("accelerometer", "gyroscope"):
+        for sensor in SENSORS:
             if fault := sensor_fault(getattr(self, sensor), sensor):
                 raise ImuloopError(f"{path}: {sensor}: {fault}")
-
-
-def _matrix(rows):
-    """Return a square matrix of a JSON list, empty ones too."""
-    if any(len(row) != len(rows) for row in rows):
-        raise ImuloopError("covariance: the matrix is not square")
-    return np.array(rows, dtype=float).reshape(len(rows), len(rows))

@@ -15,27 +15,14 @@ _LEAST_EIGENVALUE = 1e-11
 
 @dataclass(frozen=True)
 class Coefficient:
-    """One coefficient with its uncertainty.
+    """One coefficient with its uncertainty."""
 
-    Attributes
-    ----------
-    value : float or None
-        Estimate, SI; None where the data do not support the term.
-    ci95 : tuple of two floats, or None
-        95 % interval of `value`.
-    upper95 : float or None
-        One-sided 95 % upper limit; given also where `value` is None.
-    identifiable : bool
-        Whether the data support the term.
-    needed_s : float or None
-        Length of an undisturbed record, s, in which a term of the size of `upper95` would be found
-        nine times in ten; None where identifiable or not known.
-    """
-
-    value: float | None = None
-    ci95: tuple[float, float] | None = None
-    upper95: float | None = None
-    identifiable: bool = False
+    value: float | None = None  # estimate, SI; None where the data do not support the term
+    ci95: tuple[float, float] | None = None  # 95 % interval of `value`
+    upper95: float | None = None  # one-sided 95 % upper limit; given also where `value` is None
+    identifiable: bool = False  # whether the data support the term
+    # length of an undisturbed record, s, in which a term of the size of `upper95` would be found
+    # nine times in ten; None where identifiable or not known
     needed_s: float | None = None
 
     @property
@@ -70,14 +57,11 @@ class GaussMarkovTerm:
 
 @dataclass(frozen=True)
 class SinusoidTerm:
-    """Line of `amplitude` (SI of the axis) and `frequency` in Hz, phase unknown.
-
-    `origin` says what the line is likely to be, e.g. an alias of mains; None where not known.
-    """
+    """Line of `amplitude` (SI of the axis) and `frequency` in Hz, phase unknown."""
 
     amplitude: Coefficient
     frequency: Coefficient
-    origin: str | None = None
+    origin: str | None = None  # what the line is likely to be, e.g. an alias of mains
 
 
 @dataclass(frozen=True)
@@ -89,53 +73,32 @@ class AxisNoise:
         + (q^2 T^2/\tau) [1 - (T/2\tau)(3 - 4 e^{-\tau/T} + e^{-2\tau/T})]
         + \Omega^2 [\sin^2(\pi f \tau)/(\pi f \tau)]^2
 
-    Attributes
-    ----------
-    Q : Coefficient
-        Quantisation, m/s or rad.
-    N : Coefficient
-        White noise, m/s^2/sqrt(Hz) or rad/s/sqrt(Hz).
-    B : Coefficient
-        Flicker noise (bias instability), m/s^2 or rad/s.
-    K : Coefficient
-        Random walk, m/s^3/sqrt(Hz) or rad/s^2/sqrt(Hz).
-    R : Coefficient
-        Ramp, m/s^3 or rad/s^2.
-    gauss_markov : tuple of GaussMarkovTerm
-        q in the unit of K, T = tc in s.
-    sinusoid : tuple of SinusoidTerm
-        Omega = amplitude in the unit of the axis, f = frequency in Hz.
-
     References
     ----------
     IEEE Std 952-1997 (R2008), annex C.
     """
 
-    Q: Coefficient = Coefficient()
-    N: Coefficient = Coefficient()
-    B: Coefficient = Coefficient()
-    K: Coefficient = Coefficient()
-    R: Coefficient = Coefficient()
-    gauss_markov: tuple[GaussMarkovTerm, ...] = ()
-    sinusoid: tuple[SinusoidTerm, ...] = ()
+    Q: Coefficient = Coefficient()  # quantisation, m/s or rad
+    N: Coefficient = Coefficient()  # white noise, m/s^2/sqrt(Hz) or rad/s/sqrt(Hz)
+    B: Coefficient = Coefficient()  # flicker noise (bias instability), m/s^2 or rad/s
+    K: Coefficient = Coefficient()  # random walk, m/s^3/sqrt(Hz) or rad/s^2/sqrt(Hz)
+    R: Coefficient = Coefficient()  # ramp, m/s^3 or rad/s^2
+    gauss_markov: tuple[GaussMarkovTerm, ...] = ()  # q in the unit of K, T = tc in s
+    sinusoid: tuple[SinusoidTerm, ...] = ()  # Omega = amplitude, f = frequency in Hz
 
     @classmethod
     def from_dict(cls, content):
         """Return the processes from their JSON form."""
-        return cls(
-            *(Coefficient.from_dict(content[name]) for name in "QNBKR"),
-            gauss_markov=tuple(
-                GaussMarkovTerm(*(Coefficient.from_dict(p[key]) for key in ("q", "tc")))
-                for p in content["gauss_markov"]
-            ),
-            sinusoid=tuple(
-                SinusoidTerm(
-                    *(Coefficient.from_dict(p[key]) for key in ("amplitude", "frequency")),
-                    p.get("origin"),
-                )
-                for p in content["sinusoid"]
-            ),
-        )
+
+        def read(of, *names):
+            return [Coefficient.from_dict(of[name]) for name in names]
+
+        processes = [GaussMarkovTerm(*read(p, "q", "tc")) for p in content["gauss_markov"]]
+        lines = [
+            SinusoidTerm(*read(p, "amplitude", "frequency"), p.get("origin"))
+            for p in content["sinusoid"]
+        ]
+        return cls(*read(content, *"QNBKR"), tuple(processes), tuple(lines))
 
     def allan_variance(self, tau):
         """Return the Allan variance, unit of the axis squared, at `tau` in s (array_like)."""
@@ -159,21 +122,15 @@ class AxisNoise:
         return variance
 
     def density(self, f, rate):
-        r"""Return the one-sided power spectral density of the output sampled at `rate`.
+        r"""Return the one-sided power spectral density of the output sampled at r = `rate`, Hz.
 
         .. math::
             S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
             + 2 q^2/(1/T^2 + (2 \pi f)^2)
 
         Sinusoids have no density: each has the power :math:`\Omega^2/2` at its frequency. The ramp
-        is deterministic and adds nothing.
-
-        Parameters
-        ----------
-        f : array_like
-            Frequencies in Hz, above 0, up to `rate`/2.
-        rate : float
-            Sampling rate r in Hz; only quantisation depends on it.
+        is deterministic and adds nothing. Frequencies, Hz, are above 0 and up to half the rate, on
+        which only quantisation depends.
 
         References
         ----------
@@ -260,18 +217,10 @@ def lags(t, span):
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Noise of the six axes of a device.
+    """Noise of the six axes of a device."""
 
-    Attributes
-    ----------
-    device : str
-        Name of the device.
-    axes : dict of str to AxisNoise
-        One entry for each of ax, ay, az, gx, gy, gz.
-    """
-
-    device: str
-    axes: dict[str, AxisNoise]
+    device: str  # name
+    axes: dict[str, AxisNoise]  # one entry for each of ax, ay, az, gx, gy, gz
 
     def known(self, axis, term):
         """Return what is known of an axis' flicker, 'B', or walk, 'K': size, standard deviation.
@@ -289,25 +238,16 @@ class NoiseModel:
         """Return the model with other values of flicker and walk, by axis and term."""
         axes = dict(self.axes)
         for (axis, term), value in sizes.items():
-            own = replace(getattr(axes[axis], term), value=value)
-            axes[axis] = replace(axes[axis], **{term: own})
+            coefficient = replace(getattr(axes[axis], term), value=value)
+            axes[axis] = replace(axes[axis], **{term: coefficient})
         return replace(self, axes=axes)
 
     def pose_mean_covariance(self, windows):
-        """Return the covariance of the mean outputs over windows of time.
+        """Return the covariance of the mean outputs over windows of time, (n, 2), s, (6, n, n).
 
-        Coefficients that are not identifiable count as 0, so a model without any gives zeros.
-        The ramp is no random process and is not part of the covariance.
-
-        Parameters
-        ----------
-        windows : array_like, shape (n, 2)
-            As of `AxisNoise.mean_covariance`.
-
-        Returns
-        -------
-        ndarray, shape (6, n, n)
-            (m/s^2)^2 for ax, ay, az, then (rad/s)^2 for gx, gy, gz.
+        In (m/s^2)^2 for ax, ay, az, then (rad/s)^2 for gx, gy, gz. Coefficients that are not
+        identifiable count as 0, so a model without any gives zeros. The ramp is no random process
+        and is not part of the covariance.
         """
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2 or np.any(windows[:, 1] <= windows[:, 0]):

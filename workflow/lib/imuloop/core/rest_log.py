@@ -1,7 +1,6 @@
 """The log of a session at rest, of whose outputs a part is read at a time."""
 
-from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -14,27 +13,20 @@ from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME, Samples, 
 PART = 1 << 18
 
 
-@dataclass(frozen=True)
 class RestLog:
     """The log of a session at rest, SI as logged; of the outputs only a part is read at a time.
 
     Time and, where logged, temperature with missing values filled are of the whole log.
     """
 
-    samples: Samples
-    t: np.ndarray
-    temperature: np.ndarray | None
-    _cache: dict = field(default_factory=dict, repr=False)
-
-    @classmethod
-    def of(cls, samples):
-        """Return the RestLog of samples, columns by name."""
-        samples, temperature = Samples(samples), None
-        t = samples[TIME]
-        if TEMPERATURE in samples:
-            logged = samples[TEMPERATURE]
-            temperature = filled(t, logged) if np.isfinite(logged).any() else None
-        return cls(samples, t, temperature)
+    def __init__(self, samples):
+        self.samples = Samples(samples)
+        self.t, self.temperature = self.samples[TIME], None
+        if TEMPERATURE in self.samples:
+            logged = self.samples[TEMPERATURE]
+            self.temperature = filled(self.t, logged) if np.isfinite(logged).any() else None
+        self._filled = cache(lambda name: filled(self.t, self.samples[name]))
+        self._means = {}
 
     @property
     def interval(self):
@@ -50,9 +42,7 @@ class RestLog:
         values = self.samples.read(SENSORS[sensor], part.start, part.stop)
         for row, name in zip(values, SENSORS[sensor], strict=True):
             if np.isnan(row).any():
-                if name not in self._cache:
-                    self._cache[name] = filled(self.t, self.samples[name])
-                row[:] = self._cache[name][part]
+                row[:] = self._filled(name)[part]
         return values.T
 
     def means(self, at):
@@ -61,8 +51,8 @@ class RestLog:
         And whether no sample of the rows lacks a value, (m,).
         """
         key = at.tobytes()
-        if key not in self._cache:
-            total, lacking = np.zeros((len(at), len(CHANNELS))), np.zeros(len(at))
+        if key not in self._means:
+            total, missing, centre = np.zeros((len(at), 6)), np.zeros(len(at)), 0.0
             for first, x in self.samples.pieces(CHANNELS, PART):
                 known = np.isfinite(x)
                 if not first:
@@ -70,13 +60,12 @@ class RestLog:
                     ones = zip(x, known, strict=True)
                     centre = np.array([next(iter(row[k]), 0.0) for row, k in ones])
                 if not known.all():
-                    lacking += sums_over(~known.all(axis=0), at - first)
+                    missing += sums_over(~known.all(axis=0), at - first)
                     x = np.where(known, x, centre[:, None])
                 total += sums_over(x.T - centre, at - first)
-            found = total / np.diff(at) + (centre if len(self.t) else 0.0)
-            axes = {sensor: list(map(CHANNELS.index, names)) for sensor, names in SENSORS.items()}
-            self._cache[key] = {s: found[:, axes[s]] for s in SENSORS}, lacking == 0
-        return self._cache[key]
+            means = np.split(total / np.diff(at) + centre, 2, axis=1)
+            self._means[key] = dict(zip(SENSORS, means, strict=True)), missing == 0
+        return self._means[key]
 
     def parts(self, sensor):
         """Yield part after part of the log and what gives a function's values at its samples.
@@ -91,53 +80,35 @@ class RestLog:
 
         @cache
         def whole(function, *constants):
-            return function(LoggedChannels(self, sensor, slice(0, n)), *constants)
+            return function(_LoggedChannels(self, sensor, slice(0, n)), *constants)
 
         for first in range(0, n, PART):
             part = slice(first, min(first + PART, n))
-            about = slice(max(first - more, 0), min(part.stop + more, n))
-            own = slice(first - about.start, part.stop - about.start)
+            around = slice(max(first - more, 0), min(part.stop + more, n))
+            inner = slice(first - around.start, part.stop - around.start)
 
             @cache
-            def remembered(function, *constants, part=part, about=about, own=own):
+            def remembered(function, *constants, part=part, around=around, inner=inner):
                 if not getattr(function, "in_pieces", False):
                     return whole(function, *constants)[part]
                 past = pasts.setdefault((function, constants), {})
-                channels = LoggedChannels(self, sensor, about, past, self.interval)
-                return function(channels, *constants)[own]
+                channels = _LoggedChannels(self, sensor, around, past, self.interval)
+                return function(channels, *constants)[inner]
 
             yield part, remembered
 
 
-@dataclass(frozen=True)
-class LoggedChannels:
+class _LoggedChannels:
     """The `Channels` of a sensor in a part of a log at rest; an output is read when it is used."""
 
-    log: RestLog
-    sensor: str
-    part: slice
-    past: dict | None = None
-    step: float | None = None
+    def __init__(self, log, sensor, part, past=None, step=None):
+        self.t, self.past, self.step = log.t[part], past, step
+        self.temperature = None if log.temperature is None else log.temperature[part]
+        self._read = lambda which: log.logged(which, part)
+        self._sensor = sensor
 
-    @property
-    def t(self):
-        """Time, s."""
-        return self.log.t[self.part]
-
-    @property
-    def temperature(self):
-        """Temperature, degC, or None."""
-        return None if self.log.temperature is None else self.log.temperature[self.part]
-
-    @property
-    def output(self):
-        """The sensor's output, SI, shape (n, 3)."""
-        return self.log.logged(self.sensor, self.part)
-
-    @property
-    def other(self):
-        """The other sensor's output, SI, shape (n, 3)."""
-        return self.log.logged(other_sensor(self.sensor), self.part)
+    output = cached_property(lambda self: self._read(self._sensor))
+    other = cached_property(lambda self: self._read(other_sensor(self._sensor)))
 
 
 def other_sensor(sensor):

@@ -62,14 +62,14 @@ def at_rail(samples, rails, names):
 
     `rails` are the ends that channels reach, {channel: (low, high)}, None of none.
     """
-    found = np.zeros(len(samples[TIME]), dtype=bool)
+    clipped = np.zeros(len(samples[TIME]), dtype=bool)
     for name in names:
         low, high = rails.get(name) or (None, None)
         if low is not None:
-            found |= np.asarray(samples[name]) <= low
+            clipped |= np.asarray(samples[name]) <= low
         if high is not None:
-            found |= np.asarray(samples[name]) >= high
-    return found
+            clipped |= np.asarray(samples[name]) >= high
+    return clipped
 
 
 def schema(temperature, metadata, rebuilt=False):
@@ -134,17 +134,8 @@ class Samples:
     """Samples of a session by column and by range of rows; of a file only what is asked for.
 
     ``samples[name]``, ``name in samples`` and ``len(samples)``, the number of rows, are those of a
-    DataFrame; a column is read when it is asked for, and not kept.
-
-    Parameters
-    ----------
-    source : path-like, DataFrame, dict or Samples
-        Parquet file, or columns by name.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Columns.
+    DataFrame; a column is read when it is asked for, and not kept. The source is the path of a
+    Parquet file, a DataFrame, a dict of columns or other Samples; `names` are the columns.
     """
 
     def __init__(self, source):
@@ -154,10 +145,9 @@ class Samples:
             with parquet_file(self._table) as file:
                 self._metadata = file.metadata
             groups = range(self._metadata.num_row_groups)
-            rows = [self._metadata.row_group(g).num_rows for g in groups]
-            self._edges = np.cumsum([0, *rows])
+            self._edges = np.cumsum([0, *(self._metadata.row_group(g).num_rows for g in groups)])
             # a range across two groups is read again half a range later
-            self._held_group = lru_cache(3)(self._group)
+            self._group = lru_cache(3)(self._read_group)
         self.names = tuple(self._metadata.schema.names if self._metadata else self._table)
 
     def __len__(self):
@@ -173,12 +163,9 @@ class Samples:
             raise KeyError(name)
         if not self._metadata:
             return np.asarray(self._table[name])
-        column = np.empty(len(self))
-        for g, (first, last) in enumerate(pairwise(self._edges)):
-            column[first:last] = self._group((name,), g)[0]
-        return column
+        return self.read((name,), 0, len(self))[0]
 
-    def _group(self, names, g):
+    def _read_group(self, names, g):
         """Return columns of a row group of the file."""
         # batches, threads or buffers would keep a file's worth of memory
         with parquet_file(self._table, metadata=self._metadata, pre_buffer=False) as file:
@@ -187,28 +174,14 @@ class Samples:
 
     def read(self, names, first, last):
         """Return columns of a range of rows, shape (len(names), last - first)."""
-        names = tuple(names)
         if not self._metadata:
             return np.array([np.asarray(self._table[name])[first:last] for name in names], float)
-        low, high = np.searchsorted(self._edges, (first, last - 1), side="right") - 1
         out = np.empty((len(names), last - first))
-        for g in range(low, high + 1):
-            edge = self._edges[g]
-            begin, end = max(first, edge), min(last, self._edges[g + 1])
-            out[:, begin - first : end - first] = self._held_group(names, g)[
-                :, begin - edge : end - edge
-            ]
-        return out
-
-    def at(self, name, rows):
-        """Return a column's values at some rows, shape of `rows`."""
-        rows = np.asarray(rows, dtype=int)
-        if not self._metadata:
-            return np.asarray(self._table[name], dtype=float)[rows]
-        out = np.empty(rows.shape)
-        groups = np.searchsorted(self._edges, rows, side="right") - 1
-        for g in np.unique(groups):
-            out[groups == g] = self._held_group((name,), g)[0, rows[groups == g] - self._edges[g]]
+        for g, (begin, end) in enumerate(pairwise(self._edges)):
+            low, high = max(first, begin), min(last, end)
+            if low < high:
+                group = self._group(tuple(names), g)
+                out[:, low - first : high - first] = group[:, low - begin : high - begin]
         return out
 
     def pieces(self, names, rows=ROWS):

@@ -39,26 +39,23 @@ def segment_table(samples, start_s, end_s, kinds, poses):
         "n": np.diff(ranges, axis=1).ravel(),
         "tilt_rad": np.zeros(len(ranges)),
     }
-    names = (*CHANNELS, *[TEMPERATURE] * (TEMPERATURE in rows))
-    found = np.empty((2, len(names), len(ranges)))
-    for k, (i, j) in enumerate(ranges):
-        parts = [[] for _ in names]
-        for first in range(i, j, _PART):
-            x = rows.read(names, first, min(first + _PART, j))
-            # values that are missing do not count
-            for name, part, values in zip(names, parts, x, strict=True):
-                known = values[np.isfinite(values)] if name == TEMPERATURE else values
-                if len(known):
-                    part.append((len(known), known.mean(), known.std()))
-        found[:, :, k] = np.transpose([_joined(part) for part in parts])
-    found[1][found[1] <= _ROUNDING * np.abs(found[0])] = 0.0
-    for name, mean, deviation in zip(names, *found, strict=True):
+    for name in (*CHANNELS, *[TEMPERATURE] * (TEMPERATURE in rows)):
+        statistics = np.array([_statistics(rows, name, i, j) for i, j in ranges], float)
+        mean, deviation = statistics.reshape(-1, 2).T
+        deviation[deviation <= _ROUNDING * np.abs(mean)] = 0.0
         columns |= {f"{name}_mean": mean, f"{name}_std": deviation}
     return pd.DataFrame(columns)
 
 
-def _joined(parts):
-    """Return mean and standard deviation of parts of which number, mean and deviation are given."""
+def _statistics(rows, name, first, last):
+    """Return mean and standard deviation of a channel over a range of rows, read in parts."""
+    parts = []
+    for begin in range(first, last, _PART):
+        x = rows.read((name,), begin, min(begin + _PART, last))[0]
+        # values that are missing do not count
+        known = x[np.isfinite(x)] if name == TEMPERATURE else x
+        if len(known):
+            parts.append((len(known), known.mean(), known.std()))
     if not parts:
         return np.nan, np.nan
     if len(parts) == 1:

@@ -27,11 +27,8 @@ def joined(tables):
 def write_table(path, columns, metadata=None):
     """Write a table, a DataFrame too, as Parquet in one step; metadata as JSON."""
     arrays = {name: np.asarray(columns[name]) for name in columns}
-    arrays = {
-        name: pa.array(x, pa.large_string() if x.dtype == object else None)
-        for name, x in arrays.items()
-    }
-    table = pa.table(arrays)
+    kinds = {name: pa.large_string() if x.dtype == object else None for name, x in arrays.items()}
+    table = pa.table({name: pa.array(x, kinds[name]) for name, x in arrays.items()})
     if metadata:
         table = table.replace_schema_metadata({METADATA_KEY: json.dumps(metadata).encode()})
     with replaced(path) as temporary:
@@ -40,18 +37,16 @@ def write_table(path, columns, metadata=None):
 
 def write_sessions(path, tables):
     """Write tables by session as one, with the session's name in its first column."""
-    parts = [
-        {"session": np.full(len(next(iter(each.values()))), name, object), **each}
-        for name, each in tables.items()
-    ]
-    write_table(path, joined(parts))
+    lengths = [len(next(iter(each.values()))) for each in tables.values()]
+    names = {"session": np.repeat(np.array([*tables], object), lengths)}
+    write_table(path, names | joined([*tables.values()]))
 
 
 def read_session(path, session):
     """Return the rows of one session of such a table, without its name."""
     columns = read_columns(path)
-    own = columns.pop("session") == session
-    return {name: x[own] for name, x in columns.items()}
+    rows = columns.pop("session") == session
+    return {name: x[rows] for name, x in columns.items()}
 
 
 def text_cell(text):

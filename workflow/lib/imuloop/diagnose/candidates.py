@@ -1,7 +1,7 @@
 """Which effects of the library can be tried on a sensor, and why not the others."""
 
 from imuloop.core.effect import Effect
-from imuloop.effects.thermometer import LEAST_SPAN, span
+from imuloop.effects.temperature import LEAST_SPAN, span
 
 
 def candidates(sensor, record, channels):

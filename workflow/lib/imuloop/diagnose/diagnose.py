@@ -263,10 +263,10 @@ def as_seen(calibration, found, recording, static):
 
     def held(sensor, effect):
         if sensor == "accelerometer" and "motion" in effect.effect.records:
-            return effect.held_to(along)
+            return effect.with_ranges(along)
         at_rest = effect.name in [each.name for each in static[1][sensor]]
         records = [r.channels for r in static[0][sensor]] if at_rest else []
-        return effect.held_to(poses[sensor] + records)
+        return effect.with_ranges(poses[sensor] + records)
 
     return replace(
         calibration,

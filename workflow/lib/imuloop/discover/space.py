@@ -10,7 +10,7 @@ import numpy as np
 
 from imuloop.effects.axes import AXES
 from imuloop.effects.discovered import Discovered
-from imuloop.effects.thermometer import LEAST_SPAN, span, whole_degrees
+from imuloop.effects.temperature import LEAST_SPAN, span, whole_degrees
 
 # degrees to which powers of a sensor's own output, and of the other's, go together
 OWN_DEGREE, OTHER_DEGREE = 5, 3

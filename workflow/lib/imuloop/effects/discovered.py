@@ -2,16 +2,15 @@
 
 import re
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.memory import first_order_lag, in_pieces
 from imuloop.effects.axes import AXES
-from imuloop.effects.bias_temperature_rate import lagged_rate
-from imuloop.effects.thermometer import ROOM, temperature
-from imuloop.effects.vibration_rectification import WINDOW, vibration
+from imuloop.effects.mechanics import WINDOW, vibration
+from imuloop.effects.temperature import ROOM, lagged_rate, temperature
 
 # rad/s; faster is a turn
 TURNING = 0.15
@@ -51,11 +50,11 @@ def _last_turn(channels, rate, values):
         end, last = past["end"][k], past["last"][k]
     k = np.where(np.linalg.norm(rate, axis=1) > TURNING, np.arange(len(t)), -1)
     k = np.maximum.accumulate(k)
-    ends = np.where(k >= 0, t[k], end)
-    held = np.where(k[:, None] >= 0, values[k], last)
+    end = np.where(k >= 0, t[k], end)
+    last = np.where(k[:, None] >= 0, values[k], last)
     if past is not None:
-        past.update(t=t, end=ends, last=held)
-    return ends, held
+        past.update(t=t, end=end, last=last)
+    return end, last
 
 
 @in_pieces
@@ -158,34 +157,39 @@ class Discovered(Effect):
 
     def design(self, channels):
         """Return the products, each on the axis of its term, shape (n, 3, p)."""
-        found, known = np.zeros((len(channels.t), 3, len(self.terms))), {}
+        factor_of = cache(lambda factor: self._factor(factor, channels))
+
+        @cache
+        def product(factors):
+            values = np.ones(len(channels.t))
+            for factor, power, absolute in factors:
+                x = factor_of(factor)
+                values = values * (np.abs(x) if absolute else x) ** power
+            return values
+
+        design = np.zeros((len(channels.t), 3, len(self.terms)))
         for k, (axis, factors) in enumerate(self.terms):
-            if factors not in known:
-                known[factors] = np.ones(len(channels.t))
-                for factor, power, absolute in factors:
-                    if factor not in known:
-                        known[factor] = self._factor(factor, channels)
-                    own = known[factor]
-                    known[factors] = known[factors] * (np.abs(own) if absolute else own) ** power
-            found[:, axis, k] = known[factors]
-        return found
+            design[:, axis, k] = product(factors)
+        return design
 
     def _factor(self, factor, channels):
         letter, rest = factor[0], factor[1:]
-        if letter in "fw":
-            own = (letter == "f") == (self.sensor == "accelerometer")
-            return (channels.output if own else channels.other)[:, AXES.index(rest)]
         if letter == "T":
             return temperature(channels) - self.reference_temperature
         if letter == "R":
             return channels.remembered(lagged_rate, LAG)
         if letter == "t":
             return channels.t
-        if letter == "q":
-            return channels.remembered(vibration)[:, AXES.index(rest)]
         if letter == "s":
             return channels.remembered(settling, self.sensor, int(rest))
-        return channels.remembered(turn_rate, self.sensor)[:, AXES.index(rest)]
+        if letter == "q":
+            vectors = channels.remembered(vibration)
+        elif letter == "v":
+            vectors = channels.remembered(turn_rate, self.sensor)
+        else:
+            is_own = (letter == "f") == (self.sensor == "accelerometer")
+            vectors = channels.output if is_own else channels.other
+        return vectors[:, AXES.index(rest)]
 
 
 def unit(factors):

@@ -46,17 +46,9 @@ class TurnOnBias(Effect):
         return on_each_axis(*((channels.run == k) - first for k in range(1, self.runs)))
 
     def run_to_run(self, values):
-        """Return the run-to-run standard deviation of each axis, with its 95 % interval.
+        """Return the run-to-run standard deviation of each axis, and its 95 % interval, (2, 3).
 
-        Parameters
-        ----------
-        values : dict of str to float
-            The parameters, SI.
-
-        Returns
-        -------
-        std, interval : ndarray, shape (3,) and (2, 3)
-            SI; the interval by χ² with one degree of freedom less than there are runs.
+        By χ² with one degree of freedom less than there are runs. Takes the parameters by name, SI.
         """
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)
         std = np.vstack([-others.sum(axis=0), others]).std(axis=0, ddof=1)

@@ -124,7 +124,7 @@ def array(name, values):
 
 def ends(fitted, name, keys):
     """Return arrays of the ends to which derivatives by parameters are held."""
-    low, high = np.transpose([fitted.seen.get(key, (-LARGEST, LARGEST)) for key in keys.flat])
+    low, high = np.transpose([fitted.ranges.get(key, (-LARGEST, LARGEST)) for key in keys.flat])
     return "".join(
         array(f"{name}_{end}", values.reshape(keys.shape))
         for end, values in (("low", low), ("high", high))
@@ -181,7 +181,7 @@ def discovered(fitted):
     each = zip(fitted.effect.terms, fitted.effect.parameters, strict=True)
     for (axis, factors), name in each:
         product = " * ".join(factor(*own) for own in factors)
-        low, high = map(number, fitted.seen.get(name, (-LARGEST, LARGEST)))
+        low, high = map(number, fitted.ranges.get(name, (-LARGEST, LARGEST)))
         value = number(fitted.values[name])
         lines.append(f"    y[{axis}] -= {value} * {HELD}({product}, {low}, {high});\n")
     return "".join(lines)

@@ -49,7 +49,7 @@ def common(spans):
 
 def seen_range(fitted, names, offset=0.0):
     """Return the lowest and highest derivative by parameters that was seen, None if unknown."""
-    known = [fitted.seen[name] for name in names if name in fitted.seen]
+    known = [fitted.ranges[name] for name in names if name in fitted.ranges]
     found = common(known) if known else None
     return found and (offset + found[0], offset + found[1])
 

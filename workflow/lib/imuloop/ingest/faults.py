@@ -158,7 +158,7 @@ def measure(samples, metadata, figures, threads=1):
     if share >= QUIET_SHARE:
         mean_at_rest = means.figures([steps[name] for name in ANGULAR_RATE])
     if rests:
-        rests["jump_s"] = float(samples.at(TIME, rests.pop("jump_row")))
+        rests["jump_s"] = float(samples[TIME][rests.pop("jump_row")])
     return {
         "zero_rows": zero_rows,
         "stuck": {name: _stuck_figures(stuck[name], rate, samples) for name in CHANNELS},
@@ -187,7 +187,7 @@ def _stuck_figures(found, rate, samples):
         "stretches": len(found),
         "rows": sum(run[0] for run in found),
         "longest_s": max((run[0] for run in found), default=0) / rate,
-        "first_s": float(samples.at(TIME, min(run[1] for run in found))) if found else None,
+        "first_s": float(samples[TIME][min(run[1] for run in found)]) if found else None,
     }
 
 

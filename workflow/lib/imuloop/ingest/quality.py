@@ -88,9 +88,7 @@ def _time_figures(samples):
     listed = wide[:LISTED_GAPS]
     gaps["list"] = [
         {"start_s": start, "duration_s": step}
-        for start, step in zip(
-            samples.at(TIME, listed).tolist(), steps[listed].tolist(), strict=True
-        )
+        for start, step in zip(samples[TIME][listed].tolist(), steps[listed].tolist(), strict=True)
     ]
     away = np.delete(steps, wide)
     away -= median

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import betaincinv, chdtr, chdtri
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
+from imuloop.core.samples import CHANNELS
 from imuloop.ingest.in_order import in_order
 from imuloop.segment.stretches import lengths, merged, without
-from imuloop.segment.wavelets import DENSE, FINE, coarse_details, fine_details, pieces, whole
+from imuloop.segment.wavelets import FINE, SPACING, coarse_details, fine_details, pieces
 from imuloop.segment.windows import DECIDING, rounding_variance
 
 # specific force and angular rate are judged together
@@ -38,9 +38,8 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     Starting from a covariance that is the same in every direction of a sensor, the half of the
     vectors nearest to zero gives the next covariance, until it stands still. Its scale follows
     from the median of the squared distance, χ² with k degrees of freedom; all vectors within the
-    97.5 % quantile then give the final covariance. Where tails are heavier than normal, as of a
-    noise that swells with temperature, the 99 % quantile sets the scale, up to `tail_limit` times.
-    No step prefers an axis: turning the sensor's frame turns the covariance with it.
+    97.5 % quantile then give the final covariance. Where tails are heavier than normal the 99 %
+    quantile sets the scale, up to `tail_limit` times. No step prefers an axis.
 
     Takes vectors of one or more sensors, three axes each, (n, k), and the variance of rounding,
     (k,), which is added to each channel.
@@ -102,14 +101,12 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     live on. A coefficient is a disturbance if its squared distance would occur in an undisturbed
     session of Gaussian noise with the probability `false_alarm`, divided by the number of samples.
     All scales together hold 1.3 coefficients per sample (Bonferroni, so right for any correlation).
-    Hotelling's T² replaces χ², as scales with few coefficients know their covariance badly.
     Sensors at rest throw out single samples of 7 to 12 standard deviations (an ADIS16405 some
     fifty in a million); below eight samples a disturbance has to have twice the amplitude.
 
     Of a disturbance that shows on several scales the finest places the cut; the search is then
-    repeated on what is left, so that a tilt beside a knock, or the sway after it, is found too. A
-    lasting tilt costs its transition only: before and after are separate stretches, never
-    compared again.
+    repeated on the rest, so that a tilt beside a knock, or the sway after it, is found too. A
+    lasting tilt costs its transition only: before and after are separate stretches.
 
     Takes Samples, their stretches without a gap, the median step of time, s, and how many threads
     may work at once, which changes nothing in the result.
@@ -121,27 +118,25 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     section 2.4 (threshold over all coefficients).
     """
     levels = max(1, int(np.log2(max(settings.longest_scale_s / step, 2))))
-    deciding = [
-        rows.read(axes, 0, min(DECIDING, len(rows))) for axes in (ACCELERATION, ANGULAR_RATE)
-    ]
+    sensors = np.split(rows.read(CHANNELS, 0, min(DECIDING, len(rows))), 2)
     search = _WaveletSearch(
         rows=rows,
         widths=[2**level for level in range(1, levels + 1)],
-        floor=np.repeat([rounding_variance(x.T) for x in deciding], 3),
+        floor=np.repeat([rounding_variance(x.T) for x in sensors], 3),
         false_alarm=settings.false_alarm / max(len(rows), 1),
         guard=round(settings.guard_s / step),
         threads=threads,
     )
     shortest = round(settings.shortest_static_s / step)
-    left = stretches
+    ranges = stretches
     for _ in range(ROUNDS):
-        cuts = search.cuts(left)
+        cuts = search.cuts(ranges)
         if not len(cuts):
             break
-        left = without(left, cuts)
-        of_stretch = np.searchsorted(stretches[:, 0], left[:, 0], side="right") - 1
-        left = left[lengths(left) >= np.minimum(shortest, lengths(stretches)[of_stretch])]
-    return left
+        ranges = without(ranges, cuts)
+        stretch = np.searchsorted(stretches[:, 0], ranges[:, 0], side="right") - 1
+        ranges = ranges[lengths(ranges) >= np.minimum(shortest, lengths(stretches)[stretch])]
+    return ranges
 
 
 @dataclass(frozen=True)
@@ -158,122 +153,122 @@ class _WaveletSearch:
     def cuts(self, ranges):
         """Return what is to be cut from ranges."""
         cuts = np.empty((0, 2), dtype=int)
-        for width, covariance, found in self._found(ranges):
-            found = np.sort(found)
+        for width, covariance, first in self._too_large(ranges):
             # a finer scale has placed a cut already in what this one reaches
-            k = np.searchsorted(cuts[:, 1], found, side="right")
+            k = np.searchsorted(cuts[:, 1], first, side="right")
             reached = np.append(cuts[:, 0], len(self.rows) + 1)[k]
-            found = found[found + 3 * width - 2 <= reached]
-            if len(found):
-                cuts = merged(np.concatenate([cuts, self._marks(found, width, covariance)]))
+            first = first[first + 3 * width - 2 <= reached]
+            if len(first):
+                cuts = merged(np.concatenate([cuts, self._marks(first, width, covariance)]))
         return cuts
 
-    def _found(self, ranges):
-        """Yield scale, covariance and first samples of what is too large, fine to coarse."""
-        counts = {w: [np.ptp(whole(piece, w)) for piece in pieces(ranges)] for w in FINE}
-        widths = [w for w in self.widths if w <= DENSE]
-        few = [w for w in widths if sum(counts[w]) < FEWEST]
-        widths = [w for w in widths if not few or w < few[0]]
-        ahead = {w: np.cumsum([0, *counts[w]]) for w in widths}
+    def _too_large(self, ranges):
+        """Yield scale, covariance and first samples of what is too large, fine to coarse.
 
-        def sampled(n, piece, details, smooth):
-            parts = zip(widths, details, strict=True)
-            samples = [_sampled(detail, ahead[w][n], ahead[w][-1]) for w, (detail, _) in parts]
-            return piece, samples, None if smooth is None else smooth.copy()
+        Up to the first scale that has too few coefficients.
+        """
+        n = lengths(ranges)
+        fine = [w for w in self.widths if w in FINE]
+        counts = [int(np.maximum(n // w - (1 if w == 2 else 2), 0).sum()) for w in fine]
+        widths = fine[: next((k for k, count in enumerate(counts) if count < FEWEST), None)]
+        samples, taken = [[] for _ in widths], np.zeros(len(widths), dtype=int)
+        smooth = {}
+        for start, details, rest in self._each(ranges, widths):
+            smooth.setdefault(start, []).append(rest)
+            for k, (_, detail) in enumerate(details):
+                samples[k].append(_even(detail, counts[k], taken[k]).copy())
+                taken[k] += detail.shape[1]
+        levels = [
+            self._level(np.hstack(sample), count, width)
+            for sample, count, width in zip(samples, counts, widths, strict=False)
+        ]
 
-        samples, sequences = [[] for _ in widths], []
-        for (i, j, a, *_), part, smooth in self._each(ranges, widths, sampled):
-            for each, sample in zip(samples, part, strict=True):
-                each.append(sample)
-            if smooth is not None:
-                if a == i:
-                    sequences.append((i, j, 0, []))
-                sequences[-1][3].append(smooth)
-        judged = {
-            w: self._judged(np.hstack(each), ahead[w][-1], w)
-            for w, each in zip(widths, samples, strict=True)
-        }
+        def too_large(details):
+            parts = zip(details, widths, levels, strict=True)
+            return [first + w * _beyond(detail, *level) for (first, detail), w, level in parts]
 
-        def too_large(n, piece, details, smooth):
-            parts = zip(widths, details, strict=True)
-            return [_beyond(detail, first, w, *judged[w]) for w, (detail, first) in parts]
+        first = [each for _, each, _ in self._each(ranges, widths, too_large)]
+        for k, width in enumerate(widths):
+            yield width, levels[k][0], np.concatenate([each[k] for each in first])
+        if len(widths) == len(fine):
+            smooth = {start: np.hstack(parts) for start, parts in smooth.items()}
+            yield from self._coarse(smooth, self.widths[len(fine) :])
 
-        found = list(self._each(ranges, widths, too_large)) if widths else []
-        for w, parts in zip(widths, zip(*found, strict=True), strict=True):
-            yield w, judged[w][0], np.concatenate(parts)
-        if few:
-            return
-        sequences = [(i, j, shift, np.hstack(parts)) for i, j, shift, parts in sequences]
-        for width in [w for w in self.widths if w > DENSE]:
-            details, sequences = coarse_details(sequences, width)
-            ahead = np.cumsum([0, *(detail.shape[1] for detail, _ in details)])
-            # shifted transforms overlap: only so many coefficients are independent
-            if ahead[-1] // (width // DENSE) < FEWEST:
+    def _coarse(self, smooth, widths):
+        """Yield the same of the scales above `FINE`; takes their smooth sequence by range."""
+        shifts = [0]
+        for width in widths:
+            halved = {start: coarse_details(each, width) for start, each in smooth.items()}
+            details = [detail for detail, _ in halved.values()]
+            smooth = {start: rest for start, (_, rest) in halved.items()}
+            # shift after shift, so that what is taken of them overlaps as little as all of them
+            overlap = width // SPACING
+            shifts = [shift + half for shift in shifts for half in (0, overlap // 2)]
+            sample = np.hstack([each[:, s::overlap] for each in details for s in shifts])
+            # only so many are independent
+            if sample.shape[1] // overlap < FEWEST:
                 return
-            parts = zip(details, ahead, strict=False)
-            sample = np.hstack([_sampled(detail, at, ahead[-1]) for (detail, _), at in parts])
-            covariance, bound = self._judged(sample, ahead[-1], width)
-            found = [_beyond(d, first, width, covariance, bound) for d, first in details]
-            yield width, covariance, np.concatenate(found)
+            level = self._level(_even(sample, sample.shape[1]), sample.shape[1], width)
+            first = [
+                start + 2 + SPACING * _beyond(detail, *level)
+                for start, detail in zip(smooth, details, strict=True)
+            ]
+            yield width, level[0], np.concatenate(first)
 
-    def _each(self, ranges, widths, work):
-        """Return what work makes of number, piece, details and smooth sequence of each piece."""
+    def _each(self, ranges, widths, work=lambda details: details):
+        """Yield first sample of its range, what work makes of the details, and the smooth rest."""
 
         def worked(item):
-            n, piece, x = item
-            return work(n, piece, *fine_details(x, piece, widths))
+            (start, begin, _, before), x = item
+            details, smooth = fine_details(x, before, len(widths))
+            return start, work([(begin + first, detail) for first, detail in details]), smooth
 
-        read = (
-            (n, piece, self.rows.read(CHANNELS, piece[4], piece[3]))
-            for n, piece in enumerate(pieces(ranges))
-        )
-        return in_order(worked, read, self.threads)
+        read = ((piece, self.rows.read(CHANNELS, *piece[1:3])) for piece in pieces(ranges))
+        return in_order(worked, read, self.threads) if widths else ()
 
-    def _judged(self, sample, n, width):
-        """Return covariance of a scale's n coefficients and the bound of their squared distance."""
+    def _level(self, sample, count, width):
+        """Return covariance of a scale's coefficients and the bound of their squared distance."""
         covariance = robust_covariance(sample.T, self.floor)
-        m = min(n // max(1, width // DENSE), sample.shape[1])
+        m = min(count // max(1, width // SPACING), sample.shape[1])
         bound = distance_beyond(self.false_alarm, K, m)
         return covariance, bound * (LONE_FACTOR**2 if width < LONE else 1.0)
 
-    def _marks(self, found, width, covariance):
+    def _marks(self, first, width, covariance):
         """Return the ranges to cut; of wide supports only where the level changes most."""
         length = 3 * width - 2
         if length > self.guard:
-            found = steepest(self.rows, found, width, covariance)
+            first = steepest(self.rows, first, width, covariance)
             length = width
-        return np.column_stack([np.maximum(found - self.guard, 0), found + length + self.guard])
+        return np.column_stack([np.maximum(first - self.guard, 0), first + length + self.guard])
 
 
-def _sampled(detail, ahead, count):
-    """Return coefficients so that those of all pieces, `ahead` before this, are `MOST` or fewer."""
+def _even(details, count, taken=0):
+    """Return every n-th coefficient, so that `MOST` of `count` remain; so many came before."""
     stride = count // MOST + 1
-    return detail[:, -ahead % stride :: stride].copy()
+    return details[:, -taken % stride :: stride]
 
 
-def _beyond(detail, first, width, covariance, bound):
-    """Return the first samples of the coefficients whose squared distance is beyond a bound."""
-    return first + width * np.flatnonzero(squared_distance(detail.T, covariance) > bound)
+def _beyond(details, covariance, bound):
+    """Return which coefficients have a squared distance beyond the bound."""
+    return np.flatnonzero(squared_distance(details.T, covariance) > bound)
 
 
-def steepest(rows, found, width, covariance):
+def steepest(rows, first, width, covariance):
     """Return where, in the support of each coefficient, the means of two halves differ most.
 
     Takes the first samples of the supports, in order, and the covariance of the coefficients,
     (6, 6); the halves are of half a scale each.
     """
-    half, length = width // 2, 3 * width - 2
-    best, n = np.empty_like(found), 0
-    while n < len(found):
-        # supports overlap: those in a part of the log are looked at together
-        end = np.searchsorted(found, found[n] + max(length, TOGETHER), side="right")
-        low, high = found[n], found[end - 1] + length
+    half, length, best = width // 2, 3 * width - 2, np.empty_like(first)
+    # supports overlap: those in a part of the log are looked at together
+    group = (first - first[0]) // max(length, TOGETHER)
+    for members in np.split(np.arange(len(first)), np.flatnonzero(np.diff(group)) + 1):
+        low, high = first[members[0]], first[members[-1]] + length
         total = np.zeros((K, high - low + 1))
         np.cumsum(rows.read(CHANNELS, low, high), axis=1, out=total[:, 1:])
         difference = total[:, width:] - 2 * total[:, half : half - width] + total[:, :-width]
         change = squared_distance(difference.T, covariance)
-        for k in range(n, end):
-            a = found[k] - low
-            best[k] = found[k] + np.argmax(change[a : a + length - width + 1])
-        n = end
+        for k in members:
+            a = first[k] - low
+            best[k] = first[k] + np.argmax(change[a : a + length - width + 1])
     return best

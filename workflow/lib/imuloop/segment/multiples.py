@@ -36,10 +36,8 @@ def expected_error(f):
     deviation σ and a weak Gaussian prior on B (0.05) and c (0.1), the same in every direction, β
     has the covariance C = (XᵀX/σ² + P⁻¹)⁻¹. The figure is the root of the mean of xᵀ C x over
     all directions, relative to g, with the upper 95 % limit of σ² from the residual sum S and its
-    n − tr H degrees of freedom: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1).
-
-    More poses lower C, worse poses raise σ. Poses that do not determine the model leave the
-    prior, far above any residual; few poses with a small residual by luck are not believed.
+    n − tr H degrees of freedom: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1). More poses lower C, worse
+    poses raise σ; few poses with a small residual by luck are not believed.
     Takes the mean specific force of each attitude, m/s², shape (n, 3).
 
     References
@@ -90,10 +88,10 @@ def choose_multiples(specific_force, detect, settings):
 
     The sum of squares over the poses falls with each pose that is lost, and even their mean
     square, held out or not, says nothing of the attitudes that are missing. So pairs are compared
-    by `expected_error`, which asks how well the poses determine a calibration for all attitudes.
-    Up to half above the lowest they count as equal: few poses have a small residual by luck, and
-    poses that show what the model lacks would be left out first. Of these the most attitudes win,
-    then the fewest pieces that they fall into, then the lowest error, then the widest pair.
+    by `expected_error`. Up to half above the lowest they count as equal: few poses have a small
+    residual by luck, and poses that show what the model lacks would be left out first. Of these the
+    most attitudes win, then the fewest pieces that they fall into, then the lowest error, then the
+    widest pair.
 
     Takes specific force, m/s², (3, n), and a function from a pair of multiples to the rests,
     (m, 2). The pair is None where none finds a rest; the table has a row for each that does.
@@ -115,7 +113,11 @@ def choose_multiples(specific_force, detect, settings):
     return (best["accelerometer"], best["gyroscope"]), table
 
 
+def lowest_error(table):
+    """Return the lowest expected error of a table of pairs; infinite of none."""
+    return min((row["expected_error"] for row in table), default=np.inf)
+
+
 def _lowest(table, tolerance):
     """Return the rows whose expected error is the lowest to a relative tolerance."""
-    bound = (1 + tolerance) * min(row["expected_error"] for row in table)
-    return [row for row in table if row["expected_error"] <= bound]
+    return [r for r in table if r["expected_error"] <= (1 + tolerance) * lowest_error(table)]

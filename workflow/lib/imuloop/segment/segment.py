@@ -7,16 +7,10 @@ import numpy as np
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME, Samples
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.segment.disturbance import undisturbed
-from imuloop.segment.multiples import attitudes, choose_multiples, cumulative
+from imuloop.segment.multiples import attitudes, choose_multiples, cumulative, lowest_error
 from imuloop.segment.poses import number_poses
 from imuloop.segment.settings import SegmentSettings
-from imuloop.segment.static_detector import (
-    activity,
-    detect_rests,
-    rest_level,
-    slow,
-    widened,
-)
+from imuloop.segment.static_detector import activity, detect_rests, rest_level, widened
 from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.stretches import lengths, unbroken, without
 from imuloop.segment.tilt import steady_rests, tilts
@@ -33,7 +27,7 @@ DEAREST = 2.0
 # where steadier rests give a calibration with more than this error, of g
 HAND_MULTIPLES, HAND_RATE, UNCERTAIN = ((20, 50, 100, 200), (1000, 3000)), 3.0, 2e-4
 # share of the rests that tilt where a hand holds the device
-HELD = 0.5
+TILTED = 0.5
 
 
 def segment_session(samples, kind, settings, threads=1):
@@ -64,23 +58,22 @@ def segment_session(samples, kind, settings, threads=1):
     else:
         rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
 
-    edges = np.union1d(stretches, rests)
-    ranges = np.column_stack([edges[:-1], edges[1:]])
+    t, edges = rows[TIME], np.union1d(stretches, rests)
     between = DISTURBED if kind == "static" else MOTION
     kinds = np.where(np.isin(edges[:-1], rests[:, 0]), STATIC, between)
-    # a gap is a row without samples
-    gaps = stretches[1:, 0]
-    at = np.searchsorted(edges, gaps)
-    ranges, kinds = np.insert(ranges, at, gaps[:, None], axis=0), np.insert(kinds, at, GAP)
-    is_rest, is_gap = kinds == STATIC, kinds == GAP
-    # a stretch ends one step after its last sample, and a gap with the next one
-    ends = dict(zip(stretches[:, 1], rows.at(TIME, stretches[:, 1] - 1) + step, strict=True))
-    start = rows.at(TIME, np.where(is_gap, 0, ranges[:, 0]))
-    start[is_gap] = [ends[j] for j in ranges[is_gap, 0]]
-    end = np.append(start[1:], [ends[j] for j in stretches[-1:, 1]])
+    # a stretch ends one step after its last sample
+    first, last = edges[:-1], np.isin(edges[1:], stretches[:, 1])
+    end = np.where(last, t[edges[1:] - 1] + step, t[np.minimum(edges[1:], len(t) - 1)])
+    # a gap is a row without samples, from there to the next one
+    gaps = np.flatnonzero(last[:-1]) + 1
+    start, end = np.insert(t[first], gaps, end[gaps - 1]), np.insert(end, gaps, t[first[gaps]])
+    kinds = np.insert(kinds, gaps, GAP)
 
-    table = segment_table(rows, start, end, kinds, np.full(len(start), -1))
-    poses = number_poses(rows, ranges[is_rest], table[is_rest], stretches, settings)
+    table, is_rest = (
+        segment_table(rows, start, end, kinds, np.full(len(start), -1)),
+        kinds == STATIC,
+    )
+    poses = number_poses(rows, rests, table[is_rest], stretches, settings)
     table.loc[is_rest, "pose"] = poses
     table.loc[is_rest, "tilt_rad"] = tilt
     metadata |= {
@@ -99,58 +92,29 @@ def no_segments(kind):
 
 def _find_rests(rows, stretches, step, settings):
     """Return the rests of a session, the tilt within each, rad, and the metadata."""
-    f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
-    rests, metadata = _detected(f, w, stretches, step, settings)
-    found, tilt, metadata = _steady(f, w, rests, stretches, step, metadata)
-    metadata |= {"shorter": None, "hand_held": False}
-    if len(rests) and (certain := _lowest(metadata["choice"])) > UNCERTAIN:
-        by_hand, more = _detected(f, w, stretches, step, _of_a_hand(settings))
-        if DEAREST * _lowest(more["choice"]) < certain:
-            held, sway, more = _steady(f, w, by_hand, stretches, step, more)
+    log = *(rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE)), stretches, step
+    detected, metadata = _detected(*log, settings)
+    rests, tilt, more = _steady(*log, detected, metadata["level"])
+    metadata |= more | {"shorter": None, "hand_held": False}
+    if len(detected) and lowest_error(metadata["choice"]) > UNCERTAIN:
+        force, rate = HAND_MULTIPLES
+        by_hand = replace(
+            settings,
+            accelerometer_multiples=(*settings.accelerometer_multiples, *force),
+            gyroscope_multiples=(*settings.gyroscope_multiples, *rate),
+            rate_tolerance=HAND_RATE * settings.rate_tolerance,
+        )
+        swaying, of_hand = _detected(*log, by_hand)
+        if DEAREST * lowest_error(of_hand["choice"]) < lowest_error(metadata["choice"]):
+            steady, sway, more = _steady(*log, swaying, of_hand["level"])
             # what only moves slowly turns by more than what it tilts
-            if np.mean(sway > 0) > HELD:
-                rests, found, tilt = by_hand, held, sway
-                metadata |= more | {"hand_held": True}
+            if np.mean(sway > 0) > TILTED:
+                detected, rests, tilt = swaying, steady, sway
+                metadata |= of_hand | more | {"hand_held": True}
     short = metadata["short_rests"]
-    if short < LEAST_SHORT or short <= SHORT_SHARE * len(rests):
-        return found, tilt, metadata
-    total, tried, kept = cumulative(f), [], found
-    now = len(attitudes(total, rests, settings.same_attitude))
-    for window, shortest in SHORTER:
-        each = {
-            "window_s": window * settings.window_s,
-            "shortest_rest_s": shortest * settings.shortest_rest_s,
-        }
-        found, _ = _detected(f, w, stretches, step, replace(settings, **each))
-        found = len(attitudes(total, found, settings.same_attitude))
-        tried.append({**each, "attitudes": found, "now": now})
-    most = max(each["attitudes"] for each in tried)
-    if most >= WORTHWHILE * max(now, 1):
-        # the longest that find nearly as many
-        good = (each for each in tried if each["attitudes"] >= ALMOST * most)
-        metadata["shorter"] = next(good)
-    return kept, tilt, metadata
-
-
-def _steady(f, w, rests, stretches, step, metadata):
-    """Return rests without the ends that tilt, the tilt within each, and the metadata with both."""
-    if not len(rests):
-        return rests, np.zeros(0), metadata | {"settling_s": 0.0, "tilted_rests": 0}
-    wide = widened(f, w, rests, stretches, step)
-    found, tilt = steady_rests(f, w, wide, metadata["level"]["rate"], step)
-    cut = float((lengths(wide) - lengths(found)).sum() * step)
-    return found, tilt, metadata | {"settling_s": cut, "tilted_rests": int((tilt > 0).sum())}
-
-
-def _of_a_hand(settings):
-    """Return the settings that find the rests of a device held in the hand."""
-    force, rate = HAND_MULTIPLES
-    return replace(
-        settings,
-        accelerometer_multiples=(*settings.accelerometer_multiples, *force),
-        gyroscope_multiples=(*settings.gyroscope_multiples, *rate),
-        rate_tolerance=HAND_RATE * settings.rate_tolerance,
-    )
+    if short >= LEAST_SHORT and short > SHORT_SHARE * len(detected):
+        metadata["shorter"] = _shorter(*log, detected, settings)
+    return rests, tilt, metadata
 
 
 def _detected(f, w, stretches, step, settings):
@@ -161,25 +125,26 @@ def _detected(f, w, stretches, step, settings):
         nothing = {"level": None, "multiples": None, "choice": [], "short_rests": 0}
         return np.empty((0, 2), dtype=int), nothing
     variances = level.accelerometer_variance, level.gyroscope_variance
+    away = np.linalg.norm(moving.rate - np.reshape(level.rate, (3, 1)), axis=0)
+    may_rest = away <= settings.rate_tolerance
 
-    def found(may_rest, multiples):
+    def within(multiples, may_rest):
         still = moving.within(multiples, variances) & may_rest
         return detect_rests(still, stretches, step, settings)
 
     def choose(may_rest):
-        return choose_multiples(f, lambda pair: found(may_rest, pair)[0], settings)
+        return choose_multiples(f, lambda pair: within(pair, may_rest)[0], settings)
 
-    may_rest = slow(moving, level, settings)
     # where no pair finds a rest long enough, the widest says how many were too short
-    widest = (max(settings.accelerometer_multiples), max(settings.gyroscope_multiples))
-    steady = may_rest & ~unsteady_samples(w, found(may_rest, widest)[0], step, settings)
+    widest = max(settings.accelerometer_multiples), max(settings.gyroscope_multiples)
+    steady = may_rest & ~unsteady_samples(w, within(widest, may_rest)[0], step, settings)
     multiples, choice = choose(may_rest)
-    rests, short = found(may_rest, multiples or widest)
+    rests, short = within(multiples or widest, may_rest)
     steady_multiples, steady_choice = choose(steady)
     # without its unsteady rests a session may no longer determine a calibration
-    if steady_multiples and _lowest(steady_choice) <= DEAREST * _lowest(choice):
+    if steady_multiples and lowest_error(steady_choice) <= DEAREST * lowest_error(choice):
         multiples, choice = steady_multiples, steady_choice
-        rests, _ = found(steady, multiples)
+        rests, _ = within(multiples, steady)
     return rests, {
         "level": asdict(level),
         "multiples": None if multiples is None else list(multiples),
@@ -188,5 +153,32 @@ def _detected(f, w, stretches, step, settings):
     }
 
 
-def _lowest(choice):
-    return min((row["expected_error"] for row in choice), default=np.inf)
+def _steady(f, w, stretches, step, rests, level):
+    """Return rests without the ends that tilt, the tilt within each, and metadata of both."""
+    if not len(rests):
+        return rests, np.zeros(0), {"settling_s": 0.0, "tilted_rests": 0}
+    wide = widened(f, w, rests, stretches, step)
+    steady, tilt = steady_rests(f, w, wide, level["rate"], step)
+    cut = float((lengths(wide) - lengths(steady)).sum() * step)
+    return steady, tilt, {"settling_s": cut, "tilted_rests": int((tilt > 0).sum())}
+
+
+def _shorter(f, w, stretches, step, rests, settings):
+    """Return the settings of shorter rests that would bring more attitudes, and how many, or None.
+
+    The longest that find nearly as many as any.
+    """
+    total, tried = cumulative(f), []
+    now = len(attitudes(total, rests, settings.same_attitude))
+    for window, shortest in SHORTER:
+        each = {
+            "window_s": window * settings.window_s,
+            "shortest_rest_s": shortest * settings.shortest_rest_s,
+        }
+        shorter, _ = _detected(f, w, stretches, step, replace(settings, **each))
+        found = len(attitudes(total, shorter, settings.same_attitude))
+        tried.append({**each, "attitudes": found, "now": now})
+    most = max(each["attitudes"] for each in tried)
+    if most < WORTHWHILE * max(now, 1):
+        return None
+    return next(each for each in tried if each["attitudes"] >= ALMOST * most)

@@ -33,13 +33,9 @@ class Activity:
     rate: np.ndarray
     window: int
 
-    def within(self, multiples, variances):
-        """Return whether both variances are within multiples of a level, shape (n,)."""
-        accelerometer, gyroscope = (
-            own <= multiple * level
-            for own, multiple, level in zip(self.variances, multiples, variances, strict=True)
-        )
-        return accelerometer & gyroscope
+    def within(self, multiples, levels):
+        """Return whether both variances are within multiples of their levels, shape (n,)."""
+        return np.all(self.variances <= np.multiply(multiples, levels)[:, None], axis=0)
 
 
 @dataclass(frozen=True)
@@ -62,8 +58,7 @@ def activity(force, rate, stretches, window):
     Takes specific force, m/s², and angular rate, rad/s, shape (3, n), the stretches without a gap
     and the window's length, samples.
     """
-    variances = np.full((2, force.shape[1]), np.inf)
-    means = np.zeros_like(rate)
+    variances, means = np.full((2, force.shape[1]), np.inf), np.zeros_like(rate)
     for i, j in stretches:
         if j - i < window:
             continue
@@ -95,24 +90,18 @@ def rest_level(force, rate, moving, step, settings):
         return None
     floors = [3 * rounding_variance(x[:, :DECIDING].T) for x in (force, rate)]
     levels = np.maximum([np.quantile(v[whole], 0.05) for v in moving.variances], floors)
-    factors = [max(settings.accelerometer_multiples)] * 2
-    quiet = moving.within(factors, levels)
+    most = [max(settings.accelerometer_multiples)] * 2
+    quiet = moving.within(most, levels)
     length = len(quiet) if quiet.all() else int(np.argmin(quiet))
     length = min(length, round(settings.initial_rest_s / step))
-    begins = length >= 10 * moving.window
-    if begins:
+    source, seconds = "quietest windows", 0.0
+    if length >= 10 * moving.window:
+        source, seconds = "initial rest", length * step
         initial = [x[:, :length].var(axis=1).sum() for x in (force, rate)]
         levels = np.maximum(initial, floors)
-        quiet = moving.within(factors, levels)
+        quiet = moving.within(most, levels)
     bias = np.median(moving.rate[:, quiet], axis=1) if quiet.any() else np.zeros(3)
-    source, seconds = ("initial rest", length * step) if begins else ("quietest windows", 0.0)
     return RestLevel(source, seconds, *levels.tolist(), bias.tolist())
-
-
-def slow(moving, level, settings):
-    """Return whether the windowed mean rate about each sample is that of rest, shape (n,)."""
-    away = sum((r - bias) ** 2 for r, bias in zip(moving.rate, level.rate, strict=True))
-    return np.sqrt(away) <= settings.rate_tolerance
 
 
 def detect_rests(still, stretches, step, settings):
@@ -125,10 +114,10 @@ def detect_rests(still, stretches, step, settings):
     trim = round(settings.trim_s / step)
     rests = [np.empty((0, 2), dtype=int)]
     for i, j in stretches:
-        found = runs(still[i:j]) + i
-        found[found[:, 0] > i, 0] += trim
-        found[found[:, 1] < j, 1] -= trim
-        rests.append(found)
+        each = runs(still[i:j]) + i
+        each[each[:, 0] > i, 0] += trim
+        each[each[:, 1] < j, 1] -= trim
+        rests.append(each)
     rests = np.concatenate(rests)
     samples = lengths(rests)
     long_enough = samples * step >= settings.shortest_rest_s - step / 2
@@ -146,29 +135,30 @@ def widened(f, w, rests, stretches, step):
     (3, n), ranges of samples, the stretches without a gap, and the step of time, s.
     """
     width = max(round(EDGE_S / step), 1)
-    rests, bound = rests.copy(), chdtri(3, 1e-5)
-    floors = [rounding_variance(x[:, :DECIDING].T) for x in (f, w)]
-    edges = np.concatenate([[0], rests.ravel(), [f.shape[1]]])
-    for k, (i, j) in enumerate(rests.tolist()):
+    sensors = [(x, rounding_variance(x[:, :DECIDING].T)) for x in (f, w)]
+    edges, wider = np.concatenate([[0], rests.ravel(), [f.shape[1]]]), rests.copy()
+    for k, (i, j) in enumerate(rests):
         a, b = stretches[np.searchsorted(stretches[:, 0], i, side="right") - 1]
-        for end, low, high in ((1, j, min(b, edges[2 * k + 3])), (0, max(a, edges[2 * k]), i)):
-            moved = np.zeros(max(high - low - width + 1, 0))
-            for x, floor in zip((f, w), floors, strict=True):
-                part = x[:, low:high]
-                if not len(moved):
-                    continue
-                means = np.cumsum(np.pad(part, ((0, 0), (1, 0))), axis=1)
-                means = (means[:, width:] - means[:, :-width]) / width
-                rest = x[:, i:j]
-                # of all axes alike: the frame of the sensor does not matter
-                variance = max(rest.var(axis=1).mean(), floor) / width
-                square = (means - rest.mean(axis=1)[:, None]) ** 2 / variance
-                moved = np.maximum(moved, square.sum(axis=0))
-            away = np.flatnonzero(moved > bound)
-            if end:
-                more = max((away[0] if len(away) else len(moved)) - width, 0)
-                rests[k, 1] = j + more
-            else:
-                more = len(moved) - 1 - away[-1] if len(away) else len(moved)
-                rests[k, 0] = i - max(more - width, 0)
-    return rests
+        a, b = max(a, edges[2 * k]), min(b, edges[2 * k + 3])
+        before = [(x[:, a:i][:, ::-1], x[:, i:j], floor) for x, floor in sensors]
+        after = [(x[:, j:b], x[:, i:j], floor) for x, floor in sensors]
+        wider[k] = i - _as_at_rest(before, width), j + _as_at_rest(after, width)
+    return wider
+
+
+def _as_at_rest(sensors, width):
+    """Return how many samples beyond a rest are as those in it.
+
+    Takes of each sensor the samples beyond, in order from the rest on, those in the rest, (3, n),
+    and the least variance.
+    """
+    moved = 0.0
+    for beyond, rest, floor in sensors:
+        sums = np.cumsum(np.pad(beyond, ((0, 0), (1, 0))), axis=1)
+        means = (sums[:, width:] - sums[:, :-width]) / width
+        # of all axes alike: the frame of the sensor does not matter
+        variance = max(rest.var(axis=1).mean(), floor) / width
+        square = (means - rest.mean(axis=1, keepdims=True)) ** 2
+        moved = np.maximum(moved, square.sum(axis=0) / variance)
+    away = np.flatnonzero(moved > chdtri(3, 1e-5))
+    return max((away[0] if len(away) else len(moved)) - width, 0)

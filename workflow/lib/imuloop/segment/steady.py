@@ -12,8 +12,8 @@ PART = 10.0
 FEWEST = 20
 # quartile of the normal distribution, standard deviations
 QUARTILE = ndtri(0.75)
-# windows that a rest has to hold to be judged on their scale
-HELD = 3
+# windows that a part of a rest has to hold to be judged on their scale
+FEWEST_OF_A_PART = 3
 
 
 def shortest_half(x):
@@ -46,11 +46,11 @@ def unsteady_samples(w, rests, step, settings):
       Its centre and spread over all rests come from the densest half of them; the spread is never
       below the √(2/3n) of white noise.
 
-    Both levels are robust: they are those of the device's own rests as long as more than half of
-    the time at rest is spent out of the hand. In an undisturbed session of Gaussian noise anything
-    at all is cut with the probability `false_alarm`, shared among the statistics and all samples
-    (Bonferroni, so right for any correlation). Takes angular rate, rad/s, (3, n), ranges of samples
-    at rest and the median step of time, s; gives a mask, (n,).
+    Both are right as long as more than half of the time at rest is spent out of the hand. In an
+    undisturbed session of Gaussian noise anything at all is cut with the probability `false_alarm`,
+    shared among the statistics and all samples (Bonferroni, so right for any correlation). Takes
+    angular rate, rad/s, (3, n), ranges of samples at rest and the median step of time, s; gives a
+    mask, (n,).
     """
     parts = [part for i, j in rests for part in _parts(i, j, step)]
     window = max(2, round(settings.window_s / 2 / step))
@@ -65,7 +65,7 @@ def unsteady_samples(w, rests, step, settings):
     rounding = rounding_variance(w[:, :DECIDING].T)
 
     for window in scales:
-        long = [slice(i, j) for i, j in parts if j - i >= HELD * window]
+        long = [slice(i, j) for i, j in parts if j - i >= FEWEST_OF_A_PART * window]
         means = [sliding_statistics(w[:, each].T, window)[0] for each in long]
         x = np.concatenate([mean - np.median(mean, axis=0) for mean in means])
         # a mean of samples that flip between two steps varies by a quarter of a step squared, / n
@@ -86,11 +86,10 @@ def unsteady_samples(w, rests, step, settings):
 
 def _freedom(parts, window):
     """Return the number of separate windows, less one for each part, of parts that hold some."""
-    return sum((j - i) // window - 1 for i, j in parts if j - i >= HELD * window)
+    return sum((j - i) // window - 1 for i, j in parts if j - i >= FEWEST_OF_A_PART * window)
 
 
 def _parts(i, j, step):
-    """Return a rest in parts of `PART` at most, as even as can be, the longer ones first."""
-    n, count = j - i, max(1, int(np.ceil((j - i) * step / PART)))
-    edges = i + np.arange(count + 1) * (n // count) + np.minimum(np.arange(count + 1), n % count)
-    return list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
+    """Return a rest in parts of `PART` at most, as even as can be."""
+    parts = np.array_split(np.arange(i, j), max(1, int(np.ceil((j - i) * step / PART))))
+    return [(int(part[0]), int(part[-1]) + 1) for part in parts]

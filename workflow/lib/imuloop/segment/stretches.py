@@ -40,9 +40,9 @@ def merged(ranges):
 
 def without(ranges, cuts):
     """Return what is left of each of the ranges, in order, less the cuts, as `merged` has them."""
-    left = [np.empty((0, 2), dtype=int)]
+    parts = [np.empty((0, 2), dtype=int)]
     for i, j in ranges:
         low, high = np.searchsorted(cuts[:, 1], i, side="right"), np.searchsorted(cuts[:, 0], j)
         edges = np.concatenate([[i], cuts[low:high].ravel(), [j]]).reshape(-1, 2)
-        left.append(edges[edges[:, 1] > edges[:, 0]])
-    return np.concatenate(left)
+        parts.append(edges[edges[:, 1] > edges[:, 0]])
+    return np.concatenate(parts)

@@ -1,8 +1,9 @@
 """Tilts of a device that should rest: gravity turns, and the gyroscope turns it as well."""
 
 import numpy as np
+from scipy.signal import detrend
 
-from imuloop.core.samples import CHANNELS
+from imuloop.core.samples import CHANNELS, ROWS
 from imuloop.segment.stretches import lengths, merged, runs, without
 
 # blocks that are averaged, s, and at most so many in a session
@@ -48,14 +49,14 @@ def tilts(rows, ranges, step):
     # not its direction alone: a tilt leaves the magnitude as it is
     u = means[:, :3] / np.median(np.linalg.norm(means[:, :3], axis=1)) if len(means) else means
     cuts = np.empty((0, 2), dtype=int)
-    for degree in (1, 0):
+    for taken in ("linear", "constant"):
         rests = without(stretches, cuts)
         if not len(rests):
             break
         bias = np.median(np.concatenate([means[i:j, 3:] for i, j in rests]), axis=0)
         change = np.cross(u, means[:, 3:] - bias) * width * step
         turned = np.cumsum(change, axis=0) - change / 2
-        windows = np.concatenate([i + _alike(u[i:j], turned[i:j], degree) for i, j in rests])
+        windows = np.concatenate([i + _alike(u[i:j], turned[i:j], taken) for i, j in rests])
         if len(windows):
             placed = np.array([i + _placed(u[i:j]) for i, j in windows])
             cuts = merged(np.concatenate([cuts, placed]))
@@ -66,36 +67,36 @@ def tilts(rows, ranges, step):
 
 def _block_means(rows, first, last, width):
     """Return the means of all channels over whole blocks of a range, shape (n, 6)."""
-    n = (last - first) // width
-    means = np.empty((n, len(CHANNELS)))
+    last -= (last - first) % width
     # a piece of whole blocks at a time
-    size = max((1 << 17) // width, 1)
-    for k in range(0, n, size):
-        m = min(size, n - k)
-        x = rows.read(CHANNELS, first + k * width, first + (k + m) * width)
-        means[k : k + m] = x.reshape(len(CHANNELS), m, width).mean(axis=2).T
-    return means
+    size = max(ROWS // width, 1) * width
+    ends = [(begin, min(begin + size, last)) for begin in range(first, last, size)]
+    blocks = [rows.read(CHANNELS, *each).reshape(len(CHANNELS), -1, width) for each in ends]
+    return np.concatenate([np.empty((0, len(CHANNELS))), *(x.mean(axis=2).T for x in blocks)])
 
 
-def _alike(u, turned, degree):
+def _alike(u, turned, taken):
     """Return the shortest windows of blocks in which two courses are alike, shape (k, 2).
 
-    Both are taken about their mean, or about their line where the degree is one.
+    Of both what is taken by `scipy.signal.detrend` is left out: the mean, or a line.
     """
-    found, length = np.empty((0, 2), dtype=int), FEWEST
+    alike, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
         starts = np.arange(0, len(u) - length + 1, max(length // 4, 1))
         at = starts[:, None] + np.arange(length)
-        power, left = (_power(x[at], degree) for x in (u, u - turned))
+        power, residual = (
+            (detrend(x[at], axis=1, type=taken) ** 2).sum(axis=2).mean(axis=1)
+            for x in (u, u - turned)
+        )
         # a ramp has a root mean square of a twelfth's root of its span
-        sure = (power >= LEAST**2 / 12) & (left <= MOST_LEFT**2 * power)
+        sure = (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
         windows = np.column_stack([starts, starts + length])[sure]
         # those that a shorter one lies in are placed already
-        inside = (found[:, 0] >= windows[:, :1]) & (found[:, 1] <= windows[:, 1:])
+        inside = (alike[:, 0] >= windows[:, :1]) & (alike[:, 1] <= windows[:, 1:])
         windows = windows[~inside.any(axis=1)]
-        found = merged(np.concatenate([found, windows])) if len(windows) else found
+        alike = merged(np.concatenate([alike, windows])) if len(windows) else alike
         length *= 2
-    return found
+    return alike
 
 
 def _placed(u):
@@ -103,21 +104,31 @@ def _placed(u):
 
     The window says that the device tilted; where, the accelerometer knows better.
     """
-    left, coming = (np.linalg.norm(u - each, axis=1) > LEAST / 2 for each in (u[0], u[-1]))
-    return np.array([max(np.argmax(left) - 1, 0), len(u) - max(np.argmax(coming[::-1]) - 1, 0)])
+    after, before = (np.linalg.norm(u - each, axis=1) > LEAST / 2 for each in (u[0], u[-1]))
+    return np.array([max(np.argmax(after) - 1, 0), len(u) - max(np.argmax(before[::-1]) - 1, 0)])
 
 
-def _power(x, degree):
-    """Return the mean square of vectors about their mean or line, x of shape (k, n, 3)."""
-    x = x - x.mean(axis=1, keepdims=True)
-    if degree:
-        t = np.arange(x.shape[1]) - (x.shape[1] - 1) / 2
-        x = x - t[:, None] * (np.einsum("n,kni->ki", t, x) / (t @ t))[:, None]
-    return (x**2).sum(axis=2).mean(axis=1)
+def steady_rests(f, w, rests, bias, step):
+    """Return rests less the ends in which the device tilts, and the tilt that each still has, rad.
+
+    A rest keeps the longest run of its parts without a tilt, if no more than `CUT` of it is lost:
+    a tilt changes gravity's direction, not its norm. Else it keeps all, with the root mean square
+    of its tilt. Arguments as of `rest_tilts`.
+    """
+    kept, tilt = rests.copy(), np.zeros(len(rests))
+    for k, (parts, tilts) in enumerate(rest_tilts(f, w, rests, bias, step)):
+        still = runs(tilts == 0)
+        spans = parts[still[:, 1] - 1, 1] - parts[still[:, 0], 0]
+        if spans.max(initial=0) >= (1 - CUT) * (rests[k, 1] - rests[k, 0]):
+            first, end = still[np.argmax(spans)]
+            kept[k] = parts[first, 0], parts[end - 1, 1]
+        else:
+            tilt[k] = np.sqrt(np.mean(tilts**2))
+    return kept, tilt
 
 
 def rest_tilts(f, w, rests, bias, step):
-    r"""Return how far the device tilts within each part of each rest, rad; 0 where it lies still.
+    r"""Return the parts of each rest, (k, 2), and how far the device tilts in each, rad, (k,).
 
     What a sensor's noise does the other sensor's does not. With the direction u of specific force
     and δ the integral of the angular rate less its bias, both less their means over a part, a
@@ -131,90 +142,56 @@ def rest_tilts(f, w, rests, bias, step):
     gyroscope does (Markov's inequality). A soft surface that settles and a hand show that way.
     An accelerometer may drift: the gyroscope has to explain `SHARE` of y beside its noise.
     Where some do, others are taken for tilted if that is more likely than not; amid a rest, by 20
-    to 1.
+    to 1. A part that lies still has the tilt 0, else its root mean square about its mean.
 
-    Parameters
-    ----------
-    f, w : ndarray, shape (3, n)
-        Specific force, m/s^2, and angular rate, rad/s.
-    rests : ndarray, shape (m, 2)
-        Ranges of samples.
-    bias : array_like, shape (3,)
-        Of the angular rate, rad/s.
-    step : float
-        Time step, s.
-
-    Returns
-    -------
-    parts : list of ndarray, shape (k, 2)
-        Ranges of samples of each rest, some `PART` long.
-    tilts : list of ndarray, shape (k,)
-        Root mean square of the tilt about its mean in each part, rad.
+    Takes specific force, m/s², and angular rate, rad/s, (3, n), ranges of samples, (m, 2), the
+    gyroscope's bias, rad/s, (3,), and the step of time, s.
     """
+    if not len(rests):
+        return []
     width = max(round(SHORT_BLOCK / step), 1)
-    parts = [_parts_of(i, j, max(round(PART / step), 4 * width)) for i, j in rests]
-    seen = [[_seen(f, w, i, j, bias, width, step) for i, j in each] for each in parts]
-    every = [y for each in seen for y, _ in each]
-    if not every:
-        return parts, []
+    length = max(round(PART / step), 4 * width)
+    parts = [_divided(i, j, (j - i) // length) for i, j in rests]
+    begins = np.concatenate([np.arange(len(each)) == 0 for each in parts])
+    courses = [_courses(f, w, i, j, bias, width, step) for i, j in np.concatenate(parts)]
     # neighbours differ by noise, and by little of a tilt
-    noise = np.median([np.mean(np.diff(y, axis=0) ** 2) / 2 for y in every if len(y) > 1] or [0.0])
-    gain = np.concatenate([[np.sum(y * x - x**2 / 2) for y, x in each] for each in seen])
+    noise = np.median(
+        [np.mean(np.diff(y, axis=0) ** 2) / 2 for y, _ in courses if len(y) > 1] or [0.0]
+    )
+    gain = np.array([np.sum(y * x - x**2 / 2) for y, x in courses])
+    size = np.array([np.sqrt((x**2).sum(axis=1).mean()) for _, x in courses])
     # an accelerometer drifts, too: what is left has to be noise, but for three standard deviations
-    power, count = np.transpose([(np.sum(y**2), y.size) for each in seen for y, _ in each])
+    power, count = np.transpose([(np.sum(y**2), y.size) for y, _ in courses])
     signal = np.maximum(power - noise * count, 0.0)
     chance = 3 * np.sqrt(2 * count * noise**2 + 4 * noise * signal)
     gain[2 * gain < SHARE * (signal - chance)] = -np.inf
-    size = np.concatenate([[np.sqrt((x**2).sum(axis=1).mean()) for _, x in each] for each in seen])
     tilted = gain > noise * np.log(len(gain) / FALSE_ALARM)
     # a surface that is soft is soft each time: then the odds before the data are the share of
     # those found, of parts that begin a rest by themselves
-    begins = np.concatenate([np.arange(len(each)) == 0 for each in parts])
     for _ in range(ROUNDS):
         for alike, least in ((begins, 0.0), (~begins, SURE)):
             if 0 < (share := tilted[alike].mean() if alike.any() else 0) < 1:
                 tilted[alike] = gain[alike] > noise * max(np.log(1 / share - 1), least)
-    ends = np.cumsum([len(each) for each in parts])[:-1]
-    return parts, np.split(np.where(tilted, size, 0.0), ends)
+    tilts = np.split(np.where(tilted, size, 0.0), np.flatnonzero(begins)[1:])
+    return list(zip(parts, tilts, strict=True))
 
 
-def _parts_of(first, last, length):
-    """Return a range in parts of about a length, (k, 2)."""
-    edges = np.linspace(first, last, max((last - first) // length, 1) + 1).astype(int)
+def _divided(first, last, count):
+    """Return a range in so many even parts, at least one, (k, 2)."""
+    edges = np.linspace(first, last, max(count, 1) + 1).astype(int)
     return np.column_stack([edges[:-1], edges[1:]])
 
 
-def _seen(f, w, first, last, bias, width, step):
+def _courses(f, w, first, last, bias, width, step):
     """Return the course of gravity's direction, and that which the gyroscope gives it, (b, 3)."""
-    count = max((last - first) // width, 1)
-    edges = np.linspace(first, last, count + 1).astype(int)
+    blocks = _divided(first, last, (last - first) // width) - first
     turned = np.cumsum((w[:, first:last].T - bias) * step, axis=0)
-    lengths = np.diff(edges)[:, None]
-    u = np.add.reduceat(f[:, first:last].T, edges[:-1] - first, axis=0) / lengths
-    turned = np.add.reduceat(turned, edges[:-1] - first, axis=0) / lengths
+    u, turned = (
+        np.add.reduceat(x, blocks[:, 0], axis=0) / np.diff(blocks)
+        for x in (f[:, first:last].T, turned)
+    )
     mean = u.mean(axis=0)
     size = np.linalg.norm(mean)
     if not size:
         return np.zeros_like(u), np.zeros_like(u)
     return (u - mean) / size, np.cross(mean / size, turned - turned.mean(axis=0))
-
-
-def steady_rests(f, w, rests, bias, step):
-    """Return rests less the ends in which the device tilts, and the tilt that each still has, rad.
-
-    A rest keeps the longest run of its parts without a tilt, if no more than `CUT` of it is lost:
-    a tilt changes gravity's direction, not its norm. Else it keeps all, with the root mean square
-    of its tilt. Arguments as of `rest_tilts`.
-    """
-    kept, left = [], []
-    for parts, tilts in zip(*rest_tilts(f, w, rests, bias, step), strict=True):
-        still = runs(tilts == 0)
-        spans = parts[still[:, 1] - 1, 1] - parts[still[:, 0], 0] if len(still) else np.zeros(0)
-        if spans.max(initial=0) >= (1 - CUT) * (parts[-1, 1] - parts[0, 0]):
-            longest = still[np.argmax(spans)]
-            kept.append((parts[longest[0], 0], parts[longest[1] - 1, 1]))
-            left.append(0.0)
-        else:
-            kept.append((parts[0, 0], parts[-1, 1]))
-            left.append(np.sqrt(np.mean(tilts**2)))
-    return np.array(kept, dtype=int).reshape(-1, 2), np.array(left)

@@ -96,7 +96,7 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
     `samples` (RestLog, DataFrame or dict) and `segments` are those of the session; the calibration
     gives ``K (raw - b)`` of both sensors; `mean_time`, s, as of `window_length`.
     """
-    log = samples if isinstance(samples, RestLog) else RestLog.of(samples)
+    log = samples if isinstance(samples, RestLog) else RestLog(samples)
     static = np.asarray(segments["kind"]) == STATIC
     seconds = np.array([np.asarray(segments[c], float)[static] for c in ("start_s", "end_s")]).T
     t = log.t

@@ -12,8 +12,7 @@ from imuloop.calibrate.determined import AXES
 from imuloop.calibrate.gyroscope import cross_matrix
 from imuloop.calibrate.raw_units import as_logged, in_raw_units
 from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope
-from imuloop.effects.lever_arm import LeverArm
-from imuloop.effects.size_effect import SizeEffect
+from imuloop.effects.other_sensor import LeverArm, SizeEffect
 
 # of the set-up, not of the sensor
 BESIDE = ("time_offset", "clock_drift", "lever_arm")
@@ -183,8 +182,8 @@ def _together(sensor, own, result, kept, more):
         known=[e for e in own.effects if e not in fitted],
         reduced_chi2=own.reduced_chi2,
     )
-    seen = {e.name: e.seen for e in fitted}
-    held = tuple(replace(e, seen=seen.get(e.name, e.seen)) for e in made.effects)
+    ranges = {e.name: e.ranges for e in fitted}
+    held = tuple(replace(e, ranges=ranges.get(e.name, e.ranges)) for e in made.effects)
     return replace(made, effects=held)
 
 

@@ -28,7 +28,7 @@ class StaticData:
     def log(self, name):
         """Return the RestLog of a session."""
         if name not in self._logs:
-            self._logs[name] = RestLog.of(self.samples[name])
+            self._logs[name] = RestLog(self.samples[name])
         return self._logs[name]
 
     def records(self, sensor, calibration, mean_time):

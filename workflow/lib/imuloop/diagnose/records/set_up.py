@@ -12,9 +12,8 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import size_of
 from imuloop.diagnose.records.one_solution import BESIDE
 from imuloop.diagnose.records.poses import by_effect
-from imuloop.effects.clock_drift import ClockDrift
-from imuloop.effects.lever_arm import LeverArm
-from imuloop.effects.time_offset import TimeOffset
+from imuloop.effects.delays import ClockDrift, TimeOffset
+from imuloop.effects.other_sensor import LeverArm
 
 # standard deviation beforehand of each parameter, s, s per s and m: next to nothing is known
 LOOSE = {"time_offset": 0.1, "clock_drift": 0.02, "lever_arm": 1.0}

@@ -12,7 +12,7 @@ from imuloop.diagnose.records.static import fitted_effects
 from imuloop.diagnose.residuals import held_out_covariance, size
 from imuloop.diagnose.verdict import MARGIN, judge, verdict
 from imuloop.effects.axes import on_each_axis
-from imuloop.effects.gauss_markov import GaussMarkov
+from imuloop.effects.drifts import GaussMarkov
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # why a static record cannot show what the poses can

@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.samples import ACCELERATION
-from imuloop.effects.time_offset import TimeOffset
+from imuloop.effects.delays import TimeOffset
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.report.numbers import (
     NO_NUMBER,

@@ -1,10 +1,53 @@
-"""Vibration that an accelerometer turns into a bias."""
+"""An accelerometer's mechanics: it creeps after a turn, and rectifies vibration."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import fast_part, in_pieces, moving_mean
+from imuloop.core.memory import fast_part, first_order_lag, in_pieces, moving_mean
 from imuloop.effects.axes import on_each_axis, per_axis
+
+# s; shorter, and it is over when the turn is; longer, and all poses of a session share it
+CREEPS = (3.0, 10.0, 30.0)
+
+
+@in_pieces
+def creep(channels, tau):
+    """Return ``y_lag - y`` of a whole log, SI, shape (n, 3)."""
+    lagged = first_order_lag(channels.t, channels.output, tau, channels.past)
+    return lagged - channels.output
+
+
+@dataclass(frozen=True)
+class Reorientation(Effect):
+    """``e_i = k_i (y_i,lag - y_i)``: part k_i of the load is borne by what creeps, τ in s.
+
+    ``τ dy_lag/dt = y - y_lag``, at rest at the start of the log. After a turn the output starts
+    k_i times the change of load short, and relaxes with exp(-t/τ).
+    Leaves: a trend within each pose, and a mean that depends on the pose before. Imitated by:
+    nothing in the library; a support that gives way looks the same.
+    """
+
+    tau: float = 10.0
+
+    name = "reorientation"
+    sensors = ("accelerometer",)
+    parameters = per_axis({"k": "1"})
+    equation = "e_i = k_i (y_i,lag - y_i)"
+    reference = "Zhou et al., Materials 10 (2017) 1077, viscoelastic die attach"
+    timed = True
+    records = ("poses",)
+
+    @classmethod
+    def shapes(cls, channels):
+        """Return the time constants to try."""
+        return tuple(cls(tau) for tau in CREEPS)
+
+    def design(self, channels):
+        """Return the load that still creeps on each axis, shape (n, 3, 3)."""
+        return on_each_axis(channels.remembered(creep, self.tau))
+
 
 # s; what is faster than 10 Hz is a vibration, a turn by hand is ten times slower
 PERIOD = 0.1
@@ -19,15 +62,15 @@ def vibration(channels):
     Of two windows, the `WINDOW` before and the one after, the quieter: at either end of a pose one
     of them lies in the pose, so that what shakes the turn beside it does not count.
     """
-    t, found = channels.t, np.array(channels.output)
+    t, square = channels.t, np.array(channels.output)
     last = np.searchsorted(t, t + WINDOW, side="right") - 1
     # an axis at a time: a log of days is large
     for axis in range(3):
-        fast = fast_part(t, found[:, [axis]], PERIOD, channels.step)
+        fast = fast_part(t, square[:, [axis]], PERIOD, channels.step)
         before = moving_mean(t, fast**2, WINDOW)[:, 0]
         # sums of large squares may leave less than nothing of small ones
-        found[:, axis] = np.maximum(np.minimum(before, before[last]), 0.0)
-    return found
+        square[:, axis] = np.maximum(np.minimum(before, before[last]), 0.0)
+    return square
 
 
 class VibrationRectification(Effect):

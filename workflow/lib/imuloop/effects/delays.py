@@ -1,0 +1,131 @@
+"""Stamps that are late: of a sensor, of one axis, or by a clock that runs at another rate."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.core.memory import in_pieces, secant, slope
+
+# s; the neighbours of a sample lie within it
+REACH = 0.1
+# s; the largest delay
+LATEST = 0.1
+
+
+@in_pieces
+def own_change(channels, seconds):
+    """Return the mean rate of change of the sensor's output until `seconds` later, (n, 3)."""
+    return secant(channels.t, channels.output, seconds, channels.step)
+
+
+@in_pieces
+def drifting_change(channels, gained, middle):
+    """Return the same until `gained` seconds per second from the `middle`, s, later, (n, 3)."""
+    return secant(channels.t, channels.output, gained * (channels.t - middle), channels.step)
+
+
+@in_pieces
+def other_slope(channels):
+    """Return the rate of change of the other sensor's output, shape (n, 3)."""
+    return slope(channels.t, channels.other)
+
+
+def unclamped(self, design, low, high):
+    """Return the derivative of a delay as it is: a time is the same however fast all changes."""
+    return design
+
+
+class TimeOffset(Effect):
+    """``e = y(t) - y(t - Δt)``: the sensor shows what was Δt ago (negative) or will be.
+
+    The other sensor's stamps are the clock: two sensors show what one is late by after the other,
+    and a difference of their low-pass filters is the same. Leaves: velocity at the end of a move,
+    ``Δt g`` for each radian turned about the horizontal, 15 mm/s per ms for a quarter turn. From
+    rest to rest attitudes have all arrived: the angle turned is the same. Beside a reference, its
+    clock is the clock, of both sensors.
+    """
+
+    name = "time_offset"
+    parameters = {"dt": "s"}
+    equation = "e = y(t) - y(t - Δt)"
+    reference = "Furgale et al., IROS 2013, temporal calibration"
+    records = ("motion", "reference")
+    unobservable = "a shift in time changes nothing at rest, nor the angle from rest to rest"
+    limit = LATEST
+    reach = REACH + LATEST
+
+    clamped = unclamped
+
+    def design(self, channels, values=(0.0,)):
+        """Return the rate of change since what the sensor shows was there, shape (n, 3, 1)."""
+        return channels.remembered(own_change, -float(values[0]))[:, :, None]
+
+    design_at = design
+
+
+class GyroAxisDelay(Effect):
+    """``e_i = y_i(t) - y_i(t + Δt_i)``: axis i shows what was Δt_i ago, z is the clock.
+
+    Three axes that are late together are a `time_offset`. Leaves: errors of rotations about axes
+    that change, and velocity at the end of a move.
+    """
+
+    name = "gyro_axis_delay"
+    sensors = ("gyroscope",)
+    parameters = {"dtx": "s", "dty": "s"}
+    equation = "e_i = y_i(t) - y_i(t + Δt_i), Δt_z = 0"
+    reference = "Savage, Strapdown Analytics, sensor lag and pseudo-coning"
+    records = ("motion",)
+    unobservable = "at rest nothing changes; what turns leave of it shows in the motion between"
+    limit = LATEST
+    reach = REACH + LATEST
+
+    clamped = unclamped
+
+    def design(self, channels, values=(0.0, 0.0)):
+        """Return the derivative with respect to both delays, shape (n, 3, 2)."""
+        design = np.zeros((len(channels.t), 3, 2))
+        for axis, late in enumerate(values):
+            design[:, axis, axis] = -channels.remembered(own_change, float(late))[:, axis]
+        return design
+
+    design_at = design
+
+
+@dataclass(frozen=True)
+class ClockDrift(Effect):
+    """``e = y(t) - y(t - d (t - t_m))``: what the sensor shows gains d seconds a second.
+
+    t_m is the middle of the log: what is late there is `time_offset`. Leaves beside a reference: an
+    offset in time that grows; 50 ppm are 9 ms after three minutes.
+    """
+
+    middle: float = 0.0  # t_m, s
+
+    name = "clock_drift"
+    sensors = ("gyroscope",)
+    parameters = {"d": "1"}
+    equation = "e = y(t) - y(t - d (t - t_m))"
+    reference = "Furgale et al., IROS 2013, temporal calibration"
+    records = ("reference",)
+    unobservable = "only a reference has another clock"
+    # crystals are good to some 100 ppm, RC oscillators to 1 %
+    limit = 0.02
+    reach = REACH + LATEST
+    # late at one end and early at the other, neither alone lowers the error of all parts
+    hidden_by = ("time_offset",)
+
+    clamped = unclamped
+
+    @classmethod
+    def shapes(cls, channels):
+        """Return the shape of a log: its middle."""
+        return (cls(float(channels.t[0] + channels.t[-1]) / 2),)
+
+    def design(self, channels, values=(0.0,)):
+        """Return the rate of change times the time, m/s^2 or rad/s, shape (n, 3, 1)."""
+        change = channels.remembered(drifting_change, -float(values[0]), self.middle)
+        return (change * (channels.t - self.middle)[:, None])[:, :, None]
+
+    design_at = design

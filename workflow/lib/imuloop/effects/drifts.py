@@ -1,0 +1,103 @@
+"""A bias that changes slowly with time: evenly, after power-on, or by chance."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.core.memory import in_pieces
+from imuloop.effects.axes import on_each_axis, per_axis
+
+# s; a factor 3.4 apart, so that a true one is at most 1.85 from one that is tried; from a chip
+# on its board to a closed housing
+SETTLING = (30.0, 100.0, 350.0, 1200.0)
+# settling times that a record must hold: with less, an exponential is nearly a straight line
+SETTLINGS = 2
+# points within twice the time constant, without which it would be an outlier's second name
+POINTS = 3
+
+
+@in_pieces
+def settling(channels, tau):
+    """Return ``exp(-t/τ)`` of a whole log, shape (n,)."""
+    return np.exp(-channels.t / tau)
+
+
+@dataclass(frozen=True)
+class WarmUp(Effect):
+    """``e_i = A_i exp(-t/τ)``: after power-on the bias settles exponentially, τ in s.
+
+    t counts from the start of each log: one that starts t_on after the power has the amplitude
+    A exp(-t_on/τ); several sessions are taken to start alike.
+    Leaves: first poses and minutes off, later ones not. Imitated by: `bias_temperature`, if the
+    thermometer shows the same warming; `bias_drift` where τ is as long as the log.
+    """
+
+    tau: float = SETTLING[0]
+
+    name = "warm_up"
+    parameters = per_axis({"A": "output"})
+    equation = "e_i = A_i exp(-t/τ)"
+    reference = "IEEE Std 528-2001, warm-up time"
+    timed = True
+
+    @classmethod
+    def shapes(cls, channels):
+        """Return the time constants of which the data hold several, and several points in each."""
+        several = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
+        longest = np.ptp(channels.t) / SETTLINGS
+        return tuple(cls(tau) for tau in several if tau <= longest) or (cls(),)
+
+    def design(self, channels):
+        """Return the exponential on each axis, its mean over a pose, shape (n, 3, 3)."""
+        return on_each_axis(channels.remembered(settling, self.tau))
+
+
+class BiasDrift(Effect):
+    """``e_i = d_i t``: the bias changes evenly with time, from the start of each log.
+
+    Leaves: an error of pose means that grows with time whatever the attitude. Imitated by:
+    `bias_temperature` where the temperature only rises or falls, a long `warm_up`, and the noise's
+    own random walk, which the floor holds. In a static record the same term is called `ramp`.
+    """
+
+    name = "bias_drift"
+    parameters = per_axis({"d": "output per s"})
+    equation = "e_i = d_i t"
+    reference = "IEEE Std 952-1997, annex C, rate ramp"
+    timed = True
+    records = ("poses",)
+
+    def design(self, channels):
+        """Return the time on each axis, shape (n, 3, 3)."""
+        return on_each_axis(channels.t)
+
+
+class Ramp(BiasDrift):
+    """``e_i = d_i t``: between poses this is `bias_drift`.
+
+    Leaves: levels that change evenly. Imitated by: `bias_temperature` where the temperature only
+    rises or falls, a long `warm_up`, and random walk, which the noise of the test allows for.
+    """
+
+    name = "ramp"
+    timed = False
+    records = ("static_record",)
+    lasting = False
+
+
+class GaussMarkov(Effect):
+    """``dx_i/dt = -x_i/Tc + q_i·(white noise of density 1)``: noise of correlation time Tc, s.
+
+    No pattern that could be subtracted: a term of the noise, covariance (q² Tc/2) exp(-|d|/Tc),
+    which the noise stage finds. It is an effect where it lowers the error by which the next mean is
+    foretold. Of several on one axis it is the largest.
+    Leaves: a hump of the Allan curve at 1.89 Tc. Imitated by: `sinusoid` where the record holds a
+    few periods; flicker.
+    """
+
+    name = "gauss_markov"
+    parameters = per_axis({"q": "output per sqrt(s)", "tc": "s"})
+    equation = "dx_i/dt = -x_i/Tc + q_i·white, x_i added to the output"
+    reference = "IEEE Std 952-1997, annex C, exponentially correlated noise"
+    records = ("static_record",)

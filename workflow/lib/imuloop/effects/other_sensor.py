@@ -1,0 +1,158 @@
+"""What one sensor shows of what the other measures."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.core.gravity import EARTH_RATE
+from imuloop.effects.axes import AXES, row_by_row
+from imuloop.effects.delays import REACH, other_slope
+
+# products of specific force that change from attitude to attitude: xx is f_x² - f_z²
+PRODUCTS = ("xx", "yy", "xy", "xz", "yz")
+
+
+class GSensitivity(Effect):
+    """``e = G f``: the gyroscope's bias follows the specific force in every attitude.
+
+    G_ij is the rate that axis i shows for a specific force of 1 m/s^2 along axis j.
+    Leaves: mean rates of poses that are linear in the attitude. Imitated by: the vertical part of
+    the `earth_rate`, for the isotropic part of G.
+    """
+
+    name = "g_sensitivity"
+    sensors = ("gyroscope",)
+    parameters = {f"G{i}{j}": "rad/s per m/s^2" for i in range(3) for j in range(3)}
+    equation = "e = G f"
+    reference = "IEEE Std 1431-2004, acceleration-sensitive drift rate"
+    records = ("poses",)
+
+    def design(self, channels):
+        """Return the derivative with respect to G row by row, shape (n, 3, 9)."""
+        return row_by_row(channels.other)
+
+
+class G2Sensitivity(Effect):
+    """``e_i = Σ_jk D_ijk f_j f_k``: the anisoelastic bias of a gyroscope.
+
+    Five terms an axis: D_ixx (f_x² - f_z²), D_iyy (f_y² - f_z²), D_ixy f_x f_y, D_ixz f_x f_z,
+    D_iyz f_y f_z. The sixth, |f|², is the same in all attitudes at rest: a bias.
+    Leaves: a pattern of degree 2 in the mean rates of poses, where `g_sensitivity` is of degree 1.
+    Imitated by: nothing else of degree 2.
+    """
+
+    name = "g2_sensitivity"
+    sensors = ("gyroscope",)
+    parameters = {f"D{i}{jk}": "rad/s per (m/s^2)^2" for i in AXES for jk in PRODUCTS}
+    equation = "e_i = Σ_jk D_ijk f_j f_k"
+    reference = "IEEE Std 528-2001, 2.4, acceleration-squared-sensitive drift rate"
+    records = ("poses",)
+
+    def design(self, channels):
+        """Return the products on each axis, shape (n, 3, 15)."""
+        x, y, z = channels.other.T
+        return row_by_row(np.column_stack([x**2 - z**2, y**2 - z**2, x * y, x * z, y * z]))
+
+
+class EarthRate(Effect):
+    """``e = w_up f/|f|``: the vertical part of the Earth's rate, along specific force.
+
+    w_up = 7.292115e-5 rad/s · sin(latitude). The horizontal part turns with the heading, which no
+    sensor here knows: it stays in the residual. Under acceleration f is not the vertical.
+    Leaves: a mean rate that turns with the attitude, 15 °/h at the pole, and an angle that grows
+    with the duration of a rotation. Imitated by: a `g_sensitivity` that is a multiple of the unit
+    matrix, exactly.
+    """
+
+    name = "earth_rate"
+    sensors = ("gyroscope",)
+    parameters = {"w_up": "rad/s"}
+    equation = "e = w_up u, u the direction of f"
+    reference = "WGS 84, NIMA TR8350.2, table 3.1"
+    records = ("poses",)
+    limit = EARTH_RATE
+
+    def design(self, channels):
+        """Return the direction of specific force, shape (n, 3, 1); zero in free fall."""
+        norm = np.linalg.norm(channels.other, axis=1, keepdims=True)
+        return (channels.other / np.where(norm > 0, norm, 1.0))[:, :, None]
+
+
+class RateSensitivity(Effect):
+    """``e = M w``: specific force of axis i for a rate of 1 rad/s about axis j is M_ij.
+
+    Leaves: velocity at the end of a move, M times the angle turned; nothing at rest. Imitated by:
+    `lever_arm`, a little, where all turns are equally fast.
+    """
+
+    name = "rate_sensitivity"
+    sensors = ("accelerometer",)
+    parameters = {f"M{i}{j}": "m/s^2 per rad/s" for i in range(3) for j in range(3)}
+    equation = "e = M w"
+    reference = "Xsens MTi user manual, cross coupling of acceleration and angular rate"
+    records = ("motion",)
+    unobservable = "it acts only while the device turns, and residuals are taken at rest"
+    limit = 0.1  # 10 mg at 1 rad/s
+
+    def design(self, channels):
+        """Return the derivative with respect to M row by row, shape (n, 3, 9)."""
+        return row_by_row(channels.other)
+
+
+@dataclass(frozen=True)
+class LeverArm(Effect):
+    """``e_i = (dw/dt × r_i + w × (w × r_i))_i``: axis i sits at r_i, not at the origin.
+
+    Where the device turns about is not known, so that an arm which all axes share is none: the
+    origin is where the accelerometer's z axis sits, and r_x and r_y are from there.
+    Leaves: velocity at the end of a move, as the angle turned and as the square of the rate; 1 cm
+    at 5 rad/s gives 0.25 m/s². Nothing at rest. Imitated by: `rate_sensitivity`, a little.
+
+    From a `marker` whose position a reference gives the common arm is seen: all axes sit at r.
+    """
+
+    marker: int = 0  # 1: from a reference's marker
+
+    name = "lever_arm"
+    sensors = ("accelerometer",)
+    equation = "e_i = (dw/dt × r_i + w × (w × r_i))_i, r_z = 0"
+    reference = "Titterton and Weston, Strapdown Inertial Navigation Technology, size effect"
+    records = ("motion", "reference")
+    unobservable = "it acts only while the device turns, and residuals are taken at rest"
+    limit = 0.1  # of what is called one sensor
+    bounds: ClassVar = {"marker": (0, 1)}
+    reach = REACH
+    # the equation of an arm from the marker
+    of_place = "e = dw/dt × r + w × (w × r)"
+
+    @property
+    def parameters(self):
+        """Names and units: of the arm from the marker, or of those of x and y."""
+        return {f"r{i}{j}": "m" for i in ([""] if self.marker else "xy") for j in AXES}
+
+    def design(self, channels):
+        """Return the derivative with respect to the arms of x and y, shape (n, 3, 6 or 3)."""
+        w, change = channels.other, channels.remembered(other_slope)
+        # (dw/dt × r + w × (w × r))_i = Σ_j A_ij r_j
+        A = w[:, :, None] * w[:, None] - (w**2).sum(axis=1)[:, None, None] * np.eye(3)
+        A = A + np.cross(change[:, None], np.eye(3)).swapaxes(1, 2)
+        if self.marker:
+            return A
+        design = np.zeros((len(w), 3, 6))
+        design[:, 0, :3], design[:, 1, 3:] = A[:, 0], A[:, 1]
+        return design
+
+
+class SizeEffect(LeverArm):
+    """``e_i = (dw/dt × r_i + w × (w × r_i))_i``: axis i sits at r_i from the z axis.
+
+    It is the `lever_arm` of the moves between rests, and that in a calibration. Beside a reference
+    `lever_arm` is the arm from the marker, to the z axis where both are there.
+    """
+
+    name = "size_effect"
+    equation = "that of `lever_arm`"
+    records = ("reference",)
+    unobservable = None  # elsewhere `lever_arm` says it

@@ -1,0 +1,161 @@
+"""Polynomials of a sensor's own output: its scale factor is not the same for all outputs."""
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.effects.axes import AXES, on_each_axis, per_axis
+
+# axis i that is driven, axis j that drives
+PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
+
+
+class Quadratic(Effect):
+    """``e_i = K2_i y_i²``: the scale factor of an axis grows with its output.
+
+    Leaves at rest, u the direction of gravity: ``K2 g² u_i³ = K2 g² (3/5 P1 + 2/5 P3)(u_i)``, 60 %
+    of it a bias. Imitated by: `cross_coupling`, of which it is a special case, and `asymmetry`
+    where poses are few. Under vibration it is `vibration_rectification`.
+    """
+
+    name = "quadratic"
+    sensors = ("accelerometer",)
+    parameters = per_axis({"K2": "m/s^2 per (m/s^2)^2"})
+    equation = "e_i = K2_i y_i²"
+    reference = "IEEE Std 1293-1998, 8.3, model equation: K2"
+    records = ("poses",)
+
+    def design(self, channels):
+        """Return the square of each axis' output, shape (n, 3, 3)."""
+        return on_each_axis(channels.output**2)
+
+
+class Cubic(Effect):
+    """``e_i = K3_i y_i³``: the scale factor of an axis differs between small and large outputs.
+
+    Leaves at rest ``K3 g³ u_i⁴ = K3 g³ (1/5 P0 + 4/7 P2 + 8/35 P4)(u_i)``: 77 % is a scale factor,
+    23 % a pattern of degree 4. Imitated by: the scale factor, in six positions wholly.
+    """
+
+    name = "cubic"
+    sensors = ("accelerometer",)
+    parameters = per_axis({"K3": "m/s^2 per (m/s^2)^3"})
+    equation = "e_i = K3_i y_i³"
+    reference = "IEEE Std 1293-1998, 8.3, model equation: K3"
+    records = ("poses",)
+
+    def design(self, channels):
+        """Return the cube of each axis' output, shape (n, 3, 3)."""
+        return on_each_axis(channels.output**3)
+
+
+class Asymmetry(Effect):
+    """``e_i = (K1'_i/2) |y_i|``: the scale factor of an axis differs with the sign of its output.
+
+    Leaves at rest ``(K1'/2) g u_i |u_i|``, a bias (3/4 P1) and odd patterns from degree 3 on.
+    Imitated by: `quadratic`, but for degree 5 and a kink at u_i = 0, which take over 30 poses.
+    """
+
+    name = "asymmetry"
+    sensors = ("accelerometer",)
+    parameters = per_axis({"Ka": "1"})
+    equation = "e_i = (Ka_i/2) abs(y_i)"
+    reference = "IEEE Std 1293-1998, 8.3, model equation: K1' (here Ka)"
+    records = ("poses",)
+
+    def design(self, channels):
+        """Return half the size of each axis' output, shape (n, 3, 3)."""
+        return on_each_axis(np.abs(channels.output) / 2)
+
+
+class CrossCoupling(Effect):
+    """``e_i = Σ_j K_ij y_i y_j, j ≠ i``, and ``e_i = Kxyz y_j y_k`` alike on all axes.
+
+    Of the 15 products of two outputs beside K2, the norm of gravity at rest shows 7: y_i y_j on
+    axis i and y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any axis. A
+    `quadratic` u_i³ is a bias less u_j² u_i and u_k² u_i, a special case. Which product it is, the
+    norm does not tell: along gravity the correction is right, across it off by up to the residual.
+    Leaves: patterns of degree 3 in the direction u. Imitated by: `quadratic`, `asymmetry`.
+    """
+
+    name = "cross_coupling"
+    sensors = ("accelerometer",)
+    parameters = dict.fromkeys(
+        [*(f"K{AXES[i]}{AXES[j]}" for i, j in PAIRS), "Kxyz"], "m/s^2 per (m/s^2)^2"
+    )
+    equation = "e_i = Σ_j K_ij y_i y_j + Kxyz y_j y_k, j, k ≠ i"
+    reference = "IEEE Std 1293-1998, 8.3, model equation: Kip, Kio, Kpo"
+    records = ("poses",)
+
+    def design(self, channels):
+        """Return the products of outputs, shape (n, 3, 7)."""
+        y = channels.output
+        columns = np.zeros((len(y), 3, 7))
+        for k, (i, j) in enumerate(PAIRS):
+            columns[:, i, k] = y[:, i] * y[:, j]
+        columns[:, :, 6] = _product_of_others(y)
+        return columns
+
+
+class ScaleNonlinearity(Effect):
+    """``e_i = s2_i y_i² + s3_i y_i³``: the scale factor of an axis changes with the rate.
+
+    Leaves: errors of rotations that grow with their speed, the even part with the sign of the
+    turn; nothing at rest. Imitated by: the scale factor and `scale_asymmetry` (s2) where all turns
+    are equally fast, or nearly.
+    """
+
+    name = "scale_nonlinearity"
+    sensors = ("gyroscope",)
+    parameters = per_axis({"s2": "rad/s per (rad/s)^2", "s3": "rad/s per (rad/s)^3"})
+    equation = "e_i = s2_i y_i² + s3_i y_i³"
+    reference = "IEEE Std 528-2001, nonlinearity"
+    records = ("poses", "motion")
+
+    def design(self, channels):
+        """Return the powers of each axis' output, shape (n, 3, 6)."""
+        return on_each_axis(channels.output**2, channels.output**3)
+
+
+class ScaleAsymmetry(Effect):
+    """``e_i = sa_i |y_i|``: the scale factor of an axis differs between left and right turns.
+
+    The asymmetry of the standard, one side less the other, is 2 sa. Leaves: errors of rotations
+    that keep their sign when the turn is reversed; nothing at rest. Imitated by: the scale factor
+    if each axis is turned one way only; the even part of `scale_nonlinearity` at one speed.
+    """
+
+    name = "scale_asymmetry"
+    sensors = ("gyroscope",)
+    parameters = per_axis({"sa": "1"})
+    equation = "e_i = sa_i abs(y_i)"
+    reference = "IEEE Std 528-2001, asymmetry error"
+    records = ("poses", "motion")
+
+    def design(self, channels):
+        """Return the size of each axis' output, shape (n, 3, 3)."""
+        return on_each_axis(np.abs(channels.output))
+
+
+class Anisoinertia(Effect):
+    """``e_i = a_i w_j w_k``: rates about both other axes at once appear as one about this.
+
+    Leaves: errors of rotations about axes between those of the sensor; nothing at rest.
+    """
+
+    name = "anisoinertia"
+    sensors = ("gyroscope",)
+    parameters = per_axis({"a": "rad/s per (rad/s)^2"})
+    equation = "e_i = a_i w_j w_k"
+    reference = "Titterton and Weston, Strapdown Inertial Navigation Technology, anisoinertia"
+    records = ("motion",)
+    unobservable = "it acts only while the device turns; the motion between the rests shows it"
+    limit = 0.05
+
+    def design(self, channels):
+        """Return the product of the other two axes' output, shape (n, 3, 3)."""
+        return on_each_axis(_product_of_others(channels.output))
+
+
+def _product_of_others(y):
+    """Return the product of the other two axes of vectors, shape (n, 3)."""
+    return np.roll(y, -1, axis=1) * np.roll(y, -2, axis=1)
