@@ -8,9 +8,12 @@ from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import difference, recording
-from diagnose.models import pose_sensors
-from diagnose.test_search import G_SENSITIVITY, MATRIX, with_g_sensitivity
+from diagnose.models import diagnosed as pose_results
+from diagnose.test_search import MATRIX, with_g_sensitivity
+from imuloop.calibrate.sensor_pair import BASES
+from imuloop.core.model import Calibration
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
+from imuloop.core.samples import SENSORS
 from imuloop.diagnose.diagnose import Diagnosed
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.truth import example_truth
@@ -19,19 +22,17 @@ from imuloop.validate.attitude_errors import METHODS, Stretch, stretches
 from imuloop.validate.attitude_models import blocks, held_out_models
 
 SETTINGS = DiagnoseSettings()
-NOTHING = {"accelerometer": (), "gyroscope": ()}
-FOUND = {"accelerometer": (), "gyroscope": (G_SENSITIVITY,)}
-# of what other records tell
-TOLD = dict.fromkeys(NOTHING, ((), None))
 
 
-def diagnosed(sensors, made, whole, effects=NOTHING):
-    solutions = {"gyroscope": whole}
-    return Diagnosed({}, None, {}, sensors, made, solutions, effects, TOLD, ["turns"], 20, {})
+def diagnosed(made):
+    """Return the Diagnosed of poses by the noise of the example, whatever effects they hold."""
+    poses = pose_results(example_truth(), made)
+    calibration = Calibration("d", 9.80665, *(poses.calibrations.get(s) for s in SENSORS))
+    return Diagnosed({}, calibration, {}, poses.pair.noise, poses, made, ["turns"], {})
 
 
-def validated(*given):
-    return validate_attitude("d", 9.80665, diagnosed(*given), SETTINGS)
+def validated(made):
+    return validate_attitude("d", diagnosed(made), SETTINGS)
 
 
 def course(turns=3, rate=100.0, seed=0):
@@ -129,9 +130,8 @@ def test_lost_samples_and_late_stamps_take_no_turn_from_the_filter():
 @pytest.fixture(scope="module")
 def sensitive():
     made = recording(with_g_sensitivity(example_truth(), MATRIX), 1)
-    sensors = pose_sensors(example_truth(), made)
-    whole = sensors["gyroscope"].fit(made, FOUND["gyroscope"])
-    return made, sensors, validated(sensors, made, whole, FOUND)
+    found = diagnosed(made)
+    return made, found, validate_attitude("d", found, SETTINGS)
 
 
 def test_each_rotation_is_in_one_stretch_of_its_block(sensitive):
@@ -170,7 +170,7 @@ def test_the_error_falls_to_that_of_the_truth(sensitive):
 
 
 def test_models_do_not_see_what_they_are_judged_by(sensitive):
-    made, sensors, _ = sensitive
+    made, found, _ = sensitive
     block = blocks(len(made.poses), SETTINGS)
     held = block == 1
     # some fifty standard errors of a pose
@@ -182,25 +182,26 @@ def test_models_do_not_see_what_they_are_judged_by(sensitive):
     touched = held[made.rotations.first] | held[made.rotations.first + 1]
     rotations = replace(made.rotations, w=made.rotations.w + 0.004 * touched[:, None, None])
     spoiled = replace(made, poses=poses, rotations=rotations)
-    one, other = (
-        held_out_models(diagnosed(sensors, m, None, FOUND), block, 9.80665, SETTINGS)[1]
-        for m in (made, spoiled)
-    )
-    for sensor, model in sensors.items():
-        for name, effects in (("raw", ()), ("base", ()), ("final", FOUND[sensor])):
-            a, b = (getattr(m[name], sensor) for m in (one, other))
+    pair, models = found.poses.pair, []
+    for each in (made, spoiled):
+        problem = replace(found.poses.choices.problem, recording=each, _linearized={}, _columns={})
+        models.append(held_out_models(found, problem.parted(block))[1])
+    (effect,) = (e for e in found.poses.choices.choice().base if e.name == "g_sensitivity")
+    for name, effects in (("base", ()), ("final", (effect,))):
+        one, other = (each[name] for each in models)
+        fit = pair.fit(made.select(~held), effects)
+        alone = pair.calibrations(fit)
+        for sensor, names in BASES.items():
+            a, b = (getattr(each, sensor) for each in (one, other))
             assert [e.name for e in a.effects] == [e.name for e in b.effects]
-            fit = model.fit(made.select(~held), effects).fit
-            std = dict(zip(model.names, np.sqrt(np.diag(fit.scaled_covariance)), strict=False))
             # what they say of the noise, and where the fit is linear about
-            moved = difference(a, b, model.names) / [std[p] for p in model.names]
+            moved = difference(a, b, names) / [alone[sensor].std[p] for p in names]
             assert np.abs(moved).max() < 0.1
 
 
 def test_without_an_effect_the_final_model_is_the_base_model():
     made = recording(example_truth(), 2)
-    sensors = pose_sensors(example_truth(), made)
-    content, table = validated(sensors, made, sensors["gyroscope"].fit(made))
+    content, table = validated(made)
     for method in content["methods"].values():
         assert method["models"]["base"] == method["models"]["final"]
         assert (method["base_over_final"], method["ratio_ci95"]) == (1, [1, 1])
@@ -216,8 +217,7 @@ def test_without_the_package_of_the_filter_there_is_the_gyroscope_alone(monkeypa
     """Not each Python and processor has a wheel of it: the rest of a device's results is there."""
     monkeypatch.delitem(METHODS, "filter")
     made = recording(example_truth(), 2)
-    sensors = pose_sensors(example_truth(), made)
-    content, table = validated(sensors, made, sensors["gyroscope"].fit(made))
+    content, table = validated(made)
     assert content["status"] == "ok" and set(table["method"]) == {"rotation"}
     assert all(set(found) == {"rotation"} for found in content["sessions"].values())
     assert set(content["methods"]) == {"rotation"}
@@ -225,9 +225,7 @@ def test_without_the_package_of_the_filter_there_is_the_gyroscope_alone(monkeypa
 
 def test_too_few_poses_are_not_testable():
     made = recording(example_truth(), 2)
-    sensors = pose_sensors(example_truth(), made)
-    few = made.select(np.arange(len(made.poses)) < 11)
-    content, table = validated(sensors, few, sensors["gyroscope"].fit(few))
+    content, table = validated(made.select(np.arange(len(made.poses)) < 11))
     assert content["status"] == "not_testable"
     assert "poses" in content["why"]
     assert not len(table["error_deg"])
