@@ -6,6 +6,8 @@ from functools import partial
 import numpy as np
 from scipy.special import chdtrc
 
+from imuloop.calibrate.least_squares import chi_square
+from imuloop.calibrate.noise_components import likely_sizes, total
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.discover.selection import LEVEL, MARGIN, Selection, log_p, select, whitened
 from imuloop.discover.space import Space
@@ -72,8 +74,6 @@ def discover(record):
     columns = selection.seen_by(space)[1]
     composed, residual = in_sample(rows, columns)
     points = {"input": composed, "before": composed + residual, "after": residual}
-    known = replace(rows, parts=tuple(p for p in rows.parts if np.isfinite(p.deviation)))
-    dof = len(residual) - rows.design(columns).shape[1]
     shifted = space.warmer(selection.warmer)
     return Discovery(
         shifted,
@@ -82,7 +82,7 @@ def discover(record):
         heldout=heldout,
         fold_effects=effects,
         agreed=float(np.mean([own.named and own.candidates[0] in alike for own in by_fold])),
-        noise_chance=float(chdtrc(dof, known.fit(columns)[2])) if record.noise_known else 1.0,
+        noise_chance=noise_chance(record, columns) if record.noise_known else 1.0,
         constant=constancy(record, selection.columns),
         lead=lead_over_changes(rows, shifted, selection.columns),
         points={
@@ -90,6 +90,21 @@ def discover(record):
             for kind, (own, _) in record.kinds.items()
         },
     )
+
+
+def noise_chance(record, columns):
+    """Return the probability that known noise leaves as much beside columns, (N, q), in a kind.
+
+    The smallest of the kinds of residual, times their number: what is left in one is not hidden by
+    the rows of others.
+    """
+    rows = record.rows
+    parts = [part for part in rows.parts if np.isfinite(part.deviation)]
+    design = rows.design(columns)
+    covariance = total(rows.fixed, parts, likely_sizes(rows.values, design, rows.fixed, parts))
+    groups = [own for own, _ in record.kinds.values()]
+    squares, _ = chi_square(rows.values, covariance, design, groups)
+    return float(min(1.0, len(groups) * min(chdtrc(dof, square) for square, dof in squares)))
 
 
 def in_sample(rows, columns):
