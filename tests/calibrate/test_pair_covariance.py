@@ -12,7 +12,7 @@ from imuloop.simulate.noise import flicker, walk, white
 from imuloop.simulate.truth import example_truth
 
 SEEDS, DRAWS, RATE = 5, 3000, 50.0
-PLAN = {"poses": 5, "initial_rest_s": 10.0, "rest_s": (3.0, 8.0), "move_s": (1.0, 1.5)}
+PLAN = {"poses": 3, "initial_rest_s": 10.0, "rest_s": (3.0, 8.0), "move_s": (1.0, 1.5)}
 TRUTH = planned(example_truth(rate=RATE), **PLAN)
 # size of slow noise beside white noise of size one, s^-1/2 and s^-1, and how it is drawn
 SLOW = {"B": (0.5, flicker), "K": (0.3, walk)}

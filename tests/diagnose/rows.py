@@ -22,7 +22,7 @@ class Column:
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
     limit = np.inf
-    together, moved, hidden_by = Effect.together, Effect.moved, Effect.hidden_by
+    together, moved, hidden_by, kind = Effect.together, Effect.moved, Effect.hidden_by, Effect.kind
 
 
 @dataclass(frozen=True)

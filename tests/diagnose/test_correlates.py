@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from calibrate.devices import planned, recording
-from diagnose.models import accelerometer_poses
+from diagnose.models import diagnosed
 from imuloop.core.sphere import fibonacci_lattice
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, harmonics
-from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.records.pose_diagnosis import harmonics
 from imuloop.simulate.truth import example_truth
 
 
@@ -33,8 +32,8 @@ def test_a_pattern_of_attitude_outside_the_library_is_unexplained_and_named(no_l
 
     truth = planned(example_truth(), poses=70)
     truth = replace(truth, accelerometer=replace(truth.accelerometer, extra=extra))
-    model, settings = accelerometer_poses(truth), DiagnoseSettings(folds=5)
-    content = diagnose_poses(model, recording(truth, 0), settings, tests=20).content
+    found = diagnosed(truth, recording(truth, 0), tests=20, folds=5)
+    content = found.contents["accelerometer"]
     assert (content["verdict"], content["effects"]) == ("unexplained", [])
     first = content["correlates"][0]
     assert first["name"] == f"harmonics_{degree}"

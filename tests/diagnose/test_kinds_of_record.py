@@ -2,17 +2,16 @@
 
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
-from typing import ClassVar
 
 import numpy as np
 import pytest
-from imuloop.calibrate.pose_fits import Solution
 from scipy.linalg import block_diag
 from scipy.stats import f as f_distribution
 
 from diagnose import rows
 from diagnose.records import LENGTH, windows
 from imuloop.calibrate import least_squares
+from imuloop.calibrate.noise_components import Component
 from imuloop.core.effect import Channels
 from imuloop.diagnose.evidence import Hypotheses
 from imuloop.diagnose.records.means import StaticRecord
@@ -54,10 +53,6 @@ class Linear:
     columns: np.ndarray
     covariances: list
     part: np.ndarray
-    rotations: ClassVar = SimpleNamespace(aliased=None)
-
-    def without_aliasing(self):
-        return self
 
     def design(self, effects):
         return np.column_stack([np.eye(2)[LEVEL], self.columns[:, [e.number for e in effects]]])
@@ -103,29 +98,27 @@ def linear(size):
 class LinearSensor:
     """A sensor whose residuals at the poses, ``A β + D θ - y``, are straight in the parameters."""
 
-    sensor, names, kinds = "accelerometer", ("level 1", "level 2"), {"gravity_norm": ("m/s^2", 1)}
-    axes = ("ax",)
-    # its size is known, without flicker and walk
-    noise = SimpleNamespace(known=lambda *_: (0.0, 0.0), with_sizes=lambda _: None)
+    names, kinds = ("level 1", "level 2"), {"gravity_norm": ("m/s^2", 1)}
 
     def rows(self, problem):
         poses = np.arange(len(problem.y))
         return np.column_stack([poses, poses]), np.zeros(len(poses), dtype=int)
 
     def fit(self, problem, effects=(), start=None, prior=None):
+        x = np.zeros(problem.design(effects).shape[1])
         model, covariance = self.model(None, problem, effects), block_diag(*problem.covariances)
-        found = least_squares.fit(model.residuals, model.start(), covariance)
-        return Solution(tuple(effects), found, None)
+        found = least_squares.fit(model.residuals, x, covariance)
+        return least_squares.Solution(tuple(effects), found)
 
     def model(self, solution, problem, shapes=()):
         design = problem.design((*(solution.effects if solution else ()), *shapes))
-        return SimpleNamespace(
-            start=lambda: np.zeros(design.shape[1]),
-            residuals=lambda x: (design @ x - problem.y, design),
-        )
+        return SimpleNamespace(residuals=lambda x: (design @ x - problem.y, design))
 
-    def covariances(self, solution, problem):
-        return lambda noise: block_diag(*problem.covariances)
+    def noise_components(self, x, problem, effects=()):
+        """Return the noise, whose size is known, without flicker and walk, and an even excess."""
+        covariance = block_diag(*problem.covariances)
+        even = np.median(np.diag(covariance)) * np.eye(len(covariance))
+        return covariance, [], [Component(even)]
 
 
 def poses(problem):

@@ -12,7 +12,8 @@ LAST = np.eye(N)[:, -1:]
 
 
 def likeness(columns):
-    return imitated(search(np.random.default_rng(0).normal(size=N), LAST, columns))
+    made = search(np.random.default_rng(0).normal(size=N), LAST, columns)
+    return imitated(made, [*made.problem.shapes])
 
 
 def test_the_share_that_another_imitates_is_the_squared_cosine():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from calibrate.devices import known_noise, recording
-from diagnose.models import accelerometer_poses
+from diagnose.models import of_sensor, pair_of, problem_of, shapes_of
 from diagnose.records import record, root, search, windows
-from diagnose.test_search import problem_of, with_effect
+from diagnose.test_search import with_effect
 from imuloop.core.noise_model import Coefficient
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.limits import detection_limits
@@ -19,6 +19,7 @@ from imuloop.effects.temperature import BiasTemperature
 from seeds import least, seeds
 
 DRIFT = BiasDrift()
+DRIFTS = shapes_of("accelerometer", DRIFT)
 
 
 @seeds(10, 30)
@@ -69,20 +70,20 @@ def searched(size, seed):
     truth = with_effect("accelerometer", DRIFT, [size, 0.0, 0.0])
     noise, made = known_noise(truth), recording(truth, seed)
     axes = {a: replace(noise.axes[a], K=Coefficient(upper95=1e-3)) for a in ("ax", "ay", "az")}
-    sensor = accelerometer_poses(truth, replace(noise, axes=noise.axes | axes))
-    problem = problem_of(sensor, made, {BiasDrift: (DRIFT,)})
-    return Choices(replace(problem, tests=20))
+    pair = pair_of(truth, made, replace(noise, axes=noise.axes | axes))
+    return Choices(replace(problem_of(pair, made, DRIFTS), tests=20))
 
 
 def limit_of(choices):
-    search = choices.search()
-    return detection_limits(search, (), search.trial((), BiasDrift), 0.9)["dx"]
+    search, (kind,) = choices.search(), DRIFTS
+    return detection_limits(search, (), search.trial((), kind), 0.9)["dx"]
 
 
 @seeds(5, 12)
 def test_a_drift_of_its_limit_at_the_poses_is_found_though_a_walk_looks_like_it(seeds, monkeypatch):
     limit = np.median([limit_of(searched(0.0, seed)) for seed in range(3)])
-    found = [searched(limit, 10 + seed).choice().base == (DRIFT,) for seed in range(seeds)]
+    added = of_sensor("accelerometer", DRIFT)
+    found = [searched(limit, 10 + seed).choice().base == added for seed in range(seeds)]
     assert sum(found) >= least(seeds, 0.9, 1 / 35)
     monkeypatch.setattr(PoseProblem, "slow", lambda self, effect: False)
     assert np.median([limit_of(searched(0.0, seed)) for seed in range(3)]) < limit / 2

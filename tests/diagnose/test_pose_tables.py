@@ -3,10 +3,9 @@
 import numpy as np
 import pandas as pd
 import pytest
-from imuloop.calibrate.force import calibrated_force
 
-from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, planned, recording
-from diagnose.models import pose_sensors
+from calibrate.devices import RATE_UNIT, planned, recording
+from diagnose.models import diagnosed
 from diagnose.test_search import with_g_sensitivity
 from imuloop.calibrate.recording import record
 from imuloop.core.effect import FittedEffect
@@ -14,9 +13,7 @@ from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
 from imuloop.core.units import DEGREE
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
 from imuloop.diagnose.records.pose_tables import moves_table, no_tables, poses_table
-from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.other_sensor import GSensitivity
 from imuloop.simulate.truth import example_truth
 
@@ -49,9 +46,8 @@ def session(turns):
 def moves(made, names, residuals):
     gain = {f"G{i}{j}": GAIN * (i == j) for i in range(3) for j in range(3)}
     effect = FittedEffect(GSensitivity(), gain, dict.fromkeys(gain, 0.0))
-    force = calibrated_force(SensorCalibration.nominal(ACCELERATION_UNIT, ""), made, None)
     turn = SensorCalibration(RATE_UNIT, np.eye(3), K, B, (), None, (effect,))
-    return moves_table(made, names, turn, force, residuals)
+    return moves_table(made, names, turn, made.rotations.f, residuals)
 
 
 @pytest.fixture(scope="module")
@@ -98,13 +94,11 @@ def test_without_a_pose_the_columns_are_the_same(two):
 
 def test_the_errors_of_the_tables_are_those_of_the_diagnosis(no_limits):
     truth = with_g_sensitivity(planned(example_truth(), poses=20), np.eye(3) * 4e-4)
-    made, settings = recording(truth, 1), DiagnoseSettings(folds=3, draws=100)
-    sensors = pose_sensors(truth, made)
-    force, turn = (diagnose_poses(own, made, settings) for own in sensors.values())
-    assert [type(e).name for e in turn.effects] == ["g_sensitivity"]
-    errors = force.residuals | turn.residuals
-    tables = poses_table(made.poses, ["s"], errors), moves(made, ["s"], errors)
-    content = force.content["residuals"] | turn.content["residuals"]
+    made = recording(truth, 1)
+    found = diagnosed(truth, made, folds=3, draws=100)
+    assert [e.name for e in found.solution.effects] == ["g_sensitivity"]
+    tables = poses_table(made.poses, ["s"], found.residuals), moves(made, ["s"], found.residuals)
+    content = {k: r for own in found.contents.values() for k, r in own["residuals"].items()}
     assert set(content) == {"gravity_norm", "pose_rate", "rotation"}
     for kind, residual in content.items():
         table = tables[kind == "rotation"]
@@ -116,5 +110,6 @@ def test_the_errors_of_the_tables_are_those_of_the_diagnosis(no_limits):
                 np.testing.assert_allclose(np.linalg.norm(parts, axis=0), values)
         assert residual["n"] == len(values)
     # too large a norm is above zero
-    left = np.linalg.norm(force.solution.calibration.apply(made.poses.f), axis=1) - truth.gravity
+    calibrated = found.calibrations["accelerometer"].apply(made.poses.f)
+    left = np.linalg.norm(calibrated, axis=1) - truth.gravity
     np.testing.assert_allclose(tables[0]["gravity_norm_in_sample_after"], left, atol=1e-9)

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from calibrate.devices import recording
-from diagnose.models import pose_sensors
-from diagnose.test_search import problem_of
+from diagnose.models import pair_of, problem_of
 from imuloop.core.effect import find_effect
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.residuals import (
@@ -70,16 +69,14 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
     ratios = {"gravity_norm": [], "pose_rate": [], "rotation": []}
     for seed in range(5):
         made = recording(truth, seed)
-        for sensor in pose_sensors(truth, made).values():
-            problem = problem_of(sensor, made, {}, 5)
-            about, errors = problem.linearized(), Choices(problem).following(())
-            variance = np.diag(
-                held_out_covariance(about.alternatives[0][1], about.jacobian, problem.ends)
-            )
-            for kind, (_, k) in sensor.kinds.items():
-                rows = problem.of_kind(kind)
-                sizes = (size(v[rows].reshape(-1, k)) for v in (errors, np.sqrt(variance)))
-                ratios[kind].append(next(sizes) / next(sizes))
+        problem = problem_of(pair_of(truth, made), made, parts=5)
+        about, errors = problem.linearized(), Choices(problem).following(())
+        covariance = about.alternatives[0][1]
+        variance = np.diag(held_out_covariance(covariance, about.jacobian, problem.ends))
+        for kind in ratios:
+            rows, k = problem.of_kind(kind), problem.components(kind)
+            sizes = (size(v[rows].reshape(-1, k)) for v in (errors, np.sqrt(variance)))
+            ratios[kind].append(next(sizes) / next(sizes))
     for kind, values in ratios.items():
         assert np.mean(values) == pytest.approx(1, abs=0.12), kind
 

@@ -4,17 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from imuloop.calibrate.pose_fits import GyroscopePoses, fitted_calibration
 
 import imuloop.effects  # noqa: F401  the library of effects
-from calibrate.devices import RATE_UNIT, known_noise
-from diagnose.models import accelerometer_poses
+from calibrate.devices import known_noise
+from diagnose.models import diagnosed, pair_of
 from imuloop.calibrate.recording import record
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
-from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -40,25 +37,18 @@ def power_cycles(seed, runs=3, size=1.0):
     return record(samples, segments, 30.0), jumps
 
 
-def diagnosed(recording):
-    force, settings = accelerometer_poses(TRUTH), DiagnoseSettings()
-    first = diagnose_poses(force, recording, settings)
-    turn = GyroscopePoses(force.noise, first.solution.calibration, RATE_UNIT, force.settings)
-    return {"accelerometer": first, "gyroscope": diagnose_poses(turn, recording, settings)}
-
-
 @pytest.fixture(scope="module")
 def cycles():
     recording, jumps = power_cycles(1)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("imuloop.diagnose.content.detection_limits", lambda *a, **k: {"any": 0.0})
-        return recording, jumps, diagnosed(recording)
+        return recording, jumps, diagnosed(TRUTH, recording)
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
 def test_jumps_from_run_to_run_are_named_with_their_size(cycles, sensor):
     _, jumps, found = cycles
-    content = found[sensor].content
+    content = found.contents[sensor]
     assert [e["name"] for e in content["effects"]] == ["turn_on_bias"]
     assert content["verdict"] == "explained"
     (effect,) = content["effects"]
@@ -74,28 +64,30 @@ def test_jumps_from_run_to_run_are_named_with_their_size(cycles, sensor):
 
 def test_scale_and_misalignment_are_as_good_as_of_one_run(cycles):
     recording, _, found = cycles
-    force = accelerometer_poses(TRUTH)
+    pair = pair_of(TRUTH, recording)
     one, jumpy = (
-        fitted_calibration(force, force.fit(poses)).std
-        for poses in (recording.select(recording.poses.run == 0), recording)
+        pair.calibrations(pair.fit(own))
+        for own in (recording.select(recording.poses.run == 0), recording)
     )
-    all_ = found["accelerometer"].solution.calibration.std
-    assert all(all_[name] < 1.3 * one[name] for name in one if name[0] in "TK")
-    assert all(jumpy[name] > 3 * all_[name] for name in one if name[0] in "TK")
+    for sensor in SENSORS:
+        all_, single, mixed = (c[sensor].std for c in (found.calibrations, one, jumpy))
+        names = [name for name in single if name[0] in "TK"]
+        assert all(all_[name] < 1.3 * single[name] for name in names)
+        assert all(mixed[name] > 3 * all_[name] for name in names)
 
 
 def test_runs_of_one_bias_have_none():
     recording, _ = power_cycles(2, size=0.0)
-    content = diagnose_poses(accelerometer_poses(TRUTH), recording, DiagnoseSettings()).content
-    assert content["verdict"] == "consistent" and content["effects"] == []
-    (candidate,) = (c for c in content["candidates"] if c["name"] == "turn_on_bias")
-    assert candidate["status"] == "rejected" and candidate["detection_limit"]
+    for content in diagnosed(TRUTH, recording).contents.values():
+        assert content["verdict"] == "consistent" and content["effects"] == []
+        (candidate,) = (c for c in content["candidates"] if c["name"] == "turn_on_bias")
+        assert candidate["status"] == "rejected" and candidate["detection_limit"]
 
 
 def test_a_check_allows_for_what_the_runs_showed(cycles):
     """Of the next run no calibration knows the bias; it moves by as much as the others did."""
     *_, found = cycles
-    sensors = (found[s].solution.calibration for s in SENSORS)
+    sensors = (found.calibrations[s] for s in SENSORS)
     calibration = Calibration("d", TRUTH.gravity, *sensors)
     log, _ = power_cycles(7, runs=1)
     assert not check_drift(calibration, log, known_noise(TRUTH)).drifted

@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from imuloop.diagnose.variance import Part, likely_sizes, total
+
+from imuloop.calibrate.noise_components import Component, likely_sizes, total
 
 N = 40
 T = np.arange(N)
@@ -18,7 +19,7 @@ def left_of(values):
 def test_more_of_the_same_noise_is_what_the_residual_has_more_per_degree_of_freedom(unit):
     values = 1.7 * unit * np.random.default_rng(0).normal(size=N)
     left = left_of(values)
-    part = Part(unit**2 * np.eye(N))
+    part = Component(unit**2 * np.eye(N))
     found = likely_sizes(values, LINE, unit**2 * np.eye(N), [part])
     expected = np.sqrt(left @ left / (N - 2) / unit**2 - 1)
     np.testing.assert_allclose(found, [expected], rtol=1e-4)
@@ -29,7 +30,7 @@ def test_more_of_the_same_noise_is_what_the_residual_has_more_per_degree_of_free
 
 def test_the_likelihood_is_the_one_that_is_written():
     values = 1.5 * np.random.default_rng(2).normal(size=N) + 0.4 * T**0.5
-    parts = [Part(WALK, 0.8, 0.5), Part(np.diag(T < 20).astype(float))]
+    parts = [Component(WALK, 0.8, 0.5), Component(np.diag(T < 20).astype(float))]
 
     def log_probability(sizes):
         covariance = total(np.eye(N), parts, sizes)
