@@ -17,6 +17,12 @@ from imuloop.noise.sampling import Sampling
 BROKEN = Sampling(10.0, (0, 700, 1500), (500, 600, 400), (0, 0, 1))
 
 
+def broken(x):
+    """Return the run of what BROKEN keeps of 1900 samples."""
+    ends = zip(BROKEN.starts, BROKEN.lengths, strict=True)
+    return BROKEN.with_values(np.concatenate([x[start : start + n] for start, n in ends]))
+
+
 @pytest.mark.parametrize("n", [2, 63, 64])
 def test_expected_squares_are_those_of_the_dense_transform(n):
     omega = np.pi * np.arange(1, n) / n
@@ -78,15 +84,12 @@ def test_white_and_walk_are_diagonal_in_a_broken_record():
 def test_levels_do_not_enter_and_gaps_keep_their_place():
     rng = np.random.default_rng(0)
     basis = modes([BROKEN])
-    values = [rng.standard_normal(n) for n in BROKEN.lengths]
-    slow, fast = basis.amplitudes([values])
-    moved = [x + level for x, level in zip(values, (3.0, 3.0, -5.0), strict=True)]
+    x = rng.standard_normal(sum(BROKEN.lengths))
+    slow, fast = basis.amplitudes([BROKEN.with_values(x)])
+    moved = BROKEN.with_values(x + np.repeat([3.0, 3.0, -5.0], BROKEN.lengths))
     for found, expected in zip(basis.amplitudes([moved]), (slow, fast), strict=True):
         assert found == pytest.approx(expected, abs=1e-9)
-    ramp = [
-        0.3 * 0.1 * (s + np.arange(n)) for s, n in zip(BROKEN.starts, BROKEN.lengths, strict=True)
-    ]
-    slow, fast = basis.amplitudes([ramp])
+    slow, fast = basis.amplitudes([broken(0.3 * 0.1 * np.arange(1900))])
     assert slow == pytest.approx(0.3 * basis.ramp, abs=1e-9)
     assert fast == pytest.approx(0, abs=1e-12)
 
@@ -97,8 +100,7 @@ def test_mean_squares_of_a_broken_record_are_as_expected():
     total = np.zeros(len(basis.count))
     for _ in range(150):
         x = np.cumsum(rng.standard_normal(1900)) * np.sqrt(0.1)
-        values = [x[s : s + n] for s, n in zip(BROKEN.starts, BROKEN.lengths, strict=True)]
-        slow, fast = basis.amplitudes([values])
+        slow, fast = basis.amplitudes([broken(x)])
         total += np.concatenate([slow**2, fast]) / basis.units[:, 3] / 150
     assert np.mean(total) == pytest.approx(1, abs=0.015)
     assert np.std(total[:-1]) == pytest.approx(np.sqrt(2 / 150), rel=0.15)
@@ -121,7 +123,7 @@ def test_bursts_of_two_samples_have_the_contrasts_of_their_samples():
     basis = modes(bursts)
     assert (basis.m, basis.count.sum()) == (1, 500)
     values = np.random.default_rng(0).normal(size=(500, 2))
-    slow, fast = basis.amplitudes([[pair] for pair in values])
+    slow, fast = basis.amplitudes([s.with_values(x) for s, x in zip(bursts, values, strict=True)])
     np.testing.assert_allclose(
         np.sort(np.abs(slow)), np.sort(np.abs(np.diff(values)[:, 0])) / 2**0.5
     )

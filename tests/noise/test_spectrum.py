@@ -7,7 +7,6 @@ from scipy.signal import welch
 
 from imuloop.noise.allan import allan_variance
 from imuloop.noise.representations import COLUMNS, empty, representations
-from imuloop.noise.sampling import Sampling
 from imuloop.noise.settings import NoiseSettings
 from imuloop.noise.spectrum import LAGS, POINTS, autocorrelation, power_spectrum, segment_lengths
 from seeds import seeds
@@ -19,10 +18,7 @@ EVERY = NoiseSettings(
 
 
 def tabulated(stretches, settings, axis="gx"):
-    lengths = tuple(map(len, stretches))
-    starts = np.cumsum([0, *(n + 100 for n in lengths[:-1])])
-    sampling = Sampling(RATE, tuple(starts), lengths, tuple(range(len(lengths))))
-    return pd.DataFrame(representations(sampling, stretches, axis, settings))
+    return pd.DataFrame(representations(RATE, stretches, axis, settings))
 
 
 @pytest.mark.parametrize("length", [300, 400_000])

@@ -7,12 +7,12 @@ import numpy as np
 from imuloop.core.noise_model import AxisNoise, Coefficient, SinusoidTerm
 from imuloop.noise.intervals import axis_noise
 from imuloop.noise.likelihood import DIGITS, Likelihood
-from imuloop.noise.lines import find_line, mains, means
+from imuloop.noise.lines import find_line, mains
 from imuloop.noise.misfit import band, groups, misfit, weights
 from imuloop.noise.modes import modes
 from imuloop.noise.processes import NAMES, densities, gauss_markov_density
 from imuloop.noise.record_length import record_seconds
-from imuloop.noise.sampling import Sampling
+from imuloop.noise.sampling import Run
 from imuloop.noise.selection import ORDER, Selection, correlation_times
 
 # lines at most, with what they leave
@@ -39,23 +39,23 @@ class AxisEstimate:
 
 def estimate_record(x, rate, settings):
     """Return the AxisEstimate of one unbroken record `x`, shape (n,), of `rate` in Hz."""
-    sampling = Sampling(rate, (0,), (len(x),), (0,))
-    return estimate_axis([sampling], modes([sampling]), [[np.asarray(x, float)]], settings)
+    run = Run(rate, (0,), (len(x),), (0,), np.asarray(x, float))
+    return estimate_axis(modes([run]), [run], settings)
 
 
-def estimate_axis(samplings, basis, values, settings, start=None):
-    """Return the AxisEstimate of one axis, without any term of under 16 values or constants.
+def estimate_axis(basis, runs, settings, start=None):
+    """Return the AxisEstimate of one axis, without any term of under 16 values.
 
     Lines are found and taken out (`find_lines`). Then octaves at the top that a filter has emptied
     are left out, and the terms are chosen (`Selection`). Where the spectrum leaves them beyond
     chance, frequencies that hold many values count less, and the terms are chosen once more.
 
-    Takes a Sampling per session, the Modes of these, the samples of each stretch of each session,
-    SI, NoiseSettings and, to begin with, squares of Q, N, B, K, shape (4,).
+    Takes Modes, the axis' Runs that these are of, SI, not all constant, NoiseSettings and, to begin
+    with, squares of Q, N, B, K, shape (4,).
     """
-    if basis.count.sum() < MIN_VALUES or not any(np.ptp(x) for each in values for x in each):
+    if basis.count.sum() < MIN_VALUES:
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
-    lines, selection = find_lines(samplings, basis, values, settings, start)
+    lines, selection = find_lines(basis, runs, settings, start)
     highest = _highest(selection)
     count = np.where(basis.frequency <= highest, basis.count, 0.0)
     number = groups(basis.frequency, basis.count)
@@ -77,36 +77,36 @@ def estimate_axis(samplings, basis, values, settings, start=None):
     return AxisEstimate(noise, float(epsilon.max()), highest)
 
 
-def find_lines(samplings, basis, values, settings, start=None):
+def find_lines(basis, runs, settings, start=None):
     """Return the lines, and the Selection of what remains; arguments as of `estimate_axis`.
 
     Lines are found and taken out one by one, each against the noise fitted beside those before.
     What one before has left where it wandered is taken out too, but is no line.
     """
-    lines, digits = [], (DIGITS * max(abs(x).max() for each in values for x in each)) ** 2
+    lines, digits = [], (DIGITS * max(abs(run.values).max() for run in runs)) ** 2
     while True:
-        likelihood = Likelihood(*basis.amplitudes(values), basis.count, basis.ramp, digits)
+        likelihood = Likelihood(*basis.amplitudes(runs), basis.count, basis.ramp, digits)
         levels = settings.significance, settings.hump_significance
         selection = Selection(basis, likelihood, *levels, start)
         if len(lines) == LINES:
             break
         if likelihood.is_rounding(selection.fit(selection.supported).ramp):
             break
-        line = find_line(samplings, values, _density(selection), settings.hump_significance)
-        line = line or _slow_line(samplings, values, selection)
+        line = find_line(runs, _density(selection), settings.hump_significance)
+        line = line or _slow_line(runs, selection)
         if line is None:
             break
         lines.append(line)
-        values = line.subtract(samplings, values)
+        runs = line.subtract(runs)
     own = [
         line
         for i, line in enumerate(lines)
-        if not any(before.left(line, 1 / basis.dt) for before in lines[:i])
+        if not any(before.explains(line, 1 / basis.dt) for before in lines[:i])
     ]
     return own, selection
 
 
-def _slow_line(samplings, values, selection):
+def _slow_line(runs, selection):
     """Return a line of few periods that the fitted terms hold for noise, or None.
 
     What stands out from its neighbours alone is kept from the fit of the terms, and is a line if it
@@ -114,18 +114,17 @@ def _slow_line(samplings, values, selection):
     among many, too narrow for any term to follow.
     """
     basis, level = selection.modes, selection.hump_level
-    closed = [sampling.close_up(x) for sampling, x in zip(samplings, values, strict=True)]
-    slow = means([sampling.closed_up() for sampling in samplings], closed, basis.m)
+    slow = [means for run in runs if (means := run.closed_up().means(basis.m))]
     flat = basis.dt * np.mean(selection.likelihood.power())
-    line = find_line(*slow, lambda f: np.full_like(f, flat), level)
+    line = find_line(slow, lambda f: np.full_like(f, flat), level)
     if line is None:
         return None
     width = 1 / (basis.m * basis.dt * max(part.end - part.begin for part in line.parts))
     apart = abs(basis.frequency - line.frequency) > width
     density = _density(selection.weighted(selection.likelihood.count * apart))
     # the means tell in no time whether the whole record is worth another look
-    found = find_line(*slow, density, level)
-    return found and find_line(samplings, values, density, level)
+    found = find_line(slow, density, level)
+    return found and find_line(runs, density, level)
 
 
 def _density(selection):

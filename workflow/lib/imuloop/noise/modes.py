@@ -93,14 +93,13 @@ class _Level:
 
 @dataclass(frozen=True)
 class _Piece:
-    """Blocks that share a slope, at most `BLOCKS` of one session: stretch and first sample there.
+    """Blocks that share a slope, at most `BLOCKS` of one session.
 
-    `start` is the first sample of each block in the session.
+    `place` is where each begins among the values of the session, `start` its first sample there.
     """
 
     session: int
-    stretch: np.ndarray
-    offset: np.ndarray
+    place: np.ndarray
     start: np.ndarray
     levels: tuple[_Level, ...]
 
@@ -144,24 +143,20 @@ class Modes:
     count: np.ndarray
     units: np.ndarray
     ramp: np.ndarray
-    _samplings: tuple
     _pieces: tuple
     _bins: np.ndarray
 
-    def amplitudes(self, values):
+    def amplitudes(self, runs):
         """Return the slow modes' amplitudes, with sign, and the fast ones' mean squares, SI.
 
-        `values` are the samples of each stretch of each session. The straight line of each piece is
-        taken out of the fast ones before.
+        Of the Runs of an axis. The straight line of each piece is taken out of the fast ones
+        before.
         """
-        values = [s.close_up(x) for s, x in zip(self._samplings, values, strict=True)]
         slow, squares = [], np.zeros(self.m - 1)
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]
         for piece in self._pieces:
-            blocks = [
-                values[piece.session][i][j : j + self.m]
-                for i, j in zip(piece.stretch, piece.offset, strict=True)
-            ]
+            x = runs[piece.session].values
+            blocks = [x[i : i + self.m] for i in piece.place]
             means = np.array([block.mean() for block in blocks])
             own = piece.contrasts(means)
             slow.append(own)
@@ -175,7 +170,7 @@ class Modes:
                 part = np.array(blocks[first : first + some])
                 part -= means[first : first + some, None]
                 squares += ((dct(part, norm="ortho", axis=1)[:, 1:] - slope * line) ** 2).sum(0)
-        number = sum(len(piece.stretch) for piece in self._pieces)
+        number = sum(len(piece.place) for piece in self._pieces)
         return np.concatenate(slow), binned(squares / number, self._bins)
 
     def gauss_markov(self, tc):
@@ -222,7 +217,7 @@ def modes(samplings):
     ramp = [piece.contrasts(piece.start * dt) for piece in pieces]
     k = np.arange(1, m)
     bins = np.unique(np.floor(BINS * np.log10(np.maximum(k, 1))), return_inverse=True)[1]
-    blocks = sum(len(p.stretch) for p in pieces)
+    blocks = sum(len(p.place) for p in pieces)
     if m > 1:
         squares = expected_squares(sample_covariances(m, dt))
         units.append(np.column_stack([binned(s, bins) for s in squares]))
@@ -237,7 +232,6 @@ def modes(samplings):
         count=np.concatenate([np.ones(slow), blocks * np.bincount(bins, minlength=0)]),
         units=np.concatenate(units),
         ramp=np.concatenate(ramp),
-        _samplings=tuple(samplings),
         _pieces=tuple(pieces),
         _bins=bins,
     )
@@ -251,7 +245,7 @@ def binned(values, bins):
 def _with_contrasts(samplings, m):
     """Return the pieces of all sessions that have more blocks than levels."""
     pieces = [p for number, sampling in enumerate(samplings) for p in _pieces(number, sampling, m)]
-    return [p for p in pieces if len(p.stretch) > len(p.levels)]
+    return [p for p in pieces if len(p.place) > len(p.levels)]
 
 
 def _longest_level(sampling):
@@ -273,16 +267,17 @@ def _block_length(lengths):
 
 def _pieces(session, sampling, m):
     """Return the pieces of a session, none of more than `BLOCKS` blocks."""
-    number = np.array([n // m for n in sampling.lengths])
-    stretch = np.repeat(np.arange(len(number)), number)
-    offset = np.concatenate([m * np.arange(n) for n in number])
-    start = np.asarray(sampling.starts)[stretch] + offset
-    level = sampling.level[stretch]
-    if not len(start):
-        # every stretch is shorter than a block
+    lengths = np.array(sampling.lengths)
+    stretch = np.repeat(np.arange(len(lengths)), lengths // m)
+    # every stretch may be shorter than a block
+    if not len(stretch):
         return
+    within = np.concatenate([m * np.arange(n // m) for n in lengths])
+    place = (np.cumsum(lengths) - lengths)[stretch] + within
+    start = np.array(sampling.starts)[stretch] + within
+    level = sampling.level[stretch]
     for part in np.array_split(np.arange(len(start)), -(-len(start) // (BLOCKS + BLOCKS // 8))):
         # levels follow each other, so that a contrast of one is free of a walk in another
         ends = np.flatnonzero(np.diff(level[part])) + 1
         levels = tuple(_Level.of(each, m) for each in np.split(start[part], ends))
-        yield _Piece(session, stretch[part], offset[part], start[part], levels)
+        yield _Piece(session, place[part], start[part], levels)

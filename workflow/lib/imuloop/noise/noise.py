@@ -14,7 +14,14 @@ from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_
 from imuloop.noise.axis import AxisEstimate, estimate_axis
 from imuloop.noise.curve import TERMS, CurveVariance, fit_curve
 from imuloop.noise.modes import modes
-from imuloop.noise.records import all_rests, note_conditions, one_rate, record_of, static_records
+from imuloop.noise.records import (
+    all_rests,
+    closed_up,
+    note_conditions,
+    one_rate,
+    record_of,
+    static_records,
+)
 from imuloop.noise.statistics import repeatability, summary
 
 
@@ -104,14 +111,14 @@ def estimate_noise(device, sessions, settings, uncut=True):
     views = {name: [each] for name, each in nothing.views.items()}
     axes, curves, spectra, uncut_axes = {}, {}, {}, {}
     for axis in CHANNELS:
-        values = [record.cut(record.column(axis)) for record in records]
+        runs = [record.runs(axis) for record in records]
         # curves and spectra take a few missing samples for none
-        closed = [record.close_up(x) for record, x in zip(records, values, strict=True)]
+        closed = [closed_up(each) for each in runs]
         fitted = pooled.curve(closed)
         start = np.square(fitted[:4]) if any(fitted[:4]) else None
-        found = pooled.estimate(axis, values, start, notes)
+        found = pooled.estimate(axis, runs, start, notes)
         if pooled_whole:
-            every = [record.cut(record.column(axis)) for record in whole]
+            every = [record.runs(axis) for record in whole]
             uncut_axes[axis] = asdict(pooled_whole.estimate(axis, every, start, []).noise)
         curves[axis] = dict(zip(TERMS, fitted, strict=True))
         axes[axis] = found.noise
@@ -123,9 +130,9 @@ def estimate_noise(device, sessions, settings, uncut=True):
             still = x if record.session.kind == "static" else [max(x, key=len)]
             statistics[name][axis] = summary(still, record.rate)
             if np.isfinite(statistics[name][axis]["mean"]):
-                views[name].append(representations.representations(record, x, axis, settings))
+                views[name].append(representations.representations(record.rate, x, axis, settings))
         # or two axes would be in memory at once
-        values = closed = every = None
+        runs = closed = every = None
     _note_walk(axes, pooled.longest / pooled.rate, notes)
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
@@ -175,20 +182,18 @@ class _Pooled:
         edf = self.spread.degrees_of_freedom(noise, self.tau)
         return allan_table(axis, self.tau, variance, edf)
 
-    def estimate(self, axis, values, start, notes):
+    def estimate(self, axis, runs, start, notes):
         """Return the AxisEstimate of one axis, with notes on what stands in its way."""
-        runs = [
-            run for record, x in zip(self.records, values, strict=True) for run in record.runs(x)
-        ]
+        runs = [run for each in runs for run in each]
         basis = self.basis
         nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
-        if not all(np.isfinite(x).all() for run in runs for x in run):
+        if not all(np.isfinite(run.values).all() for run in runs):
             notes.append(f"{axis}: values that are not finite, no coefficient estimated")
             return nothing
-        if not any(np.ptp(x) for run in runs for x in run):
+        if all(run.is_constant() for run in runs):
             notes.append(f"{axis}: output is constant, no coefficient estimated")
             return nothing
-        estimate = estimate_axis(self.samplings, basis, runs, self.settings, start)
+        estimate = estimate_axis(basis, runs, self.settings, start)
         if not any(getattr(estimate.noise, name).upper95 for name in TERMS):
             notes.append(f"{axis}: too few samples for a coefficient")
         if estimate.misfit:

@@ -1,7 +1,6 @@
 """Clean stretches of a device's sessions, which its noise is estimated from."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -33,15 +32,15 @@ class RecordedSession:
 
 @dataclass(frozen=True)
 class Record:
-    """Stretches of a session as slices of its samples.
+    """Stretches of a session, run by run (`imuloop.core.segments.runs`).
 
-    `samplings` say where in time they lie, one a run (`imuloop.core.segments.runs`); `jitter` is
-    the spread of the sampling interval, share of its mean, `lost` the samples missing in gaps of a
-    few, share of those there.
+    For each run the `slices` of its samples, and the `samplings`, where in time they lie; `jitter`
+    is the spread of the sampling interval, share of its mean, `lost` the samples missing in gaps of
+    a few, share of those there.
     """
 
     session: RecordedSession
-    slices: tuple[slice, ...]
+    slices: tuple[tuple[slice, ...], ...]
     samplings: tuple[Sampling, ...]
     jitter: float
     lost: float
@@ -56,23 +55,17 @@ class Record:
         """Samples of each stretch, gaps of a few samples closed up, shape (s,)."""
         return np.array([n for sampling in self.samplings for n in sampling.closed_up().lengths])
 
-    def column(self, name):
-        """Return the values of a column, shape (n,)."""
-        return np.asarray(self.session.samples[name])
+    def runs(self, name):
+        """Return the Runs of a column; the values of a lone stretch are a view."""
+        x = np.asarray(self.session.samples[name])
+        each = ([x[s] for s in slices] for slices in self.slices)
+        values = (np.concatenate(parts) if len(parts) > 1 else parts[0] for parts in each)
+        return [s.with_values(v) for s, v in zip(self.samplings, values, strict=True)]
 
-    def cut(self, x):
-        """Return the values of each stretch, views of x, shape (n,)."""
-        return [x[s] for s in self.slices]
 
-    def runs(self, stretches):
-        """Return the stretches of each run, of what `cut` gives."""
-        ends = np.cumsum([len(sampling.lengths) for sampling in self.samplings])
-        return [stretches[i:j] for i, j in pairwise([0, *ends.tolist()])]
-
-    def close_up(self, stretches):
-        """Return the stretches that `cut` gives with gaps of a few samples closed up."""
-        each = zip(self.samplings, self.runs(stretches), strict=True)
-        return [x for sampling, run in each for x in sampling.close_up(run)]
+def closed_up(runs):
+    """Return the values of the stretches of Runs, gaps of a few samples closed up."""
+    return [x for run in runs for x in run.closed_up().split(run.values)]
 
 
 def record_of(session, disturbed=False):
@@ -105,15 +98,16 @@ def record_of(session, disturbed=False):
     seconds, count = (t[last - 1] - t[first]).sum(), (last - first).sum()
     first, last, of, lost, slots, jitter = _parted(t, first, last)
     level, run, interval = level[of], run[of], seconds / slots
-    rate, samplings = float(1 / interval), []
+    rate, samplings, slices = float(1 / interval), [], []
     for k in np.unique(run):
-        i, n = first[run == k], (last - first)[run == k]
+        i, j = first[run == k], last[run == k]
+        n = j - i
         start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(n) - n
         # stamps that scatter must not lay one stretch over another
         start = before + np.maximum.accumulate(start - before)
         samplings.append(Sampling(rate, *(tuple(x.tolist()) for x in (start, n, level[run == k]))))
-    slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
-    return Record(session, slices, tuple(samplings), jitter, float(lost / count))
+        slices.append(tuple(map(slice, i.tolist(), j.tolist())))
+    return Record(session, tuple(slices), tuple(samplings), jitter, float(lost / count))
 
 
 def _steadiest(segments):
@@ -221,9 +215,9 @@ def note_conditions(record, notes):
             "closed up, so that K, R and correlation times may be off by as much"
         )
     if TEMPERATURE in record.session.samples:
-        stretches = record.cut(record.column(TEMPERATURE))
-        low = np.fmin.reduce([np.fmin.reduce(x) for x in stretches])
-        high = np.fmax.reduce([np.fmax.reduce(x) for x in stretches])
+        runs = record.runs(TEMPERATURE)
+        low = np.fmin.reduce([np.fmin.reduce(run.values) for run in runs])
+        high = np.fmax.reduce([np.fmax.reduce(run.values) for run in runs])
         if high - low > TEMPERATURE_RANGE:
             found.append(
                 f"temperature went from {low:.1f} to {high:.1f} degC; B, K and R hold the bias' "

@@ -39,35 +39,36 @@ def empty():
     return table(COLUMNS, "", "", *[[]] * 4)
 
 
-def representations(record, stretches, axis, settings):
+def representations(rate, stretches, axis, settings):
     """Return the rows of views.parquet of one axis of one session.
 
     x: frequency (Hz), lag or averaging time (s). value: SI^2/Hz, 1, or a deviation in SI. 95 %
     interval of the value; for the autocorrelation, which has none that holds under any noise, the
     band in which white noise would lie; not-a-number for the M-sample deviation.
-    Takes a Record or Sampling and the output of its stretches, finite, SI.
+    Takes the rate, Hz, and the output of each stretch, finite, SI.
     """
     asked = dict.fromkeys([*settings.views, *(f"m_sample_{m}" for m in settings.m_samples)])
-    rows = ((view, _columns(view, record, stretches, settings)) for view in asked)
+    rows = ((view, _columns(view, rate, stretches, settings)) for view in asked)
     return joined([empty(), *(table(COLUMNS, view, axis, *each) for view, each in rows)])
 
 
-def _columns(view, record, stretches, settings):
+def _columns(view, rate, stretches, settings):
     """Return x, value, ci_low and ci_high of one view."""
     if view == "psd":
-        frequency, density, edf = power_spectrum(stretches, record.rate)
+        frequency, density, edf = power_spectrum(stretches, rate)
         return frequency, density, *interval(density, edf)
     if view == "autocorrelation":
         lags, value, pairs = autocorrelation(stretches)
         band = 1.96 / np.sqrt(pairs)
-        return lags / record.rate, value, -band, band
-    factors = averaging_factors(max(record.lengths), settings)
+        return lags / rate, value, -band, band
+    lengths = [len(x) for x in stretches]
+    factors = averaging_factors(max(lengths), settings)
     if view in DEVIATIONS:
         variance = deviation_variance(view, stretches, factors)
-        low, high = deviation_interval(view, record.lengths, factors, variance)
+        low, high = deviation_interval(view, lengths, factors, variance)
     else:
         variance = m_sample_variance(stretches, factors, int(view.rpartition("_")[2]))
         low = high = np.full(len(factors), np.nan)
     found = np.isfinite(variance)
     roots = (np.sqrt(each[found]) for each in (variance, low, high))
-    return factors[found] / record.rate, *roots
+    return factors[found] / rate, *roots
