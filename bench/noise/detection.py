@@ -31,7 +31,7 @@ TIMES = 10
 # named: correlation time within this factor, frequency within one over the record
 FACTOR = 2.0
 # chance of a hump or line in noise that has none
-LEVEL = SETTINGS.hump_significance
+LEVEL = SETTINGS.significance
 
 NOISE = {"white": {"N": 0.01}, "white and flicker": {"N": 0.01, "B": 2e-3}}
 SIGMA = 0.01 * np.sqrt(RATE)

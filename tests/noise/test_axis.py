@@ -111,7 +111,7 @@ def test_rests_are_too_short_for_a_process_that_is_a_walk_to_them():
 def test_a_process_in_whose_place_a_walk_may_stand_goes_down_to_zero():
     runs = [WHOLE.with_values(record(1, K=1e-3))]
     likelihood = Likelihood(*BASIS.amplitudes(runs), BASIS.count, BASIS.ramp)
-    selection = Selection(BASIS, likelihood, SETTINGS.significance, SETTINGS.hump_significance)
+    selection = Selection(BASIS, likelihood, SETTINGS.significance)
     (process,) = axis_noise(selection, ("N", 1000.0)).gauss_markov
     # the walk alone tells the value, and nothing of the time
     assert process.q.value == pytest.approx(1e-3, rel=0.3)

@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, SinusoidTerm
 from imuloop.noise.intervals import axis_noise
-from imuloop.noise.likelihood import DIGITS, Likelihood
+from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.lines import find_line, mains
 from imuloop.noise.misfit import band, groups, misfit, weights
 from imuloop.noise.modes import modes
@@ -17,6 +17,8 @@ from imuloop.noise.selection import ORDER, Selection, correlation_times
 
 # lines at most, with what they leave
 LINES = 8
+# digits of the output that a line which was taken out leaves right, share of the largest value
+DIGITS = 1e-12
 # ends of a normal interval, standard errors
 TWO_SIDED, ONE_SIDED = 1.959964, 1.644854
 # fewer values cannot carry five terms and a test of the misfit
@@ -43,19 +45,18 @@ def estimate_record(x, rate, settings):
     return estimate_axis(modes([run]), [run], settings)
 
 
-def estimate_axis(basis, runs, settings, start=None):
+def estimate_axis(basis, runs, settings):
     """Return the AxisEstimate of one axis, without any term of under 16 values.
 
     Lines are found and taken out (`find_lines`). Then octaves at the top that a filter has emptied
     are left out, and the terms are chosen (`Selection`). Where the spectrum leaves them beyond
     chance, frequencies that hold many values count less, and the terms are chosen once more.
 
-    Takes Modes, the axis' Runs that these are of, SI, not all constant, NoiseSettings and, to begin
-    with, squares of Q, N, B, K, shape (4,).
+    Takes Modes, the axis' Runs that these are of, SI, not all constant, and NoiseSettings.
     """
     if basis.count.sum() < MIN_VALUES:
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
-    lines, selection = find_lines(basis, runs, settings, start)
+    lines, selection = find_lines(basis, runs, settings)
     highest = _highest(selection)
     count = np.where(basis.frequency <= highest, basis.count, 0.0)
     number = groups(basis.frequency, basis.count)
@@ -63,7 +64,8 @@ def estimate_axis(basis, runs, settings, start=None):
         selection = selection.weighted(count)
     terms = selection.supported
     fit = selection.fit(terms)
-    ratio = selection.likelihood.ratio(fit.ramp, selection.units(terms) @ fit.theta)
+    power, expected = selection.likelihood.power(fit.ramp), selection.units(terms) @ fit.theta
+    ratio = np.divide(*map(selection.likelihood.above_rounding, (power, expected)))
     epsilon = misfit(ratio, count, number, len(terms), settings.significance)
     if epsilon.any():
         selection = selection.weighted(count * weights(epsilon, count, number))
@@ -77,7 +79,7 @@ def estimate_axis(basis, runs, settings, start=None):
     return AxisEstimate(noise, float(epsilon.max()), highest)
 
 
-def find_lines(basis, runs, settings, start=None):
+def find_lines(basis, runs, settings):
     """Return the lines, and the Selection of what remains; arguments as of `estimate_axis`.
 
     Lines are found and taken out one by one, each against the noise fitted beside those before.
@@ -86,13 +88,12 @@ def find_lines(basis, runs, settings, start=None):
     lines, digits = [], (DIGITS * max(abs(run.values).max() for run in runs)) ** 2
     while True:
         likelihood = Likelihood(*basis.amplitudes(runs), basis.count, basis.ramp, digits)
-        levels = settings.significance, settings.hump_significance
-        selection = Selection(basis, likelihood, *levels, start)
+        selection = Selection(basis, likelihood, settings.significance)
         if len(lines) == LINES:
             break
         if likelihood.is_rounding(selection.fit(selection.supported).ramp):
             break
-        line = find_line(runs, _density(selection), settings.hump_significance)
+        line = find_line(runs, _density(selection), settings.significance)
         line = line or _slow_line(runs, selection)
         if line is None:
             break
@@ -113,7 +114,7 @@ def _slow_line(runs, selection):
     then stands out from these. It is sought in the means of the blocks: a faster line is one mode
     among many, too narrow for any term to follow.
     """
-    basis, level = selection.modes, selection.hump_level
+    basis, level = selection.modes, selection.level
     slow = [means for run in runs if (means := run.closed_up().means(basis.m))]
     flat = basis.dt * np.mean(selection.likelihood.power())
     line = find_line(slow, lambda f: np.full_like(f, flat), level)

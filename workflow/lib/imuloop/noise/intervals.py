@@ -2,10 +2,11 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from math import exp, inf, log, sqrt
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
@@ -15,7 +16,7 @@ from imuloop.noise.selection import NOTHING, ORDER, correlation_times, plus, var
 # an end of an interval is known to such a share, or its tail area to such a part of a deviate
 CLOSE, ALIKE = 1e-5, 1e-4
 # steps of the logarithm in which an end is looked for: the first, their growth, the last
-FIRST, GROWTH, FARTHEST, ROUNDS = 0.1, 4.0, 80.0, 100
+FIRST, GROWTH, FARTHEST = 0.1, 4.0, 80.0
 # areas below do not matter
 TINY = 1e-300
 # terms that may stand in for each other: intervals are averaged over models with and without them,
@@ -53,8 +54,7 @@ def axis_noise(selection, terms):
             coefficients[name] = _coefficient(profiles, value)
         else:
             # a ramp has either sign, so that the limit of the likelier one is a two-sided one
-            tail = _Tail(profiles)
-            limit = tail.crossing(tail.near, 1 - 0.05 / (2 if name == "R" else 1))
+            limit = _crossing(*_tail(profiles), 1 - 0.05 / (2 if name == "R" else 1))
             coefficients[name] = Coefficient(None, None, limit, False)
     processes = (_process(selection, terms, tc, theta[tc]) for tc in correlation_times(terms))
     return AxisNoise(**coefficients, gauss_markov=tuple(processes))
@@ -66,10 +66,7 @@ def _models(selection, terms, name):
     One in which such a term comes out as zero is the model without it.
     """
     free = [t for t in FREE if t in selection.candidates and t != name]
-    base = plus(plus(terms, "N"), name)
-    for t in free:
-        base = without(base, t)
-    models = [base]
+    models = [plus(plus(tuple(t for t in terms if t not in free), "N"), name)]
     for t in free:
         models += [plus(model, t) for model in models]
 
@@ -179,67 +176,48 @@ def _small(unit, expected):
     return SMALL * np.sqrt(np.min(expected / unit))
 
 
-class _Tail:
-    """Tail area below a coefficient, averaged over models; as a normal deviate nearly straight.
+def _tail(profiles):
+    """Return the tail area below a coefficient, averaged over models, and where to look for ends.
 
-    `near` is where to begin, by the heaviest model, `ends` are logarithms of the values between
-    which it is known, `points` the logarithms of values, with their deviates, so far.
+    The first is a function of the coefficient's logarithm, the area as a normal deviate, which is
+    nearly straight; the second is that of the heaviest model.
     """
+    weight = np.exp(np.array([p.weight for p in profiles]) - max(p.weight for p in profiles))
+    used = weight > NEGLIGIBLE * weight.sum()
+    profiles = [p for p, heavy in zip(profiles, used, strict=True) if heavy]
+    weight = weight[used] / weight[used].sum()
 
-    def __init__(self, profiles, low=0.0, high=inf):
-        weight = np.exp(np.array([p.weight for p in profiles]) - max(p.weight for p in profiles))
-        used = np.flatnonzero(weight > NEGLIGIBLE * weight.sum())
-        self.profiles = [profiles[i] for i in used]
-        self.weight = weight[used] / weight[used].sum()
-        self.near = self.profiles[int(self.weight.argmax())].near
-        self.ends = (log(low) if low else -inf, log(high))
-        self.points = []
+    @cache
+    def deviate(u):
+        roots = np.array([profile.deviate(exp(u)) for profile in profiles])
+        below, above = (max(weight @ ndtr(sign * roots), TINY) for sign in (1, -1))
+        return float(ndtri(below) if below < above else -ndtri(above))
 
-    def at(self, u):
-        """Return the deviate at e^u, and keep it."""
-        roots = np.array([profile.deviate(exp(u)) for profile in self.profiles])
-        below, above = (max(self.weight @ ndtr(sign * roots), TINY) for sign in (1, -1))
-        deviate = float(ndtri(below) if below < above else -ndtri(above))
-        self.points.append((u, deviate))
-        return deviate
+    return deviate, profiles[int(weight.argmax())].near
 
-    def crossing(self, near, area):
-        """Return where the tail area reaches a value, the end if nowhere, 0 where there is none."""
-        wanted = float(ndtri(area))
-        if not self.points:
-            self.at(log(near))
-        step = FIRST
-        for _ in range(ROUNDS):
-            lower = max((p for p in self.points if p[1] <= wanted), default=None)
-            upper = min((p for p in self.points if p[1] > wanted), default=None)
-            if lower and upper:
-                u = self._between(lower, upper, wanted)
-            else:
-                u = lower[0] + step if lower else upper[0] - step
-                u = min(max(u, self.ends[0]), self.ends[1])
-                if step > FARTHEST or u in (lower or upper):
-                    return exp(u) if u in self.ends else 0.0
-                step *= GROWTH
-            narrow = lower and upper and upper[0] - lower[0] < CLOSE
-            if abs(self.at(u) - wanted) < ALIKE or narrow:
-                break
-        return exp(u)
 
-    def _between(self, lower, upper, wanted):
-        """Return where the nearest three points put a deviate, else half-way of the bracket."""
-        near = sorted(self.points, key=lambda p: abs(p[1] - wanted))[:3]
-        u = 0.0
-        for x, z in near:
-            for _, other in near:
-                if other != z:
-                    x *= (wanted - other) / (z - other)
-            u += x
-        inside = lower[0] < u < upper[0]
-        return u if inside else (lower[0] + upper[0]) / 2
+def _crossing(deviate, near, area, low=0.0, high=inf):
+    """Return where the tail area reaches a value, the end if nowhere, 0 where there is none."""
+    wanted, ends = float(ndtri(area)), (log(low) if low else -inf, log(high))
+
+    def excess(u):
+        found = deviate(u) - wanted
+        return found if abs(found) > ALIKE else 0.0
+
+    u, step = log(near), FIRST
+    rising = deviate(u) <= wanted
+    while True:
+        beyond = min(max(u + (step if rising else -step), ends[0]), ends[1])
+        if step > FARTHEST or beyond == u:
+            return exp(beyond) if beyond in ends else 0.0
+        if (deviate(beyond) <= wanted) != rising:
+            return exp(brentq(excess, u, beyond, xtol=CLOSE))
+        u, step = beyond, step * GROWTH
 
 
 def _coefficient(profiles, value, low=0.0, high=inf):
     """Return a supported coefficient, its interval within `low` and `high`."""
-    value, tail = float(value), _Tail(profiles, low, high)
-    low, high, upper = (tail.crossing(value or tail.near, p) for p in (0.025, 0.975, 0.95))
+    value, (deviate, near) = float(value), _tail(profiles)
+    ends = (_crossing(deviate, value or near, p, low, high) for p in (0.025, 0.975, 0.95))
+    low, high, upper = ends
     return Coefficient(value, (min(low, value), max(high, value)), max(upper, value), True)

@@ -115,11 +115,10 @@ def estimate_noise(device, sessions, settings, uncut=True):
         # curves and spectra take a few missing samples for none
         closed = [closed_up(each) for each in runs]
         fitted = pooled.curve(closed)
-        start = np.square(fitted[:4]) if any(fitted[:4]) else None
-        found = pooled.estimate(axis, runs, start, notes)
+        found = pooled.estimate(axis, runs, notes)
         if pooled_whole:
             every = [record.runs(axis) for record in whole]
-            uncut_axes[axis] = asdict(pooled_whole.estimate(axis, every, start, []).noise)
+            uncut_axes[axis] = asdict(pooled_whole.estimate(axis, every, []).noise)
         curves[axis] = dict(zip(TERMS, fitted, strict=True))
         axes[axis] = found.noise
         spectra[axis] = {"misfit": found.misfit, "band_hz": found.band_hz}
@@ -182,7 +181,7 @@ class _Pooled:
         edf = self.spread.degrees_of_freedom(noise, self.tau)
         return allan_table(axis, self.tau, variance, edf)
 
-    def estimate(self, axis, runs, start, notes):
+    def estimate(self, axis, runs, notes):
         """Return the AxisEstimate of one axis, with notes on what stands in its way."""
         runs = [run for each in runs for run in each]
         basis = self.basis
@@ -193,7 +192,7 @@ class _Pooled:
         if all(run.is_constant() for run in runs):
             notes.append(f"{axis}: output is constant, no coefficient estimated")
             return nothing
-        estimate = estimate_axis(basis, runs, self.settings, start)
+        estimate = estimate_axis(basis, runs, self.settings)
         if not any(getattr(estimate.noise, name).upper95 for name in TERMS):
             notes.append(f"{axis}: too few samples for a coefficient")
         if estimate.misfit:
