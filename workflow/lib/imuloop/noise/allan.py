@@ -29,56 +29,40 @@ def terms(factors, length, span=2):
     return np.where(count < 2, 0, count)
 
 
-def pooled_mean_square(stretches, factors, span, squares):
-    """Return a mean over all overlapping terms of all stretches, shape (k,).
-
-    No term reaches over the end of a stretch, so that what lies between two stretches, be it a
-    gap, a knock or a lasting change of level, does not enter. A stretch of n samples has
-    n + 1 - span m terms; `squares(X, m, i, j)` gives the sum over those that start at samples i to
-    j - 1, X the integral of the output without its mean, shape (n + 1,).
-    """
-    factors = np.asarray(factors)
-    total, weight = np.zeros(len(factors)), np.zeros(len(factors))
-    for x in stretches:
-        count = terms(factors, len(x), span)
-        weight += count
-        if not count.any():
-            continue
-        # without the mean no digits are lost
-        integral = np.zeros(len(x) + 1)
-        np.subtract(x, np.mean(x), out=integral[1:])
-        np.cumsum(integral, out=integral)
-        # chunk by chunk, so that the short averages of all factors find their samples in the cache
-        for start in range(0, count.max(), CHUNK):
-            for k in np.flatnonzero(count > start):
-                end = min(start + CHUNK, count[k])
-                total[k] += squares(integral, factors[k], start, end)
-    return np.divide(total, weight, out=np.full(len(factors), np.nan), where=weight > 0)
-
-
 def allan_variance(stretches, factors):
     r"""Return the overlapping Allan variance, pooled over stretches, shape (k,), unit squared.
 
     .. math::
         \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
 
-    Takes evenly sampled stretches of any unit, over whose ends no term reaches, and averaging
-    factors m; not-a-number where no stretch is long enough.
+    Takes evenly sampled stretches of any unit and averaging factors m. No term reaches over the end
+    of a stretch, so that what lies between two of them, be it a gap, a knock or a lasting change of
+    level, does not enter. Not-a-number where no stretch is long enough.
 
     References
     ----------
     W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eq. (11).
     """
-
-    def squares(x, m, i, j):
-        middle = x[i + m : j + m]
-        second = x[i + 2 * m : j + 2 * m] - middle
-        second -= middle
-        second += x[i:j]
-        return second @ second
-
     factors = np.asarray(factors)
-    return pooled_mean_square(stretches, factors, 2, squares) / (2.0 * factors**2.0)
+    total, weight = np.zeros(len(factors)), np.zeros(len(factors))
+    for values in stretches:
+        count = terms(factors, len(values))
+        weight += count
+        # the integral, without the mean so that no digits are lost
+        x = np.zeros(len(values) + 1)
+        np.subtract(values, np.mean(values), out=x[1:])
+        np.cumsum(x, out=x)
+        # chunk by chunk, so that the short averages of all factors find their samples in the cache
+        for i in range(0, count.max(initial=0), CHUNK):
+            for k in np.flatnonzero(count > i):
+                m, j = factors[k], min(i + CHUNK, count[k])
+                middle = x[i + m : j + m]
+                second = x[i + 2 * m : j + 2 * m] - middle
+                second -= middle
+                second += x[i:j]
+                total[k] += second @ second
+    mean = np.divide(total, weight, out=np.full(len(factors), np.nan), where=weight > 0)
+    return mean / (2.0 * factors**2.0)
 
 
 def allan_table(axis, tau, variance, edf, stage="raw"):

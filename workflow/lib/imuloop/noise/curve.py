@@ -6,6 +6,7 @@ The fit is the cross-check of the estimate; it is neither tested nor has it inte
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import xlogy
 
 from imuloop.noise.allan import terms
 from imuloop.noise.likelihood import weighted_nnls
@@ -55,13 +56,12 @@ class CurveVariance:
         quadratic, ramp = np.zeros((len(factors), 4, 4)), np.zeros((len(factors), 4))
         for i, m in enumerate(np.asarray(factors, dtype=np.int64)):
             count = terms(m, lengths)
-            total = repeats @ count
-            if not total:
+            if not count.any():
                 continue
 
             def pairs(d, m=m, count=count):
-                left = np.clip(lengths[:, None] + 1 - 2 * m - d, 0, count[:, None])
-                return (repeats @ left) * np.where(d > 0, 2.0, 1.0)
+                pairs = np.clip(lengths[:, None] + 1 - 2 * m - d, 0, count[:, None])
+                return (repeats @ pairs) * np.where(d > 0, 2.0, 1.0)
 
             # white and walk end at 2 m; flicker's tail has gone with the fourth power
             step = max(1, m // 8)
@@ -75,8 +75,8 @@ class CurveVariance:
             quadratic[i, 0, 0], ramp[i, 0] = weight @ spike, weight.sum()
             quadratic[i, 0, 1:] = _second_differences(d, m, rate) @ weight
             quadratic[i, 1:, 0] = quadratic[i, 0, 1:]
-            quadratic[i] /= 2 * (m / rate) ** 4 * total**2
-            ramp[i] /= total**2
+            quadratic[i] /= 2 * (m / rate) ** 4 * (repeats @ count) ** 2
+            ramp[i] /= (repeats @ count) ** 2
         return cls(quadratic, ramp)
 
     def variance(self, theta):
@@ -84,30 +84,24 @@ class CurveVariance:
         random = np.asarray(theta[:4])
         return self.quadratic @ random @ random + theta[4] * (self.ramp @ random)
 
-    def degrees_of_freedom(self, noise, tau):
+    def degrees_of_freedom(self, theta, tau):
         r"""Return the equivalent degrees of freedom of the points, shape (k,).
 
         .. math:: \nu = 2 \sigma^4 / \mathrm{var}(\hat\sigma^2)
 
-        of the five coefficients of an AxisNoise, white noise where none is known; `tau` in s.
+        for theta as of `variance`, white noise where none is known; `tau` in s.
         """
-        theta = np.array([getattr(noise, name).square for name in TERMS])
-        theta = theta if theta[:4].any() else np.array([0, 1.0, 0, 0, 0])
+        theta = theta if any(theta[:4]) else np.array([0, 1.0, 0, 0, 0])
         return 2 * (design(tau) @ theta) ** 2 / self.variance(theta)
 
 
 def _second_differences(d, m, rate):
     """Return r_p(d) of white, flicker and walk for unit coefficients, d in samples."""
-    total = np.zeros((3, len(d)))
     # c by c: the second difference of a second difference
-    for shift, weight in zip(range(-2, 3), (1, -4, 6, -4, 1), strict=True):
-        lag = np.abs(d + shift * m) / rate
-        square = lag * lag
-        logarithm = np.log(lag, out=np.zeros_like(lag), where=lag > 0)
-        total[0] -= weight / 2 * lag
-        total[1] += weight / (2 * np.pi) * square * logarithm
-        total[2] += weight / 12 * square * lag
-    return total
+    weight = np.array([1, -4, 6, -4, 1])
+    lag = np.abs(d + np.arange(-2, 3)[:, None] * m) / rate
+    kernels = -lag / 2, xlogy(lag**2, lag) / (2 * np.pi), lag**3 / 12
+    return np.array([weight @ kernel for kernel in kernels])
 
 
 def fit_curve(tau, variance, spread):

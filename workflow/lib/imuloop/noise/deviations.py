@@ -1,4 +1,4 @@
-"""The Allan deviation of a record, and its relatives: Hadamard, modified, total and M-sample."""
+"""The Allan deviation of a record, and its relatives by AllanTools: Hadamard, modified, total."""
 
 from functools import cache
 
@@ -6,7 +6,8 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.errors import ImuloopError
-from imuloop.noise.allan import averaging_factors, interval, pooled_mean_square, terms
+from imuloop.noise.allan import allan_variance, averaging_factors, interval, terms
+from imuloop.noise.curve import CurveVariance, fit_curve
 from imuloop.noise.settings import NoiseSettings
 
 # decades of tau on each side over which the slope of a curve is taken
@@ -15,12 +16,7 @@ SLOPE_DECADES = 0.5
 REFLECTED = 0.05
 # function of AllanTools (an extra), and exponents of S(f) ~ f^alpha for which the degrees of
 # freedom are known, lowest and highest
-DEVIATIONS = {
-    "allan": ("oadev", -2, 1),
-    "total": ("totdev", -2, 1),
-    "modified": ("mdev", -2, 2),
-    "hadamard": ("ohdev", -3, 1),
-}
+DEVIATIONS = {"total": ("totdev", -2, 1), "modified": ("mdev", -2, 2), "hadamard": ("ohdev", -3, 1)}
 
 
 def allan(values, rate, deviation="allan"):
@@ -33,13 +29,13 @@ def allan(values, rate, deviation="allan"):
     rate : float
         Samples per second, Hz.
     deviation : {'allan', 'total', 'modified', 'hadamard'}
-        Which.
+        Which; all but the first need the extra `deviations`.
 
     Returns
     -------
     DataFrame
         A row per axis and averaging time: `axis`, `tau_s`, `adev` in the unit of the values, and
-        its 95 % interval by the noise that the slope shows, `ci_low` and `ci_high`.
+        its 95 % interval by the noise that the curve shows, `ci_low` and `ci_high`.
 
     Raises
     ------
@@ -52,45 +48,59 @@ def allan(values, rate, deviation="allan"):
     factors, parts = averaging_factors(len(table), NoiseSettings()), []
     if not len(factors):
         raise ImuloopError(f"values: {len(table)} samples are too few for an Allan deviation")
+    tau, curve = factors / rate, CurveVariance.of(factors, [len(table)], rate)
     for axis, column in table.items():
         x = column.to_numpy(float)
-        variance = deviation_variance(deviation, [x], factors)
-        low, high = deviation_interval(deviation, [len(x)], factors, variance)
-        rows = {"axis": axis, "tau_s": factors / rate, "adev": np.sqrt(variance)}
+        if deviation == "allan":
+            variance = allan_variance([x], factors)
+            edf = curve.degrees_of_freedom(np.square(fit_curve(tau, variance, curve)), tau)
+        else:
+            variance, edf = deviation_variance(deviation, [x], factors)
+        low, high = interval(variance, edf)
+        rows = {"axis": axis, "tau_s": tau, "adev": np.sqrt(variance)}
         parts.append(pd.DataFrame(rows | {"ci_low": np.sqrt(low), "ci_high": np.sqrt(high)}))
     return pd.concat(parts, ignore_index=True)
 
 
 def deviation_variance(name, stretches, factors):
-    """Return an Allan, total, modified Allan or Hadamard variance, pooled over stretches.
+    """Return a total, modified Allan or Hadamard variance and its degrees of freedom, (k,) each.
 
-    The total one is without the correction for its bias at long averages under flicker and walk
-    (-24 % and -38 % of the variance at half the record).
+    Pooled over stretches, which count as independent. The total one does not overlap and is without
+    the correction for its bias at long averages under flicker and walk (-24 % and -38 % of the
+    variance at half the record). Degrees of freedom are those of the noise that the slope of the
+    curve shows, not-a-number where the tables have no entry.
 
-    Takes one of `DEVIATIONS`, of which all but the total one overlap, then what
-    `imuloop.noise.allan.allan_variance` takes; shape (k,).
+    Takes one of `DEVIATIONS`, then what `imuloop.noise.allan.allan_variance` takes.
 
     References
     ----------
     W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eqs. (14), (20),
-    (25).
+    (25), table 7; C. A. Greenhall and W. J. Riley, PTTI 2003.
     """
     import allantools
 
-    factors, deviations = np.asarray(factors), getattr(allantools, DEVIATIONS[name][0])
-    total, weight = np.zeros(len(factors)), np.zeros(len(factors))
-    for x in stretches:
-        count = _count(name, len(x), factors)
-        used = np.flatnonzero(count)
-        if len(used):
+    factors, (function, *known) = np.asarray(factors), DEVIATIONS[name]
+    count = np.array([_count(name, len(x), factors) for x in stretches])
+    total = np.zeros(len(factors))
+    for x, weight in zip(stretches, count, strict=True):
+        if weight.any():
             # without the mean no digits are lost
-            taus, deviation, *_ = deviations(
-                x - np.mean(x), rate=1.0, data_type="freq", taus=factors[used]
+            taus, deviation, *_ = getattr(allantools, function)(
+                x - np.mean(x), rate=1.0, data_type="freq", taus=factors[weight > 0]
             )
             at = np.searchsorted(factors, np.rint(taus))
-            total[at] += count[at] * deviation**2
-            weight[at] += count[at]
-    return np.divide(total, weight, out=np.full(len(factors), np.nan), where=weight > 0)
+            total[at] += weight[at] * deviation**2
+    number = count.sum(axis=0)
+    variance = np.divide(total, number, out=np.full(len(factors), np.nan), where=number > 0)
+    edf = np.full(len(factors), np.nan)
+    for i, exponent in enumerate(np.clip(_exponents(factors, variance), *known)):
+        each = [
+            n**2 / _freedom(name, len(x) + 1, int(factors[i]), int(exponent))
+            for n, x in zip(count[:, i], stretches, strict=True)
+            if n
+        ]
+        edf[i] = number[i] ** 2 / sum(each) if each else np.nan
+    return variance, edf
 
 
 def _count(name, length, factors):
@@ -98,54 +108,10 @@ def _count(name, length, factors):
     if name == "total":
         return np.where(factors < length, length - 1, 0)
     # of the modified variance one phase more than samples
-    return terms(factors, length + (name == "modified"), 2 if name == "allan" else 3)
+    return terms(factors, length + (name == "modified"), 3)
 
 
-def m_sample_variance(stretches, factors, samples):
-    r"""Return the M-sample variance without dead time, pooled over stretches, shape (k,).
-
-    The mean over all groups of M consecutive averages of their sample variance; M = 2 is the Allan
-    variance. A group begins at every sample.
-
-    .. math:: \sigma^2(M, \tau) = \Big\langle \frac{1}{M-1} \sum_{k=1}^M
-        (\bar x_k - \bar x)^2 \Big\rangle
-
-    References
-    ----------
-    D. W. Allan, Statistics of atomic frequency standards, Proc. IEEE 54 (1966), 221-230.
-    """
-
-    def squares(x, m, i, j):
-        averages = [x[i + k * m : j + k * m] for k in range(samples + 1)]
-        return np.var(np.diff(averages, axis=0), axis=0, ddof=1).sum()
-
-    factors = np.asarray(factors)
-    return pooled_mean_square(stretches, factors, samples, squares) / factors**2.0
-
-
-def deviation_interval(name, lengths, factors, variance):
-    """Return the 95 % interval of a pooled variance by the noise that the slope of its curve shows.
-
-    For stretches of `lengths` samples, which count as independent; not-a-number where the table of
-    degrees of freedom has no entry.
-
-    References
-    ----------
-    C. A. Greenhall and W. J. Riley, PTTI 2003; NIST SP 1065, table 7 (total).
-    """
-    edf = []
-    for m, exponent in zip(factors, _exponents(name, factors, variance), strict=True):
-        counts = [(_count(name, n, m), n) for n in lengths]
-        parts = [
-            count**2 / _freedom(name, int(n) + 1, int(m), int(exponent))
-            for count, n in counts
-            if count
-        ]
-        edf.append(sum(count for count, _ in counts) ** 2 / sum(parts) if parts else np.nan)
-    return interval(variance, np.array(edf, float))
-
-
-def _exponents(name, factors, variance):
+def _exponents(factors, variance):
     """Return the exponent alpha of S(f) ~ f^alpha at each point, from the slope -1 - alpha."""
     decades = np.log10(factors)
     logarithm = np.log10(variance, out=np.full(len(decades), np.nan), where=variance > 0)
@@ -155,19 +121,15 @@ def _exponents(name, factors, variance):
         if near.sum() > 1:
             exponents[i] = np.rint(-1 - np.polyfit(decades[near], logarithm[near], 1)[0])
     # a sensor's curve turns upwards; at its uncertain end a steeper fall is chance
-    return np.clip(np.minimum.accumulate(exponents), *DEVIATIONS[name][1:])
+    return np.minimum.accumulate(exponents)
 
 
 @cache
 def _freedom(name, phases, m, exponent):
     """Return the degrees of freedom of a stretch; not-a-number where the tables have no entry."""
-    import allantools
+    from allantools import edf_greenhall, edf_totdev
 
-    edf = allantools.edf_greenhall
-    if name == "hadamard":
-        return edf(exponent, 3, m, phases, overlapping=True)
-    if name in ("allan", "modified"):
-        return edf(exponent, 2, m, phases, overlapping=True, modified=name == "modified")
-    if m <= REFLECTED * phases:
-        return edf(exponent, 2, m, phases, overlapping=True)
-    return allantools.edf_totdev(phases, m, exponent) if exponent <= 0 else np.nan
+    if name == "total" and m > REFLECTED * phases:
+        return edf_totdev(phases, m, exponent) if exponent <= 0 else np.nan
+    order, modified = 3 if name == "hadamard" else 2, name == "modified"
+    return edf_greenhall(exponent, order, m, phases, overlapping=True, modified=modified)

@@ -9,7 +9,6 @@ from imuloop.core.files import write_json
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.core.tables import joined, table
-from imuloop.noise import representations
 from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_factors
 from imuloop.noise.axis import AxisEstimate, estimate_axis
 from imuloop.noise.curve import TERMS, CurveVariance, fit_curve
@@ -23,6 +22,7 @@ from imuloop.noise.records import (
     static_records,
 )
 from imuloop.noise.statistics import repeatability, summary
+from imuloop.noise.views import no_views, record_views
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ def no_noise(device, sessions, *notes):
         model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise())),
         notes=notes,
         allan={name: table(COLUMNS, "", *[[]] * 5, "") for name in sessions},
-        views={name: representations.empty() for name in sessions},
+        views={name: no_views() for name in sessions},
     )
 
 
@@ -129,7 +129,7 @@ def estimate_noise(device, sessions, settings, uncut=True):
             still = x if record.session.kind == "static" else [max(x, key=len)]
             statistics[name][axis] = summary(still, record.rate)
             if np.isfinite(statistics[name][axis]["mean"]):
-                views[name].append(representations.representations(record.rate, x, axis, settings))
+                views[name].append(record_views(record.rate, x, axis, settings))
         # or two axes would be in memory at once
         runs = closed = every = None
     _note_walk(axes, pooled.longest / pooled.rate, notes)
@@ -178,7 +178,8 @@ class _Pooled:
     def table(self, axis, stretches, noise):
         """Return the Allan curve of one axis with its intervals."""
         variance = allan_variance(stretches, self.factors)
-        edf = self.spread.degrees_of_freedom(noise, self.tau)
+        theta = [getattr(noise, name).square for name in TERMS]
+        edf = self.spread.degrees_of_freedom(theta, self.tau)
         return allan_table(axis, self.tau, variance, edf)
 
     def estimate(self, axis, runs, notes):

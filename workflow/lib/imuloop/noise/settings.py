@@ -16,5 +16,3 @@ class NoiseSettings:
     significance: float = 0.001
     # psd, autocorrelation, total, modified, hadamard
     views: tuple = ("psd", "autocorrelation")
-    # M of the M-sample deviations among these views, 2 or more
-    m_samples: tuple = ()
