@@ -32,7 +32,7 @@ def record(seed, Q=0.0, W=0.01, B=0.0, K=0.0, R=0.0, hump=None, line=None, n=N):
     return x
 
 
-WHOLE = Sampling(RATE, (0,), (N,), (0,))
+WHOLE = Sampling.unbroken(RATE, N)
 BASIS = modes([WHOLE])
 
 
@@ -99,7 +99,7 @@ def test_a_hump_is_found_with_its_time(seeds):
 
 
 def test_rests_are_too_short_for_a_process_that_is_a_walk_to_them():
-    rests = Sampling(RATE, tuple(range(0, N, 1000)), (700,) * 30, tuple(range(30)))
+    rests = Sampling(RATE, np.arange(0, N, 1000), np.full(30, 700), np.arange(30))
     basis = modes([rests])
     for seed in range(4):
         x = record(5000 + seed, K=4e-3)
@@ -127,7 +127,7 @@ def test_a_line_is_found_and_leaves_the_rest_as_it_was():
     assert noise.N.value == pytest.approx(plain.N.value, rel=1e-3)
 
 
-SHORT = Sampling(RATE, (0,), (4000,), (0,))
+SHORT = Sampling.unbroken(RATE, 4000)
 SHORT_BASIS = modes([SHORT])
 SLOW = {"white": {}, "flicker": {"B": 6e-3}, "walk": {"K": 4e-3}, "hump": {"hump": (0.02, 10.0)}}
 
@@ -181,10 +181,10 @@ def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():
     whole = estimate_record(x, RATE, SETTINGS).noise
     x[15_000:] += 1.0
     values = np.r_[x[:14_000], x[15_000:]]
-    cut = Run(RATE, (0, 15_000), (14_000, 15_000), (0, 1), values)
+    cut = Run(RATE, *np.array([[0, 15_000], [14_000, 15_000], [0, 1]]), values)
     moved = estimate_axis(modes([cut]), [cut], SETTINGS).noise
     assert moved.K.value == pytest.approx(whole.K.value, rel=0.3)
-    one_level = replace(cut, levels=(0, 0))
+    one_level = replace(cut, levels=np.zeros(2, int))
     step = estimate_axis(modes([one_level]), [one_level], SETTINGS).noise
     assert step.K.value > 3 * moved.K.value
 

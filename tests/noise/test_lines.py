@@ -43,9 +43,9 @@ def run(x, gaps=False, step=0.0):
     """Return a run, whole or of three stretches, the last of a new level, a step away."""
     n = len(x)
     ends = [(0, n // 10), (n // 8, n // 2), (int(0.7 * n), n)] if gaps else [(0, n)]
-    starts, lengths = tuple(a for a, _ in ends), tuple(b - a for a, b in ends)
+    starts, lengths = np.transpose([(a, b - a) for a, b in ends])
     values = np.concatenate([x[a:b] + step * (a > n / 2) for a, b in ends])
-    return Run(RATE, starts, lengths, (0, 0, 1)[: len(ends)], values)
+    return Run(RATE, starts, lengths, np.array([0, 0, 1])[: len(ends)], values)
 
 
 def line_of(x, density=white_density, gaps=False):
@@ -185,10 +185,10 @@ def test_a_resonance_beside_the_spectrum_is_no_line():
 
 
 def test_rounding_of_stretches_that_never_change_is_no_line():
-    starts = (0, 16, 100, 115, 129, 158, 172, 214, 228, 270, 285)
-    lengths = (11, 9, 10, 9, 9, 9, 9, 9, 9, 9, 9)
+    starts = np.array([0, 16, 100, 115, 129, 158, 172, 214, 228, 270, 285])
+    lengths = np.array([11, 9, 10, 9, 9, 9, 9, 9, 9, 9, 9])
     values = np.random.default_rng(1).normal(size=11).repeat(lengths)
-    rests = Run(4.807692, starts, lengths, tuple(range(11)), values)
+    rests = Run(4.807692, starts, lengths, np.arange(11), values)
     assert find_line([rests], lambda f: 1e-34 + 0 * f, LEVEL) is None
 
 

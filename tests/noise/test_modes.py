@@ -14,7 +14,7 @@ from imuloop.noise.processes import (
 )
 from imuloop.noise.sampling import Sampling
 
-BROKEN = Sampling(10.0, (0, 700, 1500), (500, 600, 400), (0, 0, 1))
+BROKEN = Sampling(10.0, *np.array([[0, 700, 1500], [500, 600, 400], [0, 0, 1]]))
 
 
 def broken(x):
@@ -119,7 +119,7 @@ def test_densities_are_the_transform_of_the_covariance():
 
 
 def test_bursts_of_two_samples_have_the_contrasts_of_their_samples():
-    bursts = [Sampling(10.0, (50 * k,), (2,), (0,)) for k in range(500)]
+    bursts = [Sampling.unbroken(10.0, 2)] * 500
     basis = modes(bursts)
     assert (basis.m, basis.count.sum()) == (1, 500)
     values = np.random.default_rng(0).normal(size=(500, 2))
@@ -131,8 +131,8 @@ def test_bursts_of_two_samples_have_the_contrasts_of_their_samples():
 
 
 def test_a_session_of_stretches_shorter_than_a_block_adds_nothing():
-    long = Sampling(100.0, (0,), (100_000,), (0,))
-    shreds = Sampling(100.0, (0, 9000), (5, 7), (0, 0))
+    long = Sampling.unbroken(100.0, 100_000)
+    shreds = Sampling(100.0, *np.array([[0, 9000], [5, 7], [0, 0]]))
     basis, alone = modes([long, shreds]), modes([long])
     assert basis.m > 7
     np.testing.assert_array_equal(basis.count, alone.count)

@@ -12,7 +12,7 @@ from imuloop.noise.misfit import band, groups, misfit, weights
 from imuloop.noise.modes import modes
 from imuloop.noise.processes import NAMES, densities, gauss_markov_density
 from imuloop.noise.record_length import record_seconds
-from imuloop.noise.sampling import Run
+from imuloop.noise.sampling import Sampling
 from imuloop.noise.selection import ORDER, Selection, correlation_times
 
 # lines at most, with what they leave
@@ -41,7 +41,7 @@ class AxisEstimate:
 
 def estimate_record(x, rate, settings):
     """Return the AxisEstimate of one unbroken record `x`, shape (n,), of `rate` in Hz."""
-    run = Run(rate, (0,), (len(x),), (0,), np.asarray(x, float))
+    run = Sampling.unbroken(rate, len(x)).with_values(np.asarray(x, float))
     return estimate_axis(modes([run]), [run], settings)
 
 

@@ -207,8 +207,8 @@ class Modes:
 def modes(samplings):
     """Return the Modes of Samplings of one rate, one a session, with two samples or more."""
     closed = [sampling.closed_up() for sampling in samplings]
-    dt = 1 / np.average([s.rate for s in closed], weights=[sum(s.lengths) for s in closed])
-    m = _block_length([n for sampling in closed for n in sampling.lengths])
+    dt = 1 / np.average([s.rate for s in closed], weights=[s.lengths.sum() for s in closed])
+    m = _block_length(np.concatenate([sampling.lengths for sampling in closed]))
     # blocks of one sample where all are lone blocks of a level, as of bursts of two samples
     m, pieces = next((k, p) for k in (m, 1) if (p := _with_contrasts(closed, k)))
     units = [level.units(m, dt).T for piece in pieces for level in piece.levels]
@@ -226,7 +226,7 @@ def modes(samplings):
     return Modes(
         dt=dt,
         m=m,
-        span=max((s.starts[-1] + s.lengths[-1] - s.starts[0]) / s.rate for s in closed),
+        span=max(s.span for s in closed),
         level=max(_longest_level(s) for s in closed),
         frequency=np.concatenate(frequency),
         count=np.concatenate([np.ones(slow), blocks * np.bincount(bins, minlength=0)]),
@@ -250,15 +250,14 @@ def _with_contrasts(samplings, m):
 
 def _longest_level(sampling):
     """Return the longest time from start to end of stretches of one level, s."""
-    start, level = np.asarray(sampling.starts), sampling.level
-    end = start + np.asarray(sampling.lengths)
+    start, level = sampling.starts, sampling.level
+    end = start + sampling.lengths
     spans = [end[level == i].max() - start[level == i].min() for i in range(level.max() + 1)]
     return max(spans) / sampling.rate
 
 
 def _block_length(lengths):
     """Return the samples of a block: about `BLOCKS` of them, that hold nearly all samples."""
-    lengths = np.asarray(lengths)
     m = -(-lengths.sum() // BLOCKS)
     while m > 1 and (lengths // m * m).sum() < HELD * lengths.sum():
         m //= 2
@@ -267,14 +266,14 @@ def _block_length(lengths):
 
 def _pieces(session, sampling, m):
     """Return the pieces of a session, none of more than `BLOCKS` blocks."""
-    lengths = np.array(sampling.lengths)
+    lengths = sampling.lengths
     stretch = np.repeat(np.arange(len(lengths)), lengths // m)
     # every stretch may be shorter than a block
     if not len(stretch):
         return
     within = np.concatenate([m * np.arange(n // m) for n in lengths])
     place = (np.cumsum(lengths) - lengths)[stretch] + within
-    start = np.array(sampling.starts)[stretch] + within
+    start = sampling.starts[stretch] + within
     level = sampling.level[stretch]
     for part in np.array_split(np.arange(len(start)), -(-len(start) // (BLOCKS + BLOCKS // 8))):
         # levels follow each other, so that a contrast of one is free of a walk in another

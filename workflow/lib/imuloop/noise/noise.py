@@ -13,14 +13,7 @@ from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_
 from imuloop.noise.axis import AxisEstimate, estimate_axis
 from imuloop.noise.curve import TERMS, CurveVariance, fit_curve
 from imuloop.noise.modes import modes
-from imuloop.noise.records import (
-    all_rests,
-    closed_up,
-    note_conditions,
-    one_rate,
-    record_of,
-    static_records,
-)
+from imuloop.noise.records import closed_up, record_of, used_records
 from imuloop.noise.statistics import repeatability, summary
 from imuloop.noise.views import no_views, record_views
 
@@ -63,9 +56,8 @@ class NoiseResult:
 
     def to_dict(self):
         """Return the content of noise.json."""
-        own = {f.name: getattr(self, f.name) for f in fields(self)[1:-2]}
-        lists = {"sessions": list(self.sessions), "notes": list(self.notes)}
-        return self.model.to_dict() | own | lists
+        others = {f.name: getattr(self, f.name) for f in fields(self)[1:-2]}
+        return self.model.to_dict() | others
 
     def to_json(self, path, failed=None):
         """Write noise.json; `failed` is what went wrong where there is nothing to write."""
@@ -93,19 +85,16 @@ def estimate_noise(device, sessions, settings, uncut=True):
     estimated with the disturbed stretches left in.
     """
     notes = []
-    static = static_records(sessions, notes)
-    records = static or all_rests(sessions, notes)
+    records = used_records(sessions, notes)
     nothing = no_noise(device, [session.name for session in sessions])
     if not records:
         notes.append("no session holds a rest: no coefficient can be estimated")
         return replace(nothing, notes=tuple(notes))
-    records = one_rate(records, notes)
-    for record in records:
-        note_conditions(record, notes)
+    static = records[0].session.kind == "static"
     whole = [record_of(r.session, disturbed=True) for r in records] if uncut and static else []
     added, pooled = _seconds(whole) - _seconds(records), _Pooled(records, settings)
     pooled_whole = _Pooled(whole, settings) if added > 0.5 / pooled.rate else None
-    own = [_Pooled([r], settings) for r in records] if len(records) > 1 else [pooled]
+    single = [_Pooled([r], settings) for r in records] if len(records) > 1 else [pooled]
     statistics = {record.session.name: {} for record in records}
     allan = {name: [each] for name, each in nothing.allan.items()}
     views = {name: [each] for name, each in nothing.views.items()}
@@ -114,25 +103,30 @@ def estimate_noise(device, sessions, settings, uncut=True):
         runs = [record.runs(axis) for record in records]
         # curves and spectra take a few missing samples for none
         closed = [closed_up(each) for each in runs]
-        fitted = pooled.curve(closed)
+        curves[axis] = dict(zip(TERMS, pooled.fit_curve(closed), strict=True))
         found = pooled.estimate(axis, runs, notes)
-        if pooled_whole:
-            every = [record.runs(axis) for record in whole]
-            uncut_axes[axis] = asdict(pooled_whole.estimate(axis, every, []).noise)
-        curves[axis] = dict(zip(TERMS, fitted, strict=True))
         axes[axis] = found.noise
         spectra[axis] = {"misfit": found.misfit, "band_hz": found.band_hz}
-        for record, alone, x in zip(records, own, closed, strict=True):
+        for record, alone, x in zip(records, single, closed, strict=True):
             name = record.session.name
-            allan[name].append(alone.table(axis, x, found.noise))
+            allan[name].append(alone.allan_table(axis, x, found.noise))
             # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
-            still = x if record.session.kind == "static" else [max(x, key=len)]
-            statistics[name][axis] = summary(still, record.rate)
+            statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
             if np.isfinite(statistics[name][axis]["mean"]):
                 views[name].append(record_views(record.rate, x, axis, settings))
         # or two axes would be in memory at once
-        runs = closed = every = None
-    _note_walk(axes, pooled.longest / pooled.rate, notes)
+        runs = closed = None
+        if pooled_whole:
+            runs = [record.runs(axis) for record in whole]
+            uncut_axes[axis] = asdict(pooled_whole.estimate(axis, runs, []).noise)
+            runs = None
+    if unseen := [axis for axis, noise in axes.items() if not noise.K.identifiable]:
+        # the walk weighs most in long integrals
+        notes.append(
+            f"random walk not supported by clean stretches of up to {pooled.seconds:.4g} s: "
+            f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
+            "an upper limit only"
+        )
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
         model=NoiseModel(device, axes),
@@ -149,51 +143,52 @@ def estimate_noise(device, sessions, settings, uncut=True):
     )
 
 
+def _seconds(records):
+    """Return the time that records hold, s."""
+    return float(sum(record.lengths.sum() / record.rate for record in records))
+
+
 class _Pooled:
     """Records of one rate as one estimate: what does not depend on the axis."""
 
     def __init__(self, records, settings):
-        lengths = [record.lengths for record in records]
-        weights = [each.sum() for each in lengths]
-        lengths = np.concatenate(lengths)
-        self.records, self.settings, self.longest = records, settings, lengths.max()
-        self.rate = float(np.average([record.rate for record in records], weights=weights))
-        self.factors = averaging_factors(self.longest, settings)
+        each = [record.lengths for record in records]
+        self.records, self.settings, lengths = records, settings, np.concatenate(each)
+        rates, weights = [record.rate for record in records], [n.sum() for n in each]
+        self.rate = float(np.average(rates, weights=weights))
+        # of the longest stretch
+        self.seconds = lengths.max() / self.rate
+        self.factors = averaging_factors(lengths.max(), settings)
         self.tau = self.factors / self.rate
         self.spread = CurveVariance.of(self.factors, lengths, self.rate)
 
     @cached_property
-    def samplings(self):
-        return [sampling for record in self.records for sampling in record.samplings]
+    def modes(self):
+        """The Modes of all runs."""
+        return modes([sampling for record in self.records for sampling in record.samplings])
 
-    @cached_property
-    def basis(self):
-        return modes(self.samplings)
-
-    def curve(self, values):
-        """Return the coefficients of the plain fit to the Allan curve."""
-        variance = allan_variance([x for each in values for x in each], self.factors)
+    def fit_curve(self, stretches):
+        """Return the coefficients of the plain fit to the Allan curve, of each record's values."""
+        variance = allan_variance([x for each in stretches for x in each], self.factors)
         return fit_curve(self.tau, variance, self.spread)
 
-    def table(self, axis, stretches, noise):
+    def allan_table(self, axis, stretches, noise):
         """Return the Allan curve of one axis with its intervals."""
-        variance = allan_variance(stretches, self.factors)
         theta = [getattr(noise, name).square for name in TERMS]
         edf = self.spread.degrees_of_freedom(theta, self.tau)
-        return allan_table(axis, self.tau, variance, edf)
+        return allan_table(axis, self.tau, allan_variance(stretches, self.factors), edf)
 
     def estimate(self, axis, runs, notes):
-        """Return the AxisEstimate of one axis, with notes on what stands in its way."""
-        runs = [run for each in runs for run in each]
-        basis = self.basis
-        nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
+        """Return the AxisEstimate of one axis, of each record's runs, with notes on its limits."""
+        runs, rate = [run for each in runs for run in each], 1 / self.modes.dt
+        nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 * rate)
         if not all(np.isfinite(run.values).all() for run in runs):
             notes.append(f"{axis}: values that are not finite, no coefficient estimated")
             return nothing
         if all(run.is_constant() for run in runs):
             notes.append(f"{axis}: output is constant, no coefficient estimated")
             return nothing
-        estimate = estimate_axis(basis, runs, self.settings)
+        estimate = estimate_axis(self.modes, runs, self.settings)
         if not any(getattr(estimate.noise, name).upper95 for name in TERMS):
             notes.append(f"{axis}: too few samples for a coefficient")
         if estimate.misfit:
@@ -202,25 +197,9 @@ class _Pooled:
                 f"{100 * estimate.misfit:.2g} % beyond chance (a filter, a hump, a trend): "
                 "intervals are widened by it"
             )
-        if estimate.band_hz < 0.4 / basis.dt:
+        if estimate.band_hz < 0.4 * rate:
             notes.append(
                 f"{axis}: power is lacking above {estimate.band_hz:.3g} Hz (a filter, or a log "
                 "that was resampled): the coefficients are those of the noise below"
             )
         return estimate
-
-
-def _seconds(records):
-    """Return the time that records hold, s."""
-    return float(sum(record.lengths.sum() / record.rate for record in records))
-
-
-def _note_walk(axes, seconds, notes):
-    """Note where the walk, which weighs most in long integrals, could not be seen."""
-    unseen = [axis for axis, noise in axes.items() if not noise.K.identifiable]
-    if unseen:
-        notes.append(
-            f"random walk not supported by clean stretches of up to {seconds:.4g} s: "
-            f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
-            "an upper limit only"
-        )

@@ -17,17 +17,8 @@ SHORTEST = 3
 FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
 # places in a block where the spectrum is calculated: 1e-4 of a walk's, where it is steepest
 NODES = 33
-# a run of which a smaller share was recorded is not searched: zeros in its gaps would be most
-# of the work, and each line many of equal height
-SPARSEST = 16
 # chance at one frequency below which peaks are ranked by their height
 SURE = 1e-9
-
-
-def is_sparse(sampling):
-    """Return whether less than 1/`SPARSEST` of a run was recorded."""
-    first, last = sampling.extent
-    return last + 1 - first > SPARSEST * sum(sampling.lengths)
 
 
 @dataclass(frozen=True)
@@ -49,7 +40,7 @@ class Band:
     @classmethod
     def of(cls, sampling):
         """Return the band of a run, None where it is too short or too sparse."""
-        starts, lengths = np.array(sampling.starts), np.array(sampling.lengths)
+        starts, lengths = sampling.starts, sampling.lengths
         (first, last), n = sampling.extent, int(lengths.sum())
         span = last + 1 - first
         # frequencies in units of rate/n, the distance of independent ones
@@ -59,7 +50,7 @@ class Band:
         while k + (size := int(max(FEWEST, min(SHARE * k, enough), WIDTH * k))) < n / 2 - low:
             sizes.append(size)
             k += size
-        if not sizes or is_sparse(sampling):
+        if not sizes or sampling.is_sparse:
             return None
         padded = 16 * fft.next_fast_len(-(-span // 8))
         edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)

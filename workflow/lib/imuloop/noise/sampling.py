@@ -1,14 +1,17 @@
 """When the clean stretches of a run were sampled, and their values."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
 from imuloop.core.samples import LONG_GAP_STEPS
 
+# a run of which a smaller share was recorded is not searched for lines: zeros in its gaps would be
+# most of the work, and each line many of equal height
+SPARSEST = 16
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Sampling:
     """Clean stretches of a run on its grid of samples; gaps keep their place in time.
 
@@ -16,22 +19,27 @@ class Sampling:
     ----------
     rate : float
         Hz.
-    starts, lengths : tuple of int
+    starts, lengths : ndarray of int, shape (s,)
         First sample of each stretch, counted from the start of the run, ascending, and its samples.
-    levels : tuple of int
+    levels : ndarray of int, shape (s,)
         Neighbours of one number share a level, across a gap; after a disturbance, which may have
         moved the device, a new one begins.
     """
 
     rate: float
-    starts: tuple[int, ...]
-    lengths: tuple[int, ...]
-    levels: tuple[int, ...]
+    starts: np.ndarray
+    lengths: np.ndarray
+    levels: np.ndarray
+
+    @classmethod
+    def unbroken(cls, rate, samples):
+        """Return that of one stretch."""
+        return cls(rate, *np.array([[0], [samples], [0]]))
 
     @property
     def extent(self):
         """First and last sample."""
-        return self.starts[0], self.starts[-1] + self.lengths[-1] - 1
+        return int(self.starts[0]), int(self.starts[-1] + self.lengths[-1]) - 1
 
     @property
     def span(self):
@@ -39,10 +47,19 @@ class Sampling:
         first, last = self.extent
         return (last - first + 1) / self.rate
 
-    @cached_property
+    @property
+    def is_sparse(self):
+        """Whether less than 1/`SPARSEST` of the run was recorded."""
+        return self.span * self.rate > SPARSEST * self.lengths.sum()
+
+    @property
     def level(self):
         """The level of each stretch as 0, 1, ..., shape (s,)."""
-        return np.cumsum(np.diff(self.levels, prepend=self.levels[:1]) != 0)
+        return np.cumsum(np.diff(self.levels, prepend=self.levels[0]) != 0)
+
+    def with_values(self, values):
+        """Return the Run of values, shape (n,)."""
+        return Run(self.rate, self.starts, self.lengths, self.levels, values)
 
     def split(self, x):
         """Return the values of each stretch, as views, of those of all, shape (n,)."""
@@ -60,19 +77,11 @@ class Sampling:
         falls to the samples that are there, so that they seem larger by up to the share that is
         missing. A line does not stay one.
         """
-        starts, levels = np.array(self.starts), np.array(self.levels)
-        gaps = starts[1:] - (starts + self.lengths)[:-1]
-        new = (gaps + 1 > LONG_GAP_STEPS) | (np.diff(levels) != 0)
+        gaps = self.starts[1:] - (self.starts + self.lengths)[:-1]
+        new = (gaps + 1 > LONG_GAP_STEPS) | (np.diff(self.levels) != 0)
         first = np.flatnonzero(np.append(True, new))
-        return self._with(starts[first], np.add.reduceat(self.lengths, first), levels[first])
-
-    def with_values(self, values):
-        """Return the Run of values, shape (n,)."""
-        return Run(self.rate, self.starts, self.lengths, self.levels, values)
-
-    def _with(self, starts, lengths, levels, **others):
-        columns = {"starts": starts, "lengths": lengths, "levels": levels}
-        return replace(self, **{k: tuple(v.tolist()) for k, v in columns.items()}, **others)
+        lengths = np.add.reduceat(self.lengths, first)
+        return replace(self, starts=self.starts[first], lengths=lengths, levels=self.levels[first])
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,19 +99,18 @@ class Run(Sampling):
 
         None where no stretch is as long.
         """
-        lengths = np.array(self.lengths) // size
-        kept, each = lengths > 0, zip(self.split(self.values), lengths, strict=True)
+        number = self.lengths // size
+        kept, each = number > 0, zip(self.split(self.values), number, strict=True)
         if not kept.any():
             return None
         values = np.concatenate([x[: n * size].reshape(n, size).mean(axis=1) for x, n in each])
-        starts, levels = np.array(self.starts)[kept] // size, np.array(self.levels)[kept]
-        return self._with(starts, lengths[kept], levels, values=values, rate=self.rate / size)
+        starts = self.starts[kept] // size
+        return Run(self.rate / size, starts, number[kept], self.levels[kept], values)
 
     def cut(self, begin, end):
         """Return the run from sample `begin` to before `end`, its values a view."""
-        starts, ends = np.array(self.starts), np.add(self.starts, self.lengths)
-        offset = np.clip(begin - starts, 0, self.lengths).sum()
-        first, last = np.clip([starts, ends], begin, end)
+        offset = np.clip(begin - self.starts, 0, self.lengths).sum()
+        first, last = np.clip([self.starts, self.starts + self.lengths], begin, end)
         kept, lengths = last > first, last - first
         values = self.values[offset : offset + lengths.sum()]
-        return self._with(first[kept], lengths[kept], np.array(self.levels)[kept], values=values)
+        return Run(self.rate, first[kept], lengths[kept], self.levels[kept], values)
