@@ -5,7 +5,6 @@ from scipy.linalg import block_diag, toeplitz
 from imuloop.noise.modes import expected_squares, modes
 from imuloop.noise.processes import (
     densities,
-    distances,
     gauss_markov_density,
     gauss_markov_means,
     gauss_markov_samples,
@@ -13,6 +12,11 @@ from imuloop.noise.processes import (
     sample_covariances,
 )
 from imuloop.noise.sampling import Sampling
+
+
+def distances(starts):
+    return np.abs(np.subtract.outer(starts, starts))
+
 
 BROKEN = Sampling(10.0, *np.array([[0, 700, 1500], [500, 600, 400], [0, 0, 1]]))
 
