@@ -23,7 +23,7 @@ EVERY = NoiseSettings(views=("psd", "autocorrelation", "total", "modified", "had
 
 
 def tabulated(stretches, settings, axis="gx"):
-    return pd.DataFrame(record_views(RATE, stretches, axis, settings))
+    return pd.DataFrame(record_views(RATE, stretches, axis, [0, 0, 0, 0, 0], settings))
 
 
 @pytest.mark.parametrize("length", [300, 400_000])

@@ -11,7 +11,7 @@ from imuloop.core.samples import CHANNELS
 from imuloop.core.tables import joined, table
 from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_factors
 from imuloop.noise.axis import AxisEstimate, estimate_axis
-from imuloop.noise.curve import TERMS, CurveVariance, fit_curve
+from imuloop.noise.curve import TERMS, NoiseOfCurve, fit_curve
 from imuloop.noise.modes import modes
 from imuloop.noise.records import closed_up, record_of, used_records
 from imuloop.noise.statistics import repeatability, summary
@@ -113,7 +113,8 @@ def estimate_noise(device, sessions, settings, uncut=True):
             # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
             statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
             if np.isfinite(statistics[name][axis]["mean"]):
-                views[name].append(record_views(record.rate, x, axis, settings))
+                theta = _squares(found.noise)
+                views[name].append(record_views(record.rate, x, axis, theta, settings))
         # or two axes would be in memory at once
         runs = closed = None
         if pooled_whole:
@@ -148,6 +149,11 @@ def _seconds(records):
     return float(sum(record.lengths.sum() / record.rate for record in records))
 
 
+def _squares(noise):
+    """Return the squares of Q, N, B, K and R of an AxisNoise."""
+    return [getattr(noise, name).square for name in TERMS]
+
+
 class _Pooled:
     """Records of one rate as one estimate: what does not depend on the axis."""
 
@@ -159,8 +165,7 @@ class _Pooled:
         # of the longest stretch
         self.seconds = lengths.max() / self.rate
         self.factors = averaging_factors(lengths.max(), settings)
-        self.tau = self.factors / self.rate
-        self.spread = CurveVariance.of(self.factors, lengths, self.rate)
+        self.curve = NoiseOfCurve.of(self.factors, lengths, self.rate)
 
     @cached_property
     def modes(self):
@@ -170,13 +175,13 @@ class _Pooled:
     def fit_curve(self, stretches):
         """Return the coefficients of the plain fit to the Allan curve, of each record's values."""
         variance = allan_variance([x for each in stretches for x in each], self.factors)
-        return fit_curve(self.tau, variance, self.spread)
+        return fit_curve(variance, self.curve)
 
     def allan_table(self, axis, stretches, noise):
         """Return the Allan curve of one axis with its intervals."""
-        theta = [getattr(noise, name).square for name in TERMS]
-        edf = self.spread.degrees_of_freedom(theta, self.tau)
-        return allan_table(axis, self.tau, allan_variance(stretches, self.factors), edf)
+        edf = self.curve.degrees_of_freedom(_squares(noise))
+        tau, variance = self.factors / self.rate, allan_variance(stretches, self.factors)
+        return allan_table(axis, tau, variance, edf)
 
     def estimate(self, axis, runs, notes):
         """Return the AxisEstimate of one axis, of each record's runs, with notes on its limits."""

@@ -9,8 +9,8 @@ from scipy.signal import welch
 from scipy.signal.windows import hann
 
 from imuloop.core.tables import joined, table
-from imuloop.noise.allan import averaging_factors, interval
-from imuloop.noise.deviations import deviation_variance
+from imuloop.noise.allan import averaging_factors, interval, relative_variance
+from imuloop.noise.curve import NoiseOfCurve
 
 # columns of views.parquet
 COLUMNS = ("view", "axis", "x", "value", "ci_low", "ci_high")
@@ -38,16 +38,16 @@ PERIODS = 16
 PIECE = 1 << 16
 
 
-def record_views(rate, stretches, axis, settings):
+def record_views(rate, stretches, axis, theta, settings):
     """Return the rows of views.parquet of one axis of one session.
 
     x: frequency (Hz), lag or averaging time (s). value: SI^2/Hz, 1, or a deviation in SI. 95 %
     interval of the value; for the autocorrelation, which has none that holds under any noise, the
-    band in which white noise would lie.
-    Takes the rate, Hz, and the output of each stretch, finite, SI.
+    band in which white noise would lie. Takes the rate, Hz, the output of each stretch, finite, SI,
+    and the squares of its Q, N, B, K and R.
     """
     parts = [
-        table(COLUMNS, view, axis, *_columns(view, rate, stretches, settings))
+        table(COLUMNS, view, axis, *_columns(view, rate, stretches, theta, settings))
         for view in dict.fromkeys(settings.views)
     ]
     return joined([no_views(), *parts])
@@ -58,7 +58,7 @@ def no_views():
     return table(COLUMNS, "", "", *[[]] * 4)
 
 
-def _columns(view, rate, stretches, settings):
+def _columns(view, rate, stretches, theta, settings):
     """Return x, value, ci_low and ci_high of one view."""
     if view == "psd":
         frequency, density, edf = power_spectrum(stretches, rate)
@@ -67,8 +67,10 @@ def _columns(view, rate, stretches, settings):
         lags, value, pairs = autocorrelation(stretches)
         band = 1.96 / np.sqrt(pairs)
         return lags / rate, value, -band, band
-    factors = averaging_factors(max(map(len, stretches)), settings)
-    variance, edf = deviation_variance(view, stretches, factors)
+    lengths = [len(x) for x in stretches]
+    factors = averaging_factors(max(lengths), settings)
+    variance = relative_variance(view, stretches, factors)
+    edf = NoiseOfCurve.of(factors, lengths, rate, view).degrees_of_freedom(theta)
     found = np.isfinite(variance)
     roots = (np.sqrt(each[found]) for each in (variance, *interval(variance, edf)))
     return factors[found] / rate, *roots
