@@ -156,7 +156,7 @@ def test_a_line_of_four_periods_is_no_slow_noise(kind, seeds):
     amplitude = 3 * line_limit(SHORT, density, 0.01)
     found = [short_lines(seed, amplitude, **SLOW[kind]) for seed in range(seeds)]
     # one over the record away
-    near = [len(f) == 1 and abs(f[0].frequency - 0.01) < 0.0025 for f in found]
+    near = [len(f) == 1 and abs(f[0].frequency.value - 0.01) < 0.0025 for f in found]
     assert sum(near) >= 0.8 * seeds
 
 

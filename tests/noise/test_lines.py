@@ -89,9 +89,9 @@ def test_intervals_hold_and_limit_is_found_nine_times_in_ten(gaps, seeds):
             f = rng.uniform(2.0, 45.0)
             amplitude = times * line_limit(run(x, gaps), density, f, LEVEL)
             line = line_of(x + sinusoid(n, f, amplitude, rng.uniform(0, 7)), density, gaps)
-            if line is None or abs(line.frequency - f) > RATE / n:
+            if line is None or abs(line.frequency.value - f) > RATE / n:
                 continue
-            near = ((line.frequency_ci95, f), (line.amplitude_ci95, amplitude))
+            near = ((line.frequency.ci95, f), (line.amplitude.ci95, amplitude))
             rows.append([low <= truth <= high for (low, high), truth in near])
         hits[times] = (len(rows), *np.sum(rows, axis=0))
     assert least(seeds, 0.9, 0.02) <= hits[1][0] <= least(seeds, 0.9, 0.98), hits
@@ -105,8 +105,8 @@ def test_a_strong_line_leaves_nothing_across_gaps_and_levels(frequency):
     x = 1e-4 * np.random.default_rng(2).standard_normal(n)
     with_line = run(x + sinusoid(n, frequency, 3.0, 0.4) + 0.002 * np.arange(n), True, 9.8)
     line = find_line([with_line], lambda f: 2e-10 + 0 * f, LEVEL)
-    assert line.frequency == pytest.approx(frequency, abs=1e-6)
-    assert line.amplitude == pytest.approx(3.0, abs=1e-4)
+    assert line.frequency.value == pytest.approx(frequency, abs=1e-6)
+    assert line.amplitude.value == pytest.approx(3.0, abs=1e-4)
     (rest,) = line.subtract([with_line])
     expected = run(x + 0.002 * np.arange(n), True)
     for y, z in zip(rest.split(rest.values), expected.split(expected.values), strict=True):
@@ -134,11 +134,11 @@ def test_a_line_that_wanders_is_one_line():
     x = rng.standard_normal(n) * np.sqrt(RATE) + 5.0 * np.cos(2 * np.pi * turns)
     line = line_of(x)
     assert len(line.parts) > 3
-    assert line.frequency_ci95[0] < turns[-1] * RATE / n < line.frequency_ci95[1]
-    assert line.amplitude == pytest.approx(5.0, rel=0.05)
+    assert line.frequency.ci95[0] < turns[-1] * RATE / n < line.frequency.ci95[1]
+    assert line.amplitude.value == pytest.approx(5.0, rel=0.05)
     # what is left is none of half its amplitude
     again = find_line(line.subtract([run(x)]), white_density, LEVEL)
-    assert again is None or again.amplitude < 1.0
+    assert again is None or again.amplitude.value < 1.0
 
 
 def test_a_wander_that_both_halves_share_is_followed():
@@ -147,7 +147,7 @@ def test_a_wander_that_both_halves_share_is_followed():
     turns = np.cumsum(8.0 + 0.1 * np.cos(8 * np.pi * np.arange(n) / n)) / RATE
     line = line_of(rng.standard_normal(n) * np.sqrt(RATE) + 5.0 * np.cos(2 * np.pi * turns))
     assert len(line.parts) > 7
-    assert line.amplitude == pytest.approx(5.0, rel=0.1)
+    assert line.amplitude.value == pytest.approx(5.0, rel=0.1)
 
 
 def test_a_steady_line_has_one_part():
@@ -161,7 +161,7 @@ def test_a_line_of_part_of_a_period_in_a_short_session_stays_out_of_it():
     runs = [run(rng.standard_normal(n) * 10 + sinusoid(n, 0.08, 4.0, 1.0)) for n in sizes]
     line = find_line(runs, white_density, LEVEL)
     assert [part.run for part in line.parts] == [0]
-    assert line.frequency == pytest.approx(0.08, abs=0.001)
+    assert line.frequency.value == pytest.approx(0.08, abs=0.001)
 
 
 def test_a_line_ends_where_the_sensor_stops_changing():
@@ -169,7 +169,7 @@ def test_a_line_ends_where_the_sensor_stops_changing():
     x = np.random.default_rng(5).standard_normal(n) * np.sqrt(RATE) + sinusoid(n, 7.3, 20.0, 0.4)
     x[n // 2 :] = 0.1
     found = line_of(x)
-    assert found.frequency == pytest.approx(7.3, abs=0.01)
+    assert found.frequency.value == pytest.approx(7.3, abs=0.01)
     assert max(part.end for part in found.parts) <= n // 2 + n // 8
 
 

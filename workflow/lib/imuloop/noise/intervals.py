@@ -1,7 +1,5 @@
 """Coefficients with intervals, and limits of those that are not supported."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from math import exp, inf, log, sqrt
 
@@ -11,6 +9,7 @@ from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
 from imuloop.noise.processes import NAMES
+from imuloop.noise.record_length import record_seconds
 from imuloop.noise.selection import NOTHING, ORDER, correlation_times, plus, variances, without
 
 # an end of an interval is known to such a share, or its tail area to such a part of a deviate
@@ -46,7 +45,7 @@ def axis_noise(selection, terms):
     """
     fit = selection.fit(terms, True)
     theta = dict(zip(variances(terms), fit.theta, strict=True))
-    coefficients = {}
+    coefficients, squares, level = {}, selection.squares(terms), selection.level
     for name in ORDER:
         profiles = [_profile(selection, name, model) for model in _models(selection, terms, name)]
         if name in terms:
@@ -55,7 +54,8 @@ def axis_noise(selection, terms):
         else:
             # a ramp has either sign, so that the limit of the likelier one is a two-sided one
             limit = _crossing(*_tail(profiles), 1 - 0.05 / (2 if name == "R" else 1))
-            coefficients[name] = Coefficient(None, None, limit, False)
+            needed = limit and record_seconds(name, limit, squares, selection.modes.dt, level)
+            coefficients[name] = Coefficient(None, None, limit, False, needed or None)
     processes = (_process(selection, terms, tc, theta[tc]) for tc in correlation_times(terms))
     return AxisNoise(**coefficients, gauss_markov=tuple(processes))
 
@@ -76,59 +76,54 @@ def _models(selection, terms, name):
     return [m for m in models if all(there(t, m) for t in free if t in m and t != "R")]
 
 
-@dataclass(frozen=True)
-class _Profile:
-    """Profile likelihood of a coefficient in one model: `value` at x, at most `top` at `best`.
+def _deviate(value, best, top):
+    """Return the signed root of twice the loss of log-likelihood as a function of a coefficient.
 
-    `near` is where an end is looked for: best, or the standard error where that is larger.
+    Of the profile likelihood `value` as one, at most `top` at `best`.
     """
 
-    weight: float
-    best: float
-    near: float
-    top: float
-    value: Callable
+    def deviate(x):
+        loss = sqrt(2 * max(top - value(x), 0.0))
+        return loss if x > best else -loss
 
-    def deviate(self, x):
-        """Return the signed root of twice the loss of log-likelihood at x."""
-        loss = sqrt(2 * max(self.top - self.value(x), 0.0))
-        return loss if x > self.best else -loss
+    return deviate
 
 
 def _profile(selection, name, model):
-    """Return the _Profile of one of the five coefficients in a model."""
+    """Return the weight of a model, where to look for ends of a coefficient, and its deviate.
+
+    The second is the likeliest value, or the standard error where that is larger.
+    """
     rest, likelihood = without(model, name), selection.likelihood
-    units = selection.units(rest)
+    units, likeliest = selection.units(rest), selection.fit(model, restricted=name != "R")
     if name == "R":
-        likeliest = selection.fit(model)
         sign, best, start = np.copysign(1.0, likeliest.ramp), abs(likeliest.ramp), likeliest.theta
         size = likelihood.ramp_error(units @ start)
 
-        def fit(x, start):
-            return likelihood.fit(units, sign * x, start=start)
+        def fixed(x):
+            return {"ramp": sign * x}
 
     else:
-        unit = selection.modes.units[:, NAMES.index(name)]
-        likeliest = selection.fit(model, True)
-        place = model.index(name)
-        best, start = np.sqrt(likeliest.theta[place]), np.delete(likeliest.theta, place)
-
-        def fit(x, start):
-            return likelihood.fit(units, "R" in rest, x**2 * unit, start, True)
-
+        unit, place = selection.modes.units[:, NAMES.index(name)], model.index(name)
         expected = selection.units(model) @ likeliest.theta
-        best = max(best, _small(unit, expected))
+        best = max(np.sqrt(likeliest.theta[place]), _small(unit, expected))
+        start = np.delete(likeliest.theta, place)
         size = np.sqrt(likelihood.error(unit, expected))
+
+        def fixed(x):
+            return {"ramp": "R" in rest, "fixed": x**2 * unit, "restricted": True}
+
     known = {best: start}
 
     def value(x):
         # from the nearest one that is known
-        found = fit(x, known[min(known, key=lambda other: abs(other - x))])
+        nearest = known[min(known, key=lambda other: abs(other - x))]
+        found = likelihood.fit(units, start=nearest, **fixed(x))
         known[x] = found.theta
         return found.value
 
     weight = selection.fit(model).value - len(model)
-    return _Profile(weight, best, max(best, size), likeliest.value, value)
+    return weight, max(best, size), _deviate(value, best, likeliest.value)
 
 
 def _process(selection, terms, tc, variance):
@@ -165,9 +160,10 @@ def _process(selection, terms, tc, variance):
     expected = selection.units(wide) @ theta
     best = max(np.sqrt(2 * theta[-1] / likeliest), _small(unit, expected))
     near = max(best, np.sqrt(likelihood.error(unit, expected)))
+    q, time = (0.0, near, _deviate(of_q, best, top)), (0.0, tc, _deviate(of_tc, likeliest, top))
     return GaussMarkovTerm(
-        _coefficient([_Profile(0.0, best, near, top, of_q)], np.sqrt(2 * variance / tc)),
-        _coefficient([_Profile(0.0, likeliest, tc, top, of_tc)], tc, times[0], times[-1]),
+        _coefficient([q], np.sqrt(2 * variance / tc)),
+        _coefficient([time], tc, times[0], times[-1]),
     )
 
 
@@ -182,18 +178,19 @@ def _tail(profiles):
     The first is a function of the coefficient's logarithm, the area as a normal deviate, which is
     nearly straight; the second is that of the heaviest model.
     """
-    weight = np.exp(np.array([p.weight for p in profiles]) - max(p.weight for p in profiles))
-    used = weight > NEGLIGIBLE * weight.sum()
-    profiles = [p for p, heavy in zip(profiles, used, strict=True) if heavy]
-    weight = weight[used] / weight[used].sum()
+    weight = np.array([weight for weight, *_ in profiles])
+    weight = np.exp(weight - weight.max())
+    weight[weight <= NEGLIGIBLE * weight.sum()] = 0.0
+    weight /= weight.sum()
+    deviates = [deviate for _, _, deviate in profiles]
 
     @cache
     def deviate(u):
-        roots = np.array([profile.deviate(exp(u)) for profile in profiles])
-        below, above = (max(weight @ ndtr(sign * roots), TINY) for sign in (1, -1))
+        roots = [each(exp(u)) if w else 0.0 for each, w in zip(deviates, weight, strict=True)]
+        below, above = (max(weight @ ndtr(sign * np.array(roots)), TINY) for sign in (1, -1))
         return float(ndtri(below) if below < above else -ndtri(above))
 
-    return deviate, profiles[int(weight.argmax())].near
+    return deviate, profiles[int(weight.argmax())][1]
 
 
 def _crossing(deviate, near, area, low=0.0, high=inf):

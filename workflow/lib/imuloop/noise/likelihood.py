@@ -155,10 +155,6 @@ class Likelihood:
         """Mean square below which there is nothing but rounding."""
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
-    def is_rounding(self, ramp):
-        """Return whether nothing else is left once a ramp is taken out."""
-        return bool((self.power(ramp) <= self.floor).all())
-
     def above_rounding(self, squares):
         """Return mean squares, or expected ones, that are at least those of rounding."""
         return np.maximum(squares, self.floor)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit
 
+from imuloop.core.noise_model import Coefficient
 from imuloop.noise.periodogram import SHORTEST, Periodogram, chance_over_band
 from imuloop.noise.sinusoids import FittedSinusoid, fit_sinusoid, follow, strongest_frequency
 
@@ -13,22 +14,22 @@ SAME_CLOCK = 1e-4
 # mains, Hz; relative wander (50 mHz) and error of the clock behind the time stamps
 MAINS, ORDERS = (50.0, 60.0), ("1st", "2nd", "3rd", "4th", "5th")
 WANDER, CLOCK = 1e-3, 2e-4
+# ends of a normal interval, standard errors
+TWO_SIDED, ONE_SIDED = 1.959964, 1.644854
 
 
 @dataclass(frozen=True)
 class Line:
     """Sinusoid of one axis.
 
-    Frequency in Hz, and amplitude, SI of the axis, in the run where it stands out most, with 95 %
-    intervals. `parts` are what is removed: more than one per run where frequency, phase or
-    amplitude wander; then `frequency` is the mean weighted with the power and `amplitude` the root
-    mean square, low by what the line wanders within a part.
+    Frequency in Hz, and amplitude, SI of the axis, in the run where it stands out most. `parts` are
+    what is removed: more than one per run where frequency, phase or amplitude wander; then
+    `frequency` is the mean weighted with the power and `amplitude` the root mean square, low by
+    what the line wanders within a part.
     """
 
-    frequency: float
-    frequency_ci95: tuple[float, float]
-    amplitude: float
-    amplitude_ci95: tuple[float, float]
+    frequency: Coefficient
+    amplitude: Coefficient
     parts: tuple[FittedSinusoid, ...]
 
     def subtract(self, runs):
@@ -47,7 +48,7 @@ class Line:
         near = {
             part.run
             for part in self.parts
-            if abs(part.frequency - line.frequency) * (part.end - part.begin) <= rate
+            if abs(part.frequency - line.frequency.value) * (part.end - part.begin) <= rate
         }
         return near.issuperset(part.run for part in line.parts)
 
@@ -125,7 +126,7 @@ def mains(frequency, rate):
 
 
 def _averaged(parts, variance, quantile):
-    """Return frequency, amplitude and their intervals, averaged over the parts of a run.
+    """Return frequency and amplitude, averaged over the parts of a run.
 
     For white noise of a variance, and the quantile of the intervals, standard errors.
     """
@@ -146,9 +147,10 @@ def _averaged(parts, variance, quantile):
         scatter = np.sum(power**2 * (f - frequency) ** 2) * len(parts) / (len(parts) - 1)
         scatter_error = stdtrit(len(parts) - 1, 0.975) * np.sqrt(scatter)
         frequency_error = max(frequency_error, scatter_error)
-    return *_with_interval(frequency, frequency_error), *_with_interval(amplitude, amplitude_error)
+    return _coefficient(frequency, frequency_error), _coefficient(amplitude, amplitude_error)
 
 
-def _with_interval(value, error):
-    """Return a value that is never negative and its interval."""
-    return float(value), (float(max(value - error, 0.0)), float(value + error))
+def _coefficient(value, error):
+    """Return the coefficient of a value that is never negative, of the half of its interval."""
+    interval = float(max(value - error, 0.0)), float(value + error)
+    return Coefficient(float(value), interval, float(value + error * ONE_SIDED / TWO_SIDED), True)

@@ -85,6 +85,17 @@ def gauss_markov_density(frequency, dt, tc):
     return dt * -np.expm1(-2 * dt / tc) / (np.expm1(-dt / tc) ** 2 + phi * chord)
 
 
+def density(frequency, dt, squares):
+    """Return the two-sided density of a sum of processes, shape (k,), SI^2/Hz.
+
+    `squares` are variances by Q, N, B, K and, of Gauss-Markov processes, correlation times, s.
+    """
+    total = densities(frequency, dt) @ [squares.get(name, 0.0) for name in NAMES]
+    for tc in squares.keys() - {*NAMES}:
+        total += squares[tc] * gauss_markov_density(frequency, dt, tc)
+    return total
+
+
 def _flicker_samples(d):
     """Return the generalised covariance of flicker at a lag of d samples."""
     x = np.pi * np.maximum(d, 1)
