@@ -31,7 +31,7 @@ TIMES = 10
 # named: correlation time within this factor, frequency within one over the record
 FACTOR = 2.0
 # chance of a hump or line in noise that has none
-LEVEL = SETTINGS.hump_significance
+LEVEL = SETTINGS.significance
 
 NOISE = {"white": {"N": 0.01}, "white and flicker": {"N": 0.01, "B": 2e-3}}
 SIGMA = 0.01 * np.sqrt(RATE)
@@ -59,7 +59,7 @@ class Case:
         theta = np.array([terms.get(name, 0.0) ** 2 for name in "QNBK"])
         if self.kind == "line":
             plain = Scenario(f"line of {self.place:g} Hz in {self.noise}", terms)
-            sampling = Sampling(RATE, (0,), (length,), (0,))
+            sampling = Sampling.unbroken(RATE, length)
             limit = line_limit(sampling, lambda f: 2 * densities(f, 1 / RATE) @ theta, self.place)
             return replace(plain, sinusoid=((LIMITS * limit, self.place),))
         plain = Scenario(f"Gauss–Markov of {self.place:g} s in {self.noise}", terms)

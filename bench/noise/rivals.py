@@ -6,10 +6,14 @@ coefficients that it gives by letter; it tests none of them.
 
 import numpy as np
 
-from imuloop.noise.curve import design
 from imuloop.noise.likelihood import weighted_nnls
 
 FLICKER = np.sqrt(2 * np.log(2) / np.pi)
+
+
+def design(tau):
+    """The Allan variance of Q, N, B, K, R for a unit coefficient, shape (k, 5)."""
+    return np.column_stack([3 / tau**2, 1 / tau, FLICKER**2 + 0 * tau, tau / 3, tau**2 / 2])
 
 
 def non_negative(tau, variance):

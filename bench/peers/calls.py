@@ -69,19 +69,15 @@ def imuloop(axes, factors):
 
 def imuloop_intervals(axes, factors):
     """The curve, its intervals by the noise fitted to it, as allan.parquet holds them."""
-    from imuloop.core.noise_model import AxisNoise, Coefficient
     from imuloop.noise.allan import allan_table, allan_variance
-    from imuloop.noise.curve import TERMS, CurveVariance, fit_curve
+    from imuloop.noise.curve import NoiseOfCurve, fit_curve
 
     tau, tables = factors / RATE, []
-    spread = CurveVariance.of(factors, [axes.shape[1]], RATE)
+    expected = NoiseOfCurve.of(factors, [axes.shape[1]], RATE)
     for name, x in zip(("ax", "ay", "az", "gx", "gy", "gz"), axes, strict=True):
         curve = allan_variance([x], factors)
-        fitted = fit_curve(tau, curve, spread)
-        noise = AxisNoise(
-            **{t: Coefficient(v, identifiable=v > 0) for t, v in zip(TERMS, fitted, strict=True)}
-        )
-        tables.append(allan_table(name, tau, curve, spread.degrees_of_freedom(noise, tau)))
+        theta = np.square(fit_curve(curve, expected))
+        tables.append(allan_table(name, tau, curve, expected.degrees_of_freedom(theta)))
     return [table["adev"] for table in tables]
 
 

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from imuloop.noise.allan import CHUNK, COLUMNS, allan_table, allan_variance, averaging_factors
-from imuloop.noise.deviations import deviation_variance
 from imuloop.noise.settings import NoiseSettings
 
 
@@ -20,11 +19,13 @@ def test_factors_are_log_spaced_up_to_the_share():
     assert np.isnan(allan_variance([np.arange(5.0)], [4])[0])
 
 
-def test_stretches_pool_as_those_of_the_deviations_do():
+def test_stretches_pool_by_their_number_of_terms():
     stretches = [np.random.default_rng(n).standard_normal(n) for n in (50, 400, 7)]
-    factors = [1, 3, 20, 25, 100]
-    found = allan_variance(stretches, factors)
-    assert found == pytest.approx(deviation_variance("allan", stretches, factors), rel=1e-9)
+    for m in (1, 3, 20, 25, 100):
+        used = [x for x in stretches if len(x) + 1 - 2 * m > 1]
+        each = [allan_variance([x], [m])[0] for x in used]
+        expected = np.average(each, weights=[len(x) + 1 - 2 * m for x in used])
+        assert allan_variance(stretches, [m])[0] == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("length", [5, CHUNK - 1, CHUNK + 2, 3 * CHUNK + 17])

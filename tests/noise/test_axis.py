@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfilt
@@ -8,7 +10,7 @@ from imuloop.noise.intervals import axis_noise
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.modes import modes
 from imuloop.noise.processes import densities, gauss_markov_density
-from imuloop.noise.sampling import Sampling
+from imuloop.noise.sampling import Run, Sampling
 from imuloop.noise.selection import Selection
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
@@ -30,13 +32,13 @@ def record(seed, Q=0.0, W=0.01, B=0.0, K=0.0, R=0.0, hump=None, line=None, n=N):
     return x
 
 
-WHOLE = Sampling(RATE, (0,), (N,), (0,))
+WHOLE = Sampling.unbroken(RATE, N)
 BASIS = modes([WHOLE])
 
 
 def estimates(seeds, **truth):
     records = (record(seed, **truth) for seed in range(seeds))
-    return [estimate_axis([WHOLE], BASIS, [[x]], SETTINGS).noise for x in records]
+    return [estimate_axis(BASIS, [WHOLE.with_values(x)], SETTINGS).noise for x in records]
 
 
 def held(coefficients, truth):
@@ -97,19 +99,19 @@ def test_a_hump_is_found_with_its_time(seeds):
 
 
 def test_rests_are_too_short_for_a_process_that_is_a_walk_to_them():
-    rests = Sampling(RATE, tuple(range(0, N, 1000)), (700,) * 30, tuple(range(30)))
+    rests = Sampling(RATE, np.arange(0, N, 1000), np.full(30, 700), np.arange(30))
     basis = modes([rests])
     for seed in range(4):
         x = record(5000 + seed, K=4e-3)
-        values = [[x[i : i + 700] for i in rests.starts]]
-        noise = estimate_axis([rests], basis, values, SETTINGS).noise
+        runs = [rests.with_values(np.concatenate([x[i : i + 700] for i in rests.starts]))]
+        noise = estimate_axis(basis, runs, SETTINGS).noise
         assert all(process.tc.value < 70 / 5 for process in noise.gauss_markov)
 
 
 def test_a_process_in_whose_place_a_walk_may_stand_goes_down_to_zero():
-    x = record(1, K=1e-3)
-    likelihood = Likelihood(*BASIS.amplitudes([[x]]), BASIS.count, BASIS.ramp)
-    selection = Selection(BASIS, likelihood, SETTINGS.significance, SETTINGS.hump_significance)
+    runs = [WHOLE.with_values(record(1, K=1e-3))]
+    likelihood = Likelihood(*BASIS.amplitudes(runs), BASIS.count, BASIS.ramp)
+    selection = Selection(BASIS, likelihood, SETTINGS.significance)
     (process,) = axis_noise(selection, ("N", 1000.0)).gauss_markov
     # the walk alone tells the value, and nothing of the time
     assert process.q.value == pytest.approx(1e-3, rel=0.3)
@@ -125,7 +127,7 @@ def test_a_line_is_found_and_leaves_the_rest_as_it_was():
     assert noise.N.value == pytest.approx(plain.N.value, rel=1e-3)
 
 
-SHORT = Sampling(RATE, (0,), (4000,), (0,))
+SHORT = Sampling.unbroken(RATE, 4000)
 SHORT_BASIS = modes([SHORT])
 SLOW = {"white": {}, "flicker": {"B": 6e-3}, "walk": {"K": 4e-3}, "hump": {"hump": (0.02, 10.0)}}
 
@@ -144,7 +146,7 @@ def slow_density(B=0.0, K=0.0, hump=(0.0, 1.0)):
 def short_lines(seed, amplitude=0.0, **truth):
     """Return the lines of a record of 400 s with four periods of a sinusoid."""
     x = record(seed, n=4000, line=(amplitude, 0.01), **truth)
-    return find_lines([SHORT], SHORT_BASIS, [[x]], SETTINGS)[0]
+    return find_lines(SHORT_BASIS, [SHORT.with_values(x)], SETTINGS)[0]
 
 
 @seeds(5, 20)
@@ -154,7 +156,7 @@ def test_a_line_of_four_periods_is_no_slow_noise(kind, seeds):
     amplitude = 3 * line_limit(SHORT, density, 0.01)
     found = [short_lines(seed, amplitude, **SLOW[kind]) for seed in range(seeds)]
     # one over the record away
-    near = [len(f) == 1 and abs(f[0].frequency - 0.01) < 0.0025 for f in found]
+    near = [len(f) == 1 and abs(f[0].frequency.value - 0.01) < 0.0025 for f in found]
     assert sum(near) >= 0.8 * seeds
 
 
@@ -170,7 +172,7 @@ def test_a_line_that_wanders_is_one_line():
     turns = np.cumsum(0.564 + 0.002 * wander / wander.std()) / RATE
     # seed and size are of a record in which it leaves something beside it
     x = white(N, DT, 0.01, rng) + 0.1 * np.cos(2 * np.pi * turns)
-    (line,) = estimate_axis([WHOLE], BASIS, [[x]], SETTINGS).noise.sinusoid
+    (line,) = estimate_record(x, RATE, SETTINGS).noise.sinusoid
     assert line.amplitude.value == pytest.approx(0.1, rel=0.02)
 
 
@@ -178,12 +180,12 @@ def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():
     x = record(3, K=3e-4)
     whole = estimate_record(x, RATE, SETTINGS).noise
     x[15_000:] += 1.0
-    cut = Sampling(RATE, (0, 15_000), (14_000, 15_000), (0, 1))
-    values = [[x[:14_000], x[15_000:]]]
-    moved = estimate_axis([cut], modes([cut]), values, SETTINGS).noise
+    values = np.r_[x[:14_000], x[15_000:]]
+    cut = Run(RATE, *np.array([[0, 15_000], [14_000, 15_000], [0, 1]]), values)
+    moved = estimate_axis(modes([cut]), [cut], SETTINGS).noise
     assert moved.K.value == pytest.approx(whole.K.value, rel=0.3)
-    one_level = Sampling(RATE, cut.starts, cut.lengths, (0, 0))
-    step = estimate_axis([one_level], modes([one_level]), values, SETTINGS).noise
+    one_level = replace(cut, levels=np.zeros(2, int))
+    step = estimate_axis(modes([one_level]), [one_level], SETTINGS).noise
     assert step.K.value > 3 * moved.K.value
 
 

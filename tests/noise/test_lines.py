@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from bench.noise.detection import line_limit
 from imuloop.noise.lines import find_line, mains
 from imuloop.noise.periodogram import chance_at_one
-from imuloop.noise.sampling import Sampling
+from imuloop.noise.sampling import Run
 from seeds import least, seeds
 
 RATE = 100.0
@@ -39,18 +39,17 @@ def noise(kind, rng, n):
     return x + hump, lambda f: 2 + 18 / (1 + (2 * np.pi * f) ** 2)
 
 
-def session(x, gaps=False):
-    """Return the sampling and the values, whole or as three stretches, the last of a new level."""
+def run(x, gaps=False, step=0.0):
+    """Return a run, whole or of three stretches, the last of a new level, a step away."""
     n = len(x)
     ends = [(0, n // 10), (n // 8, n // 2), (int(0.7 * n), n)] if gaps else [(0, n)]
-    starts, lengths = tuple(a for a, _ in ends), tuple(b - a for a, b in ends)
-    sampling = Sampling(RATE, starts, lengths, (0, 0, 1)[: len(ends)])
-    return sampling, [x[a:b].copy() for a, b in ends]
+    starts, lengths = np.transpose([(a, b - a) for a, b in ends])
+    values = np.concatenate([x[a:b] + step * (a > n / 2) for a, b in ends])
+    return Run(RATE, starts, lengths, np.array([0, 0, 1])[: len(ends)], values)
 
 
 def line_of(x, density=white_density, gaps=False):
-    sampling, values = session(x, gaps)
-    return find_line([sampling], [values], density, LEVEL)
+    return find_line([run(x, gaps)], density, LEVEL)
 
 
 def sinusoid(n, frequency, amplitude, phase):
@@ -71,9 +70,7 @@ def test_noise_has_lines_as_often_as_the_level_says(gaps, seeds):
     for kind in KINDS:
         for seed in range(seeds):
             x, density = noise(kind, np.random.default_rng([seed, gaps, len(kind)]), 1500)
-            sampling, values = session(x, gaps)
-            values[-1] += 500.0 * gaps
-            found[kind] += find_line([sampling], [values], density, level) is not None
+            found[kind] += find_line([run(x, gaps, 500.0)], density, level) is not None
     # binomial: 3 standard errors of all, 4 of one kind
     total, count = sum(found.values()), len(KINDS) * seeds
     assert total / count == pytest.approx(level, abs=3 * np.sqrt(0.09 / count)), found
@@ -90,11 +87,11 @@ def test_intervals_hold_and_limit_is_found_nine_times_in_ten(gaps, seeds):
             rng = np.random.default_rng([seed, times, gaps])
             x, density = noise("white", rng, n)
             f = rng.uniform(2.0, 45.0)
-            amplitude = times * line_limit(session(x, gaps)[0], density, f, LEVEL)
+            amplitude = times * line_limit(run(x, gaps), density, f, LEVEL)
             line = line_of(x + sinusoid(n, f, amplitude, rng.uniform(0, 7)), density, gaps)
-            if line is None or abs(line.frequency - f) > RATE / n:
+            if line is None or abs(line.frequency.value - f) > RATE / n:
                 continue
-            near = ((line.frequency_ci95, f), (line.amplitude_ci95, amplitude))
+            near = ((line.frequency.ci95, f), (line.amplitude.ci95, amplitude))
             rows.append([low <= truth <= high for (low, high), truth in near])
         hits[times] = (len(rows), *np.sum(rows, axis=0))
     assert least(seeds, 0.9, 0.02) <= hits[1][0] <= least(seeds, 0.9, 0.98), hits
@@ -106,30 +103,28 @@ def test_intervals_hold_and_limit_is_found_nine_times_in_ten(gaps, seeds):
 def test_a_strong_line_leaves_nothing_across_gaps_and_levels(frequency):
     n = 6000
     x = 1e-4 * np.random.default_rng(2).standard_normal(n)
-    sampling, clean = session(x, gaps=True)
-    values = session(x + sinusoid(n, frequency, 3.0, 0.4) + 0.002 * np.arange(n), gaps=True)[1]
-    values[-1] += 9.8
-    line = find_line([sampling], [values], lambda f: 2e-10 + 0 * f, LEVEL)
-    assert line.frequency == pytest.approx(frequency, abs=1e-6)
-    assert line.amplitude == pytest.approx(3.0, abs=1e-4)
-    (rest,) = line.subtract([sampling], [values])
-    for a, y, z in zip(sampling.starts, rest, clean, strict=True):
-        assert np.std(y - z - 0.002 * np.arange(a, a + len(y))) < 1e-4
+    with_line = run(x + sinusoid(n, frequency, 3.0, 0.4) + 0.002 * np.arange(n), True, 9.8)
+    line = find_line([with_line], lambda f: 2e-10 + 0 * f, LEVEL)
+    assert line.frequency.value == pytest.approx(frequency, abs=1e-6)
+    assert line.amplitude.value == pytest.approx(3.0, abs=1e-4)
+    (rest,) = line.subtract([with_line])
+    expected = run(x + 0.002 * np.arange(n), True)
+    for y, z in zip(rest.split(rest.values), expected.split(expected.values), strict=True):
+        assert np.std(y - z) < 1e-4
 
 
 def test_sessions_have_their_own_phase_and_clock_and_may_lack_the_line():
     n, rng = 20_000, np.random.default_rng(4)
     clean = [rng.standard_normal(n) * np.sqrt(RATE) for _ in range(3)]
     lines = sinusoid(n, 8.0, 2.0, 0.3), sinusoid(n, 8.0 * (1 + 3e-5), 2.0, 2.0), np.zeros(n)
-    values = [[x + line] for x, line in zip(clean, lines, strict=True)]
-    samplings = [session(x)[0] for x in clean]
-    line = find_line(samplings, values, white_density, LEVEL)
-    assert {part.session for part in line.parts} == {0, 1}
-    rest = line.subtract(samplings, values)
-    assert rest[2][0] is values[2][0]
+    runs = [run(x + line) for x, line in zip(clean, lines, strict=True)]
+    line = find_line(runs, white_density, LEVEL)
+    assert {part.run for part in line.parts} == {0, 1}
+    rest = line.subtract(runs)
+    assert rest[2] is runs[2]
     for i in range(2):
-        assert np.std(rest[i][0] - clean[i]) < 3 * np.sqrt(3 * RATE / n)
-    assert find_line(samplings, rest, white_density, LEVEL) is None
+        assert np.std(rest[i].values - clean[i]) < 3 * np.sqrt(3 * RATE / n)
+    assert find_line(rest, white_density, LEVEL) is None
 
 
 def test_a_line_that_wanders_is_one_line():
@@ -137,14 +132,13 @@ def test_a_line_that_wanders_is_one_line():
     wander = lfilter([1], [1, -np.exp(-1 / 3e4)], rng.standard_normal(n))
     turns = np.cumsum(8.0 + 0.004 * wander / wander.std()) / RATE
     x = rng.standard_normal(n) * np.sqrt(RATE) + 5.0 * np.cos(2 * np.pi * turns)
-    sampling, values = session(x)
     line = line_of(x)
     assert len(line.parts) > 3
-    assert line.frequency_ci95[0] < turns[-1] * RATE / n < line.frequency_ci95[1]
-    assert line.amplitude == pytest.approx(5.0, rel=0.05)
+    assert line.frequency.ci95[0] < turns[-1] * RATE / n < line.frequency.ci95[1]
+    assert line.amplitude.value == pytest.approx(5.0, rel=0.05)
     # what is left is none of half its amplitude
-    again = find_line([sampling], line.subtract([sampling], [values]), white_density, LEVEL)
-    assert again is None or again.amplitude < 1.0
+    again = find_line(line.subtract([run(x)]), white_density, LEVEL)
+    assert again is None or again.amplitude.value < 1.0
 
 
 def test_a_wander_that_both_halves_share_is_followed():
@@ -153,7 +147,7 @@ def test_a_wander_that_both_halves_share_is_followed():
     turns = np.cumsum(8.0 + 0.1 * np.cos(8 * np.pi * np.arange(n) / n)) / RATE
     line = line_of(rng.standard_normal(n) * np.sqrt(RATE) + 5.0 * np.cos(2 * np.pi * turns))
     assert len(line.parts) > 7
-    assert line.amplitude == pytest.approx(5.0, rel=0.1)
+    assert line.amplitude.value == pytest.approx(5.0, rel=0.1)
 
 
 def test_a_steady_line_has_one_part():
@@ -164,10 +158,10 @@ def test_a_steady_line_has_one_part():
 
 def test_a_line_of_part_of_a_period_in_a_short_session_stays_out_of_it():
     rng, sizes = np.random.default_rng(3), (20_000, 500)
-    values = [[rng.standard_normal(n) * 10 + sinusoid(n, 0.08, 4.0, 1.0)] for n in sizes]
-    line = find_line([session(x)[0] for (x,) in values], values, white_density, LEVEL)
-    assert [part.session for part in line.parts] == [0]
-    assert line.frequency == pytest.approx(0.08, abs=0.001)
+    runs = [run(rng.standard_normal(n) * 10 + sinusoid(n, 0.08, 4.0, 1.0)) for n in sizes]
+    line = find_line(runs, white_density, LEVEL)
+    assert [part.run for part in line.parts] == [0]
+    assert line.frequency.value == pytest.approx(0.08, abs=0.001)
 
 
 def test_a_line_ends_where_the_sensor_stops_changing():
@@ -175,7 +169,7 @@ def test_a_line_ends_where_the_sensor_stops_changing():
     x = np.random.default_rng(5).standard_normal(n) * np.sqrt(RATE) + sinusoid(n, 7.3, 20.0, 0.4)
     x[n // 2 :] = 0.1
     found = line_of(x)
-    assert found.frequency == pytest.approx(7.3, abs=0.01)
+    assert found.frequency.value == pytest.approx(7.3, abs=0.01)
     assert max(part.end for part in found.parts) <= n // 2 + n // 8
 
 
@@ -191,12 +185,11 @@ def test_a_resonance_beside_the_spectrum_is_no_line():
 
 
 def test_rounding_of_stretches_that_never_change_is_no_line():
-    starts = (0, 16, 100, 115, 129, 158, 172, 214, 228, 270, 285)
-    lengths = (11, 9, 10, 9, 9, 9, 9, 9, 9, 9, 9)
-    sampling = Sampling(4.807692, starts, lengths, tuple(range(11)))
-    values = np.random.default_rng(1).normal(size=11)
-    stretches = [np.full(n, x) for n, x in zip(lengths, values, strict=True)]
-    assert find_line([sampling], [stretches], lambda f: 1e-34 + 0 * f, LEVEL) is None
+    starts = np.array([0, 16, 100, 115, 129, 158, 172, 214, 228, 270, 285])
+    lengths = np.array([11, 9, 10, 9, 9, 9, 9, 9, 9, 9, 9])
+    values = np.random.default_rng(1).normal(size=11).repeat(lengths)
+    rests = Run(4.807692, starts, lengths, np.arange(11), values)
+    assert find_line([rests], lambda f: 1e-34 + 0 * f, LEVEL) is None
 
 
 @pytest.mark.parametrize("x", [np.full(5000, 9.8), np.arange(40.0)])

@@ -5,7 +5,6 @@ from scipy.linalg import block_diag, toeplitz
 from imuloop.noise.modes import expected_squares, modes
 from imuloop.noise.processes import (
     densities,
-    distances,
     gauss_markov_density,
     gauss_markov_means,
     gauss_markov_samples,
@@ -14,7 +13,18 @@ from imuloop.noise.processes import (
 )
 from imuloop.noise.sampling import Sampling
 
-BROKEN = Sampling(10.0, (0, 700, 1500), (500, 600, 400), (0, 0, 1))
+
+def distances(starts):
+    return np.abs(np.subtract.outer(starts, starts))
+
+
+BROKEN = Sampling(10.0, *np.array([[0, 700, 1500], [500, 600, 400], [0, 0, 1]]))
+
+
+def broken(x):
+    """Return the run of what BROKEN keeps of 1900 samples."""
+    ends = zip(BROKEN.starts, BROKEN.lengths, strict=True)
+    return BROKEN.with_values(np.concatenate([x[start : start + n] for start, n in ends]))
 
 
 @pytest.mark.parametrize("n", [2, 63, 64])
@@ -78,15 +88,12 @@ def test_white_and_walk_are_diagonal_in_a_broken_record():
 def test_levels_do_not_enter_and_gaps_keep_their_place():
     rng = np.random.default_rng(0)
     basis = modes([BROKEN])
-    values = [rng.standard_normal(n) for n in BROKEN.lengths]
-    slow, fast = basis.amplitudes([values])
-    moved = [x + level for x, level in zip(values, (3.0, 3.0, -5.0), strict=True)]
+    x = rng.standard_normal(sum(BROKEN.lengths))
+    slow, fast = basis.amplitudes([BROKEN.with_values(x)])
+    moved = BROKEN.with_values(x + np.repeat([3.0, 3.0, -5.0], BROKEN.lengths))
     for found, expected in zip(basis.amplitudes([moved]), (slow, fast), strict=True):
         assert found == pytest.approx(expected, abs=1e-9)
-    ramp = [
-        0.3 * 0.1 * (s + np.arange(n)) for s, n in zip(BROKEN.starts, BROKEN.lengths, strict=True)
-    ]
-    slow, fast = basis.amplitudes([ramp])
+    slow, fast = basis.amplitudes([broken(0.3 * 0.1 * np.arange(1900))])
     assert slow == pytest.approx(0.3 * basis.ramp, abs=1e-9)
     assert fast == pytest.approx(0, abs=1e-12)
 
@@ -97,8 +104,7 @@ def test_mean_squares_of_a_broken_record_are_as_expected():
     total = np.zeros(len(basis.count))
     for _ in range(150):
         x = np.cumsum(rng.standard_normal(1900)) * np.sqrt(0.1)
-        values = [x[s : s + n] for s, n in zip(BROKEN.starts, BROKEN.lengths, strict=True)]
-        slow, fast = basis.amplitudes([values])
+        slow, fast = basis.amplitudes([broken(x)])
         total += np.concatenate([slow**2, fast]) / basis.units[:, 3] / 150
     assert np.mean(total) == pytest.approx(1, abs=0.015)
     assert np.std(total[:-1]) == pytest.approx(np.sqrt(2 / 150), rel=0.15)
@@ -117,11 +123,11 @@ def test_densities_are_the_transform_of_the_covariance():
 
 
 def test_bursts_of_two_samples_have_the_contrasts_of_their_samples():
-    bursts = [Sampling(10.0, (50 * k,), (2,), (0,)) for k in range(500)]
+    bursts = [Sampling.unbroken(10.0, 2)] * 500
     basis = modes(bursts)
     assert (basis.m, basis.count.sum()) == (1, 500)
     values = np.random.default_rng(0).normal(size=(500, 2))
-    slow, fast = basis.amplitudes([[pair] for pair in values])
+    slow, fast = basis.amplitudes([s.with_values(x) for s, x in zip(bursts, values, strict=True)])
     np.testing.assert_allclose(
         np.sort(np.abs(slow)), np.sort(np.abs(np.diff(values)[:, 0])) / 2**0.5
     )
@@ -129,8 +135,8 @@ def test_bursts_of_two_samples_have_the_contrasts_of_their_samples():
 
 
 def test_a_session_of_stretches_shorter_than_a_block_adds_nothing():
-    long = Sampling(100.0, (0,), (100_000,), (0,))
-    shreds = Sampling(100.0, (0, 9000), (5, 7), (0, 0))
+    long = Sampling.unbroken(100.0, 100_000)
+    shreds = Sampling(100.0, *np.array([[0, 9000], [5, 7], [0, 0]]))
     basis, alone = modes([long, shreds]), modes([long])
     assert basis.m > 7
     np.testing.assert_array_equal(basis.count, alone.count)

@@ -17,8 +17,8 @@ def assert_no_walk_by_another_name(samples, axis):
     """Assert that no process lasts longer than rests show, and that all intervals hold values."""
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     record = record_of(RecordedSession("poses", "multi_position", samples, segments))
-    values, basis = record.runs(record.cut(record.column(axis))), modes(record.samplings)
-    noise = estimate_axis(record.samplings, basis, values, NoiseSettings()).noise
+    basis = modes(record.samplings)
+    noise = estimate_axis(basis, record.runs(axis), NoiseSettings()).noise
     assert noise.N.identifiable and noise.N.ci95[0] < noise.N.value < noise.N.ci95[1]
     for process in noise.gauss_markov:
         assert process.tc.value < basis.level / 5

@@ -10,8 +10,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from imuloop.noise.allan import allan_variance
-from imuloop.noise.deviations import deviation_variance
+from imuloop.noise.allan import allan_variance, relative_variance
 
 NINE = np.array([892.0, 809, 823, 798, 671, 644, 883, 903, 677])
 # hadamard: the overlapping one
@@ -50,7 +49,7 @@ def plain_variance(stretches, factors):
 VARIANCES = {
     "plain": plain_variance,
     "overlapping": allan_variance,
-    **{name: partial(deviation_variance, name) for name in ("hadamard", "modified", "total")},
+    **{name: partial(relative_variance, name) for name in ("hadamard", "modified", "total")},
 }
 
 

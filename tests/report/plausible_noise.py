@@ -63,7 +63,7 @@ def plausible_views(samples, rate, allan):
             rho = 0.5**lag
             rows.append(("autocorrelation", axis, lag / rate, rho, -0.03, 0.03))
         curve = allan[(allan["axis"] == axis) & (allan["stage"] == "raw")]
-        for k, view in enumerate(("total", "modified", "hadamard", "m_sample_3")):
+        for k, view in enumerate(("total", "modified", "hadamard")):
             for tau, *values in curve[["tau_s", "adev", "ci_low", "ci_high"]].to_numpy():
                 rows.append((view, axis, tau, *(v * (0.9 + 0.1 * k) for v in values)))
     return pd.DataFrame(rows, columns=["view", "axis", "x", "value", "ci_low", "ci_high"])

@@ -6,8 +6,9 @@ The fit is the cross-check of the estimate; it is neither tested nor has it inte
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import xlogy
 
-from imuloop.noise.allan import terms
+from imuloop.noise.allan import DIFFERENCES, deviation_scale, terms
 from imuloop.noise.likelihood import weighted_nnls
 
 # order of the coefficients
@@ -18,99 +19,111 @@ MIN_POINTS = 8
 ROUNDS, ROUNDING = 6, 1e-9
 
 
-def design(tau):
-    """Return the Allan variance of each term for a unit coefficient, shape (k, 5)."""
-    tau = np.asarray(tau, dtype=float)
-    flicker = np.full_like(tau, 2 * np.log(2) / np.pi)
-    return np.column_stack([3 / tau**2, 1 / tau, flicker, tau / 3, tau**2 / 2])
-
-
 @dataclass(frozen=True)
-class CurveVariance:
-    r"""Variance of the points of a pooled overlapping Allan curve, for any noise coefficients.
+class NoiseOfCurve:
+    r"""Expectation and variance of the points of a pooled curve, for any noise coefficients.
 
-    The second difference of the integrated output X over m samples is Gaussian; at a distance d
-    its covariance is a sum over the processes,
+    A point is the mean square of a difference over m samples, c = (1, -2, 1) for the Allan
+    deviation, of the integrated output X, over a scale: :math:`2 \tau^2` for the Allan deviation.
+    The difference is Gaussian; at a distance d its covariance is a sum over the processes,
 
-    .. math:: r(d) = \sum_p \theta_p r_p(d),\quad r_p(d) = \sum_{a,b} c_a c_b k_p(d + (a - b) m),
-        \quad c = (1, -2, 1),\ a, b \in \{-1, 0, 1\}
+    .. math:: r(d) = \sum_p \theta_p r_p(d),\quad r_p(d) = \sum_{a,b} c_a c_b k_p(d + (a - b) m)
 
     with the generalised covariance k of X: 1 at d = 0 (quantisation), -|d|/2 (white),
-    d^2 ln|d| / 2 pi (flicker), |d|^3/12 (walk). The fourth moments of a Gaussian then give
+    d^2 ln|d| / 2 pi (flicker), |d|^3/12 (walk). The fourth moments of a Gaussian then give, for M
+    terms and w(d) pairs of them,
 
     .. math:: \mathrm{var}(\sigma^2(\tau))
         = \frac{1}{4 \tau^4 M^2} \sum_d w(d) [2 r(d)^2 + 4 R^2 \tau^4 r(d)]
 
-    where w(d) counts the pairs of terms and R is a ramp: `quadratic`, shape (k, 4, 4), holds the
-    factors of theta_p theta_q, theta = (Q^2, N^2, B^2, K^2), `ramp`, (k, 4), those of R^2 theta_p.
+    with a ramp R, which second differences see.
+
+    Attributes
+    ----------
+    level : ndarray, shape (k, 5)
+        Expectation for unit (Q^2, N^2, B^2, K^2, R^2) = theta.
+    quadratic, ramp : ndarray, shape (k, 4, 4) and (k, 4)
+        Factors of theta_p theta_q, and of R^2 theta_p, in the variance.
     """
 
+    level: np.ndarray
     quadratic: np.ndarray
     ramp: np.ndarray
 
     @classmethod
-    def of(cls, factors, lengths, rate):
-        """Return that of averaging `factors` over independent stretches, rate in Hz."""
+    def of(cls, factors, lengths, rate, name="allan"):
+        """Return that of averaging `factors` over independent stretches, rate in Hz.
+
+        That of the total deviation is that of the Allan deviation, which has fewer degrees of
+        freedom at long averages, but for those of quantisation alone.
+        """
+        coefficients, integrals = DIFFERENCES[name]
         lengths, repeats = np.unique(lengths, return_counts=True)
-        quadratic, ramp = np.zeros((len(factors), 4, 4)), np.zeros((len(factors), 4))
+        level, quadratic = np.zeros((len(factors), 5)), np.zeros((len(factors), 4, 4))
+        ramp, steps = np.zeros((len(factors), 4)), len(coefficients)
+        # the difference of a difference, as a function of the distance
+        squared = np.convolve(coefficients, coefficients[::-1])
         for i, m in enumerate(np.asarray(factors, dtype=np.int64)):
-            count = terms(m, lengths)
-            total = repeats @ count
-            if not total:
+            count, tau = terms(m, lengths, name), m / rate
+            if not count.any():
                 continue
 
             def pairs(d, m=m, count=count):
-                left = np.clip(lengths[:, None] + 1 - 2 * m - d, 0, count[:, None])
-                return (repeats @ left) * np.where(d > 0, 2.0, 1.0)
+                pairs = np.clip(count[:, None] - d, 0, None)
+                return (repeats @ pairs) * np.where(d > 0, 2.0, 1.0)
 
-            # white and walk end at 2 m; flicker's tail has gone with the fourth power
-            step = max(1, m // 8)
-            d = np.arange(0, 3 * m, step, dtype=float)
-            smooth, weight = _second_differences(d, m, rate), pairs(d) * step
-            quadratic[i, 1:, 1:] = (smooth * weight) @ smooth.T
-            ramp[i, 1:] = smooth @ weight
-            # quantisation lives on single lags, exactly
-            d, spike = m * np.arange(3.0), np.array([6.0, -4.0, 1.0])
-            weight = pairs(d) * spike
-            quadratic[i, 0, 0], ramp[i, 0] = weight @ spike, weight.sum()
-            quadratic[i, 0, 1:] = _second_differences(d, m, rate) @ weight
-            quadratic[i, 1:, 0] = quadratic[i, 0, 1:]
-            quadratic[i] /= 2 * (m / rate) ** 4 * total**2
-            ramp[i] /= total**2
-        return cls(quadratic, ramp)
+            def covariance(d, m=m):
+                shifts = np.arange(1 - steps, steps)[:, None] * m
+                return squared @ _kernels(np.abs(d + shifts) / rate, integrals, 1 / rate)
+
+            # white and walk end with the difference; flicker's tail has gone with the fourth power
+            step = max(1, min(m, count.max()) // 8)
+            d = np.arange(0, min(steps * m, count.max()), step, dtype=float)
+            r, weight = covariance(d), pairs(d) * step
+            level[i, :4], quadratic[i], ramp[i] = r[:, 0], (r * weight) @ r.T, r @ weight
+            if integrals == 1:
+                # quantisation lives on single lags, exactly
+                d, spike = m * np.arange(float(steps)), squared[steps - 1 :].astype(float)
+                weight, level[i, 0] = pairs(d) * spike, spike[0]
+                quadratic[i, 0] = quadratic[i, :, 0] = covariance(d) @ weight
+                quadratic[i, 0, 0], ramp[i, 0] = weight @ spike, weight.sum()
+            scale, number = deviation_scale(name, tau), repeats @ count
+            level[i, :4] /= scale
+            quadratic[i] *= 2 / (scale * number) ** 2
+            # the third difference is blind to it, or nearly so
+            seen = len(coefficients) == 3
+            level[i, 4], ramp[i] = seen * tau**2 / 2, seen * ramp[i] / number**2
+        return cls(level, quadratic, ramp)
 
     def variance(self, theta):
         """Return the variances for theta = (Q^2, N^2, B^2, K^2, R^2), shape (k,)."""
         random = np.asarray(theta[:4])
         return self.quadratic @ random @ random + theta[4] * (self.ramp @ random)
 
-    def degrees_of_freedom(self, noise, tau):
+    def degrees_of_freedom(self, theta):
         r"""Return the equivalent degrees of freedom of the points, shape (k,).
 
         .. math:: \nu = 2 \sigma^4 / \mathrm{var}(\hat\sigma^2)
 
-        of the five coefficients of an AxisNoise, white noise where none is known; `tau` in s.
+        for theta as of `variance`, white noise where none is known; not-a-number without terms.
         """
-        theta = np.array([getattr(noise, name).square for name in TERMS])
-        theta = theta if theta[:4].any() else np.array([0, 1.0, 0, 0, 0])
-        return 2 * (design(tau) @ theta) ** 2 / self.variance(theta)
+        theta = theta if any(theta[:4]) else np.array([0, 1.0, 0, 0, 0])
+        level, variance = self.level @ theta, self.variance(theta)
+        return np.divide(2 * level**2, variance, out=np.full(len(level), np.nan), where=level > 0)
 
 
-def _second_differences(d, m, rate):
-    """Return r_p(d) of white, flicker and walk for unit coefficients, d in samples."""
-    total = np.zeros((3, len(d)))
-    # c by c: the second difference of a second difference
-    for shift, weight in zip(range(-2, 3), (1, -4, 6, -4, 1), strict=True):
-        lag = np.abs(d + shift * m) / rate
-        square = lag * lag
-        logarithm = np.log(lag, out=np.zeros_like(lag), where=lag > 0)
-        total[0] -= weight / 2 * lag
-        total[1] += weight / (2 * np.pi) * square * logarithm
-        total[2] += weight / 12 * square * lag
-    return total
+def _kernels(lag, integrals, dt):
+    """Return the generalised covariance of the integrated output for unit Q, N, B, K, (4, ...).
+
+    Without quantisation, which is none beyond lag 0 until it is integrated twice.
+    """
+    if integrals == 1:
+        return np.stack([0 * lag, -lag / 2, xlogy(lag**2, lag) / (2 * np.pi), lag**3 / 12])
+    flicker = -xlogy(lag**4, lag) / (24 * np.pi)
+    return np.stack([-lag * dt / 2, lag**3 / 12, flicker, -(lag**5) / 240])
 
 
-def fit_curve(tau, variance, spread):
+def fit_curve(variance, curve):
     r"""Return Q, N, B, K, R, SI, that fit an Allan curve best, none negative, none tested.
 
     The variance (not the deviation) is linear in the squares of the coefficients,
@@ -122,7 +135,7 @@ def fit_curve(tau, variance, spread):
     data, which would favour points that came out low. All are 0 where the curve has under eight
     points or is zero somewhere.
 
-    Takes averaging times, s, overlapping Allan variance, shape (k,), and its CurveVariance.
+    Takes the overlapping Allan variance, shape (k,), and its NoiseOfCurve.
 
     References
     ----------
@@ -132,12 +145,11 @@ def fit_curve(tau, variance, spread):
     if len(variance) < MIN_POINTS or not np.all(variance > 0):
         return [0.0] * 5
     # orders of magnitude apart otherwise: fit the curve relative to itself
-    a = design(tau)
-    scale = np.array([np.min(variance / column) for column in a.T])
-    a = a * scale
+    scale = np.array([np.min(variance / column) for column in curve.level.T])
+    level = curve.level * scale
     # start: white noise, whose relative variance grows with tau
-    weight = a[:, 1] / a[0, 1] / variance**2
+    weight = level[:, 1] / level[0, 1] / variance**2
     for _ in range(ROUNDS):
-        theta = weighted_nnls(a, variance, weight)
-        weight = 1 / (spread.variance(theta * scale) + (ROUNDING * (a @ theta)) ** 2)
+        theta = weighted_nnls(level, variance, weight)
+        weight = 1 / (curve.variance(theta * scale) + (ROUNDING * (level @ theta)) ** 2)
     return np.sqrt(theta * scale).tolist()

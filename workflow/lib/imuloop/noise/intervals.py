@@ -1,21 +1,21 @@
 """Coefficients with intervals, and limits of those that are not supported."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from functools import cache
 from math import exp, inf, log, sqrt
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
 from imuloop.noise.processes import NAMES
+from imuloop.noise.record_length import record_seconds
 from imuloop.noise.selection import NOTHING, ORDER, correlation_times, plus, variances, without
 
 # an end of an interval is known to such a share, or its tail area to such a part of a deviate
 CLOSE, ALIKE = 1e-5, 1e-4
 # steps of the logarithm in which an end is looked for: the first, their growth, the last
-FIRST, GROWTH, FARTHEST, ROUNDS = 0.1, 4.0, 80.0, 100
+FIRST, GROWTH, FARTHEST = 0.1, 4.0, 80.0
 # areas below do not matter
 TINY = 1e-300
 # terms that may stand in for each other: intervals are averaged over models with and without them,
@@ -45,7 +45,7 @@ def axis_noise(selection, terms):
     """
     fit = selection.fit(terms, True)
     theta = dict(zip(variances(terms), fit.theta, strict=True))
-    coefficients = {}
+    coefficients, squares, level = {}, selection.squares(terms), selection.level
     for name in ORDER:
         profiles = [_profile(selection, name, model) for model in _models(selection, terms, name)]
         if name in terms:
@@ -53,9 +53,9 @@ def axis_noise(selection, terms):
             coefficients[name] = _coefficient(profiles, value)
         else:
             # a ramp has either sign, so that the limit of the likelier one is a two-sided one
-            tail = _Tail(profiles)
-            limit = tail.crossing(tail.near, 1 - 0.05 / (2 if name == "R" else 1))
-            coefficients[name] = Coefficient(None, None, limit, False)
+            limit = _crossing(*_tail(profiles), 1 - 0.05 / (2 if name == "R" else 1))
+            needed = limit and record_seconds(name, limit, squares, selection.modes.dt, level)
+            coefficients[name] = Coefficient(None, None, limit, False, needed or None)
     processes = (_process(selection, terms, tc, theta[tc]) for tc in correlation_times(terms))
     return AxisNoise(**coefficients, gauss_markov=tuple(processes))
 
@@ -66,10 +66,7 @@ def _models(selection, terms, name):
     One in which such a term comes out as zero is the model without it.
     """
     free = [t for t in FREE if t in selection.candidates and t != name]
-    base = plus(plus(terms, "N"), name)
-    for t in free:
-        base = without(base, t)
-    models = [base]
+    models = [plus(plus(tuple(t for t in terms if t not in free), "N"), name)]
     for t in free:
         models += [plus(model, t) for model in models]
 
@@ -79,59 +76,54 @@ def _models(selection, terms, name):
     return [m for m in models if all(there(t, m) for t in free if t in m and t != "R")]
 
 
-@dataclass(frozen=True)
-class _Profile:
-    """Profile likelihood of a coefficient in one model: `value` at x, at most `top` at `best`.
+def _deviate(value, best, top):
+    """Return the signed root of twice the loss of log-likelihood as a function of a coefficient.
 
-    `near` is where an end is looked for: best, or the standard error where that is larger.
+    Of the profile likelihood `value` as one, at most `top` at `best`.
     """
 
-    weight: float
-    best: float
-    near: float
-    top: float
-    value: Callable
+    def deviate(x):
+        loss = sqrt(2 * max(top - value(x), 0.0))
+        return loss if x > best else -loss
 
-    def deviate(self, x):
-        """Return the signed root of twice the loss of log-likelihood at x."""
-        loss = sqrt(2 * max(self.top - self.value(x), 0.0))
-        return loss if x > self.best else -loss
+    return deviate
 
 
 def _profile(selection, name, model):
-    """Return the _Profile of one of the five coefficients in a model."""
+    """Return the weight of a model, where to look for ends of a coefficient, and its deviate.
+
+    The second is the likeliest value, or the standard error where that is larger.
+    """
     rest, likelihood = without(model, name), selection.likelihood
-    units = selection.units(rest)
+    units, likeliest = selection.units(rest), selection.fit(model, restricted=name != "R")
     if name == "R":
-        likeliest = selection.fit(model)
         sign, best, start = np.copysign(1.0, likeliest.ramp), abs(likeliest.ramp), likeliest.theta
         size = likelihood.ramp_error(units @ start)
 
-        def fit(x, start):
-            return likelihood.fit(units, sign * x, start=start)
+        def fixed(x):
+            return {"ramp": sign * x}
 
     else:
-        unit = selection.modes.units[:, NAMES.index(name)]
-        likeliest = selection.fit(model, True)
-        place = model.index(name)
-        best, start = np.sqrt(likeliest.theta[place]), np.delete(likeliest.theta, place)
-
-        def fit(x, start):
-            return likelihood.fit(units, "R" in rest, x**2 * unit, start, True)
-
+        unit, place = selection.modes.units[:, NAMES.index(name)], model.index(name)
         expected = selection.units(model) @ likeliest.theta
-        best = max(best, _small(unit, expected))
+        best = max(np.sqrt(likeliest.theta[place]), _small(unit, expected))
+        start = np.delete(likeliest.theta, place)
         size = np.sqrt(likelihood.error(unit, expected))
+
+        def fixed(x):
+            return {"ramp": "R" in rest, "fixed": x**2 * unit, "restricted": True}
+
     known = {best: start}
 
     def value(x):
         # from the nearest one that is known
-        found = fit(x, known[min(known, key=lambda other: abs(other - x))])
+        nearest = known[min(known, key=lambda other: abs(other - x))]
+        found = likelihood.fit(units, start=nearest, **fixed(x))
         known[x] = found.theta
         return found.value
 
     weight = selection.fit(model).value - len(model)
-    return _Profile(weight, best, max(best, size), likeliest.value, value)
+    return weight, max(best, size), _deviate(value, best, likeliest.value)
 
 
 def _process(selection, terms, tc, variance):
@@ -168,9 +160,10 @@ def _process(selection, terms, tc, variance):
     expected = selection.units(wide) @ theta
     best = max(np.sqrt(2 * theta[-1] / likeliest), _small(unit, expected))
     near = max(best, np.sqrt(likelihood.error(unit, expected)))
+    q, time = (0.0, near, _deviate(of_q, best, top)), (0.0, tc, _deviate(of_tc, likeliest, top))
     return GaussMarkovTerm(
-        _coefficient([_Profile(0.0, best, near, top, of_q)], np.sqrt(2 * variance / tc)),
-        _coefficient([_Profile(0.0, likeliest, tc, top, of_tc)], tc, times[0], times[-1]),
+        _coefficient([q], np.sqrt(2 * variance / tc)),
+        _coefficient([time], tc, times[0], times[-1]),
     )
 
 
@@ -179,67 +172,49 @@ def _small(unit, expected):
     return SMALL * np.sqrt(np.min(expected / unit))
 
 
-class _Tail:
-    """Tail area below a coefficient, averaged over models; as a normal deviate nearly straight.
+def _tail(profiles):
+    """Return the tail area below a coefficient, averaged over models, and where to look for ends.
 
-    `near` is where to begin, by the heaviest model, `ends` are logarithms of the values between
-    which it is known, `points` the logarithms of values, with their deviates, so far.
+    The first is a function of the coefficient's logarithm, the area as a normal deviate, which is
+    nearly straight; the second is that of the heaviest model.
     """
+    weight = np.array([weight for weight, *_ in profiles])
+    weight = np.exp(weight - weight.max())
+    weight[weight <= NEGLIGIBLE * weight.sum()] = 0.0
+    weight /= weight.sum()
+    deviates = [deviate for _, _, deviate in profiles]
 
-    def __init__(self, profiles, low=0.0, high=inf):
-        weight = np.exp(np.array([p.weight for p in profiles]) - max(p.weight for p in profiles))
-        used = np.flatnonzero(weight > NEGLIGIBLE * weight.sum())
-        self.profiles = [profiles[i] for i in used]
-        self.weight = weight[used] / weight[used].sum()
-        self.near = self.profiles[int(self.weight.argmax())].near
-        self.ends = (log(low) if low else -inf, log(high))
-        self.points = []
+    @cache
+    def deviate(u):
+        roots = [each(exp(u)) if w else 0.0 for each, w in zip(deviates, weight, strict=True)]
+        below, above = (max(weight @ ndtr(sign * np.array(roots)), TINY) for sign in (1, -1))
+        return float(ndtri(below) if below < above else -ndtri(above))
 
-    def at(self, u):
-        """Return the deviate at e^u, and keep it."""
-        roots = np.array([profile.deviate(exp(u)) for profile in self.profiles])
-        below, above = (max(self.weight @ ndtr(sign * roots), TINY) for sign in (1, -1))
-        deviate = float(ndtri(below) if below < above else -ndtri(above))
-        self.points.append((u, deviate))
-        return deviate
+    return deviate, profiles[int(weight.argmax())][1]
 
-    def crossing(self, near, area):
-        """Return where the tail area reaches a value, the end if nowhere, 0 where there is none."""
-        wanted = float(ndtri(area))
-        if not self.points:
-            self.at(log(near))
-        step = FIRST
-        for _ in range(ROUNDS):
-            lower = max((p for p in self.points if p[1] <= wanted), default=None)
-            upper = min((p for p in self.points if p[1] > wanted), default=None)
-            if lower and upper:
-                u = self._between(lower, upper, wanted)
-            else:
-                u = lower[0] + step if lower else upper[0] - step
-                u = min(max(u, self.ends[0]), self.ends[1])
-                if step > FARTHEST or u in (lower or upper):
-                    return exp(u) if u in self.ends else 0.0
-                step *= GROWTH
-            narrow = lower and upper and upper[0] - lower[0] < CLOSE
-            if abs(self.at(u) - wanted) < ALIKE or narrow:
-                break
-        return exp(u)
 
-    def _between(self, lower, upper, wanted):
-        """Return where the nearest three points put a deviate, else half-way of the bracket."""
-        near = sorted(self.points, key=lambda p: abs(p[1] - wanted))[:3]
-        u = 0.0
-        for x, z in near:
-            for _, other in near:
-                if other != z:
-                    x *= (wanted - other) / (z - other)
-            u += x
-        inside = lower[0] < u < upper[0]
-        return u if inside else (lower[0] + upper[0]) / 2
+def _crossing(deviate, near, area, low=0.0, high=inf):
+    """Return where the tail area reaches a value, the end if nowhere, 0 where there is none."""
+    wanted, ends = float(ndtri(area)), (log(low) if low else -inf, log(high))
+
+    def excess(u):
+        found = deviate(u) - wanted
+        return found if abs(found) > ALIKE else 0.0
+
+    u, step = log(near), FIRST
+    rising = deviate(u) <= wanted
+    while True:
+        beyond = min(max(u + (step if rising else -step), ends[0]), ends[1])
+        if step > FARTHEST or beyond == u:
+            return exp(beyond) if beyond in ends else 0.0
+        if (deviate(beyond) <= wanted) != rising:
+            return exp(brentq(excess, u, beyond, xtol=CLOSE))
+        u, step = beyond, step * GROWTH
 
 
 def _coefficient(profiles, value, low=0.0, high=inf):
     """Return a supported coefficient, its interval within `low` and `high`."""
-    value, tail = float(value), _Tail(profiles, low, high)
-    low, high, upper = (tail.crossing(value or tail.near, p) for p in (0.025, 0.975, 0.95))
+    value, (deviate, near) = float(value), _tail(profiles)
+    ends = (_crossing(deviate, value or near, p, low, high) for p in (0.025, 0.975, 0.95))
+    low, high, upper = ends
     return Coefficient(value, (min(low, value), max(high, value)), max(upper, value), True)

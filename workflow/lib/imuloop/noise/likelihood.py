@@ -8,15 +8,10 @@ from scipy.optimize import nnls
 
 # the fit ends where the log-likelihood grows by less
 CLOSE, ROUNDS = 1e-6, 100
+# shares of a step that are tried until the likelihood grows
+SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)
 # smallest expected square, share of the largest that was found: rounding of the transform
 ROUNDING = 1e-13
-# digits of the output that a line which was taken out leaves right, share of the largest value
-DIGITS = 1e-12
-
-
-def log_likelihood(power, count, expected):
-    """Return ``-Σ n (ln s + p/s)/2`` over the last axis, as `Likelihood` has it."""
-    return -np.vecdot(count, np.log(expected) + power / expected) / 2
 
 
 def weighted_nnls(units, target, weight):
@@ -82,9 +77,9 @@ class Likelihood:
     def fit(self, units, ramp=False, fixed=0.0, start=None, restricted=False):
         r"""Return the MaximumLikelihood of unit spectra, shape (r, p); p may be 0.
 
-        Fisher's scoring, each step a non-negative least squares, halved until the likelihood grows.
-        A fitted ramp takes power from the modes that hold it. The restricted likelihood allows for
-        that,
+        Fisher's scoring, each step a non-negative least squares, shortened until the likelihood
+        grows. A fitted ramp takes power from the modes that hold it. The restricted likelihood
+        allows for that,
 
         .. math:: \ell_R = \ell - \frac12 \ln \sum_r \rho_r^2/s_r,
             \quad E p_r = s_r - \rho_r^2 / \sum_k \rho_k^2/s_k,
@@ -98,9 +93,8 @@ class Likelihood:
         ----------
         H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545.
         """
-        slope = 0.0 if isinstance(ramp, bool) else ramp
-        slow, restricted = len(self.rho), restricted and ramp is True
-        power = self.power(slope)
+        free, slope = ramp is True, 0.0 if isinstance(ramp, bool) else ramp
+        slow, restricted, power = len(self.rho), restricted and free, self.power(slope)
         floor = max(self.floor, ROUNDING * np.max(fixed))
         size = units.max(axis=0) if units.size else np.ones(units.shape[1])
         units = units / size
@@ -108,40 +102,37 @@ class Likelihood:
         def spectrum(theta):
             return np.maximum(units @ theta + fixed, floor)
 
-        if start is None:
+        if start is not None:
+            theta = start * size
+        else:
             theta = weighted_nnls(units, power - fixed, self.count / np.maximum(power, floor) ** 2)
             if not theta.any():
                 theta = np.full(len(theta), power.mean())
-        else:
-            theta = start * size
         expected, last, growth = spectrum(theta), -np.inf, np.inf
         for _ in range(ROUNDS):
-            weight = self.count / expected
-            if ramp is True:
+            if free:
                 slope = self.slope(expected)
-                power[:slow] = (self.slow - slope * self.rho) ** 2
-            target = power - fixed
-            if restricted:
-                target[:slow] += self._weight / self._information(expected).sum() * self.rho**2
-            found = self.value(power, expected, restricted)
-            before, growth = growth, found - last
+                power = self.power(slope)
+            value = self.value(power, expected, restricted)
+            before, growth, last = growth, value - last, value
             # near the maximum each step grows it by the same share of the one before
             steady = start is not None and before < np.inf
             if growth < CLOSE or (steady and growth**2 < CLOSE / 10 * before):
                 break
-            last = found
-            new = weighted_nnls(units, target, weight / expected)
-            for part in (1.0, 0.5, 0.25, 0.1, 0.03):
-                trial = theta + part * (new - theta)
-                there = spectrum(trial)
-                if self.value(power, there, restricted) >= found:
-                    theta, expected = trial, there
+            target = power - fixed
+            if restricted:
+                target[:slow] += self._weight / self._information(expected).sum() * self.rho**2
+            change = weighted_nnls(units, target, self.count / expected**2) - theta
+            for share in SHARES:
+                trial = spectrum(theta + share * change)
+                if self.value(power, trial, restricted) >= value:
+                    theta, expected = theta + share * change, trial
                     break
-        return MaximumLikelihood(theta / size, float(slope), found)
+        return MaximumLikelihood(theta / size, float(slope), value)
 
     def value(self, power, expected, restricted=False):
         """Return the log-likelihood of an expected spectrum, or the restricted one."""
-        value = log_likelihood(power, self.count, expected)
+        value = -(self.count @ (np.log(expected) + power / expected)) / 2
         if restricted:
             value -= self._weight * np.log(self._information(expected).sum()) / 2
         return float(value)
@@ -164,17 +155,9 @@ class Likelihood:
         """Mean square below which there is nothing but rounding."""
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
-    def is_rounding(self, ramp):
-        """Return whether nothing else is left once a ramp is taken out."""
-        return bool((self.power(ramp) <= self.floor).all())
-
     def above_rounding(self, squares):
         """Return mean squares, or expected ones, that are at least those of rounding."""
         return np.maximum(squares, self.floor)
-
-    def ratio(self, ramp, expected):
-        """Return the mean squares over the expected ones, 1 where both are rounding, (r,)."""
-        return self.above_rounding(self.power(ramp)) / self.above_rounding(expected)
 
     @cached_property
     def _weight(self):

@@ -1,121 +1,103 @@
 """Lines of one axis: found, measured, removed, named."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import stdtrit
 
+from imuloop.core.noise_model import Coefficient
 from imuloop.noise.periodogram import SHORTEST, Periodogram, chance_over_band
-from imuloop.noise.sampling import Sampling
 from imuloop.noise.sinusoids import FittedSinusoid, fit_sinusoid, follow, strongest_frequency
 
-# relative difference of the clocks of two sessions, within which a line is the same
+# relative difference of the clocks of two runs, within which a line is the same
 SAME_CLOCK = 1e-4
 # mains, Hz; relative wander (50 mHz) and error of the clock behind the time stamps
 MAINS, ORDERS = (50.0, 60.0), ("1st", "2nd", "3rd", "4th", "5th")
 WANDER, CLOCK = 1e-3, 2e-4
+# ends of a normal interval, standard errors
+TWO_SIDED, ONE_SIDED = 1.959964, 1.644854
 
 
 @dataclass(frozen=True)
 class Line:
     """Sinusoid of one axis.
 
-    Frequency in Hz, and amplitude, SI of the axis, in the session where it stands out most, with
-    95 % intervals. `parts` are what is removed: more than one a session where frequency, phase or
-    amplitude wander; then `frequency` is the mean weighted with the power and `amplitude` the root
-    mean square, low by what the line wanders within a part.
+    Frequency in Hz, and amplitude, SI of the axis, in the run where it stands out most. `parts` are
+    what is removed: more than one per run where frequency, phase or amplitude wander; then
+    `frequency` is the mean weighted with the power and `amplitude` the root mean square, low by
+    what the line wanders within a part.
     """
 
-    frequency: float
-    frequency_ci95: tuple[float, float]
-    amplitude: float
-    amplitude_ci95: tuple[float, float]
+    frequency: Coefficient
+    amplitude: Coefficient
     parts: tuple[FittedSinusoid, ...]
 
-    def subtract(self, samplings, values):
-        """Return the values without the line; sessions that do not show it are not copied."""
-        shown = {part.session for part in self.parts}
+    def subtract(self, runs):
+        """Return the runs without the line; those that do not show it are the same objects."""
+        shown = {part.run for part in self.parts}
         result = [
-            [np.array(x, float) if i in shown else x for x in stretches]
-            for i, stretches in enumerate(values)
+            replace(run, values=np.array(run.values, float)) if i in shown else run
+            for i, run in enumerate(runs)
         ]
         for part in self.parts:
-            part.subtract(samplings[part.session], result[part.session])
+            part.subtract(result[part.run])
         return result
 
-    def left(self, line, rate):
-        """Return whether a later line is what this one left: within 1/T of a part of time T."""
-        beside = {
-            part.session
+    def explains(self, line, rate):
+        """Return whether a later line is a remainder: within 1/T of a part of time T."""
+        near = {
+            part.run
             for part in self.parts
-            if abs(part.frequency - line.frequency) * (part.end - part.begin) <= rate
+            if abs(part.frequency - line.frequency.value) * (part.end - part.begin) <= rate
         }
-        return beside.issuperset(part.session for part in line.parts)
+        return near.issuperset(part.run for part in line.parts)
 
 
-def means(samplings, values, size):
-    """Return samplings and values of the means of `size` samples: slow lines at no cost."""
-    samplings_of_means, values_of_means = [], []
-    for sampling, stretches in zip(samplings, values, strict=True):
-        kept = [i for i, n in enumerate(sampling.lengths) if n >= size]
-        if not kept:
-            continue
-        blocks = [stretches[i][: sampling.lengths[i] // size * size] for i in kept]
-        values_of_means.append([x.reshape(-1, size).mean(axis=1) for x in blocks])
-        starts, lengths = (
-            tuple(of[i] // size for i in kept) for of in (sampling.starts, sampling.lengths)
-        )
-        levels = tuple(sampling.levels[i] for i in kept)
-        samplings_of_means.append(Sampling(sampling.rate / size, starts, lengths, levels))
-    return samplings_of_means, values_of_means
-
-
-def find_line(samplings, values, spectrum, level):
+def find_line(runs, spectrum, level):
     """Return the sinusoid that stands out most from the noise, if chance does not explain it.
 
     The largest ratio of the periodogram to the spectrum and its local background, see
     `Periodogram`, is a line where the chance of it is below the level. A line that wanders is one
     line: where the halves of the record, each with a frequency, phase and amplitude of its own,
-    explain more than the whole and chance, it is followed through them. Sessions are tested one by
+    explain more than the whole and chance, it is followed through them. Runs are tested one by
     one and their independent frequencies W add: the clocks of two sessions differ by more than the
     width 1/T of a line, so that powers at one frequency do not.
 
-    Takes a Sampling per session, the samples of each stretch of each, SI, the one-sided density of
-    the noise, SI^2/Hz, as a function of frequency in Hz, and the chance of finding a line in noise
-    that has none. None also where no session is long enough.
+    Takes the Runs of an axis, SI, the one-sided density of the noise, SI^2/Hz, as a function of
+    frequency in Hz, and the chance of finding a line in noise that has none. None also where no run
+    is long enough.
 
     References
     ----------
     Intervals: D. C. Rife and R. R. Boorstyn, IEEE Trans. Inf. Theory 20 (1974) 591.
     """
-    every = [Periodogram.of(*each, spectrum) for each in zip(samplings, values, strict=True)]
-    live = {i: found for i, found in enumerate(every) if found is not None}
-    if not live:
+    each = {i: Periodogram.of(run, spectrum) for i, run in enumerate(runs)}
+    each = {i: periodogram for i, periodogram in each.items() if periodogram}
+    if not each:
         return None
-    peaks = {i: found.strongest() for i, found in live.items()}
+    peaks = {i: periodogram.strongest() for i, periodogram in each.items()}
     best = min(peaks, key=lambda i: peaks[i][0])
-    independent = sum(found.band.independent for found in live.values())
+    independent = sum(periodogram.band.independent for periodogram in each.values())
     if chance_over_band(peaks[best][0], independent) > level:
         return None
-    fitted = fit_sinusoid(samplings[best], values[best], peaks[best][1], best)
-    if chance_over_band(live[best].chance(fitted), independent) > level:
+    strongest = fit_sinusoid(runs[best], peaks[best][1], best)
+    if chance_over_band(each[best].chance(strongest), independent) > level:
         return None
     parts = {}
-    for i, found in live.items():
-        span, same = found.band.span, fitted
+    for i, periodogram in each.items():
+        run, sinusoid = runs[i], strongest
         if i != best:
-            if fitted.frequency * span < SHORTEST:
+            if sinusoid.frequency * run.span < SHORTEST:
                 continue
-            reach = 1 / live[best].band.span + 1 / span + SAME_CLOCK * fitted.frequency
-            near = strongest_frequency(samplings[i], values[i], fitted.frequency, reach)
-            same = fit_sinusoid(samplings[i], values[i], near, i)
-            if chance_over_band(found.chance(same), 2 * reach * span) > level:
+            reach = 1 / runs[best].span + 1 / run.span + SAME_CLOCK * sinusoid.frequency
+            sinusoid = fit_sinusoid(run, strongest_frequency(run, sinusoid.frequency, reach), i)
+            if chance_over_band(periodogram.chance(sinusoid), 2 * reach * run.span) > level:
                 continue
-        density, _ = found.density(same.frequency)
-        parts[i] = follow(samplings[i], values[i], same, density)
+        parts[i] = follow(run, sinusoid, periodogram.density(sinusoid.frequency)[0])
+    density, freedom = each[best].density(strongest.frequency)
     return Line(
-        *_summary(parts[best], samplings[best].rate, *live[best].density(fitted.frequency)),
-        parts=tuple(each for i in sorted(parts) for each in parts[i]),
+        *_averaged(parts[best], density * runs[best].rate / 2, stdtrit(freedom, 0.975)),
+        parts=tuple(part for i in sorted(parts) for part in parts[i]),
     )
 
 
@@ -143,30 +125,32 @@ def mains(frequency, rate):
     return " or ".join(names) or None
 
 
-def _summary(parts, rate, density, freedom):
-    """Return frequency, amplitude and their intervals, averaged over the parts of a session."""
-    variance = density * rate / 2
-    t = stdtrit(freedom, 0.975)
-    f, c, s, d_amplitude, d_frequency = np.array(
+def _averaged(parts, variance, quantile):
+    """Return frequency and amplitude, averaged over the parts of a run.
+
+    For white noise of a variance, and the quantile of the intervals, standard errors.
+    """
+    f, c, s, amplitude_std, frequency_std = np.array(
         [(p.frequency, p.cosine, p.sine, p.amplitude_std, p.frequency_std) for p in parts]
     ).T
-    share = d_amplitude**-2 / np.sum(d_amplitude**-2)
-    power = share * (c**2 + s**2)
+    information = amplitude_std**-2
+    power = information / information.sum() * (c**2 + s**2)
     # each part beyond the first takes noise of its own
-    noise = 2 * variance / np.sum(d_amplitude**-2)
+    noise = 2 * variance / information.sum()
     # a mean square less the noise in it, of which chance may leave nothing
     amplitude = np.sqrt(max(power.sum() - (len(parts) - 1) * noise, 0.0))
     power /= power.sum()
     frequency = power @ f
-    a_error = t * np.sqrt(noise / 2)
-    f_error = t * np.sqrt(variance * np.sum((power * d_frequency) ** 2))
+    amplitude_error = quantile * np.sqrt(noise / 2)
+    frequency_error = quantile * np.sqrt(variance * np.sum((power * frequency_std) ** 2))
     if len(parts) > 1:
         scatter = np.sum(power**2 * (f - frequency) ** 2) * len(parts) / (len(parts) - 1)
-        f_error = max(f_error, stdtrit(len(parts) - 1, 0.975) * np.sqrt(scatter))
-    # neither is below zero
-    return (
-        float(frequency),
-        (float(max(frequency - f_error, 0.0)), float(frequency + f_error)),
-        float(amplitude),
-        (float(max(amplitude - a_error, 0.0)), float(amplitude + a_error)),
-    )
+        scatter_error = stdtrit(len(parts) - 1, 0.975) * np.sqrt(scatter)
+        frequency_error = max(frequency_error, scatter_error)
+    return _coefficient(frequency, frequency_error), _coefficient(amplitude, amplitude_error)
+
+
+def _coefficient(value, error):
+    """Return the coefficient of a value that is never negative, of the half of its interval."""
+    interval = float(max(value - error, 0.0)), float(value + error)
+    return Coefficient(float(value), interval, float(value + error * ONE_SIDED / TWO_SIDED), True)

@@ -3,7 +3,9 @@
 import numpy as np
 from scipy.special import chdtrc, chdtri, polygamma, psi
 
-# rows are compared with the model in groups of at least so many values, at most so many a decade
+from imuloop.noise.processes import NAMES
+
+# rows are compared with the model in groups of at least so many values, at most so many per decade
 VALUES, GROUPS = 8, 24
 # groups over which a misfit keeps its sign and its size: half a decade
 TOGETHER = GROUPS // 2
@@ -13,7 +15,66 @@ OCTAVES, LACKING = 5, 0.25
 SIGNIFICANT = 4.0
 
 
-def groups(frequency, count):
+def band(selection):
+    """Return the highest frequency below which no octave lacks power, Hz.
+
+    An octave at the top is predicted from all that lies below it. Where it lacks more than a
+    quarter of the power, a filter or a resampling took it: it says nothing of the sensor's noise.
+    """
+    frequency, count = selection.modes.frequency, selection.modes.count
+    units, likelihood = selection.units(NAMES), selection.likelihood
+    power, highest = likelihood.above_rounding(likelihood.power()), frequency.max()
+    for _ in range(OCTAVES):
+        below = frequency <= highest / 2
+        top = ~below & (frequency <= highest)
+        n = count[top].sum()
+        if count[below].sum() < VALUES * GROUPS or not n:
+            break
+        fit = selection.weighted(np.where(below, count, 0.0)).likelihood.fit(units, True)
+        expected = likelihood.above_rounding(units @ fit.theta)
+        share = count[top] @ (power / expected)[top] / n
+        if share > 1 - max(LACKING, SIGNIFICANT * np.sqrt(2 / n)):
+            break
+        highest /= 2
+    return float(highest)
+
+
+def misfit(selection, terms):
+    r"""Return the largest relative misfit of a spectrum, and the weight that it leaves each row.
+
+    Power over expected power r of n values is a chi-square over n: its logarithm has the mean
+    :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. What is left of its mean
+    square in the groups around (half a decade to each side) beyond that variance is
+    :math:`\epsilon^2`, where that is no chance: it counts as one error of half a decade. Zero and
+    weights of 1 where chance explains the whole spectrum.
+    """
+    likelihood, level, fit = selection.likelihood, selection.level, selection.fit(terms)
+    expected = likelihood.above_rounding(selection.units(terms) @ fit.theta)
+    ratio = likelihood.above_rounding(likelihood.power(fit.ramp)) / expected
+    group = _groups(selection.modes.frequency, selection.modes.count)
+    n = np.bincount(group, likelihood.count)
+    used = n > 0
+    half = np.where(used, n, 2.0) / 2
+    r = np.bincount(group, likelihood.count * ratio) / np.maximum(n, 1)
+    logarithm = np.log(np.where(used, np.maximum(r, 1e-12), 1.0))
+    variance = polygamma(1, half)
+    square = np.where(used, (logarithm - psi(half) + np.log(half)) ** 2, 0.0)
+    dof = used.sum() - len(terms)
+    if dof < 2 or chdtrc(dof, (square / variance)[used].sum()) >= level:
+        return 0.0, np.ones(len(group))
+
+    def around(values):
+        values = np.where(used, values, 0.0)
+        return np.convolve(values, np.ones(2 * TOGETHER + 1))[TOGETHER : TOGETHER + len(n)]
+
+    near = np.maximum(around(1.0), 1)
+    excess = np.maximum(around(square - variance) / near, 0.0)
+    beyond = around(square / variance) > chdtri(near, level / 10)
+    epsilon = np.sqrt(np.where(beyond, excess, 0.0))
+    return float(epsilon.max()), (1 / (1 + TOGETHER * epsilon**2 * n / 2))[group]
+
+
+def _groups(frequency, count):
     """Return the number of the group of each row; 0 for the lowest frequencies."""
     number = np.empty(len(frequency), dtype=int)
     group, values, first = -1, VALUES, 0.0
@@ -23,62 +84,3 @@ def groups(frequency, count):
         number[row] = group
         values += count[row]
     return number
-
-
-def misfit(ratio, count, number, terms, level):
-    r"""Return the relative misfit of a spectrum in each group, 0 where chance is enough.
-
-    Power over expected power r of n values is a chi-square over n: its logarithm has the mean
-    :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. What is left of its mean
-    square in the groups around (half a decade to each side) beyond that variance is
-    :math:`\epsilon^2`, where that is no chance, shape (g,).
-
-    Takes, of each row, r, the values behind it (0 where it was left out) and its group, shape (r,),
-    then how many terms were fitted and the level of the test of the whole spectrum.
-    """
-    n = np.bincount(number, count)
-    used = n > 0
-    half = np.where(used, n, 2.0) / 2
-    r = np.bincount(number, count * ratio) / np.maximum(n, 1)
-    logarithm = np.log(np.where(used, np.maximum(r, 1e-12), 1.0))
-    variance = polygamma(1, half)
-    square = np.where(used, (logarithm - psi(half) + np.log(half)) ** 2, 0.0)
-    dof = used.sum() - terms
-    if dof < 2 or chdtrc(dof, (square / variance)[used].sum()) >= level:
-        return np.zeros(len(n))
-
-    def around(values):
-        values = np.where(used, values, 0.0)
-        return np.convolve(values, np.ones(2 * TOGETHER + 1))[TOGETHER : TOGETHER + len(n)]
-
-    near = np.maximum(around(1.0), 1)
-    chance = chdtri(near, level / 10)
-    excess = np.maximum(around(square - variance) / near, 0.0)
-    return np.sqrt(np.where(around(square / variance) > chance, excess, 0.0))
-
-
-def weights(epsilon, count, number):
-    """Return the weight of each row: a misfit counts as one error of half a decade."""
-    n = np.bincount(number, count)
-    return (1 / (1 + TOGETHER * epsilon**2 * n / 2))[number]
-
-
-def band(frequency, count, power, predict):
-    """Return the highest frequency below which no octave lacks power, Hz.
-
-    An octave at the top is predicted from all that lies below it. Where it lacks more than a
-    quarter of the power, a filter or a resampling took it: it says nothing of the sensor's noise.
-    `predict` takes a mask of rows and returns the spectrum fitted to these, shape (r,).
-    """
-    highest = frequency.max()
-    for _ in range(OCTAVES):
-        below = frequency <= highest / 2
-        top = ~below & (frequency <= highest)
-        n = count[top].sum()
-        if count[below].sum() < VALUES * GROUPS or not n:
-            break
-        share = count[top] @ (power[top] / predict(below)[top]) / n
-        if share > 1 - max(LACKING, SIGNIFICANT * np.sqrt(2 / n)):
-            break
-        highest /= 2
-    return float(highest)

@@ -8,7 +8,6 @@ from scipy.fft import dct, rfft
 from scipy.interpolate import CubicSpline
 
 from imuloop.noise.processes import (
-    distances,
     gauss_markov_means,
     gauss_markov_samples,
     mean_covariances,
@@ -21,6 +20,8 @@ BLOCKS = 512
 HELD = 0.9
 # bins of the fast modes a decade, and correlation times between which spectra are interpolated
 BINS, TIMES = 24, 8
+# samples that are transformed at a time: a record of days need not be there twice
+PIECE = 1 << 20
 
 
 def expected_squares(covariance):
@@ -45,12 +46,14 @@ def expected_squares(covariance):
 
 @dataclass(frozen=True)
 class _Level:
-    """Blocks of one level and the contrasts of their means in which a walk is diagonal, (k, k - 1).
+    """Blocks of m samples of one level: the first sample of each, shape (k,), and their contrasts.
 
-    Where the blocks follow each other without a gap, `even`, that is the cosine transform.
+    `basis`, shape (k, k - 1), are the contrasts of their means in which a walk is diagonal; where
+    the blocks follow each other without a gap, `even`, the cosine transform.
     """
 
     start: np.ndarray
+    m: int
     even: bool
     basis: np.ndarray
 
@@ -60,52 +63,53 @@ class _Level:
         n = len(start)
         if (np.diff(start) == m).all():
             phase = np.pi / n * np.outer(np.arange(n) + 0.5, np.arange(1, n))
-            return cls(start, True, np.sqrt(2 / n) * np.cos(phase))
-        walk = -distances(start) / 2.0
+            return cls(start, m, True, np.sqrt(2 / n) * np.cos(phase))
+        walk = -np.abs(np.subtract.outer(start, start)) / 2.0
         walk -= walk.mean(axis=0)
         walk -= walk.mean(axis=1, keepdims=True)
         # the level, the null direction of the walk, goes far above all others
         top = 2 * np.trace(walk) + 1
         vectors = np.linalg.eigh(walk + top / n)[1]
-        return cls(start, False, vectors[:, :-1][:, ::-1])
+        return cls(start, m, False, vectors[:, :-1][:, ::-1])
 
-    def units(self, m, dt):
+    def units(self, dt):
         """Return the expected squares of the contrasts for unit Q, N, B, K, shape (4, k - 1)."""
         if self.even:
-            return expected_squares(mean_covariances(self.start - self.start[0], m, dt))
-        covariances = mean_covariances(distances(self.start), m, dt)
+            return expected_squares(mean_covariances(self.start - self.start[0], self.m, dt))
+        distance = np.abs(np.subtract.outer(self.start, self.start))
+        covariances = mean_covariances(distance, self.m, dt)
         return np.array([np.einsum("ik,ik->k", self.basis, c @ self.basis) for c in covariances])
 
-    def gauss_markov(self, m, dt, tc):
+    def gauss_markov(self, dt, tc):
         """Return those for Gauss-Markov processes of variance 1 and times `tc`, (c, k - 1)."""
         if self.even:
-            return expected_squares(gauss_markov_means(self.start - self.start[0], m, dt, tc))
-        own, next_to = gauss_markov_means(np.array([0, m]), m, dt, tc).T[..., None]
+            lags = self.start - self.start[0]
+            return expected_squares(gauss_markov_means(lags, self.m, dt, tc))
+        same, following = gauss_markov_means(np.array([0, self.m]), self.m, dt, tc).T[..., None]
         # an exponential is summed from block to block
         step = np.diff(self.start)[:, None, None] * dt
         past, apart = np.zeros((2, len(tc), self.basis.shape[1]))
-        for i, (whole, gap) in enumerate(zip(step, step - m * dt, strict=True)):
+        for i, (whole, gap) in enumerate(zip(step, step - self.m * dt, strict=True)):
             past *= np.exp(-whole / tc[:, None])
             past += np.exp(-gap / tc[:, None]) * self.basis[i]
             apart += self.basis[i + 1] * past
-        return own + 2 * next_to * apart
+        return same + 2 * following * apart
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """Blocks that share a slope, at most `BLOCKS` of one session: stretch and first sample there.
+    """Blocks that share a slope, at most `BLOCKS` of one run.
 
-    `start` is the first sample of each block in the session.
+    `place` is where each begins among the values of the run, `start` its first sample there.
     """
 
-    session: int
-    stretch: np.ndarray
-    offset: np.ndarray
+    run: int
+    place: np.ndarray
     start: np.ndarray
     levels: tuple[_Level, ...]
 
     def contrasts(self, x):
-        """Return the contrasts of the levels, of a value a block."""
+        """Return the contrasts of the levels, of a value per block."""
         ends = np.cumsum([len(level.start) for level in self.levels])[:-1]
         parts = zip(self.levels, np.split(x, ends), strict=True)
         return np.concatenate([level.basis.T @ part for level, part in parts])
@@ -113,12 +117,12 @@ class _Piece:
 
 @dataclass(frozen=True)
 class Modes:
-    """Basis of one or more sessions, each cut into blocks of m samples of dt in s.
+    """Basis of one or more runs, each cut into blocks of m samples of dt in s.
 
     Fast modes: orthonormal cosine coefficients 1 ... m-1 of each block. Slow modes: the means of
     the blocks, an exact decimation, in the basis of their contrasts that diagonalises the walk;
-    white noise is diagonal in any orthonormal basis. For an unbroken session that is again the
-    cosine transform. Contrasts are free of the level of each session and of each stretch between
+    white noise is diagonal in any orthonormal basis. For an unbroken run that is again the
+    cosine transform. Contrasts are free of the level of each run and of each stretch between
     two disturbances, while gaps keep their place in time; those of a few samples are closed up.
 
     In this basis white noise and walk are uncorrelated, others nearly so, and the expected square
@@ -127,7 +131,7 @@ class Modes:
     Attributes
     ----------
     span, level : float
-        Longest session, and longest time without a new level, s.
+        Longest run, and longest time without a new level, s.
     frequency, count : ndarray, shape (r,)
         Of each row Hz, and values behind it: slow modes one by one, then bins of the fast ones.
     units : ndarray, shape (r, 4)
@@ -144,44 +148,36 @@ class Modes:
     count: np.ndarray
     units: np.ndarray
     ramp: np.ndarray
-    _samplings: tuple
     _pieces: tuple
+    # the first fast mode of each bin
     _bins: np.ndarray
 
-    def amplitudes(self, values):
+    def amplitudes(self, runs):
         """Return the slow modes' amplitudes, with sign, and the fast ones' mean squares, SI.
 
-        `values` are the samples of each stretch of each session. The straight line of each piece is
-        taken out of the fast ones before.
+        Of the Runs of an axis. The straight line of each piece is taken out of the fast ones
+        before.
         """
-        values = [s.close_up(x) for s, x in zip(self._samplings, values, strict=True)]
         slow, squares = [], np.zeros(self.m - 1)
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]
         for piece in self._pieces:
-            blocks = [
-                values[piece.session][i][j : j + self.m]
-                for i, j in zip(piece.stretch, piece.offset, strict=True)
-            ]
+            x = runs[piece.run].values
+            blocks = [x[i : i + self.m] for i in piece.place]
             means = np.array([block.mean() for block in blocks])
-            own = piece.contrasts(means)
-            slow.append(own)
-            if self.m == 1:
-                continue
-            ramp = piece.contrasts(piece.start * self.dt)
-            slope = ramp @ own / (ramp @ ramp) if len(own) > 1 else 0.0
-            # some at a time: a record of days need not be there twice
-            some = max(1, 2**20 // self.m)
-            for first in range(0, len(blocks), some):
-                part = np.array(blocks[first : first + some])
-                part -= means[first : first + some, None]
+            amplitudes, ramp = piece.contrasts(means), piece.contrasts(piece.start * self.dt)
+            slow.append(amplitudes)
+            slope = ramp @ amplitudes / (ramp @ ramp) if len(ramp) > 1 else 0.0
+            some = max(1, PIECE // self.m)
+            for i in range(0, len(blocks), some):
+                part = np.array(blocks[i : i + some]) - means[i : i + some, None]
                 squares += ((dct(part, norm="ortho", axis=1)[:, 1:] - slope * line) ** 2).sum(0)
-        number = sum(len(piece.stretch) for piece in self._pieces)
-        return np.concatenate(slow), binned(squares / number, self._bins)
+        number = sum(len(piece.place) for piece in self._pieces)
+        return np.concatenate(slow), _binned(squares / number, self._bins)
 
     def gauss_markov(self, tc):
         """Return the expected mean squares for a Gauss-Markov process of variance 1, shape (r,).
 
-        Interpolated between correlation times of which there are `TIMES` a decade.
+        Interpolated between correlation times of which there are `TIMES` per decade.
         """
         near = int(np.abs(self.correlation_times - tc).argmin())
         if self.correlation_times[near] == tc:
@@ -190,7 +186,7 @@ class Modes:
 
     @cached_property
     def correlation_times(self):
-        """Correlation times between two samples and the longest session, s."""
+        """Correlation times between two samples and the longest run, s."""
         low, high = np.log10([self.dt, max(self.span, 8 * self.dt)])
         return 10 ** np.linspace(low, high, int(np.ceil(TIMES * (high - low))) + 1)
 
@@ -202,87 +198,76 @@ class Modes:
     def _rows(self):
         """Expected mean squares at the correlation times, shape (c, r)."""
         tc = self.correlation_times
-        levels = [level for piece in self._pieces for level in piece.levels]
-        slow = [level.gauss_markov(self.m, self.dt, tc) for level in levels]
+        slow = [level.gauss_markov(self.dt, tc) for p in self._pieces for level in p.levels]
         fast = expected_squares(gauss_markov_samples(self.m, self.dt, tc))
-        fast = np.array([binned(row, self._bins) for row in fast])
-        return np.concatenate([*slow, fast], axis=1)
+        return np.concatenate([*slow, _binned(fast, self._bins)], axis=1)
 
 
 def modes(samplings):
-    """Return the Modes of Samplings of one rate, one a session, with two samples or more."""
+    """Return the Modes of Samplings of one rate, one per run, with two samples or more."""
     closed = [sampling.closed_up() for sampling in samplings]
-    dt = 1 / np.average([s.rate for s in closed], weights=[sum(s.lengths) for s in closed])
-    m = _block_length([n for sampling in closed for n in sampling.lengths])
+    dt = 1 / np.average([s.rate for s in closed], weights=[s.lengths.sum() for s in closed])
+    m = _block_length(np.concatenate([sampling.lengths for sampling in closed]))
     # blocks of one sample where all are lone blocks of a level, as of bursts of two samples
-    m, pieces = next((k, p) for k in (m, 1) if (p := _with_contrasts(closed, k)))
-    units = [level.units(m, dt).T for piece in pieces for level in piece.levels]
-    # that at which a walk has so much power: exact for an unbroken record
-    frequency = [1 / (2 * np.pi * np.sqrt(each[:, 3] * m * dt)) for each in units]
-    ramp = [piece.contrasts(piece.start * dt) for piece in pieces]
+    m, pieces = next((k, p) for k in (m, 1) if (p := _pieces(closed, k)))
+    slow = [level.units(dt) for piece in pieces for level in piece.levels]
     k = np.arange(1, m)
-    bins = np.unique(np.floor(BINS * np.log10(np.maximum(k, 1))), return_inverse=True)[1]
-    blocks = sum(len(p.stretch) for p in pieces)
-    if m > 1:
-        squares = expected_squares(sample_covariances(m, dt))
-        units.append(np.column_stack([binned(s, bins) for s in squares]))
-        frequency.append(binned(k / (2 * m * dt), bins))
-    slow = sum(len(r) for r in ramp)
+    bins = np.flatnonzero(np.diff(np.floor(BINS * np.log10(k)), prepend=-1))
+    fast = _binned(expected_squares(sample_covariances(m, dt)), bins)
+    units = np.concatenate([*slow, fast], axis=1).T
+    ramp = np.concatenate([piece.contrasts(piece.start * dt) for piece in pieces])
+    # that at which a walk has so much power: exact for an unbroken record
+    frequency = 1 / (2 * np.pi * np.sqrt(units[: len(ramp), 3] * m * dt))
+    count = sum(len(p.place) for p in pieces) * np.diff(np.append(bins, m - 1))
     return Modes(
         dt=dt,
         m=m,
-        span=max((s.starts[-1] + s.lengths[-1] - s.starts[0]) / s.rate for s in closed),
+        span=max(s.span for s in closed),
         level=max(_longest_level(s) for s in closed),
-        frequency=np.concatenate(frequency),
-        count=np.concatenate([np.ones(slow), blocks * np.bincount(bins, minlength=0)]),
-        units=np.concatenate(units),
-        ramp=np.concatenate(ramp),
-        _samplings=tuple(samplings),
+        frequency=np.concatenate([frequency, _binned(k / (2 * m * dt), bins)]),
+        count=np.concatenate([np.ones(len(ramp)), count]),
+        units=units,
+        ramp=ramp,
         _pieces=tuple(pieces),
         _bins=bins,
     )
 
 
-def binned(values, bins):
-    """Return the mean over each bin."""
-    return np.bincount(bins, values) / np.bincount(bins) if len(bins) else np.empty(0)
-
-
-def _with_contrasts(samplings, m):
-    """Return the pieces of all sessions that have more blocks than levels."""
-    pieces = [p for number, sampling in enumerate(samplings) for p in _pieces(number, sampling, m)]
-    return [p for p in pieces if len(p.stretch) > len(p.levels)]
+def _binned(values, first):
+    """Return the mean over each bin of the last axis, of the first value of each."""
+    return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
 
 
 def _longest_level(sampling):
     """Return the longest time from start to end of stretches of one level, s."""
-    start, level = np.asarray(sampling.starts), sampling.level
-    end = start + np.asarray(sampling.lengths)
-    spans = [end[level == i].max() - start[level == i].min() for i in range(level.max() + 1)]
-    return max(spans) / sampling.rate
+    first = np.flatnonzero(np.diff(sampling.level, prepend=-1))
+    last = np.append(first[1:], len(sampling.level)) - 1
+    samples = sampling.starts[last] + sampling.lengths[last] - sampling.starts[first]
+    return samples.max() / sampling.rate
 
 
 def _block_length(lengths):
     """Return the samples of a block: about `BLOCKS` of them, that hold nearly all samples."""
-    lengths = np.asarray(lengths)
     m = -(-lengths.sum() // BLOCKS)
     while m > 1 and (lengths // m * m).sum() < HELD * lengths.sum():
         m //= 2
     return int(m)
 
 
-def _pieces(session, sampling, m):
-    """Return the pieces of a session, none of more than `BLOCKS` blocks."""
-    number = np.array([n // m for n in sampling.lengths])
-    stretch = np.repeat(np.arange(len(number)), number)
-    offset = np.concatenate([m * np.arange(n) for n in number])
-    start = np.asarray(sampling.starts)[stretch] + offset
-    level = sampling.level[stretch]
-    if not len(start):
-        # every stretch is shorter than a block
-        return
-    for part in np.array_split(np.arange(len(start)), -(-len(start) // (BLOCKS + BLOCKS // 8))):
-        # levels follow each other, so that a contrast of one is free of a walk in another
-        ends = np.flatnonzero(np.diff(level[part])) + 1
-        levels = tuple(_Level.of(each, m) for each in np.split(start[part], ends))
-        yield _Piece(session, stretch[part], offset[part], start[part], levels)
+def _pieces(samplings, m):
+    """Return the pieces of all runs, none of more than `BLOCKS` blocks or without a contrast."""
+    pieces = []
+    for run, sampling in enumerate(samplings):
+        number = sampling.lengths // m
+        stretch = np.repeat(np.arange(len(number)), number)
+        within = m * np.concatenate([np.arange(n) for n in number])
+        place = (np.cumsum(sampling.lengths) - sampling.lengths)[stretch] + within
+        start, level = sampling.starts[stretch] + within, sampling.level[stretch]
+        few = -(-len(start) // (BLOCKS + BLOCKS // 8))
+        for part in np.array_split(np.arange(len(start)), max(few, 1)):
+            # levels follow each other, so that a contrast of one is free of a walk in another
+            ends = np.flatnonzero(np.diff(level[part])) + 1
+            if len(part) > len(ends) + 1:
+                levels = tuple(_Level.of(each, m) for each in np.split(start[part], ends))
+                pieces.append(_Piece(run, place[part], start[part], levels))
+    return pieces

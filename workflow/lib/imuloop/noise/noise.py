@@ -9,13 +9,13 @@ from imuloop.core.files import write_json
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.core.tables import joined, table
-from imuloop.noise import representations
 from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_factors
 from imuloop.noise.axis import AxisEstimate, estimate_axis
-from imuloop.noise.curve import TERMS, CurveVariance, fit_curve
+from imuloop.noise.curve import TERMS, NoiseOfCurve, fit_curve
 from imuloop.noise.modes import modes
-from imuloop.noise.records import all_rests, note_conditions, one_rate, record_of, static_records
+from imuloop.noise.records import closed_up, record_of, used_records
 from imuloop.noise.statistics import repeatability, summary
+from imuloop.noise.views import no_views, record_views
 
 
 @dataclass(frozen=True)
@@ -56,9 +56,8 @@ class NoiseResult:
 
     def to_dict(self):
         """Return the content of noise.json."""
-        own = {f.name: getattr(self, f.name) for f in fields(self)[1:-2]}
-        lists = {"sessions": list(self.sessions), "notes": list(self.notes)}
-        return self.model.to_dict() | own | lists
+        others = {f.name: getattr(self, f.name) for f in fields(self)[1:-2]}
+        return self.model.to_dict() | others
 
     def to_json(self, path, failed=None):
         """Write noise.json; `failed` is what went wrong where there is nothing to write."""
@@ -71,7 +70,7 @@ def no_noise(device, sessions, *notes):
         model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise())),
         notes=notes,
         allan={name: table(COLUMNS, "", *[[]] * 5, "") for name in sessions},
-        views={name: representations.empty() for name in sessions},
+        views={name: no_views() for name in sessions},
     )
 
 
@@ -86,47 +85,49 @@ def estimate_noise(device, sessions, settings, uncut=True):
     estimated with the disturbed stretches left in.
     """
     notes = []
-    static = static_records(sessions, notes)
-    records = static or all_rests(sessions, notes)
+    records = used_records(sessions, notes)
     nothing = no_noise(device, [session.name for session in sessions])
     if not records:
         notes.append("no session holds a rest: no coefficient can be estimated")
         return replace(nothing, notes=tuple(notes))
-    records = one_rate(records, notes)
-    for record in records:
-        note_conditions(record, notes)
+    static = records[0].session.kind == "static"
     whole = [record_of(r.session, disturbed=True) for r in records] if uncut and static else []
     added, pooled = _seconds(whole) - _seconds(records), _Pooled(records, settings)
     pooled_whole = _Pooled(whole, settings) if added > 0.5 / pooled.rate else None
-    own = [_Pooled([r], settings) for r in records] if len(records) > 1 else [pooled]
+    single = [_Pooled([r], settings) for r in records] if len(records) > 1 else [pooled]
     statistics = {record.session.name: {} for record in records}
     allan = {name: [each] for name, each in nothing.allan.items()}
     views = {name: [each] for name, each in nothing.views.items()}
     axes, curves, spectra, uncut_axes = {}, {}, {}, {}
     for axis in CHANNELS:
-        values = [record.cut(record.column(axis)) for record in records]
+        runs = [record.runs(axis) for record in records]
         # curves and spectra take a few missing samples for none
-        closed = [record.close_up(x) for record, x in zip(records, values, strict=True)]
-        fitted = pooled.curve(closed)
-        start = np.square(fitted[:4]) if any(fitted[:4]) else None
-        found = pooled.estimate(axis, values, start, notes)
-        if pooled_whole:
-            every = [record.cut(record.column(axis)) for record in whole]
-            uncut_axes[axis] = asdict(pooled_whole.estimate(axis, every, start, []).noise)
-        curves[axis] = dict(zip(TERMS, fitted, strict=True))
+        closed = [closed_up(each) for each in runs]
+        curves[axis] = dict(zip(TERMS, pooled.fit_curve(closed), strict=True))
+        found = pooled.estimate(axis, runs, notes)
         axes[axis] = found.noise
         spectra[axis] = {"misfit": found.misfit, "band_hz": found.band_hz}
-        for record, alone, x in zip(records, own, closed, strict=True):
+        for record, alone, x in zip(records, single, closed, strict=True):
             name = record.session.name
-            allan[name].append(alone.table(axis, x, found.noise))
+            allan[name].append(alone.allan_table(axis, x, found.noise))
             # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
-            still = x if record.session.kind == "static" else [max(x, key=len)]
-            statistics[name][axis] = summary(still, record.rate)
+            statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
             if np.isfinite(statistics[name][axis]["mean"]):
-                views[name].append(representations.representations(record, x, axis, settings))
+                theta = _squares(found.noise)
+                views[name].append(record_views(record.rate, x, axis, theta, settings))
         # or two axes would be in memory at once
-        values = closed = every = None
-    _note_walk(axes, pooled.longest / pooled.rate, notes)
+        runs = closed = None
+        if pooled_whole:
+            runs = [record.runs(axis) for record in whole]
+            uncut_axes[axis] = asdict(pooled_whole.estimate(axis, runs, []).noise)
+            runs = None
+    if unseen := [axis for axis, noise in axes.items() if not noise.K.identifiable]:
+        # the walk weighs most in long integrals
+        notes.append(
+            f"random walk not supported by clean stretches of up to {pooled.seconds:.4g} s: "
+            f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
+            "an upper limit only"
+        )
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
         model=NoiseModel(device, axes),
@@ -143,52 +144,56 @@ def estimate_noise(device, sessions, settings, uncut=True):
     )
 
 
+def _seconds(records):
+    """Return the time that records hold, s."""
+    return float(sum(record.lengths.sum() / record.rate for record in records))
+
+
+def _squares(noise):
+    """Return the squares of Q, N, B, K and R of an AxisNoise."""
+    return [getattr(noise, name).square for name in TERMS]
+
+
 class _Pooled:
     """Records of one rate as one estimate: what does not depend on the axis."""
 
     def __init__(self, records, settings):
-        lengths = [record.lengths for record in records]
-        weights = [each.sum() for each in lengths]
-        lengths = np.concatenate(lengths)
-        self.records, self.settings, self.longest = records, settings, lengths.max()
-        self.rate = float(np.average([record.rate for record in records], weights=weights))
-        self.factors = averaging_factors(self.longest, settings)
-        self.tau = self.factors / self.rate
-        self.spread = CurveVariance.of(self.factors, lengths, self.rate)
+        each = [record.lengths for record in records]
+        self.records, self.settings, lengths = records, settings, np.concatenate(each)
+        rates, weights = [record.rate for record in records], [n.sum() for n in each]
+        self.rate = float(np.average(rates, weights=weights))
+        # of the longest stretch
+        self.seconds = lengths.max() / self.rate
+        self.factors = averaging_factors(lengths.max(), settings)
+        self.curve = NoiseOfCurve.of(self.factors, lengths, self.rate)
 
     @cached_property
-    def samplings(self):
-        return [sampling for record in self.records for sampling in record.samplings]
+    def modes(self):
+        """The Modes of all runs."""
+        return modes([sampling for record in self.records for sampling in record.samplings])
 
-    @cached_property
-    def basis(self):
-        return modes(self.samplings)
+    def fit_curve(self, stretches):
+        """Return the coefficients of the plain fit to the Allan curve, of each record's values."""
+        variance = allan_variance([x for each in stretches for x in each], self.factors)
+        return fit_curve(variance, self.curve)
 
-    def curve(self, values):
-        """Return the coefficients of the plain fit to the Allan curve."""
-        variance = allan_variance([x for each in values for x in each], self.factors)
-        return fit_curve(self.tau, variance, self.spread)
-
-    def table(self, axis, stretches, noise):
+    def allan_table(self, axis, stretches, noise):
         """Return the Allan curve of one axis with its intervals."""
-        variance = allan_variance(stretches, self.factors)
-        edf = self.spread.degrees_of_freedom(noise, self.tau)
-        return allan_table(axis, self.tau, variance, edf)
+        edf = self.curve.degrees_of_freedom(_squares(noise))
+        tau, variance = self.factors / self.rate, allan_variance(stretches, self.factors)
+        return allan_table(axis, tau, variance, edf)
 
-    def estimate(self, axis, values, start, notes):
-        """Return the AxisEstimate of one axis, with notes on what stands in its way."""
-        runs = [
-            run for record, x in zip(self.records, values, strict=True) for run in record.runs(x)
-        ]
-        basis = self.basis
-        nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
-        if not all(np.isfinite(x).all() for run in runs for x in run):
+    def estimate(self, axis, runs, notes):
+        """Return the AxisEstimate of one axis, of each record's runs, with notes on its limits."""
+        runs, rate = [run for each in runs for run in each], 1 / self.modes.dt
+        nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 * rate)
+        if not all(np.isfinite(run.values).all() for run in runs):
             notes.append(f"{axis}: values that are not finite, no coefficient estimated")
             return nothing
-        if not any(np.ptp(x) for run in runs for x in run):
+        if all(run.is_constant() for run in runs):
             notes.append(f"{axis}: output is constant, no coefficient estimated")
             return nothing
-        estimate = estimate_axis(self.samplings, basis, runs, self.settings, start)
+        estimate = estimate_axis(self.modes, runs, self.settings)
         if not any(getattr(estimate.noise, name).upper95 for name in TERMS):
             notes.append(f"{axis}: too few samples for a coefficient")
         if estimate.misfit:
@@ -197,25 +202,9 @@ class _Pooled:
                 f"{100 * estimate.misfit:.2g} % beyond chance (a filter, a hump, a trend): "
                 "intervals are widened by it"
             )
-        if estimate.band_hz < 0.4 / basis.dt:
+        if estimate.band_hz < 0.4 * rate:
             notes.append(
                 f"{axis}: power is lacking above {estimate.band_hz:.3g} Hz (a filter, or a log "
                 "that was resampled): the coefficients are those of the noise below"
             )
         return estimate
-
-
-def _seconds(records):
-    """Return the time that records hold, s."""
-    return float(sum(record.lengths.sum() / record.rate for record in records))
-
-
-def _note_walk(axes, seconds, notes):
-    """Note where the walk, which weighs most in long integrals, could not be seen."""
-    unseen = [axis for axis, noise in axes.items() if not noise.K.identifiable]
-    if unseen:
-        notes.append(
-            f"random walk not supported by clean stretches of up to {seconds:.4g} s: "
-            f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
-            "an upper limit only"
-        )

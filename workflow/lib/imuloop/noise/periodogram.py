@@ -1,8 +1,7 @@
-"""Periodogram of the clean stretches of a session, over its local background."""
+"""Periodogram of the clean stretches of a run, over its local background."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from itertools import pairwise
 from math import log
 
@@ -10,7 +9,7 @@ import numpy as np
 from scipy import fft
 from scipy.special import betainc
 
-# periods in a session below which a line is not told from a drift; as far from Nyquist
+# periods in a run below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
 # independent values in a block of the background: at least, and a quarter of those below it up to
 # what a median needs and to 0.3 Hz; 1 % of its frequency where that is more. Mains' wander, folded
@@ -18,70 +17,49 @@ SHORTEST = 3
 FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
 # places in a block where the spectrum is calculated: 1e-4 of a walk's, where it is steepest
 NODES = 33
-# a session of which a smaller share was recorded is not searched: zeros in its gaps would be most
-# of the work, and each line many of equal height
-SPARSEST = 16
 # chance at one frequency below which peaks are ranked by their height
 SURE = 1e-9
 
 
-def is_sparse(sampling):
-    """Return whether less than 1/`SPARSEST` of a session was recorded."""
-    first, last = sampling.extent
-    return last + 1 - first > SPARSEST * sum(sampling.lengths)
-
-
 @dataclass(frozen=True)
 class Band:
-    """What is searched in one session.
+    """What is searched in one run.
 
-    `rate` in Hz and `span`, first to last sample, in s; `samples` that are there, and `padded` of
-    the transform; `edges`, shape (b + 1,), of the blocks of the background in steps of the
-    transform, and `sizes`, (b,), the independent values in each; `independent` is W of
-    `Periodogram`.
+    `rate` in Hz; `samples` that are there, and `padded` of the transform; `edges`, shape (b + 1,),
+    of the blocks of the background in steps of the transform, and `sizes`, (b,), the independent
+    values in each; `independent` is W of `Periodogram`.
     """
 
     rate: float
     samples: int
-    span: float
     padded: int
     edges: np.ndarray
     sizes: np.ndarray
     independent: float
 
     @classmethod
-    @cache
     def of(cls, sampling):
-        """Return the band of a session, None where it is too short or too sparse."""
-        if is_sparse(sampling):
-            return None
-        starts, lengths = np.array(sampling.starts), np.array(sampling.lengths)
+        """Return the band of a run, None where it is too short or too sparse."""
+        starts, lengths = sampling.starts, sampling.lengths
         (first, last), n = sampling.extent, int(lengths.sum())
-        samples = last + 1 - first
+        span = last + 1 - first
         # frequencies in units of rate/n, the distance of independent ones
-        low = SHORTEST * n / samples
+        low = SHORTEST * n / span
         enough = max(ENOUGH, WIDTH_HZ * n / sampling.rate)
         sizes, k = [], low
         while k + (size := int(max(FEWEST, min(SHARE * k, enough), WIDTH * k))) < n / 2 - low:
             sizes.append(size)
             k += size
-        if not sizes:
+        if not sizes or sampling.is_sparse:
             return None
-        padded = 16 * fft.next_fast_len(-(-samples // 8))
+        padded = 16 * fft.next_fast_len(-(-span // 8))
         edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
         edges[-1] = int((n / 2 - low) * padded / n)
         middle = starts + (lengths - 1) / 2
         spread = (middle - np.average(middle, weights=lengths)) ** 2 + (lengths**2 - 1) / 12
         turns = np.sqrt(4 * np.pi * np.average(spread, weights=lengths))
-        return cls(
-            rate=sampling.rate,
-            samples=n,
-            span=samples / sampling.rate,
-            padded=padded,
-            edges=edges,
-            sizes=np.array(sizes),
-            independent=float((edges[-1] - edges[0]) / padded * turns),
-        )
+        independent = float((edges[-1] - edges[0]) / padded * turns)
+        return cls(sampling.rate, n, padded, edges, np.array(sizes), independent)
 
     @property
     def step(self):
@@ -100,7 +78,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Periodogram:
-    r"""Periodogram over spectrum of one session, and the medians of its blocks.
+    r"""Periodogram over spectrum of one run, and the medians of its blocks.
 
     The periodogram :math:`I(f) = 2 |\sum x_j e^{-2 \pi i f t_j}|^2/(n r)`, level means and one
     slope removed, gaps filled with zeros, padded to twice the record, is divided by the spectrum
@@ -128,25 +106,24 @@ class Periodogram:
     medians: np.ndarray
 
     @classmethod
-    def of(cls, sampling, values, spectrum):
-        """Return that of one session, None where it is too short or has no noise."""
-        band = Band.of(sampling)
+    def of(cls, run, spectrum):
+        """Return that of one run, None where it is too short or has no noise."""
+        band = Band.of(run)
         # of what never changes rounding alone is left
-        if band is None or not any(np.ptp(x) for x in values):
+        if band is None or run.is_constant():
             return None
         nodes = [np.linspace(i, j - 1, min(NODES, j - i)) for i, j in pairwise(band.edges)]
-        density = spectrum(band.step * np.concatenate(nodes)) * (band.samples * band.rate / 2)
-        if not (density > 0).all():
+        density = [spectrum(band.step * each) * band.samples * band.rate / 2 for each in nodes]
+        if not all((each > 0).all() for each in density):
             return None
-        # a power of two that keeps squares within single precision
-        size = 2.0 ** np.rint(np.log2(density.max()) / 2)
-        density = np.split(density / size**2, np.cumsum([len(each) for each in nodes])[:-1])
-        # single precision: its rounding lies 14 decades below the variance
-        transform = fft.rfft(_filled(sampling, values, size), band.padded)
+        # single precision: its rounding lies 14 decades below the variance; a power of two keeps
+        # squares within it
+        size = 2.0 ** np.rint(np.log2(max(each.max() for each in density)) / 2)
+        transform = fft.rfft(_filled(run, size), band.padded)
         power = transform.real**2 + transform.imag**2
         medians = np.empty(band.sizes.size)
         for b, (i, j) in enumerate(pairwise(band.edges)):
-            power[i:j] /= np.interp(np.arange(i, j), nodes[b], density[b])
+            power[i:j] /= np.interp(np.arange(i, j), nodes[b], density[b] / size**2)
             # every other one: those between are not independent
             medians[b] = np.median(power[i:j:2])
         ratio = power[band.edges[0] : band.edges[-1]]
@@ -200,18 +177,13 @@ def chance_over_band(chance, independent):
     return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))
 
 
-def _filled(sampling, values, size):
-    """Return a session over `size`, levels and slope removed, zeros in the gaps."""
-    starts, lengths = np.array(sampling.starts), np.array(sampling.lengths)
-    middles, level = starts + (lengths - 1) / 2, sampling.level
-    middle = (np.bincount(level, lengths * middles) / np.bincount(level, lengths))[level]
-    times = [start + np.arange(n) - t for start, n, t in zip(starts, lengths, middle, strict=True)]
-    means = sampling.level_means(values)[level]
-    xs = [x - mean for x, mean in zip(values, means, strict=True)]
-    pairs = list(zip(times, xs, strict=True))
-    slope = sum(t @ x for t, x in pairs) / sum(t @ t for t in times)
-    first, last = sampling.extent
+def _filled(run, size):
+    """Return the values over `size`, levels and slope removed, with zeros in the gaps."""
+    samples = zip(run.starts, run.lengths, strict=True)
+    t = run.centred(np.concatenate([start + np.arange(float(n)) for start, n in samples]))
+    x, (first, last) = run.centred(run.values), run.extent
+    x -= (t @ x) / (t @ t) * t
     filled = np.zeros(last + 1 - first, np.float32)
-    for start, (t, x) in zip(starts - first, pairs, strict=True):
-        filled[start : start + len(x)] = (x - slope * t) / size
+    for start, part in zip(run.starts, run.split(x), strict=True):
+        filled[start - first : start - first + len(part)] = part / size
     return filled

@@ -1,7 +1,7 @@
 """The noise processes: covariance of samples, of block means, and spectral density."""
 
 import numpy as np
-from scipy.special import sici
+from scipy.special import sici, xlogy
 
 # the variances that a spectrum is a sum of: squares of Q, N, B, K
 NAMES = ("Q", "N", "B", "K")
@@ -28,17 +28,8 @@ def sample_covariances(n, dt):
     IEEE Std 952-1997, annex C; definition of B by the density B^2/(2 pi |f|).
     """
     d = np.arange(n)
-    covariance = np.zeros((4, n))
-    covariance[0, :2] = (np.array([2.0, -1.0]) / dt**2)[:n]
-    covariance[1, 0] = 1 / dt
-    covariance[2] = _flicker_samples(d)
-    covariance[3] = -d * dt / 2
-    return covariance
-
-
-def distances(starts):
-    """Return how far blocks that begin at `starts` lie from each other, shape (k, k)."""
-    return np.abs(np.subtract.outer(starts, starts))
+    quantisation = (2.0 * (d == 0) - (d == 1)) / dt**2
+    return np.stack([quantisation, (d == 0) / dt, _flicker_samples(d), -d * dt / 2])
 
 
 def mean_covariances(d, m, dt):
@@ -47,10 +38,10 @@ def mean_covariances(d, m, dt):
     The same processes as in `sample_covariances`; `d` is the distance of two blocks in samples, 0
     or m and more, `dt` the interval of the samples, s.
     """
-    own = d == 0
-    quantisation = (2.0 * own - (d == m)) / (m * dt) ** 2
-    walk = np.where(own, -(m * m - 1) / (6 * m), -d / 2) * dt
-    return np.stack([quantisation, own / (m * dt), _flicker_means(d, m), walk])
+    same = d == 0
+    quantisation = (2.0 * same - (d == m)) / (m * dt) ** 2
+    walk = np.where(same, -(m * m - 1) / (6 * m), -d / 2) * dt
+    return np.stack([quantisation, same / (m * dt), _flicker_means(d, m), walk])
 
 
 def gauss_markov_samples(n, dt, tc):
@@ -69,9 +60,9 @@ def gauss_markov_means(d, m, dt, tc):
     tc = np.reshape(tc, np.shape(tc) + (1,) * d.ndim)
     # 1 - phi^n without cancellation where the process is slow
     phi, one_less, whole = np.exp(-dt / tc), -np.expm1(-dt / tc), -np.expm1(-m * dt / tc)
-    own = (m * (1 + phi) / one_less - 2 * phi * whole / one_less**2) / m**2
+    same = (m * (1 + phi) / one_less - 2 * phi * whole / one_less**2) / m**2
     apart = np.exp(-np.maximum(d - m + 1, 0) * dt / tc) * (whole / one_less) ** 2 / m**2
-    return np.where(d == 0, own, apart)
+    return np.where(d == 0, same, apart)
 
 
 def densities(frequency, dt):
@@ -80,10 +71,6 @@ def densities(frequency, dt):
     With :math:`\omega = 2\pi f \Delta t` for frequencies in Hz, shape (k,), above 0 up to half the
     rate: quantisation :math:`(2 - 2\cos\omega)/\Delta t`, white 1, flicker :math:`1/2\pi f`,
     walk :math:`\Delta t^2/(2 - 2\cos\omega)`.
-
-    References
-    ----------
-    IEEE Std 952-1997, annex C.
     """
     frequency = np.asarray(frequency, float)
     chord = 4 * np.sin(np.pi * frequency * dt) ** 2
@@ -96,6 +83,17 @@ def gauss_markov_density(frequency, dt, tc):
     phi = np.exp(-dt / tc)
     chord = 4 * np.sin(np.pi * np.asarray(frequency, float) * dt) ** 2
     return dt * -np.expm1(-2 * dt / tc) / (np.expm1(-dt / tc) ** 2 + phi * chord)
+
+
+def density(frequency, dt, squares):
+    """Return the two-sided density of a sum of processes, shape (k,), SI^2/Hz.
+
+    `squares` are variances by Q, N, B, K and, of Gauss-Markov processes, correlation times, s.
+    """
+    total = densities(frequency, dt) @ [squares.get(name, 0.0) for name in NAMES]
+    for tc in squares.keys() - {*NAMES}:
+        total += squares[tc] * gauss_markov_density(frequency, dt, tc)
+    return total
 
 
 def _flicker_samples(d):
@@ -112,7 +110,7 @@ def _flicker_means(d, m):
     """
 
     def k(x):
-        return x**2 * np.log(np.where(x > 0, x, 1.0)) / (2 * np.pi)
+        return xlogy(x**2, x) / (2 * np.pi)
 
     x = d / m
     far = 2 * k(x) - k(x + 1) - k(np.abs(x - 1))

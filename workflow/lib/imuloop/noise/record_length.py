@@ -6,55 +6,53 @@ import numpy as np
 from scipy.special import ndtri
 
 from imuloop.noise.likelihood import Likelihood
-from imuloop.noise.processes import NAMES, densities, gauss_markov_density
+from imuloop.noise.processes import NAMES, densities, density
 
 # chance with which the term would be found
 POWER = 0.9
-# bins a decade, and the longest record worth naming: a year, s
+# bins per decade, and the longest record worth naming: a year, s
 BINS, LONGEST = 12, 3.2e7
 
 
-def record_seconds(name, value, theta, processes, dt, level):
+def record_seconds(name, value, squares, dt, level):
     r"""Return the seconds of an unbroken record in which a term would be found nine times in ten.
 
     The record's expected spectrum with the term is fitted without it. The root of twice the loss
     of log-likelihood is normal about its expectation, so that it has to reach
     :math:`z_{1-\alpha} + z_{0.9}`.
 
-    Takes name and size, SI, of the term (Q, N, B, K or R), the squares of Q, N, B, K of the record,
-    shape (4,), of which that of the term itself counts as 0, variance and correlation time, s, of
-    Gauss-Markov processes, the interval of the samples, s, and the level of the test. Gives the
-    length to a tenth; None where no record that can be made would show it.
+    Takes name and size, SI, of the term (Q, N, B, K or R), the variances of the others as `density`
+    does, the interval of the samples, s, and the level of the test. Gives the length to a tenth;
+    None where no record that can be made would show it.
     """
     wanted = ndtri(POWER) - ndtri(level / 2 if name == "R" else level)
+    others = {term: square for term, square in squares.items() if term != name}
 
     def shown(seconds):
-        return _expected_root(name, value, theta, processes, dt, seconds / dt) >= wanted
+        return _expected_root(name, value, others, dt, seconds / dt) >= wanted
 
     lengths = 100 * dt * 1.1 ** np.arange(np.log(LONGEST / (100 * dt)) / np.log(1.1))
     shortest = bisect_left(lengths, True, key=shown)
     return float(lengths[shortest]) if shortest < len(lengths) else None
 
 
-def _expected_root(name, value, theta, processes, dt, n):
+def _expected_root(name, value, others, dt, n):
     """Return the root of twice the expected loss of log-likelihood in a record of n samples."""
     edges = np.unique(np.rint(np.geomspace(1, n, int(BINS * np.log10(n)))).astype(np.int64))
     count = np.diff(edges).astype(float)
     k = np.sqrt(edges[:-1] * (edges[1:] - 1.0))
     frequency = k / (2 * n * dt)
-    units, base = densities(frequency, dt) / dt, np.zeros(len(k))
-    for v, tc in processes:
-        base += v * gauss_markov_density(frequency, dt, tc) / dt
-    own = NAMES.index(name) if name in NAMES else -1
-    others = [i for i in range(4) if i != own]
-    spectrum = base + units[:, others] @ np.asarray(theta)[others]
+    spectrum = density(frequency, dt, others) / dt
     if name == "R":
         # odd modes hold a ramp: |c_k| = 2 dt sqrt(2 n^3) / (pi k)^2; half of all are odd
         square = 8 * dt**2 * n**3 / (np.pi * k) ** 4 * np.where(count > 1, count / 2, k % 2)
         return value * np.sqrt((square / spectrum).sum())
-    spectrum = spectrum + value**2 * units[:, own]
-    likelihood = Likelihood(np.zeros(0), spectrum, count, np.zeros(0))
+    spectrum = spectrum + density(frequency, dt, {name: value**2}) / dt
     # white noise, flicker and walk stay free, as in the intervals
-    free = [i for i in others if theta[i] > 0 or NAMES[i] != "Q"]
-    fit = likelihood.fit(units[:, free], fixed=base, start=np.asarray(theta)[free])
+    free = [t for t in NAMES if t != name and (others.get(t) or t != "Q")]
+    processes = {tc: square for tc, square in others.items() if tc not in NAMES}
+    units = densities(frequency, dt)[:, [NAMES.index(t) for t in free]] / dt
+    likelihood = Likelihood(np.zeros(0), spectrum, count, np.zeros(0))
+    start = np.array([others.get(t, 0.0) for t in free])
+    fit = likelihood.fit(units, fixed=density(frequency, dt, processes) / dt, start=start)
     return np.sqrt(2 * max(likelihood.value(spectrum, spectrum) - fit.value, 0.0))

@@ -1,14 +1,12 @@
 """Clean stretches of a device's sessions, which its noise is estimated from."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from imuloop.core.samples import TEMPERATURE, TIME, lost_samples
 from imuloop.core.segments import DISTURBED, STATIC, runs
-from imuloop.noise.periodogram import SPARSEST, is_sparse
-from imuloop.noise.sampling import Sampling
+from imuloop.noise.sampling import SPARSEST, Sampling
 
 # sessions pool into one estimate where their rates agree within this share
 RATE_TOLERANCE = 0.01
@@ -33,15 +31,15 @@ class RecordedSession:
 
 @dataclass(frozen=True)
 class Record:
-    """Stretches of a session as slices of its samples.
+    """Stretches of a session, run by run (`imuloop.core.segments.runs`).
 
-    `samplings` say where in time they lie, one a run (`imuloop.core.segments.runs`); `jitter` is
-    the spread of the sampling interval, share of its mean, `lost` the samples missing in gaps of a
-    few, share of those there.
+    For each run the `slices` of its samples, and the `samplings`, where in time they lie; `jitter`
+    is the spread of the sampling interval, share of its mean, `lost` the samples missing in gaps of
+    a few, share of those there.
     """
 
     session: RecordedSession
-    slices: tuple[slice, ...]
+    slices: tuple[tuple[slice, ...], ...]
     samplings: tuple[Sampling, ...]
     jitter: float
     lost: float
@@ -54,25 +52,19 @@ class Record:
     @property
     def lengths(self):
         """Samples of each stretch, gaps of a few samples closed up, shape (s,)."""
-        return np.array([n for sampling in self.samplings for n in sampling.closed_up().lengths])
+        return np.concatenate([sampling.closed_up().lengths for sampling in self.samplings])
 
-    def column(self, name):
-        """Return the values of a column, shape (n,)."""
-        return np.asarray(self.session.samples[name])
+    def runs(self, name):
+        """Return the Runs of a column; the values of a lone stretch are a view."""
+        x = np.asarray(self.session.samples[name])
+        each = ([x[s] for s in slices] for slices in self.slices)
+        values = (np.concatenate(parts) if len(parts) > 1 else parts[0] for parts in each)
+        return [s.with_values(v) for s, v in zip(self.samplings, values, strict=True)]
 
-    def cut(self, x):
-        """Return the values of each stretch, views of x, shape (n,)."""
-        return [x[s] for s in self.slices]
 
-    def runs(self, stretches):
-        """Return the stretches of each run, of what `cut` gives."""
-        ends = np.cumsum([len(sampling.lengths) for sampling in self.samplings])
-        return [stretches[i:j] for i, j in pairwise([0, *ends.tolist()])]
-
-    def close_up(self, stretches):
-        """Return the stretches that `cut` gives with gaps of a few samples closed up."""
-        each = zip(self.samplings, self.runs(stretches), strict=True)
-        return [x for sampling, run in each for x in sampling.close_up(run)]
+def closed_up(runs):
+    """Return the values of the stretches of Runs, gaps of a few samples closed up."""
+    return [x for run in runs for x in run.closed_up().split(run.values)]
 
 
 def record_of(session, disturbed=False):
@@ -82,38 +74,35 @@ def record_of(session, disturbed=False):
     between; the rests of other sessions have levels of their own. A lost sample ends a stretch.
     Where `disturbed`, disturbed stretches stay in, and one level holds all through.
     """
-    kind, still = np.asarray(session.segments["kind"]), _steadiest(session.segments)
-    begins, ends = (np.asarray(session.segments[c], float) for c in ("start_s", "end_s"))
-    used = np.flatnonzero(still | (disturbed & (kind == DISTURBED)))
-    used = used[np.argsort(begins[used], kind="stable")]
-    start, end, run = begins[used], ends[used], runs(session.segments)[used]
-    t = np.asarray(session.samples[TIME])
-    first, last = np.searchsorted(t, start), np.searchsorted(t, end)
-    level = np.arange(len(used))
+    kind, rest = np.asarray(session.segments["kind"]), _steadiest(session.segments)
+    used = np.flatnonzero(rest | (disturbed & (kind == DISTURBED)))
+    start, end = (np.asarray(session.segments[c], float)[used] for c in ("start_s", "end_s"))
+    run, level = runs(session.segments)[used], np.arange(len(used))
     if session.kind == "static":
         # the disturbances before each
-        level = np.searchsorted(np.sort(ends[kind == DISTURBED]), start, side="right")
+        level = np.cumsum(kind == DISTURBED)[used]
+    t = np.asarray(session.samples[TIME])
+    first, last = np.searchsorted(t, start), np.searchsorted(t, end)
     if disturbed:
         # stretches that follow each other without a gap are one
         new = np.r_[True, start[1:] > end[:-1]]
-        first, last, run = first[new], last[np.r_[new[1:], True]], run[new]
-        level = np.zeros(len(first), dtype=int)
+        first, last, run, level = first[new], last[np.r_[new[1:], True]], run[new], 0 * level[new]
     kept = last - first > 1
     first, last, level, run = first[kept], last[kept], level[kept], run[kept]
     if not len(first):
         return None
     seconds, count = (t[last - 1] - t[first]).sum(), (last - first).sum()
-    first, last, of, lost, slots, jitter = _parted(t, first, last)
-    level, run, interval = level[of], run[of], seconds / slots
-    rate, samplings = float(1 / interval), []
+    first, last, stretch, lost, steps, jitter = _split_at_losses(t, first, last)
+    rate, level, run = float(steps / seconds), level[stretch], run[stretch]
+    samplings, slices = [], []
     for k in np.unique(run):
-        i, n = first[run == k], (last - first)[run == k]
-        start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(n) - n
+        i, j = first[run == k], last[run == k]
+        start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(j - i) - (j - i)
         # stamps that scatter must not lay one stretch over another
         start = before + np.maximum.accumulate(start - before)
-        samplings.append(Sampling(rate, *(tuple(x.tolist()) for x in (start, n, level[run == k]))))
-    slices = tuple(slice(int(i), int(j)) for i, j in zip(first, last, strict=True))
-    return Record(session, slices, tuple(samplings), jitter, float(lost / count))
+        samplings.append(Sampling(rate, start, j - i, level[run == k]))
+        slices.append(tuple(map(slice, i.tolist(), j.tolist())))
+    return Record(session, tuple(slices), tuple(samplings), jitter, float(lost / count))
 
 
 def _steadiest(segments):
@@ -127,68 +116,64 @@ def _steadiest(segments):
     tilt = np.where(rest, np.asarray(segments["tilt_rad"], dtype=float), 0.0)
     if not tilt.any():
         return rest
-    still = rest & (tilt == 0)
-    used = still if still.any() else rest & (tilt <= np.quantile(tilt[rest], 1 / 3))
+    steady = rest & (tilt == 0)
+    if not steady.any():
+        steady = rest & (tilt <= np.quantile(tilt[rest], 1 / 3))
     seconds = np.asarray(segments["end_s"], float) - np.asarray(segments["start_s"], float)
-    return used & (seconds >= seconds[used].max() / 2)
+    return steady & (seconds >= seconds[steady].max() / 2)
 
 
-def _parted(t, first, last):
-    """Return stretches parted where samples are missing, and the stretch each is part of.
+def _split_at_losses(t, first, last):
+    """Return stretches split where samples are missing, and the stretch each is part of.
 
     Then the samples missing, the steps of the clock in all stretches, and the standard deviation of
     those without a loss, share of their mean.
     """
     longest = np.argmax(last - first)
     usual = np.median(np.diff(t[first[longest] : last[longest]][: PART + 1]))
-    cuts, lost, slots, moments = [], 0, 0, np.zeros(3)
-    for i, j in zip(first, last, strict=True):
-        for begin in range(i, j - 1, PART):
-            steps = np.diff(t[begin : min(begin + PART + 1, j)])
-            missing = lost_samples(steps, usual)
-            cuts.append(begin + 1 + np.flatnonzero(missing))
-            lost += int(missing.sum())
-            # a late stamp that looks like a loss is made good by the short step after it
-            slots += int(np.rint(steps / usual).sum()) if len(cuts[-1]) else len(steps)
-            off = steps[missing == 0] / usual - 1
-            moments += len(off), off.sum(), off @ off
-    edges = np.sort(np.concatenate([first, *cuts]))
-    of = np.searchsorted(first, edges, side="right") - 1
-    ends = np.minimum(np.append(edges[1:], last[-1]), last[of])
+    cuts, lost, count, moments = [], 0, 0, np.zeros(3)
+    bounds = zip(first, last, strict=True)
+    for begin, end in ((k, min(k + PART + 1, j)) for i, j in bounds for k in range(i, j - 1, PART)):
+        steps = np.diff(t[begin:end])
+        missing = lost_samples(steps, usual)
+        cuts.append(begin + 1 + np.flatnonzero(missing))
+        lost += int(missing.sum())
+        # a late stamp that looks like a loss is made good by the short step after it
+        count += int(np.rint(steps / usual).sum()) if len(cuts[-1]) else len(steps)
+        error = steps[missing == 0] / usual - 1
+        moments += len(error), error.sum(), error @ error
+    starts = np.sort(np.concatenate([first, *cuts]))
+    stretch = np.searchsorted(first, starts, side="right") - 1
+    ends = np.minimum(np.append(starts[1:], last[-1]), last[stretch])
     mean, square = moments[1:] / moments[0]
-    return edges, ends, of, lost, slots, float(np.sqrt(max(square - mean**2, 0.0)) / (1 + mean))
+    jitter = float(np.sqrt(max(square - mean**2, 0.0)) / (1 + mean))
+    return starts, ends, stretch, lost, count, jitter
 
 
-def static_records(sessions, notes):
-    """Return the Record of each static session that holds a rest, else note that it holds none."""
+def used_records(sessions, notes):
+    """Return the Records of one rate that count: of static sessions, else of all that hold a rest.
+
+    Notes are added on what is left out, and on what a reader of the coefficients must know.
+    """
     static = [session for session in sessions if session.kind == "static"]
-    found = {s.name: record_of(s) if len(s.samples) else None for s in static}
+    found = [record_of(session) if len(session.samples) else None for session in static]
     notes += [
-        f"static session {name} holds no rest and is left out"
-        for name, record in found.items()
+        f"static session {session.name} holds no rest and is left out"
+        for session, record in zip(static, found, strict=True)
         if record is None
     ]
-    return [record for record in found.values() if record is not None]
-
-
-def all_rests(sessions, notes):
-    """Return a Record of each session that holds a rest, and note what rests cannot tell."""
-    records = [record_of(s) for s in sessions if s.kind != "static" and len(s.samples)]
-    records = [record for record in records if record is not None]
-    if records:
-        count = sum(len(record.lengths) for record in records)
-        seconds = max(record.lengths.max() / record.rate for record in records)
-        notes.append(
-            f"no static record: from all {count} rests, the longest of {seconds:.3g} s; what "
-            f"changes the output over more than {seconds / 3:.2g} s (flicker, walk, ramp) is not "
-            "seen there and only limited from above"
-        )
-    return records
-
-
-def one_rate(records, notes):
-    """Return the records that share the rate of the largest one, and note which do not."""
-    largest, kept = max(records, key=lambda record: record.lengths.sum()), []
+    if not any(found):
+        found = [record_of(s) for s in sessions if s.kind != "static" and len(s.samples)]
+        if any(found):
+            count = sum(len(record.lengths) for record in found if record)
+            seconds = max(record.lengths.max() / record.rate for record in found if record)
+            notes.append(
+                f"no static record: from all {count} rests, the longest of {seconds:.3g} s; what "
+                f"changes the output over more than {seconds / 3:.2g} s (flicker, walk, ramp) is "
+                "not seen there and only limited from above"
+            )
+    records = [record for record in found if record]
+    largest, kept = max(records, key=lambda record: record.lengths.sum(), default=None), []
     for record in records:
         if abs(record.rate / largest.rate - 1) <= RATE_TOLERANCE:
             kept.append(record)
@@ -197,36 +182,35 @@ def one_rate(records, notes):
                 f"session {record.session.name} has {record.rate:.4g} Hz and is left out beside "
                 f"{largest.session.name} with {largest.rate:.4g} Hz"
             )
+    for record in kept:
+        notes += [f"session {record.session.name}: {note}" for note in _conditions(record)]
     return kept
 
 
-def note_conditions(record, notes):
-    """Note gaps, jitter and temperature of a record."""
-    found, jumps = [], len(record.samplings) - 1
-    if jumps:
-        found.append(
+def _conditions(record):
+    """Yield notes on the gaps, jitter and temperature of a record."""
+    if jumps := len(record.samplings) - 1:
+        yield (
             f"{jumps} gap(s) longer than all that was recorded; noise is not followed across, "
             "each side is a record of its own"
         )
-    if any(map(is_sparse, record.samplings)):
-        found.append(f"gaps leave less than 1/{SPARSEST} of the time: no lines are sought")
+    if any(sampling.is_sparse for sampling in record.samplings):
+        yield f"gaps leave less than 1/{SPARSEST} of the time: no lines are sought"
     if record.jitter > JITTER:
-        found.append(
+        yield (
             f"sampling interval scatters by {100 * record.jitter:.2g} %; the estimate takes the "
             "mean rate"
         )
     if record.lost > LOST:
-        found.append(
+        yield (
             f"{100 * record.lost:.2g} % of the samples are missing, a few at a time; the gaps are "
             "closed up, so that K, R and correlation times may be off by as much"
         )
     if TEMPERATURE in record.session.samples:
-        stretches = record.cut(record.column(TEMPERATURE))
-        low = np.fmin.reduce([np.fmin.reduce(x) for x in stretches])
-        high = np.fmax.reduce([np.fmax.reduce(x) for x in stretches])
+        values = np.concatenate([run.values for run in record.runs(TEMPERATURE)])
+        low, high = np.fmin.reduce(values), np.fmax.reduce(values)
         if high - low > TEMPERATURE_RANGE:
-            found.append(
+            yield (
                 f"temperature went from {low:.1f} to {high:.1f} degC; B, K and R hold the bias' "
                 "dependence on it"
             )
-    notes += [f"session {record.session.name}: {note}" for note in found]

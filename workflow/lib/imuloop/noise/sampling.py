@@ -1,85 +1,116 @@
-"""When the clean stretches of a session were sampled."""
+"""When the clean stretches of a run were sampled, and their values."""
 
 from dataclasses import dataclass, replace
-from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
 from imuloop.core.samples import LONG_GAP_STEPS
 
+# a run of which a smaller share was recorded is not searched for lines: zeros in its gaps would be
+# most of the work, and each line many of equal height
+SPARSEST = 16
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Sampling:
-    """Clean stretches of one session on its grid of samples; gaps keep their place in time."""
+    """Clean stretches of a run on its grid of samples; gaps keep their place in time.
 
-    # Hz
+    Attributes
+    ----------
+    rate : float
+        Hz.
+    starts, lengths : ndarray of int, shape (s,)
+        First sample of each stretch, counted from the start of the run, ascending, and its samples.
+    levels : ndarray of int, shape (s,)
+        Neighbours of one number share a level, across a gap; after a disturbance, which may have
+        moved the device, a new one begins.
+    """
+
     rate: float
-    # first sample of each stretch, counted from the session's start, and its samples
-    starts: tuple[int, ...]
-    lengths: tuple[int, ...]
-    # stretches of equal number share a level (across a gap); a disturbance may have moved the
-    # device, so that a new number, hence a level of its own, begins after it
-    levels: tuple[int, ...]
+    starts: np.ndarray
+    lengths: np.ndarray
+    levels: np.ndarray
+
+    @classmethod
+    def unbroken(cls, rate, samples):
+        """Return that of one stretch."""
+        return cls(rate, *np.array([[0], [samples], [0]]))
 
     @property
     def extent(self):
         """First and last sample."""
-        return min(self.starts), int(np.add(self.starts, self.lengths).max()) - 1
+        return int(self.starts[0]), int(self.starts[-1] + self.lengths[-1]) - 1
 
-    @cached_property
+    @property
+    def span(self):
+        """Time from the first to the last sample, s."""
+        first, last = self.extent
+        return (last - first + 1) / self.rate
+
+    @property
+    def is_sparse(self):
+        """Whether less than 1/`SPARSEST` of the run was recorded."""
+        return self.span * self.rate > SPARSEST * self.lengths.sum()
+
+    @property
     def level(self):
         """The level of each stretch as 0, 1, ..., shape (s,)."""
-        return np.unique(self.levels, return_inverse=True)[1]
+        return np.cumsum(np.diff(self.levels, prepend=self.levels[0]) != 0)
 
-    def level_means(self, values):
-        """Return the mean of each level, of the values of each stretch."""
-        sums = [np.sum(x) for x in values]
-        return np.bincount(self.level, sums) / np.bincount(self.level, self.lengths)
+    def with_values(self, values):
+        """Return the Run of values, shape (n,)."""
+        return Run(self.rate, self.starts, self.lengths, self.levels, values)
 
-    def joined(self, values):
-        """Return the values of all stretches less their levels' means, and each one's number."""
-        x = np.concatenate(
-            [x - mean for x, mean in zip(values, self.level_means(values)[self.level], strict=True)]
-        )
-        stretch = zip(self.starts, self.lengths, strict=True)
-        return x, np.concatenate([np.arange(start, start + n) for start, n in stretch])
+    def split(self, x):
+        """Return the values of each stretch, as views, of those of all, shape (n,)."""
+        return np.split(x, np.cumsum(self.lengths)[:-1])
 
-    def cut(self, values, begin, end):
-        """Return the sampling and the values, as views, from sample `begin` to before `end`."""
-        kept = [
-            (max(a, begin), x[max(begin - a, 0) : max(end - a, 0)], level)
-            for a, x, level in zip(self.starts, values, self.levels, strict=True)
-            if a < end and a + len(x) > begin
-        ]
-        starts, parts, levels = zip(*kept, strict=True) if kept else ((), (), ())
-        return Sampling(self.rate, starts, tuple(len(x) for x in parts), levels), parts
-
-    @cached_property
-    def _first(self):
-        """First of the stretches that gaps of a few samples part."""
-        starts, levels = np.array(self.starts), np.array(self.levels)
-        ends = starts + self.lengths
-        new = (starts[1:] - ends[:-1] + 1 > LONG_GAP_STEPS) | (levels[1:] != levels[:-1])
-        return np.flatnonzero(np.append(True, new))
+    def centred(self, x):
+        """Return values without the mean of each level, shape (n,)."""
+        ends = np.cumsum(np.bincount(self.level, self.lengths).astype(int))
+        return np.concatenate([part - part.mean() for part in np.split(x, ends[:-1])])
 
     def closed_up(self):
-        """Return the sampling with gaps of a few samples closed up.
+        """Return the same with gaps of a few samples closed up.
 
         White noise stays white and flicker flicker. What a walk or a ramp does within the gaps
         falls to the samples that are there, so that they seem larger by up to the share that is
         missing. A line does not stay one.
         """
-        return replace(
-            self,
-            starts=tuple(np.array(self.starts)[self._first].tolist()),
-            lengths=tuple(np.add.reduceat(self.lengths, self._first).tolist()),
-            levels=tuple(np.array(self.levels)[self._first].tolist()),
-        )
+        gaps = self.starts[1:] - (self.starts + self.lengths)[:-1]
+        new = (gaps + 1 > LONG_GAP_STEPS) | (np.diff(self.levels) != 0)
+        first = np.flatnonzero(np.append(True, new))
+        lengths = np.add.reduceat(self.lengths, first)
+        return replace(self, starts=self.starts[first], lengths=lengths, levels=self.levels[first])
 
-    def close_up(self, values):
-        """Return the values of stretches, one array each, as `closed_up` has them."""
-        if len(self._first) == len(self.starts):
-            return values
-        edges = [*self._first.tolist(), len(values)]
-        return [np.concatenate(values[i:j]) for i, j in pairwise(edges)]
+
+@dataclass(frozen=True, eq=False)
+class Run(Sampling):
+    """The same with the values of all stretches, one after the other, shape (n,)."""
+
+    values: np.ndarray
+
+    def is_constant(self):
+        """Return whether no stretch ever changes."""
+        return not any(np.ptp(x) for x in self.split(self.values))
+
+    def means(self, size):
+        """Return the run of the means over `size` samples, counted from the start of each stretch.
+
+        None where no stretch is as long.
+        """
+        number = self.lengths // size
+        kept, each = number > 0, zip(self.split(self.values), number, strict=True)
+        if not kept.any():
+            return None
+        values = np.concatenate([x[: n * size].reshape(n, size).mean(axis=1) for x, n in each])
+        starts = self.starts[kept] // size
+        return Run(self.rate / size, starts, number[kept], self.levels[kept], values)
+
+    def cut(self, begin, end):
+        """Return the run from sample `begin` to before `end`, its values a view."""
+        offset = np.clip(begin - self.starts, 0, self.lengths).sum()
+        first, last = np.clip([self.starts, self.starts + self.lengths], begin, end)
+        kept, lengths = last > first, last - first
+        values = self.values[offset : offset + lengths.sum()]
+        return Run(self.rate, first[kept], lengths[kept], self.levels[kept], values)

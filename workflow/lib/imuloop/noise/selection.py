@@ -11,12 +11,14 @@ from math import erfc, sqrt
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from imuloop.noise.likelihood import Likelihood
+from imuloop.noise.modes import Modes
 from imuloop.noise.processes import NAMES
 
 # correlation times from so many samples, below which a filter does the same, to such a share of
 # the longest time without a new level: over less a process is a walk, which short rests cannot tell
 SHORTEST, LONGEST = 10.0, 1 / 8
-# independent tests a decade of correlation times
+# independent tests per decade of correlation times
 TESTS = 2.5
 # processes at most
 MOST = 3
@@ -55,16 +57,12 @@ def correlation_times(terms):
 class Selection:
     """The likelihood of one axis as a function of the terms, and the choice of these.
 
-    Of `Modes` and a `Likelihood`; `level` and `hump_level` are those at which one of the five
-    terms, and a Gauss-Markov process, counts as supported; `start`, shape (4,), the squares of Q,
-    N, B, K that the first fit begins with.
+    `level` is that at which a term counts as supported.
     """
 
-    modes: object
-    likelihood: object
+    modes: Modes
+    likelihood: Likelihood
     level: float
-    hump_level: float
-    start: np.ndarray | None = None
     _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def weighted(self, count):
@@ -98,10 +96,10 @@ class Selection:
 
         Half a chi-square of one degree for a variance, which cannot be negative; a ramp can.
         """
-        one = erfc(sqrt(gain if gain > NOTHING else 0.0))
+        chance = erfc(sqrt(gain if gain > NOTHING else 0.0))
         if term == "R":
-            return one
-        return min(1.0, one / 2 * (1.0 if isinstance(term, str) else self.tests))
+            return chance
+        return min(1.0, chance / 2 * (1.0 if isinstance(term, str) else self.tests))
 
     @property
     def times(self):
@@ -129,11 +127,8 @@ class Selection:
         Those of the non-negative fit, less what fails its test, worst first; then what passes
         beside them, best first, a Gauss-Markov process only where no other does; and again.
         """
-        names = variances(self.candidates)
-        start = None if self.start is None else self.start[[NAMES.index(n) for n in names]]
-        full = self.likelihood.fit(self.units(names), start=start)
-        terms = tuple(n for n, v in zip(names, full.theta, strict=True) if v > 0)
-        seen = []
+        squares = self.squares(variances(self.candidates))
+        terms, seen = tuple(name for name, square in squares.items() if square > 0), []
         while terms not in seen:
             seen.append(terms)
             terms = self._grown(self._shrunk(terms))
@@ -145,13 +140,12 @@ class Selection:
 
     def _shrunk(self, terms):
         while len(terms) > 1:
-            levels = {t: self.level if isinstance(t, str) else self.hump_level for t in terms}
-            p = {t: self._chance(t, terms, without(terms, t)) / levels[t] for t in terms}
+            p = {t: self._chance(t, terms, without(terms, t)) for t in terms}
+            failed = [t for t in p if p[t] > self.level]
             # no sensor is without white noise: it goes last of those that fail
-            failed = [t for t in p if p[t] > 1]
-            worst = max([t for t in failed if t != "N"] or p, key=p.get)
+            worst = max([t for t in failed if t != "N"] or failed, key=p.get, default=None)
             rest = without(terms, worst)
-            if p[worst] <= 1 or not variances(rest):
+            if worst is None or not variances(rest):
                 break
             terms = rest
         return terms
@@ -167,18 +161,21 @@ class Selection:
         base = self.fit(terms)
         # most are not there: none of it is close to the best fit, and few are worth a fit
         start, expected = np.append(base.theta, 0.0), self._expected_gains(terms, base)
-        highest = expected.max()
-        if self.p_value(0.0, LEEWAY * highest) > self.hump_level:
+        worth = LEEWAY * expected >= expected.max()
+        if self.p_value(0.0, LEEWAY * expected.max()) > self.level:
             return terms
-        times = self.times[LEEWAY * expected >= highest].tolist()
-        values = [
-            self.likelihood.fit(self.units(plus(terms, tc)), "R" in terms, start=start).value
-            for tc in times
-        ]
-        tc = times[int(np.argmax(values))]
-        if self.p_value(tc, max(values) - base.value) > self.hump_level:
+        gains = {
+            tc: self.likelihood.fit(self.units(plus(terms, tc)), "R" in terms, start=start).value
+            for tc in self.times[worth].tolist()
+        }
+        tc = max(gains, key=gains.get)
+        if self.p_value(tc, gains[tc] - base.value) > self.level:
             return terms
-        return self._refined(plus(terms, tc))
+        terms = plus(terms, tc)
+        places = range(len(terms) - len(correlation_times(terms)), len(terms))
+        for place in [*places] * min(len(places), 2):
+            terms = self._refined(terms, place)
+        return terms
 
     def _expected_gains(self, terms, fit):
         r"""Return the gain of log-likelihood by each process as its derivatives at zero tell.
@@ -191,24 +188,19 @@ class Selection:
         root = np.sqrt(self.likelihood.count / 2) / expected
         basis = np.linalg.qr(root[:, None] * units)[0]
         rows = root * np.array([self.modes.gauss_markov(tc) for tc in self.times])
-        left = rows - rows @ basis @ basis.T
+        remainder = rows - rows @ basis @ basis.T
         slope = rows @ (root * (self.likelihood.power(fit.ramp) - expected))
-        return np.maximum(slope, 0.0) ** 2 / (2 * (left**2).sum(axis=1))
+        return np.maximum(slope, 0.0) ** 2 / (2 * (remainder**2).sum(axis=1))
 
-    def _refined(self, terms):
-        """Return the terms with the most likely correlation times."""
+    def _refined(self, terms, place):
+        """Return the terms with the most likely correlation time at a place."""
         step = np.log(self.times[1] / self.times[0]) if len(self.times) > 1 else 0.3
-        processes = correlation_times(terms)
-        for _ in range(2 if len(processes) > 1 else 1):
-            for place in range(len(terms) - len(processes), len(terms)):
 
-                def moved(x, place=place, terms=terms):
-                    return (*terms[:place], float(np.exp(x)), *terms[place + 1 :])
+        def moved(x):
+            return (*terms[:place], float(np.exp(x)), *terms[place + 1 :])
 
-                found = minimize_scalar(
-                    lambda x, moved=moved: -self.fit(moved(x)).value,
-                    bounds=np.log(terms[place]) + np.array([-1.5, 1.5]) * step,
-                    method="bounded",
-                )
-                terms = moved(found.x)
-        return terms
+        around = np.log(terms[place]) + np.array([-1.5, 1.5]) * step
+        found = minimize_scalar(
+            lambda x: -self.fit(moved(x)).value, bounds=around, method="bounded"
+        )
+        return moved(found.x)

@@ -14,9 +14,5 @@ class NoiseSettings:
     # of the longest clean stretch; below one half
     longest_tau_share: float = 1 / 3
     significance: float = 0.001
-    # that of a Gauss-Markov process or a line; they are looked for in many places
-    hump_significance: float = 0.001
     # psd, autocorrelation, total, modified, hadamard
     views: tuple = ("psd", "autocorrelation")
-    # M of the M-sample deviations among these views, 2 or more
-    m_samples: tuple = ()

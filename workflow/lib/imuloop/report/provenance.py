@@ -6,7 +6,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 # packages whose numbers or pictures are in a report
-PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "allantools", "PyWavelets", "matplotlib", "vqf")
+PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "PyWavelets", "matplotlib", "vqf")
 
 
 def provenance(repository, command, config):

@@ -293,10 +293,9 @@ def static_record(device):
             limited.append(f"{name} of {channel}")
             target = min(term.upper95, usual)
             if target < (1 - WORTH) * term.upper95:
-                squares = [getattr(axis, k).square for k in "QNBK"]
-                processes = [(p.q.square * p.tc.value / 2, p.tc.value) for p in axis.gauss_markov]
-                known = squares, processes, 1 / min(rates)
-                seconds = record_seconds(name, target, *known, MISSED)
+                squares = {k: getattr(axis, k).square for k in "QNBK"}
+                squares |= {p.tc.value: p.q.square * p.tc.value / 2 for p in axis.gauss_markov}
+                seconds = record_seconds(name, target, squares, 1 / min(rates), MISSED)
                 if seconds and longest < seconds <= LONGEST_RECORD:
                     wanted.append((seconds, name, channel, term.upper95, target))
     if not wanted:

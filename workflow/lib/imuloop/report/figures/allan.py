@@ -5,7 +5,7 @@ from itertools import cycle
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.noise.representations import label
+from imuloop.noise.views import DEFINITIONS
 from imuloop.report.figures.drawing import AXES, INK, PALETTE, Picture, drawn, fill, write_csv
 from imuloop.report.numbers import coefficient_text, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
@@ -168,7 +168,7 @@ def _fall(sensor, raw, after):
 def definitions(device):
     """Return what each deviation beside Allan's means that was asked for."""
     names = dict.fromkeys(name for s in device.used for name in s.views["view"].unique())
-    return [label(name) for name in names if name not in SPECTRA]
+    return [DEFINITIONS[name] for name in names if name not in SPECTRA]
 
 
 def deviation_pictures(device, session):
@@ -181,8 +181,7 @@ def deviation_pictures(device, session):
     found = {}
     for name, r in table.groupby("view", sort=False):
         # the part of its label before what it means
-        short = label(name).partition(" deviation")[0]
-        found[short.replace("M-", f"{name.rpartition('_')[2]}-")] = r
+        found[DEFINITIONS[name].partition(" deviation")[0]] = r
     allan = session.allan[session.allan["stage"] == "raw"]
     found = {"Allan": allan.rename(columns={"tau_s": "x", "adev": "value"}), **found}
 

@@ -1,10 +1,30 @@
-"""Power spectral density and autocorrelation of records that may be cut into stretches."""
+"""What views.parquet holds of a record beside its Allan curve: spectrum, autocorrelation and more.
+
+Of records that may be cut into stretches.
+"""
 
 import numpy as np
 from scipy.fft import rfft
 from scipy.signal import welch
 from scipy.signal.windows import hann
 
+from imuloop.core.tables import joined, table
+from imuloop.noise.allan import averaging_factors, interval, relative_variance
+from imuloop.noise.curve import NoiseOfCurve
+
+# columns of views.parquet
+COLUMNS = ("view", "axis", "x", "value", "ci_low", "ci_high")
+# what each is, so that no two of them are taken for the same figure
+DEFINITIONS = {
+    "psd": "Power spectral density, one-sided: Welch with a Hann window, 95 % by chi-square",
+    "autocorrelation": "Autocorrelation about the mean of each stretch; the band is that of white "
+    "noise, 95 %",
+    "total": "Total deviation: the ends continued by reflection; under flicker and walk below the "
+    "Allan deviation at long times",
+    "modified": "Modified Allan deviation: tells quantisation from white noise of the integral; "
+    "not the Allan deviation, below it for white noise",
+    "hadamard": "Hadamard deviation: blind to a constant drift; not the Allan deviation",
+}
 # points of a spectrum, lags of an autocorrelation
 POINTS = 300
 LAGS = 200
@@ -12,10 +32,48 @@ LAGS = 200
 LAG_SHARE = 0.1
 # up to three lengths of the segments, each this much shorter than the one before, none below 64
 SHORTER, SHORTEST = 64, 64
-# periods a segment that a frequency has at least where a longer segment is at hand
+# periods per segment that a frequency has at least where a longer segment is at hand
 PERIODS = 16
 # samples that are transformed at a time, or one segment
 PIECE = 1 << 16
+
+
+def record_views(rate, stretches, axis, theta, settings):
+    """Return the rows of views.parquet of one axis of one session.
+
+    x: frequency (Hz), lag or averaging time (s). value: SI^2/Hz, 1, or a deviation in SI. 95 %
+    interval of the value; for the autocorrelation, which has none that holds under any noise, the
+    band in which white noise would lie. Takes the rate, Hz, the output of each stretch, finite, SI,
+    and the squares of its Q, N, B, K and R.
+    """
+    parts = [
+        table(COLUMNS, view, axis, *_columns(view, rate, stretches, theta, settings))
+        for view in dict.fromkeys(settings.views)
+    ]
+    return joined([no_views(), *parts])
+
+
+def no_views():
+    """Return a table of views.parquet without rows."""
+    return table(COLUMNS, "", "", *[[]] * 4)
+
+
+def _columns(view, rate, stretches, theta, settings):
+    """Return x, value, ci_low and ci_high of one view."""
+    if view == "psd":
+        frequency, density, edf = power_spectrum(stretches, rate)
+        return frequency, density, *interval(density, edf)
+    if view == "autocorrelation":
+        lags, value, pairs = autocorrelation(stretches)
+        band = 1.96 / np.sqrt(pairs)
+        return lags / rate, value, -band, band
+    lengths = [len(x) for x in stretches]
+    factors = averaging_factors(max(lengths), settings)
+    variance = relative_variance(view, stretches, factors)
+    edf = NoiseOfCurve.of(factors, lengths, rate, view).degrees_of_freedom(theta)
+    found = np.isfinite(variance)
+    roots = (np.sqrt(each[found]) for each in (variance, *interval(variance, edf)))
+    return factors[found] / rate, *roots
 
 
 def power_spectrum(stretches, rate):
@@ -116,7 +174,7 @@ def autocorrelation(stretches):
     -------
     lags, value, pairs : ndarray, shape (k,)
         At most `LAGS` lags in samples, log-spaced up to a tenth of the longest stretch, without 0;
-        the autocorrelation; and n_k. Empty where the output is constant or has under 10 samples a
+        the autocorrelation; and n_k. Empty where the output is constant or has under 10 samples per
         stretch.
     """
     lengths = np.array([len(x) for x in stretches])
