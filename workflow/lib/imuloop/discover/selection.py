@@ -77,11 +77,18 @@ class Selection:
     margin: float = 0.0  # by which the first leads all that is no imitator; -2 log likelihood
     imitators: tuple = ()  # within MARGIN of the first: like it, or of other time constants
     warmer: float = 0.0  # how much higher the reference temperature is than that of the space, K
+    # by how much the first lowers the square of the residual, in what is left per degree of freedom
+    gain: float = 0.0
 
     @property
     def named(self):
-        """Whether one candidate is enough, and none that is unlike it is nearly as good."""
-        return len(self.candidates) == 1 and self.margin >= MARGIN
+        """Whether one candidate is enough, and none that is unlike it is nearly as good.
+
+        Nor may one outside the space be: of a pattern that it takes `SHARE` of, the rest would be
+        as clear as `MARGIN`.
+        """
+        clear = (1 - SHARE) * self.gain >= MARGIN
+        return len(self.candidates) == 1 and self.margin >= MARGIN and clear
 
     def seen_by(self, space):
         """Return the effect, and what it adds, (N, q), in a space of some rows or others."""
@@ -97,7 +104,7 @@ def select(rows, space, *, draws, seed, level=LEVEL, test=None):
     takes the candidates selected, gives that probability of the best of the others, and it.
     """
     rng, selected, columns, first_chance = np.random.default_rng(seed), [], (), 1.0
-    margin, imitators, warmer = 0.0, (), 0.0
+    margin, imitators, warmer, gain = 0.0, (), 0.0, 0.0
     while len(selected) < MOST:
         white = whitened(rows, space.columns, space.candidates, columns)
         if test:
@@ -111,11 +118,12 @@ def select(rows, space, *, draws, seed, level=LEVEL, test=None):
             # once more by the noise that is there beside it
             white = whitened(rows, space.columns, space.candidates, (), white.columns[best])
             best, margin, imitators = _simplest(white, space)
+            gain = white.gain(best)
             warmer = 0.0 if test else likeliest_reference(rows, space, white.columns[best])
             space = space.warmer(warmer)
         selected.append(best)
         columns += white.columns[best]
-    return Selection(first_chance, tuple(selected), columns, margin, imitators, warmer)
+    return Selection(first_chance, tuple(selected), columns, margin, imitators, warmer, gain)
 
 
 @dataclass(frozen=True)
@@ -140,6 +148,11 @@ class Whitened:
                 rest = max(1 - np.sum((basis.T @ self.residual) ** 2) / square, 1e-300)
                 found[k] = -self.dof * np.log(rest) - (q - 1) * np.log(self.dof)
         return np.round(found, 6)
+
+    def gain(self, k):
+        """Return by how much a candidate lowers χ², over what it leaves per degree of freedom."""
+        taken = np.sum((self.bases[k].T @ self.residual) ** 2)
+        return float(self.dof * taken / max(self.residual @ self.residual - taken, 1e-300))
 
     def imitates(self, k, other):
         """Return whether one of two candidates takes `SHARE` of the narrower, or more.
