@@ -91,7 +91,7 @@ def apply_file(calibration, source, target, rows=ROWS):
             for name, column in zip(CHANNELS, np.hstack([f, w])[piece].T, strict=True):
                 table = table.set_column(table.column_names.index(name), name, pa.array(column))
             table = _as_text(table) if is_text else table.replace_schema_metadata(metadata)
-            if not writer:
+            if writer is None:
                 writer = stack.enter_context((_csv if is_text else _parquet)(temporary, table))
             writer.write_table(table)
             first = last
