@@ -84,14 +84,14 @@ def test_a_key_and_a_log_rerun_what_depends_on_them_and_a_new_device_is_an_entry
     """The log, a file in a folder, is older than the one before, as a copy of another is."""
     devices = written["devices"]
     devices["failing"]["label"] = "Other"
-    devices["resting"]["noise"] = {"points_per_decade": 5}
+    devices["posed"]["noise"] = {"points_per_decade": 5}
     devices["new"] = {"sessions": {"rest": {"kind": "static", "file": "rest.parquet"}}}
     log = folder / "faces/data.csv"
     lines = log.read_text().splitlines(keepends=True)
     log.write_text("".join(lines[:-1]))
     os.utime(log, (0, 0))
-    expected = jobs("failing", "export") | jobs("resting", "noise") | jobs("new", "noise", "rest")
-    expected |= jobs("posed", "noise", "faces") | REPORT
+    expected = jobs("failing", "export") | jobs("posed", "noise") | jobs("new", "noise", "rest")
+    expected |= jobs("resting", "noise", "faces") | REPORT
     assert planned(checkout, folder, written) == expected
 
 
