@@ -14,6 +14,8 @@ settings.load_profile("repeatable")
 
 # many small matrices: threads of the linear algebra library only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+# tests start Python often: it may keep byte code, as it does by default
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # whose tests share what takes long to make

@@ -23,8 +23,14 @@ FILES = {
     ),
     "lib/pack/found/one.py": "from . import two\n",
     "lib/pack/found/two.py": "z = 1\n",
+    "lib/pack/parts.py": (
+        "def used(x):\n    return x\n\n\ndef other(x):\n    return x\n\n\n"
+        "class C:\n    other: int\n\n    def m(self):\n        if self.other:\n"
+        "            from pack.lazy import late\n        return [used(x) for x in ()]\n"
+    ),
     "script.py": '"""A script."""\nimport pack.a\n\nprint(pack.a.f(1))\n',
     "walker.py": "import pack.found\n",
+    "part.py": "from pack.parts import C\n",
 }
 
 
@@ -75,6 +81,16 @@ def test_the_digest_changes_with_what_reaches_the_job_alone(digest):
     assert {digest(changes) for changes in SAME} == {digest()}
     assert digest() not in {digest(changes) for changes in OTHER}
     assert digest(script="walker.py") not in {digest(changes, "walker.py") for changes in WALKED}
+
+
+def test_of_a_module_that_counts_which_the_imported_part_reads(digest):
+    """Not what has the name of a field; what an import inside a branch reaches."""
+    before, source = digest(script="part.py"), FILES["lib/pack/parts.py"]
+    other = source.replace("def other(x):\n    return x", "def other(x):\n    return 2 * x")
+    used = source.replace("def used(x):\n    return x", "def used(x):\n    return 2 * x")
+    assert digest({"lib/pack/parts.py": other}, "part.py") == before
+    assert digest({"lib/pack/parts.py": used}, "part.py") != before
+    assert digest(appended("lib/pack/lazy/late.py", "q = 1\n"), "part.py") != before
 
 
 def test_an_update_of_a_package_that_is_used_reruns_the_job(digest, monkeypatch):

@@ -18,8 +18,6 @@ from imuloop.simulate.truth import example_truth
 SLURM = Path(__file__).with_name("slurm")
 # what the local S3 takes for an account
 KEYS = {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any"}
-# a run starts Python more often than any other test: it may keep byte code, as it does by default
-ENVIRONMENT = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 # what a job computes is of no interest here
 QUICK = {"diagnose": {"draws": 100, "folds": 3}}
 
@@ -69,7 +67,7 @@ def command(repository, folder, *arguments, target="results/report.html"):
 def run(repository, folder, *arguments, target="results/report.html", **environment):
     return subprocess.run(
         command(repository, folder, *arguments, target=target),
-        **{"cwd": folder, "env": ENVIRONMENT | environment, "capture_output": True, "text": True},
+        **{"cwd": folder, "env": os.environ | environment, "capture_output": True, "text": True},
     )
 
 

@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from cluster.conftest import ENVIRONMENT, command, contents, run, write_config, write_devices
+from cluster.conftest import command, contents, run, write_config, write_devices
 from workflow.conftest import copied
 
 # longest time from the end of a job to Snakemake's word of it, s: the plugin's pauses grow to it
@@ -126,7 +126,7 @@ def fail(repository, profile, folder):
     line = command(edited, work, "--profile", edited / profile, "--retries", "0")
     ended, reported = [], []
     streams = {"stderr": subprocess.PIPE, "stdout": subprocess.DEVNULL, "text": True}
-    with subprocess.Popen(line, cwd=work, env=ENVIRONMENT, **streams) as running:
+    with subprocess.Popen(line, cwd=work, **streams) as running:
         for text in running.stderr:
             if reported and text.strip().startswith("log:") and len(reported[-1]) == 1:
                 reported[-1].append(work / text.split()[1])

@@ -79,7 +79,7 @@ def limit_of(choices):
     return detection_limits(search, (), search.trial((), kind), 0.9)["dx"]
 
 
-@seeds(5, 12)
+@seeds(3, 12)
 def test_a_drift_of_its_limit_at_the_poses_is_found_though_a_walk_looks_like_it(seeds, monkeypatch):
     limit = np.median([limit_of(searched(0.0, seed)) for seed in range(3)])
     added = of_sensor("accelerometer", DRIFT)

@@ -221,7 +221,8 @@ def test_what_a_reference_gets_wrong_with_attitude_is_no_effect():
         q[known] = (attitude * Rotation.from_rotvec(error)).as_quat()
         return columns | dict(zip(("qx", "qy", "qz", "qw"), q.T, strict=True))
 
-    diagnosis, *_ = diagnosed(base(SEED), SEED, limits=False, change=harm)
+    truth = replace(base(SEED), duration_s=60.0)
+    diagnosis, *_ = diagnosed(truth, SEED, limits=False, change=harm)
     effects = found(diagnosis)
     assert effects == {"accelerometer": {}, "gyroscope": {}}
     verdict = diagnosis["sensors"]["gyroscope"]["reference"]["verdict"]

@@ -72,8 +72,15 @@ def warm():
         return noise, diagnosed(made, noise)
 
 
-def test_a_device_without_an_effect_is_consistent(no_limits):
-    result = diagnosed(data(a=log(3)))
+@pytest.fixture(scope="module")
+def still():
+    """White noise alone, and its noise model."""
+    made = data(a=log(4))
+    return made, noise_of(made)
+
+
+def test_a_device_without_an_effect_is_consistent(no_limits, still):
+    result = diagnosed(*still)
     for content in result.content.values():
         assert content["verdict"] == "consistent"
         assert content["effects"] == [] and content["noise"] == {}
@@ -131,7 +138,7 @@ def test_noise_is_estimated_again_without_the_effect(warm):
     assert longest["ci_low"] < WHITE / np.sqrt(longest["tau_s"]) < longest["ci_high"]
 
 
-def test_a_warm_up_that_one_start_cannot_confirm_is_no_random_walk(no_limits):
+def test_a_warm_up_that_one_start_cannot_confirm_is_no_random_walk(no_limits, still):
     def settles(t):
         return np.outer(0.1 * np.exp(-t / 100.0), np.ones(6))
 
@@ -141,17 +148,16 @@ def test_a_warm_up_that_one_start_cannot_confirm_is_no_random_walk(no_limits):
     for content in result.content.values():
         # the content of the record keeps the noise as logged
         assert content["effects"] == [] and content["noise"] == {}
-    plain = noise_of(data(a=log(4)))
     for axis in CHANNELS:
-        models = noise.model, result.noise, plain.model
+        models = noise.model, result.noise, still[1].model
         limits = [model.known(axis, "K") for model in models]
         logged, without, true = (size + spread for size, spread in limits)
         assert without < 0.5 * logged
         assert without < 1.5 * true
 
 
-def test_a_scale_factor_and_a_bias_are_one_in_one_attitude(no_limits):
-    content = diagnosed(data(a=log(4, warm=True))).content["accelerometer"]
+def test_a_scale_factor_and_a_bias_are_one_in_one_attitude(no_limits, still):
+    content = diagnosed(data(a=log(4, warm=True)), still[1]).content["accelerometer"]
     assert ("scale_temperature", "bias_temperature") in {
         (p["effect"], p["with"]) for p in content["confounded"]
     }
@@ -159,13 +165,13 @@ def test_a_scale_factor_and_a_bias_are_one_in_one_attitude(no_limits):
     assert (found["status"], found["confounded_with"]) == ("confounded", "bias_temperature")
 
 
-def test_what_no_candidate_is_stays_unexplained(no_limits):
+def test_what_no_candidate_is_stays_unexplained(no_limits, still):
     """A bias that wanders while the noise model says that it does not."""
 
     def wander(t):
         return np.cumsum(np.random.default_rng(5).normal(size=(len(t), 6)), axis=0) * 1e-3
 
-    result = diagnosed(data(a=log(6, extra=wander)), noise_of(data(a=log(6))))
+    result = diagnosed(data(a=log(4, extra=wander)), still[1])
     for content in result.content.values():
         assert (content["verdict"], content["effects"]) == ("unexplained", [])
         assert content["residuals"]["bias"]["chi2_after"] > 2
@@ -200,10 +206,9 @@ def test_a_process_is_that_of_the_noise_stage(no_limits):
     assert residual["after"] == pytest.approx(residual["floor"], rel=0.3)
 
 
-def test_a_process_that_foretells_nothing_better_is_no_effect(no_limits):
+def test_a_process_that_foretells_nothing_better_is_no_effect(no_limits, still):
     """An effect lowers an error on unseen data, whatever a spectrum looked like."""
-    made = data(a=log(3))
-    noise = noise_of(made)
+    made, noise = still
     term = GaussMarkovTerm(known(0.01), known(20.0))
     own = replace(noise.model.axes["gz"], gauss_markov=(term,))
     noise = replace(noise, model=replace(noise.model, axes=noise.model.axes | {"gz": own}))
@@ -215,9 +220,8 @@ def test_a_process_that_foretells_nothing_better_is_no_effect(no_limits):
     )
 
 
-def test_too_short_and_silent_records_say_why(no_limits):
-    made = data(a=log(7))
-    noise = noise_of(made)
+def test_too_short_and_silent_records_say_why(no_limits, still):
+    made, noise = still
     cut = {"a": made.segments["a"].assign(end_s=25.0)}
     short = diagnosed(StaticData(made.kinds, {"a": made.samples["a"].iloc[:100]}, cut), noise)
     assert short.content["gyroscope"]["verdict"] == "not_testable"

@@ -17,11 +17,6 @@ def end(number):
     os.kill(os.getpid(), number)
 
 
-def loop():
-    while True:
-        pass
-
-
 def unpack():
     with Path(os.environ["TMPDIR"], "a").open("wb") as file:
         while True:
@@ -36,7 +31,6 @@ ACTS = {
     "raise": lambda: {}["a\n"],
     "lack": lack,
     "allocate": lambda: bytearray(1 << 30),
-    "loop": loop,
     "wait": lambda: time.sleep(100),
     "abort": lambda: end(signal.SIGABRT),
     "fault": lambda: end(signal.SIGSEGV),

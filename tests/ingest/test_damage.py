@@ -46,8 +46,7 @@ def test_a_header_in_another_encoding(long_log, run, tmp_path):
 
 
 @pytest.mark.parametrize("name", ["log.csv.gz", "log.parquet", "log.nc"])
-@pytest.mark.parametrize("cut", [True, False])
-def test_packed_files_are_rejected(long_log, run, tmp_path, name, cut):
+def test_packed_files_are_rejected(long_log, run, tmp_path, name):
     path = tmp_path / name
     if name == "log.nc":
         with netCDF4.Dataset(path, "w") as data:
@@ -63,8 +62,9 @@ def test_packed_files_are_rejected(long_log, run, tmp_path, name, cut):
     assert run(path).quality["status"] == "ok"
     content = path.read_bytes()
     half = len(content) // 2
-    path.write_bytes(content[:half] if cut else damaged(content, half, bytes(400)))
-    done = run(path)
-    assert done.quality["status"] == "rejected"
-    assert "file" in done.quality["reasons"][0]
-    assert len(done.samples) == 0
+    for spoilt in (content[:half], damaged(content, half, bytes(400))):
+        path.write_bytes(spoilt)
+        done = run(path)
+        assert done.quality["status"] == "rejected"
+        assert "file" in done.quality["reasons"][0]
+        assert len(done.samples) == 0

@@ -1,7 +1,5 @@
 """What is declared wrongly and shown by gravity, and the honest logs that nothing is said of."""
 
-from itertools import product
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -48,8 +46,9 @@ def simulated(session, seed=5, truth=None, **changed):
     return simulate_session(planned(truth or example_truth(), session, **changed), session, seed)
 
 
-def test_measured_turns_agree_with_gravity(recordings, taken):
-    for i, chip in product((1, 5), range(1, 9)):
+@pytest.mark.parametrize("i", [1, pytest.param(5, marks=pytest.mark.study)])
+def test_measured_turns_agree_with_gravity(recordings, taken, i):
+    for chip in range(1, 9):
         found = taken(recordings(f"exp_{i}.parquet"), **array(chip))
         ratio = found["faults"]["rests"]["turn_ratio"]
         assert found["status"] == "ok"
@@ -123,11 +122,11 @@ def test_measured_motion_is_not_static(recordings, taken):
         assert "; a static session lies still" in found["reasons"][0]
 
 
-def test_measured_rest_is_static(recordings, taken):
-    for i in (1, 2):
-        found = taken(recordings(f"adis_16405_imu{i}.parquet"), **ADIS16405)
-        assert (found["reasons"], found["warnings"]) == ([], [])
-        assert found["faults"]["rests"]["share"] > 0.999
+@pytest.mark.parametrize("i", [1, pytest.param(2, marks=pytest.mark.study)])
+def test_measured_rest_is_static(recordings, taken, i):
+    found = taken(recordings(f"adis_16405_imu{i}.parquet"), **ADIS16405)
+    assert (found["reasons"], found["warnings"]) == ([], [])
+    assert found["faults"]["rests"]["share"] > 0.999
 
 
 def test_a_bias_that_drifts_with_temperature_is_no_motion(taken):
@@ -232,7 +231,15 @@ def swinging(rate, seconds=60.0):
     return log
 
 
-@pytest.mark.parametrize("rate", [50.0, 200.0])
+@pytest.mark.parametrize(
+    ("kind", "rate"),
+    [
+        ("rests", 50.0),
+        ("swings", 200.0),
+        pytest.param("rests", 200.0, marks=pytest.mark.study),
+        pytest.param("swings", 50.0, marks=pytest.mark.study),
+    ],
+)
 @pytest.mark.parametrize(
     ("units", "force", "turn", "declare"),
     [
@@ -242,7 +249,6 @@ def swinging(rate, seconds=60.0):
         (("g", "deg/s"), 1, 1, ("m/s", "rad")),
     ],
 )
-@pytest.mark.parametrize("kind", ["rests", "swings"])
 def test_increments_that_are_not_declared_are_named(taken, kind, rate, units, force, turn, declare):
     """Protects the cause of both sensors being off by the step, at any rate and without rests.
 

@@ -33,7 +33,7 @@ HOLD_S, MOVE_S = 4.0, 2.0
 SESSION = SessionTruth(
     "multi_position", 3, poses=14, rest_s=(HOLD_S, HOLD_S), move_s=(MOVE_S, MOVE_S)
 )
-TRUTH = example_truth(sessions={"multi_position": SESSION})
+TRUTH = example_truth(rate=50.0, sessions={"multi_position": SESSION})
 NOISE = known_noise(TRUTH)
 
 
@@ -164,7 +164,10 @@ def in_usual_units(truth, sensor, name, unit):
     return replace(truth, **{sensor: replace(own, raw_unit=name, K=own.K * unit, b=own.b / unit)})
 
 
-@pytest.fixture(scope="module", params=["poses and static", "poses", "static"])
+@pytest.fixture(
+    scope="module",
+    params=["poses and static", "static", pytest.param("poses", marks=pytest.mark.study)],
+)
 def diagnosed(request):
     """Return what a device that temperature changes is known to, wherever that is said.
 

@@ -44,7 +44,7 @@ def asked(log):
     return next_recording(in_motion(recorded(log)))["motion"]
 
 
-@pytest.mark.parametrize("axis", [0, 2])
+@pytest.mark.parametrize("axis", [0, pytest.param(2, marks=pytest.mark.study)])
 def test_the_axis_is_the_one_that_was_turned_about_slowly(axis):
     found = asked(turned(1 + axis, slowly=(axis,)))
     assert found["axes"] == ["xyz"[axis]]

@@ -15,8 +15,14 @@ from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from quick import verdicts
 
-DEVICES = ["xsens_mti", "mpu9150_1", "mpu9150_2", "mpu9150_3", "ferraris"]
-DEVICES.append(pytest.param("thermal_chamber", marks=pytest.mark.study))
+# of one make, and of them the first alone but in a study
+BOARDS = [1, *(pytest.param(board, marks=pytest.mark.study) for board in (2, 3))]
+DEVICES = ["xsens_mti", "mpu9150_1", "ferraris"]
+DEVICES += [
+    pytest.param(name, marks=pytest.mark.study)
+    for name in ("mpu9150_2", "mpu9150_3", "thermal_chamber")
+]
+BEYOND = "imuloop.discover.beyond.beyond"
 # of which the error of the vertical is tested, too
 WHOLE = "xsens_mti"
 
@@ -35,7 +41,8 @@ class Measured:
                 pytest.skip(f"{reason}; data/README.md says what it is")
             made = ingested(device, folder)
             if device == WHOLE:
-                with patch(LIMITS, return_value={}):
+                # nor are formulas asked for, which test_discover.py looks for by itself
+                with patch(LIMITS, return_value={}), patch(BEYOND, return_value=None):
                     through(made)
             else:
                 verdicts(made)

@@ -16,6 +16,7 @@ from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
+from published.conftest import BOARDS
 
 GRAVITY = 9.81744
 FOUND = ("time_offset", "lever_arm", "rate_sensitivity")
@@ -137,7 +138,7 @@ def test_a_corrected_file_leaves_less_velocity(measured, moves, tmp_path):
     assert left["multi_position"] > 15e-3 and left["calibration"] < 6e-3
 
 
-@pytest.mark.parametrize("board", [1, *(pytest.param(k, marks=pytest.mark.study) for k in (2, 3))])
+@pytest.mark.parametrize("board", BOARDS)
 def test_where_knocks_rule_nothing_is_said_of_motion(measured, board):
     for sensor in SENSORS:
         found = measured.json(f"mpu9150_{board}", "diagnosis")["sensors"][sensor]["motion"]

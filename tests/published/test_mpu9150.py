@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from bench.result_files import fault
-from published.conftest import DEVICES
+from published.conftest import BOARDS, DEVICES
 
 # scale factor error in per cent as published, of the output against the truth: 1/K - 1
 SCALE = {1: (0.363, 0.315, 0.647), 2: (0.471, 0.482, 0.932), 3: (0.382, 0.355, 0.780)}
@@ -12,7 +12,7 @@ SCALE = {1: (0.363, 0.315, 0.647), 2: (0.471, 0.482, 0.932), 3: (0.382, 0.355, 0
 BIAS = {1: (0.103, 0.097, 0.344), 2: (0.090, 0.070, 0.338), 3: (0.096, 0.008, -0.045)}
 
 
-@pytest.mark.parametrize("board", [1, 2, 3])
+@pytest.mark.parametrize("board", BOARDS)
 def test_the_accelerometer_is_as_published_and_no_effect_is_added(measured, board):
     device = f"mpu9150_{board}"
     accelerometer = measured.json(device, "multi_position")["accelerometer"]

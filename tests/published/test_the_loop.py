@@ -11,6 +11,7 @@ from imuloop.core.samples import read_columns
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.settings import DiagnoseSettings
+from published.conftest import BOARDS
 
 GRAVITY = 9.81744
 # polynomial terms that a floor of white noise alone would find everywhere
@@ -72,7 +73,7 @@ def test_xsens_gyroscope_is_g_sensitive(measured):
     assert found["effects"][0]["std"]["G00"] < 3 * found["effects"][0]["std"]["G01"]
 
 
-@pytest.mark.parametrize("board", [1, 2, 3])
+@pytest.mark.parametrize("board", BOARDS)
 @pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])
 def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured, board, sensor):
     found = part(measured, f"mpu9150_{board}", sensor)
@@ -83,7 +84,7 @@ def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured, board, se
     assert all(effect["ratio_ci95"][1] < 1 for effect in found["effects"])
 
 
-@pytest.mark.parametrize("board", [1, 2, 3])
+@pytest.mark.parametrize("board", BOARDS)
 def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     device, settings = f"mpu9150_{board}", CalibrateSettings()
     recording, noise, multi = measured.fit_of(device)

@@ -10,6 +10,7 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.calibrate.undersampling import aliased_turns
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.core.samples import ANGULAR_RATE, TIME
+from published.conftest import BOARDS
 
 
 def turned(rates, seconds):
@@ -48,7 +49,7 @@ def held_to(recording, ratio):
     assert np.corrcoef(foreseen, found)[0, 1] > 0.2
 
 
-@pytest.mark.parametrize("board", [1, 2, 3])
+@pytest.mark.parametrize("board", BOARDS)
 def test_chips_with_a_filter_lose_less_than_samples_at_instants_would(measured, board):
     recording, *_ = measured.fit_of(f"mpu9150_{board}")
     assert 5e-4 < np.sqrt(recording.rotations.aliased.mean()) < 1.1e-3

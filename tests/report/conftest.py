@@ -40,21 +40,28 @@ def browser():
         started.close()
 
 
-@pytest.fixture
-def opened(browser):
-    """Return a function that opens a page and keeps what it asks for and what goes wrong."""
-    contexts = []
+class Tab:
+    """A tab of the browser: opens pages, keeps what they ask for and what goes wrong in them."""
 
-    def open_page(path, **settings):
-        contexts.append(browser.new_context(viewport=SIZE, **settings))
-        page = contexts[-1].new_page()
-        page.asked, page.wrong = [], []
-        page.on("request", lambda request: page.asked.append(request.url))
+    def __init__(self, browser, **settings):
+        self.context = browser.new_context(viewport=SIZE, **settings)
+        self.page, self.asked, self.wrong = self.context.new_page(), [], []
+        self.page.on("request", lambda request: self.asked.append(request.url))
         for event in ("pageerror", "console"):
-            page.on(event, lambda found: page.wrong.append(found))
-        page.goto(path.absolute().as_uri())
-        return page
+            self.page.on(event, lambda found: self.wrong.append(found))
 
-    yield open_page
-    for context in contexts:
-        context.close()
+    def open(self, path):
+        """Open a page as at first, whatever was done to the last one."""
+        self.page.set_viewport_size(SIZE)
+        self.page.emulate_media(media="screen", color_scheme="light")
+        self.asked.clear()
+        self.wrong.clear()
+        self.page.goto(path.absolute().as_uri())
+        return self.page
+
+
+@pytest.fixture(scope="module")
+def tab(browser):
+    found = Tab(browser)
+    yield found
+    found.context.close()

@@ -2,10 +2,13 @@
 
 import json
 import re
+from itertools import product
 
 import numpy as np
 import pandas as pd
 import pytest
+
+from report.conftest import Tab
 
 # where .ci/browser puts the accessibility checker
 AXE = "build/axe/**/axe.min.js"
@@ -16,22 +19,61 @@ BIAS = 3
 
 
 @pytest.fixture
-def page(opened, results):
-    return opened(results / "report.html")
+def page(tab, results):
+    return tab.open(results / "report.html")
 
 
-@pytest.fixture(params=["plausible", "finished"])
-def either(request, opened, results, repository):
-    """That, and the workflow's report."""
+@pytest.fixture(scope="module", params=["plausible", "finished"])
+def either(request, browser, results, repository):
+    """A tab with that, and one with the workflow's report, which no test changes."""
     path = results / "report.html"
     if request.param == "finished":
         path = repository / FINISHED
         style = (repository / "workflow/templates/style.css").read_text()
         if not path.exists() or style not in path.read_text(encoding="utf-8"):
             pytest.skip(f"no {FINISHED} of this version: make report writes it")
-    page = opened(path)
-    page.shots = repository / "build/screenshots" / request.param
-    return page
+    tab = Tab(browser)
+    tab.open(path)
+    tab.shots = repository / "build/screenshots" / request.param
+    yield tab
+    tab.context.close()
+
+
+def test_every_link_of_the_contents_scrolls_to_its_part(either):
+    astray = either.page.evaluate("""async () => {
+      const astray = [];
+      for (const link of document.querySelectorAll('nav a, .answers a[href^="#"]')) {
+        link.click();
+        await new Promise(requestAnimationFrame);
+        const part = document.getElementById(decodeURIComponent(link.hash.slice(1)));
+        const top = part ? part.getBoundingClientRect().top : NaN;
+        if (!(top >= -1 && top < innerHeight)) astray.push([link.hash, top]);
+      }
+      return astray;
+    }""")
+    assert astray == []
+    assert either.page.locator("nav a").count() > 10
+
+
+def test_the_comparison_needs_no_scrolling_at_1440(either):
+    wide = either.page.locator("#comparison .scroll:has(table)").evaluate_all(
+        "all => all.map(e => [e.scrollWidth, e.clientWidth])"
+    )
+    assert len(wide) == 3
+    assert all(needed <= given for needed, given in wide)
+
+
+def test_the_page_is_as_wide_as_the_window(either):
+    page, every = either.page, "document.querySelectorAll('details').forEach(d => d.open = {})"
+    for width, scheme in product((375, 1440), ("light", "dark")):
+        page.set_viewport_size({"width": width, "height": 900})
+        page.emulate_media(color_scheme=scheme)
+        page.evaluate(every.format("true"))
+        assert page.evaluate("document.documentElement.scrollWidth") <= width
+        page.evaluate(every.format("false"))
+        for name in ("main", "filter", "curves", "parameters"):
+            page.evaluate(f"document.getElementById('{name}').scrollIntoView()")
+            page.screenshot(path=f"{either.shots}_{width}_{scheme}_{name}.png")
 
 
 def test_it_opens_without_an_error_and_asks_no_host(either):
@@ -64,22 +106,6 @@ def test_only_its_own_script_runs(page):
     assert page.evaluate("window.ran === undefined")
 
 
-def test_every_link_of_the_contents_scrolls_to_its_part(either):
-    astray = either.evaluate("""async () => {
-      const astray = [];
-      for (const link of document.querySelectorAll('nav a, .answers a[href^="#"]')) {
-        link.click();
-        await new Promise(requestAnimationFrame);
-        const part = document.getElementById(decodeURIComponent(link.hash.slice(1)));
-        const top = part ? part.getBoundingClientRect().top : NaN;
-        if (!(top >= -1 && top < innerHeight)) astray.push([link.hash, top]);
-      }
-      return astray;
-    }""")
-    assert astray == []
-    assert either.locator("nav a").count() > 10
-
-
 def sizes(table, column):
     cells = table.locator(f"tbody tr > :nth-child({column + 1})")
     return cells.evaluate_all(
@@ -108,14 +134,14 @@ def test_tables_sort_by_a_click(page):
     assert table.locator("[aria-sort]").count() == 1
 
 
-@pytest.mark.parametrize("key", ["Enter", " "])
-def test_tables_sort_by_the_keyboard(page, key):
+def test_tables_sort_by_the_keyboard(page):
     table = page.locator(TABLE)
     table.locator("thead button").nth(BIAS - 1).focus()
     page.keyboard.press("Tab")
-    page.keyboard.press(key)
-    assert sizes(table, BIAS) == in_order(sizes(table, BIAS))
-    assert table.locator("thead th").nth(BIAS).get_attribute("aria-sort") == "ascending"
+    for key, direction in (("Enter", "ascending"), (" ", "descending")):
+        page.keyboard.press(key)
+        assert sizes(table, BIAS) == in_order(sizes(table, BIAS), direction == "descending")
+        assert table.locator("thead th").nth(BIAS).get_attribute("aria-sort") == direction
 
 
 def table_of(page, caption):
@@ -231,45 +257,25 @@ def test_the_keyboard_zooms_and_print_is_of_the_whole(page, curves):
     assert labels(curves) == whole and not curves.locator(".tools").is_visible()
 
 
-def test_every_picture_of_curves_has_its_tools(page):
+def test_every_picture_of_curves_has_its_tools(page, tab):
     page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
     buttons = page.locator("figure button")
     assert buttons.count() >= 12
     for button in buttons.all():
         button.click()
         assert button.get_attribute("aria-expanded") == "true"
-    assert not page.wrong
+    assert not tab.wrong
     for output in page.locator(".tools output").all():
         assert re.search(r"\d", output.inner_text()) and "NaN" not in output.inner_text()
 
 
-def test_without_javascript_the_tables_stand_as_they_are(opened, results):
-    page = opened(results / "report.html", java_script_enabled=False)
+def test_without_javascript_the_tables_stand_as_they_are(browser, results):
+    tab = Tab(browser, java_script_enabled=False)
+    page = tab.open(results / "report.html")
     for selector in ("table.sortable", "nav a", "figure svg"):
         assert page.locator(selector).count()
     assert not page.locator("button").count()
-
-
-@pytest.mark.parametrize("width", [375, 1440])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_the_page_is_as_wide_as_the_window(either, width, scheme):
-    either.set_viewport_size({"width": width, "height": 900})
-    either.emulate_media(color_scheme=scheme)
-    every = "document.querySelectorAll('details').forEach(d => d.open = {})"
-    either.evaluate(every.format("true"))
-    assert either.evaluate("document.documentElement.scrollWidth") <= width
-    either.evaluate(every.format("false"))
-    for name in ("main", "filter", "curves", "parameters"):
-        either.evaluate(f"document.getElementById('{name}').scrollIntoView()")
-        either.screenshot(path=f"{either.shots}_{width}_{scheme}_{name}.png")
-
-
-def test_the_comparison_needs_no_scrolling_at_1440(either):
-    wide = either.locator("#comparison .scroll:has(table)").evaluate_all(
-        "all => all.map(e => [e.scrollWidth, e.clientWidth])"
-    )
-    assert len(wide) == 3
-    assert all(needed <= given for needed, given in wide)
+    tab.context.close()
 
 
 def test_colours_follow_the_system(page):
@@ -288,34 +294,55 @@ def test_colours_follow_the_system(page):
     ]
 
 
-def test_print_is_on_white_without_contents(either):
-    either.emulate_media(media="print", color_scheme="dark")
+def test_print_is_on_white_without_contents(page):
+    page.emulate_media(media="print", color_scheme="dark")
     ground = "getComputedStyle(document.body).backgroundColor"
-    assert either.evaluate(ground) == "rgb(255, 255, 255)"
-    assert not either.locator("nav").is_visible()
-    assert len(either.pdf(path=f"{either.shots}_print.pdf")) > 50_000
+    assert page.evaluate(ground) == "rgb(255, 255, 255)"
+    assert not page.locator("nav").is_visible()
+    assert len(page.pdf()) > 50_000
+
+
+# leaves one text of each colour on each ground, size and weight, the others empty
+ONE_OF_EACH = """() => {
+  const seen = new Set(), walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const look = [];
+    for (let e = walk.currentNode.parentElement; e; e = e.parentElement) {
+      const style = getComputedStyle(e);
+      if (!look.length) look.push(e.localName, style.color, style.fontSize, style.fontWeight);
+      look.push(style.backgroundColor, style.backgroundImage, style.opacity);
+    }
+    if (seen.has(look.join())) walk.currentNode.data = '';
+    seen.add(look.join());
+  }
+  return seen.size;
+}"""
 
 
 # the workflow's own page has thousands of elements, of the same templates
-@pytest.mark.parametrize(
-    ("either", "scheme"), [("plausible", "light"), ("plausible", "dark")], indirect=["either"]
-)
-def test_axe_finds_nothing_serious(either, repository, scheme):
+def test_axe_finds_nothing_serious(page, repository):
     code = next(iter(sorted(repository.glob(AXE))), None)
     if code is None:
         pytest.skip(f"no {AXE}: .ci/browser fetches axe-core")
-    either.emulate_media(color_scheme=scheme)
-    either.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
-    either.locator("figure button").first.click()
+
+    def check(least, **options):
+        passed, found = page.evaluate(
+            f"axe.run(document, {json.dumps({'resultTypes': ['violations'], **options})})"
+            ".then(r => [r.passes.length, "
+            "r.violations.map(v => [v.impact, v.id, v.nodes.slice(0, 5).map(n => n.html)])])"
+        )
+        assert passed >= least
+        assert not [v for v in found if v[0] in ("serious", "critical")]
+
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    page.locator("figure button").first.click()
     # what is inside a picture is one image by its role; thousands of elements need no visit
-    either.evaluate("document.querySelectorAll('figure svg').forEach(s => s.replaceChildren())")
-    either.evaluate(code.read_text(encoding="utf-8") + "; true")
+    page.evaluate("document.querySelectorAll('figure svg').forEach(s => s.replaceChildren())")
+    page.evaluate(code.read_text(encoding="utf-8") + "; true")
+    colours = ["color-contrast", "link-in-text-block"]
+    check(20, rules={name: {"enabled": False} for name in colours})
+    assert page.evaluate(ONE_OF_EACH) > 20
     # what is not a colour does not change with the scheme
-    only = ["color-contrast", "link-in-text-block"] if scheme == "dark" else None
-    options = {"resultTypes": ["violations"]} | ({"runOnly": only} if only else {})
-    passed, found = either.evaluate(
-        f"axe.run(document, {json.dumps(options)}).then(r => [r.passes.length, "
-        "r.violations.map(v => [v.impact, v.id, v.nodes.slice(0, 5).map(n => n.html)])])"
-    )
-    assert passed >= (1 if only else 20)
-    assert not [v for v in found if v[0] in ("serious", "critical")]
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        check(1, runOnly=colours)

@@ -117,8 +117,8 @@ def test_normal_scatter_stands_out_never_and_a_stray_always():
     assert standing_out(distances.max(axis=1)) == [17]
 
 
-def test_devices_are_searched_by_label_and_verdict(opened, many):
-    page = opened(many / "report.html")
+def test_devices_are_searched_by_label_and_verdict(tab, many):
+    page = tab.open(many / "report.html")
     search = page.get_by_role("searchbox")
     shown = page.locator("table.comparison >> nth=0").locator("tbody tr:visible")
     assert shown.count() == COUNT

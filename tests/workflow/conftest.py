@@ -16,7 +16,7 @@ RESTING = {
     "label": "Rest & <b>peace</b>",
     "sessions": {"rest": {"kind": "static", "file": "rest.parquet"}},
 }
-POSED_TOO = {"poses": {"kind": "multi_position", "file": "second.csv"}}
+FACES = {"faces": {"kind": "six_position", "format": "euroc", "file": "faces"}}
 CONFIG = {
     "defaults": QUICK,
     "devices": {
@@ -25,11 +25,10 @@ CONFIG = {
             "type": "pair",
             "sessions": {
                 "poses": {"kind": "multi_position", "file": "logs in/p.csv"},
-                "faces": {"kind": "six_position", "format": "euroc", "file": "faces"},
                 "broken": {"kind": "static", "file": "broken.csv"},
             },
         },
-        "resting": RESTING | {"sessions": RESTING["sessions"] | POSED_TOO},
+        "resting": RESTING | {"sessions": RESTING["sessions"] | FACES},
         # of a faulty log; it fails in a stage, too
         "failing": {"sessions": {"swapped": {"kind": "six_position", "file": "swapped.csv"}}},
     },
@@ -92,7 +91,6 @@ def finished(checkout, logs, truth, tmp_path_factory):
     for name in ("logs in", "faces"):
         (folder / name).mkdir()
     write_log(folder / "logs in/p.csv", logs["multi_position"], {})
-    write_log(folder / "second.csv", simulate_session(truth, "multi_position", 2), {})
     faces = logs["six_position"][["t", *EUROC]].rename(columns=EUROC)
     faces = faces.assign(t=(1e9 * faces["t"]).round().astype(int))
     faces.rename(columns={"t": "#timestamp [ns]"}).to_csv(folder / "faces/data.csv", index=False)

@@ -84,14 +84,14 @@ def test_a_key_and_a_log_rerun_what_depends_on_them_and_a_new_device_is_an_entry
     """The log, a file in a folder, is older than the one before, as a copy of another is."""
     devices = written["devices"]
     devices["failing"]["label"] = "Other"
-    devices["resting"]["noise"] = {"points_per_decade": 5}
+    devices["posed"]["noise"] = {"points_per_decade": 5}
     devices["new"] = {"sessions": {"rest": {"kind": "static", "file": "rest.parquet"}}}
     log = folder / "faces/data.csv"
     lines = log.read_text().splitlines(keepends=True)
     log.write_text("".join(lines[:-1]))
     os.utime(log, (0, 0))
-    expected = jobs("failing", "export") | jobs("resting", "noise") | jobs("new", "noise", "rest")
-    expected |= jobs("posed", "noise", "faces") | REPORT
+    expected = jobs("failing", "export") | jobs("posed", "noise") | jobs("new", "noise", "rest")
+    expected |= jobs("resting", "noise", "faces") | REPORT
     assert planned(checkout, folder, written) == expected
 
 
@@ -121,34 +121,44 @@ def test_an_edited_template_reruns_the_pages_and_an_edited_script_its_jobs(finis
     assert found == {f"{s}/{d}" for s in ("export", "report_device") for d in devices} | REPORT
 
 
-def test_results_that_were_cut_are_named(folder, checkout):
-    for name in ("resting/rest/quality.json", "posed/faces/samples.parquet"):
+@pytest.fixture(scope="module")
+def killed(finished, checkout, tmp_path_factory):
+    """A folder whose run was killed amid a job, and what it had printed of results cut before."""
+    folder = shutil.copytree(finished[0], tmp_path_factory.mktemp("killed") / "work")
+    for name in ("posed/poses/quality.json", "failing/swapped/samples.parquet"):
         path = folder / "results" / name
         path.write_bytes(path.read_bytes()[:-100])
-    targets = "results/resting/exports results/posed/faces/segments.parquet"
-    done = snakemake(checkout, folder, "-k", target=targets)
-    printed = done.stdout + done.stderr
-    assert "results/resting/rest/quality.json: no JSON" in printed
-    assert "results/posed/faces/samples.parquet: no whole Parquet file" in printed
-    assert "Traceback" not in printed
-
-
-def test_a_job_that_was_killed_runs_again(folder, checkout):
-    """Its results are there, and nobody knows whether they are whole."""
-    script = checkout / "scripts/export.py"
-    asleep = f"{script.read_text()}\nimport time\nopen('here', 'w')\ntime.sleep(60)\n"
-    with edited(script, asleep):
-        target = "results/resting/exports"
+    script, log = checkout / "scripts/export.py", folder / "printed"
+    asleep = f"{script.read_text()}\nimport time\nopen(device.name, 'w')\ntime.sleep(60)\n"
+    targets = (
+        "results/resting/exports results/posed/exports results/failing/swapped/segments.parquet"
+    )
+    with edited(script, asleep), open(log, "w") as printed:
         run = subprocess.Popen(
-            command(checkout, folder, target=target),
+            command(checkout, folder, "-k", target=targets),
             cwd=folder,
             start_new_session=True,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
+            stdout=printed,
+            stderr=subprocess.STDOUT,
         )
-        while run.poll() is None and not (folder / "here").exists():
+        while run.poll() is None and not (
+            (folder / "resting").exists() and log.read_text().count(" failed: ") == 2
+        ):
             time.sleep(0.05)
         os.killpg(run.pid, signal.SIGKILL)
         assert run.wait() == -signal.SIGKILL
-    assert (folder / target / "README.txt").exists()
-    assert planned(checkout, folder) >= {"export/resting"}
+    return folder, log.read_text()
+
+
+def test_results_that_were_cut_are_named(killed):
+    _, printed = killed
+    assert "results/posed/poses/quality.json: no JSON" in printed
+    assert "results/failing/swapped/samples.parquet: no whole Parquet file" in printed
+    assert "Traceback" not in printed
+
+
+def test_a_job_that_was_killed_runs_again(killed, checkout):
+    """Its results are there, and nobody knows whether they are whole."""
+    folder, _ = killed
+    assert (folder / "results/resting/exports/README.txt").exists()
+    assert "export/resting" in planned(checkout, folder)

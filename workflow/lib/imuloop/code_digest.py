@@ -2,6 +2,7 @@
 
 import ast
 import hashlib
+import re
 from functools import cache
 from importlib.metadata import packages_distributions, version
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import NamedTuple
 
 _LIBRARY = Path(__file__).resolve().parent
 _DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
+# a name that is read, in a syntax tree as text
+_READ = re.compile(r"Name\(id='(\w+)'(?!, ctx=(?:Store|Del))")
 
 
 def code_digest(script, library=_LIBRARY):
@@ -25,7 +28,7 @@ def code_digest(script, library=_LIBRARY):
     """
     library = Path(library)
     own = _parts(Path(script), "")
-    code = {("", place): part.code for place, part in enumerate(own)}
+    found = {("", place): part.digest for place, part in enumerate(own)}
     reached, waiting = set(), [each for part in own for each in part.imports]
     others = set()
     while waiting:
@@ -45,12 +48,12 @@ def code_digest(script, library=_LIBRARY):
         waiting.append((parent, ""))
         for place, part in enumerate(_parts(path, module if is_package else parent)):
             if name is None or part.name in (None, name):
-                code[module, place] = part.code
+                found[module, place] = part.digest
                 waiting += [*part.imports, *((module, used) for used in part.uses)]
                 if is_package and "pkgutil" in {source for source, _ in part.imports}:
                     beside = path.parent.glob("[!_]*.py")
                     waiting += [(f"{module}.{each.stem}", None) for each in beside]
-    content = (sorted(code.items()), _versions(others))
+    content = (sorted(found.items()), _versions(others))
     return hashlib.sha256(repr(content).encode()).hexdigest()
 
 
@@ -68,7 +71,7 @@ class _Part(NamedTuple):
     """A function or class of a module by its name, or what stands outside of them, name None."""
 
     name: str | None
-    code: str
+    digest: str
     imports: tuple
     uses: frozenset
 
@@ -86,28 +89,38 @@ def _module_path(library, name):
 
 @cache
 def _parts(path, package):
-    """Return the parts of a file: syntax tree as text, (module, name) imported, names used."""
+    """Return the parts of a file: digest of the tree, (module, name) imported, names used."""
     tree = ast.parse(path.read_bytes(), filename=str(path))
     defined = {node.name for node in tree.body if isinstance(node, _DEFINITIONS)}
     parts = []
     for node in tree.body[bool(tree.body and _is_text(tree.body[0])) :]:
-        imports, names = [], set()
-        for each in ast.walk(node):
+        imports = []
+        for each in _statements(node):
             if isinstance(each, _DEFINITIONS) and _is_text(each.body[0]):
                 del each.body[0]
-            if isinstance(each, ast.Import):
+            elif isinstance(each, ast.Import):
                 imports += [(alias.name, None) for alias in each.names]
             elif isinstance(each, ast.ImportFrom):
                 parents = package.split(".")
                 start = parents[: len(parents) - each.level + 1] if each.level else []
                 module = ".".join(filter(None, [*start, each.module]))
                 imports += [(module, alias.name) for alias in each.names]
-            elif isinstance(each, ast.Name) and isinstance(each.ctx, ast.Load):
-                names.add(each.id)
         name = node.name if isinstance(node, _DEFINITIONS) else None
-        uses = frozenset(names & defined - {name})
-        parts.append(_Part(name, ast.dump(node), tuple(imports), uses))
+        code = ast.dump(node)
+        uses = defined.intersection(_READ.findall(code)) - {name}
+        digest = hashlib.sha256(code.encode()).hexdigest()
+        parts.append(_Part(name, digest, tuple(imports), frozenset(uses)))
     return tuple(parts)
+
+
+def _statements(node):
+    """Yield a statement and all that stand inside it; imports and definitions are statements."""
+    yield node
+    for block in ("body", "handlers", "cases", "orelse", "finalbody"):
+        inside = getattr(node, block, ())
+        if isinstance(inside, list):
+            for each in inside:
+                yield from _statements(each)
 
 
 def _is_text(node):
