@@ -14,29 +14,37 @@ from imuloop.discover.discovery import AGREED, FLOOR, discover
 from imuloop.discover.search_input import of_poses
 from imuloop.discover.selection import LEVEL, MARGIN
 from imuloop.simulate.simulate import simulate_session
+from seeds import least
 
 SEEDS = range(11040, 11045)
 
 
-# of the first the library has a name, which the search does not know
+# of quadratic the library has a name, which the search does not know
 @pytest.mark.parametrize(
-    ("truth", "plan"),
+    ("truth", "plan", "count"),
     [
-        pytest.param("quadratic", "forty", marks=pytest.mark.study),
-        ("fy2_fz_on_x", "forty"),
-        pytest.param("T2_fx_on_x", "forty", marks=pytest.mark.study),
-        pytest.param("settling_on_z", "rests", marks=pytest.mark.study),
+        ("fy2_fz_on_x", "forty", 2),
+        pytest.param("fy2_fz_on_x", "forty", 5, marks=pytest.mark.study),
+        pytest.param("quadratic", "forty", 5, marks=pytest.mark.study),
+        pytest.param("T2_fx_on_x", "forty", 5, marks=pytest.mark.study),
+        pytest.param("settling_on_z", "rests", 5, marks=pytest.mark.study),
     ],
 )
-def test_what_is_put_in_is_named(truth, plan):
-    made = [outcome(truth, 4.0, plan, seed) for seed in SEEDS]
-    # nine of ten by the study: four of five are less than that by chance once in ten
-    assert sum(m.discovery.effect is not None and m.right for m in made) >= 4
+def test_what_is_put_in_is_named(truth, plan, count):
+    made = [outcome(truth, 4.0, plan, seed) for seed in SEEDS[:count]]
+    # nine of ten by the study: of five fewer than four by chance once in ten
+    named = sum(m.discovery.effect is not None and m.right for m in made)
+    assert named >= least(count, 0.9, 0.1)
     assert np.median([m.against_known for m in made]) < 1.3
 
 
 @pytest.mark.parametrize(
-    ("truth", "seed"), [("degree_7", 13008), ("degree_7", 13019), ("sign_midway", 13301)]
+    ("truth", "seed"),
+    [
+        ("degree_7", 13008),
+        pytest.param("degree_7", 13019, marks=pytest.mark.study),
+        ("sign_midway", 13301),
+    ],
 )
 def test_a_column_that_stands_for_what_is_outside_the_space_is_no_name(truth, seed):
     """For a power; or for a change of sign."""
