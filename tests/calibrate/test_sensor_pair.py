@@ -12,6 +12,7 @@ from calibrate.devices import (
     known_noise,
     noiseless,
     planned,
+    recorded,
     recording,
     scores,
     true_pair,
@@ -20,8 +21,11 @@ from calibrate.devices import (
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.known_rotation import KnownTurns
+from imuloop.calibrate.recording import Log, pose_means
 from imuloop.core.model import SensorCalibration
+from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import fibonacci_lattice
+from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 from seeds import seeds
 
@@ -49,6 +53,46 @@ def test_without_noise_the_truth_comes_back():
         for name in "TKb":
             true = getattr(getattr(quiet, sensor), name)
             np.testing.assert_allclose(getattr(made, name), true, atol=1e-5)
+
+
+def without_flicker(truth):
+    """Return the same device without flicker: with a seed all other noise is the same."""
+    quiet = {
+        name: replace(sensor, noise=replace(sensor.noise, B=(0.0, 0.0, 0.0)))
+        for name, sensor in (("accelerometer", truth.accelerometer), ("gyroscope", truth.gyroscope))
+    }
+    return replace(truth, **quiet)
+
+
+@seeds(6, 40)
+def test_intervals_cover_the_truth_and_the_mean_of_the_bias_over_the_rests(seeds):
+    pulls = []
+    for seed in range(seeds):
+        log, bare = (
+            simulate_session(truth, "multi_position", 500 + seed)
+            for truth in (TRUTH, without_flicker(TRUTH))
+        )
+        made, channels = recorded(log), list(CHANNELS)
+        slow = Log.of(log.assign(**{c: log[c] - bare[c] for c in channels}))
+        share = made.poses.duration_s / made.poses.duration_s.sum()
+        bias = [share @ pose_means(made.poses, made.logs, [own]) for own in (slow.f, slow.w)]
+        each = []
+        for sensor, names, level, own in zip(
+            ("accelerometer", "gyroscope"),
+            (accelerometer.NAMES, gyroscope.NAMES),
+            bias,
+            calibrated(made, NOISE, TRUTH.gravity),
+            strict=True,
+        ):
+            true = getattr(TRUTH, sensor)
+            each.append(scores(own, replace(true, b=true.b + level), names))
+        pulls.append(np.concatenate(each))
+    pulls = np.array(pulls)
+    # T, K and b of the accelerometer, then of the gyroscope
+    for kind in np.split(np.arange(21), [3, 6, 9, 15, 18]):
+        own = np.abs(pulls[:, kind]) < 1.96
+        # four standard errors, as if parameters of a device were independent
+        assert own.mean() > 0.95 - 4 * np.sqrt(0.95 * 0.05 / own.size), kind
 
 
 @seeds(10, 40)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import planned, recording
-from diagnose.models import pose_sensors
+from diagnose.models import of_sensor, pair_of
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.least_squares import fit
 from imuloop.core.effect import Channels, Effect
@@ -40,12 +40,13 @@ def of_two_runs(recording):
 
 @pytest.fixture(scope="module")
 def made():
-    """Two recordings that warm up, both sensors' models of each, and their fits."""
+    """Two recordings that warm up, their pairs of sensors, fits, and the noise of these."""
     truth, found = planned(example_truth(), temperature=((0, 18), (150, 33), (500, 21))), []
     for seed in (1, 2):
         one = of_two_runs(recording(truth, seed))
-        models = pose_sensors(truth, one)
-        found.append((one, models, {sensor: m.fit(one) for sensor, m in models.items()}))
+        pair = pair_of(truth, one)
+        x = pair.fit(one).fit.x
+        found.append((one, pair, x, pair.covariance_at(x, one).by(pair.noise)))
     return found
 
 
@@ -57,12 +58,16 @@ def test_any_effect_of_the_library_lowers_chi_square(made, effect):
         assert effect.unobservable or effect.records in ((), ("static_record",), ("reference",))
         return
     for sensor in effect.sensors:
-        for one, models, base in made:
+        for one, pair, x, covariance in made:
             t = one.poses.mid_s
             own, other = (one.poses.f, one.poses.w)[:: 1 if sensor == "accelerometer" else -1]
             channels = Channels(t, own, other, one.poses.temperature, run=one.poses.run)
-            shape = effect.shapes(channels)[-1]
-            wider = models[sensor].fit(one, (shape,))
-            # the weights follow the fitted attitude: a few parts in 1e4
-            assert wider.fit.chi2 <= base[sensor].fit.chi2 * (1 + 1e-3)
-            assert wider.fit.dof == base[sensor].fit.dof - len(shape.parameters)
+            wide = of_sensor(sensor, effect.shapes(channels)[-1])
+            count = len(wide[0].parameters)
+            # by the same noise: weights follow what is fitted
+            plain, wider = (
+                fit(pair.model_at(start, one, effects).residuals, start, covariance)
+                for effects, start in (((), x), (wide, np.append(x, np.zeros(count))))
+            )
+            assert wider.chi2 <= plain.chi2 * (1 + 1e-9)
+            assert wider.dof == plain.dof - count

@@ -5,11 +5,11 @@ Tedaldi, Pretto, Menegatti, ICRA 2014; the figures are those of the program's ex
 
 import numpy as np
 import pytest
-from imuloop.calibrate.force import calibrated_force
 
-from imuloop.calibrate.calibrate import calibrate_gyroscope
-from imuloop.calibrate.gyroscope import gyroscope_model
-from imuloop.calibrate.settings import CalibrateSettings
+from calibrate.devices import calibrated
+from imuloop.calibrate import gyroscope
+from imuloop.calibrate.raw_units import as_logged
+from imuloop.core.samples import SENSORS
 
 GRAVITY = 9.81744
 T = np.array([[1, -0.0033593, -0.0089064], [0, 1, -0.0213341], [0, 0, 1]])
@@ -40,14 +40,12 @@ def test_accelerometer_residual_on_held_out_poses(measured):
 
 def test_gyroscope_without_effects_reaches_the_published_cost(measured):
     recording, noise, multi = measured.fit_of("xsens_mti")
-    force, unit = multi.accelerometer, multi.gyroscope.raw_unit
-    settings = CalibrateSettings(gyroscope_bias="initial_rest")
-    fitted = calibrate_gyroscope(recording, noise, force, unit, settings)
-    np.testing.assert_allclose(fitted.K, K_GYROSCOPE, rtol=5e-4)
-    model = gyroscope_model(recording, calibrated_force(force, recording, noise))
-    x = np.concatenate(
-        [fitted.T[~np.eye(3, dtype=bool)], fitted.K / unit.scale, unit.to_si(fitted.b)]
-    )
+    units = {s: getattr(multi, s).raw_unit for s in SENSORS}
+    how = {"units": units, "gyroscope_bias": "initial_rest"}
+    force, turn = calibrated(recording, noise, multi.gravity, **how)
+    np.testing.assert_allclose(turn.K, K_GYROSCOPE, rtol=5e-4)
+    x = as_logged(turn, gyroscope.NAMES)
+    model = gyroscope.gyroscope_model(recording, force.aligned, x)
     # half the sum of squared differences of unit vectors, as imu_tk prints it
     sine = np.linalg.norm(model.rotation_errors(x)[0], axis=1)
     assert len(recording.rotations) == pytest.approx(37, abs=2)

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
-from imuloop.calibrate.motion import MotionPoses
-from imuloop.calibrate.pose_fits import as_logged
 from scipy.integrate import trapezoid
 from scipy.linalg import cholesky, solve_triangular
 from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  loads the library
-from imuloop.calibrate import accelerometer, gyroscope
+from diagnose.models import of_sensor
+from imuloop.calibrate.calibrate import sensor_pair
+from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
@@ -55,40 +55,43 @@ def test_their_sizes_are_those_of_a_prototype(xsens):
 
 @pytest.fixture(scope="module")
 def moves(measured):
-    """The Xsens poses and moves, how they are fitted, and the model without what motion shows."""
+    """The Xsens poses and moves, the pair that is fitted, and what the poses alone show."""
     recording, noise, base = measured.fit_of("xsens_mti")
-    names = accelerometer.NAMES, gyroscope.NAMES
-    x = [as_logged(getattr(base, s), own) for s, own in zip(SENSORS, names, strict=True)]
-    quiet = np.ones(len(recording.rotations), dtype=bool)
-    # the poses alone show it
-    known = (find_effect("g_sensitivity")(),)
-    x = np.concatenate([*x, np.zeros(len(known[0].parameters))])
-    model = MotionPoses(noise, base.accelerometer, x, base.gravity, quiet)
-    return recording, model.given_rotation(recording, known), known
+    units = {s: getattr(base, s).raw_unit for s in SENSORS}
+    pair, reasons = sensor_pair(recording, noise, base.gravity, units, CalibrateSettings())
+    assert reasons == {}
+    known = of_sensor("gyroscope", find_effect("g_sensitivity")())
+    pair = replace(pair, quiet=np.ones(len(recording.rotations), dtype=bool))
+    x = np.append(pair.base[pair.free], np.zeros(len(known[0].parameters)))
+    return recording, pair.given_rotation(recording, known, x), known
+
+
+def in_motion():
+    effects = [find_effect(name)() for name in FOUND]
+    return [own for effect in effects for own in of_sensor(effect.sensors[0], effect)]
 
 
 def test_two_halves_of_the_moves_say_the_same(moves):
-    recording, model, known = moves
-    effects = (*known, *(find_effect(name)() for name in FOUND))
+    recording, pair, known = moves
+    effects = (*known, *in_motion())
     count, found = sum(len(e.parameters) for e in effects[1:]), []
     for parity in range(2):
         quiet = np.arange(len(recording.rotations)) % 2 == parity
-        fit = replace(model, quiet=quiet).fit(recording, effects).fit
+        fit = replace(pair, quiet=quiet).fit(recording, effects).fit
         found.append((fit.x[-count:], np.diag(fit.scaled_covariance)[-count:]))
     (first, var_first), (second, var_second) = found
     assert np.all(np.abs(first - second) < 3 * np.sqrt(var_first + var_second))
 
 
 def test_effects_of_other_moves_do_not_explain_the_velocity(moves):
-    recording, made, known = moves
-    effects = (*known, *(find_effect(name)() for name in FOUND))
-    start = made.fit(recording, known)
-    model = made.model_at(start.fit.x, recording, effects)
-    x = np.append(start.fit.x, np.zeros(len(model.start()) - len(start.fit.x)))
-    values, jacobian = model.residuals(x)
-    root = cholesky(made.covariances(start, recording)(made.noise), lower=True)
-    count = len(start.fit.x)
-    kinds, m = made.rows(recording)[1], len(recording.rotations)
+    recording, pair, known = moves
+    start = pair.fit(recording, known)
+    model = pair.model(start, recording, in_motion())
+    x, count = start.fit.x, len(start.fit.x)
+    total = sum(len(e.parameters) for e in in_motion())
+    values, jacobian = model.residuals(np.append(x, np.zeros(total)))
+    root = cholesky(pair.covariances(start, recording)(pair.noise), lower=True)
+    kinds, m = pair.rows(recording)[1], len(recording.rotations)
     vertical, horizontal = (np.flatnonzero(kinds == k) for k in (3, 4))
 
     def square(design):

@@ -2,15 +2,14 @@
 
 import numpy as np
 import pytest
-from imuloop.calibrate.pose_fits import AccelerometerPoses, GyroscopePoses, fitted_calibration
 
 import imuloop.effects  # noqa: F401  loads the library
+from diagnose.models import of_sensor, problem_of
+from imuloop.calibrate.calibrate import sensor_pair
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
-from imuloop.core.samples import read_columns
+from imuloop.core.samples import SENSORS, read_columns
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.poses import PoseProblem, interleaved
-from imuloop.diagnose.settings import DiagnoseSettings
 from published.conftest import BOARDS
 
 GRAVITY = 9.81744
@@ -86,15 +85,15 @@ def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured, board, se
 
 @pytest.mark.parametrize("board", BOARDS)
 def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
-    device, settings = f"mpu9150_{board}", CalibrateSettings()
-    recording, noise, multi = measured.fit_of(device)
-    force = AccelerometerPoses(noise, multi.gravity, multi.accelerometer.raw_unit, settings)
-    calibration = fitted_calibration(force, force.fit(recording))
-    model = GyroscopePoses(noise, calibration, multi.gyroscope.raw_unit, settings)
-    drift, sensitivity = find_effect("bias_drift")(), find_effect("g_sensitivity")()
-    shapes = {type(effect): (effect,) for effect in (drift, sensitivity)}
-    parts = interleaved(len(recording.poses), 10)
-    problem = PoseProblem(model, recording, shapes, DiagnoseSettings(), 1, parts)
+    recording, noise, multi = measured.fit_of(f"mpu9150_{board}")
+    units = {s: getattr(multi, s).raw_unit for s in SENSORS}
+    pair, reasons = sensor_pair(recording, noise, multi.gravity, units, CalibrateSettings())
+    assert reasons == {}
+    drift, sensitivity = of_sensor(
+        "gyroscope", *(find_effect(n)() for n in ("bias_drift", "g_sensitivity"))
+    )
+    shapes = {effect.kind: (effect,) for effect in (drift, sensitivity)}
+    problem = problem_of(pair, recording, shapes)
     problem.linearized((drift,))
     # what no effect explains counts as noise
     search = Choices(problem).search()
