@@ -19,7 +19,7 @@ ARROWS = {
     "noise": {"effects", "ingest", "segment"},
     "calibrate": {"ingest", "segment"},
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
-    "discover": {"effects", "diagnose"},
+    "discover": {"effects", "calibrate", "diagnose"},
     "validate": {"effects", "calibrate", "diagnose"},
     "plan": {"segment", "noise", "calibrate", "diagnose"},
     "simulate": {"effects"},

@@ -31,10 +31,10 @@ def test_two_columns_are_a_structure_without_a_name():
     columns = rng.normal(size=(60, 40))
     noise = rng.normal(size=60)
     one = select(*rows(noise + 2 * columns[:, 3], columns), level=0.01, draws=300, seed=0)
-    assert one.candidates == (3,) and one.named
+    assert one.candidates == (3,) and one.single
     two = noise + 2 * columns[:, 3] + 2 * columns[:, 7]
     both = select(*rows(two, columns), level=0.01, draws=300, seed=0)
-    assert set(both.candidates) == {3, 7} and not both.named
+    assert set(both.candidates) == {3, 7} and not both.single
 
 
 def test_twins_are_imitators_and_likenesses_leave_no_name():
@@ -43,11 +43,11 @@ def test_twins_are_imitators_and_likenesses_leave_no_name():
     columns[:, 5] = columns[:, 4] + 0.1 * rng.normal(size=60)
     values = rng.normal(size=60) + 2 * columns[:, 4]
     twins = select(*rows(values, columns), level=0.01, draws=300, seed=0)
-    assert twins.named and {4, 5} == {twins.candidates[0], *twins.imitators}
+    assert twins.single and {4, 5} == {twins.candidates[0], *twins.imitators}
     # half of it imitated is no twin, and no less than it in these data
     columns[:, 5] = columns[:, 4] + 0.6 * rng.normal(size=60)
     values = rng.normal(size=60) + 0.8 * columns[:, 4] + 0.3 * (columns[:, 5] - columns[:, 4])
-    assert not select(*rows(values, columns), level=0.01, draws=300, seed=0).named
+    assert not select(*rows(values, columns), level=0.01, draws=300, seed=0).single
 
 
 def test_of_near_equals_fewest_columns_are_chosen():

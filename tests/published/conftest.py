@@ -22,7 +22,7 @@ DEVICES += [
     pytest.param(name, marks=pytest.mark.study)
     for name in ("mpu9150_2", "mpu9150_3", "thermal_chamber")
 ]
-BEYOND = "imuloop.discover.beyond.beyond"
+BEYOND = "imuloop.discover.search.search_formulas"
 # of which the error of the vertical is tested, too
 WHOLE = "xsens_mti"
 

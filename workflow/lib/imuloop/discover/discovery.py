@@ -23,6 +23,9 @@ CHANGES = (0.25, 0.5, 0.75)
 DRAWS, DRAWS_WITHOUT = 1000, 400
 
 
+AT_REST = {"gravity_norm"}
+
+
 @dataclass(frozen=True)
 class Discovery:
     """What a search of composed effects found, and what confirms it."""
@@ -51,7 +54,8 @@ class Discovery:
     def effect(self):
         """The effect where one formula is enough, down to the noise, and confirmed; else None."""
         enough = self.noise_chance >= FLOOR and self.constant >= LEVEL and self.lead >= MARGIN
-        certain = self.selection.named and enough and self.agreed >= AGREED
+        clear = self.selection.single and self.selection.clear
+        certain = clear and enough and self.agreed >= AGREED
         return self.space.effect(self.selection.columns) if certain and self.confirmed else None
 
 
@@ -70,6 +74,9 @@ def discover(record):
     effects, columns = zip(*(own.seen_by(space) for own in by_fold), strict=True)
     before = heldout_errors(record, [space.columns[:, :0]] * len(by_fold))
     heldout = heldout_errors(record, columns)
+    # a pattern that is not the formula's shows at rest, where no rotation dilutes it
+    alone = record.of_pair and space.sensor == "accelerometer" and record.kinds.keys() <= AT_REST
+    judged_in = (record, record.of_gravity_alone()) if alone else (record,)
     alike = space.kin(selection.candidates[0]) | {*selection.imitators}
     columns = selection.seen_by(space)[1]
     composed, residual = in_sample(rows, columns)
@@ -81,9 +88,9 @@ def discover(record):
         kinds=error_ratios(record, before, heldout),
         heldout=heldout,
         fold_effects=effects,
-        agreed=float(np.mean([own.named and own.candidates[0] in alike for own in by_fold])),
+        agreed=float(np.mean([own.single and own.candidates[0] in alike for own in by_fold])),
         noise_chance=noise_chance(record, columns) if record.noise_known else 1.0,
-        constant=constancy(record, selection.columns),
+        constant=min(constancy(each, selection.columns) for each in judged_in),
         lead=lead_over_changes(rows, shifted, selection.columns),
         points={
             kind: {name: values[own].tolist() for name, values in points.items()}

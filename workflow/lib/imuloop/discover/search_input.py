@@ -1,6 +1,6 @@
 """What a search sees of a record; the one file that knows the problems of the diagnosis."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations_with_replacement
 
@@ -39,6 +39,19 @@ class SearchInput:
     test: object = None  # takes folds that are not seen, and what the test of `select` does
     merged: bool = False  # whether the library is tested by means over shorter windows
     of_pair: bool = False  # whether the problem is of both sensors
+
+    def of_gravity_alone(self):
+        """Return the same of the accelerometer's own rows, without the rotations."""
+        at = np.flatnonzero(np.any([own for own, _ in self.kinds.values()], axis=0))
+        rows = self.rows.subset(at)
+        rows = replace(
+            rows,
+            jacobian=rows.jacobian[:, rows.jacobian.any(axis=0)],
+            parts=tuple(part for part in rows.parts if part.covariance.any()),
+        )
+        space = replace(self.space, columns=self.space.columns[at])
+        kinds = {kind: (own[at], count) for kind, (own, count) in self.kinds.items()}
+        return replace(self, rows=rows, space=space, fold=self.fold[at], kinds=kinds)
 
     def named(self, effect):
         """Return a formula as the problem has it: of which sensor it is, where it has both."""

@@ -81,14 +81,14 @@ class Selection:
     gain: float = 0.0
 
     @property
-    def named(self):
-        """Whether one candidate is enough, and none that is unlike it is nearly as good.
+    def single(self):
+        """Whether one candidate is enough, and none that is unlike it is nearly as good."""
+        return len(self.candidates) == 1 and self.margin >= MARGIN
 
-        Nor may one outside the space be: of a pattern that it takes `SHARE` of, the rest would be
-        as clear as `MARGIN`.
-        """
-        clear = (1 - SHARE) * self.gain >= MARGIN
-        return len(self.candidates) == 1 and self.margin >= MARGIN and clear
+    @property
+    def clear(self):
+        """Whether of a pattern that it takes `SHARE` of the rest would be as clear as `MARGIN`."""
+        return (1 - SHARE) * self.gain >= MARGIN
 
     def seen_by(self, space):
         """Return the effect, and what it adds, (N, q), in a space of some rows or others."""
