@@ -1,6 +1,7 @@
 """Fixtures shared by all tests."""
 
 import os
+import sys
 import textwrap
 from pathlib import Path
 
@@ -14,8 +15,9 @@ settings.load_profile("repeatable")
 
 # many small matrices: threads of the linear algebra library only wait for each other
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# tests start Python often: it may keep byte code, as it does by default
+# Python is started often, by tests and for them: it may keep byte code, as it does by default
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 # whose tests share what takes long to make
