@@ -14,8 +14,9 @@ from imuloop.simulate.truth import example_truth
 SEEDS, DRAWS, RATE = 5, 3000, 50.0
 PLAN = {"poses": 3, "initial_rest_s": 10.0, "rest_s": (3.0, 8.0), "move_s": (1.0, 1.5)}
 TRUTH = planned(example_truth(rate=RATE), **PLAN)
-# size of slow noise beside white noise of size one, s^-1/2 and s^-1, and how it is drawn
-SLOW = {"B": (0.5, flicker), "K": (0.3, walk)}
+# size of slow noise beside white noise of size one, s^-1/2 and s^-1, and how it is drawn: over a
+# move of a second it is nearly as large
+SLOW = {"B": (1.0, flicker), "K": (0.6, walk)}
 
 
 @pytest.fixture(scope="module")

@@ -11,11 +11,15 @@ from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.samples import ANGULAR_RATE, CHANNELS
 
 
+# parts of a move over which slow noise has a mean each: early noise moves a velocity more than late
+PARTS = 4
+
+
 class PairCovariance:
     """The covariance of the residuals of a PairModel that the noise predicts.
 
-    Every channel has means at the poses and a mean over each move; what each makes of a residual is
-    the gain. What a move has of slow noise the poses beside it have too; noise of different runs is
+    Every channel has means at the poses and over parts of each move; what each makes of a residual
+    is the gain. What a move has of slow noise the poses beside it have too; noise of different runs is
     independent. White noise within a move, and errors of its time stamps, enter its rotation and
     its velocity alike.
     """
@@ -24,6 +28,7 @@ class PairCovariance:
         self.model, self.poses = model, recording.poses
         self.of_force, self.of_turn, self.turn = model.at(x)
         self.rotations = self.turn.rotations if self.turn else recording.rotations.select([])
+        self.parts = PARTS
         if self.turn:
             self._along_moves()
         self.gains = self._gains()
@@ -64,10 +69,11 @@ class PairCovariance:
 
     @cached_property
     def _runs(self):
-        """Of each run the places of its means, their windows, its poses and its moves."""
+        """Of each run the places of its means, their windows, its poses and its parts of moves."""
         poses, found = self.poses, []
-        ends = np.column_stack([self.rotations.start_s, self.rotations.end_s])
-        of_run = poses.run[self.rotations.first]
+        edges = np.linspace(self.rotations.start_s, self.rotations.end_s, self.parts + 1)
+        ends = np.stack([edges[:-1].T.ravel(), edges[1:].T.ravel()], axis=1)
+        of_run = np.repeat(poses.run[self.rotations.first], self.parts)
         for run in np.unique(poses.run):
             at, moves = np.flatnonzero(poses.run == run), np.flatnonzero(of_run == run)
             windows = np.concatenate([poses.windows[at], ends[moves]])
@@ -110,7 +116,9 @@ class PairCovariance:
             levers = levers - model.of_rotation[:, None] @ per_turn
             per_turn = np.concatenate([per_turn, levers], axis=2)
         turned = per_turn @ path.middle
-        self.turned = (turned * path.steps[..., None, None]).sum(axis=1)
+        passed = path.steps.cumsum(axis=1)
+        weighted = turned * path.steps[..., None, None]
+        self.turned = self._by_part(weighted, passed - path.steps / 2)
         width = per_turn.shape[2]
         self.within, self.added = np.zeros((6, m, width, width)), np.zeros((m, width, width))
         for axis in range(3):
@@ -124,6 +132,15 @@ class PairCovariance:
             at = np.arange(m)[:, None], rotations.added_at
             gain = turned[at]
             self.added = (gain @ rotations.added @ gain.swapaxes(2, 3)).sum(axis=1)
+
+    def _by_part(self, values, passed):
+        """Return sums over each part of each move, (m, parts, …), of values (m, k, …).
+
+        `passed` is the time since the start of the move, s, (m, k).
+        """
+        part = (passed / passed.max(axis=1, keepdims=True) * self.parts).astype(int)
+        inside = np.minimum(part, self.parts - 1)[:, None] == np.arange(self.parts)[:, None]
+        return np.einsum("mpk,mk...->mp...", inside, values)
 
     @cached_property
     def tilted(self):
@@ -149,36 +166,38 @@ class PairCovariance:
         return np.array(found).reshape(-1, self.gains.shape[1], 3).transpose(2, 1, 0)
 
     def _gains(self):
-        """Return what each channel's mean at a pose or over a move adds, (6, N, n + m)."""
+        """Return what each channel's mean at a pose or over a part of a move adds, (6, N, M)."""
         model, turn, n, m = self.model, self.turn, len(self.poses), len(self.rotations)
         T, K, _ = accelerometer.unpack(self.of_force)
         force = model.force.force(self.of_force)
         norm = (force / np.linalg.norm(force, axis=1)[:, None]) @ T * K
         rows = n + (3 * n + (5 if model.y is not None else 2) * m if turn else 0)
-        gains, poses = np.zeros((6, rows, n + m)), np.arange(n)
+        gains, poses = np.zeros((6, rows, n + self.parts * m)), np.arange(n)
         for axis in range(3):
             gains[axis, poses, poses] = norm[:, axis]
         if not turn:
             return gains
-        first, moves, move = turn.rotations.first, n + np.arange(m), model.moves
+        first, move = turn.rotations.first, model.moves
+        parts = n + np.arange(self.parts * m).reshape(m, self.parts)
         across = model.across(self.of_force) @ (T * K)
         begun, ended = self.carried @ across[first], -turn.plane @ across[first + 1]
         if model.y is not None:
             pull = model.force.gravity * model.weights.sum(axis=1)[:, None, None]
             weighted = model.attitudes(self.path) * model.weights[..., None, None]
-            pushed = self.frame @ weighted.sum(axis=1) @ (T * K)
+            passed = np.pad(self.path.steps.cumsum(axis=1), ((0, 0), (1, 0)))
+            pushed = self.frame[:, None] @ self._by_part(weighted, passed) @ (T * K)
             begun = np.concatenate([begun, -pull * self.frame @ across[first]], axis=1)
         # the turned means of velocities are already less what the rotation says
         turned = self.turned.copy()
         if model.y is not None:
-            turned[:, 2:] += model.of_rotation @ turned[:, :2]
+            turned[:, :, 2:] += model.of_rotation[:, None] @ turned[:, :, :2]
         for axis in range(3):
             gain = gains[axis]
             gain[move, first[:, None]] += begun[:, :, axis]
             gain[move[:, :2], first[:, None] + 1] += ended[:, :, axis]
             if model.y is not None:
-                gain[move[:, 2:], moves[:, None]] = pushed[:, :, axis]
+                gain[move[:, None, 2:], parts[..., None]] = pushed[..., axis]
             gain = gains[3 + axis]
             gain[n + 3 * poses + axis, poses] = 1.0
-            gain[move, moves[:, None]] = turned[:, :, axis]
+            gain[move[:, None], parts[..., None]] = turned[..., axis]
         return gains
