@@ -17,6 +17,8 @@ OF_NEIGHBOURS, OF_NOISE = 10.0, 15.0
 # another channel moves where it is so many times its noise from its neighbours' cubic; beside 169
 # knocks of a single sample, of 3.3 million measured rows, one comes to 7 at least
 MOVES = 6.0
+# and at least this share of what the spike is times its own: chance alone comes to 7 now and then
+MOVES_SHARE = 0.02
 # of values near to each other the larger hides the smaller until it is filled
 PASSES = 3
 # samples before and after a piece that its own are judged by
@@ -57,7 +59,7 @@ def isolated(x, steps):
 
     d the largest distance of these neighbours from their cubic, s the median of ``|r|`` within
     REACH, as a standard deviation, q the resolution; and at the value and beside it the ``|r|`` of
-    every other channel is below MOVES times its own s or q. The first and the last REACH values
+    every other channel is below MOVES times its own s or q, or MOVES_SHARE of what the spike is. The first and the last REACH values
     count as none.
     """
     x, found = np.array(x, dtype=float), np.zeros(np.shape(x), dtype=bool)
@@ -82,7 +84,9 @@ def isolated(x, steps):
             spread = np.abs(near - curve @ _POWERS.T).max(axis=1)
             noise = _noise(away, at, steps)
             far = np.abs(values[at] - curve[:, 0])
-            others = np.delete(away[:, at[:, None] + np.r_[-1:2]].max(axis=2) > MOVES * noise, k, 0)
+            beside = away[:, at[:, None] + np.r_[-1:2]].max(axis=2)
+            least = np.maximum(MOVES * noise, MOVES_SHARE * far * noise / noise[k])
+            others = np.delete(beside > least, k, 0)
             limit = np.maximum(OF_NEIGHBOURS * spread, OF_NOISE * noise[k])
             is_one = (far > limit) & ~others.any(axis=0)
             found[k, at[is_one]] = True
