@@ -12,6 +12,9 @@ from imuloop.diagnose.residuals import chance, held_out_covariance
 MARGIN = 1.25
 # verdicts of what was tested, from the best news to the worst
 TESTED = ("consistent", "explained", "partly_explained", "unexplained")
+# kinds of residuals of a device, which share the significance: gravity norm, pose rate, rotation,
+# two of velocity, and of each sensor the bias at rest and what a reference shows
+RESIDUALS = 9
 # verdicts that leave something to look for
 LEFT = ("unexplained", "partly_explained")
 

@@ -24,8 +24,6 @@ from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import leaves, not_testable
 
-# kinds of residuals of both sensors, which share the significance
-KINDS = 5
 # moves of which the velocity counts, at least
 LEAST_MOVES = 10
 # m/s; what may be lost between two samples of a move that counts: half a g at 100 Hz
@@ -167,7 +165,7 @@ def _diagnosed(choices, columns, beyond):
         errors, base = choices.errors(choices.nested), choices.choice().base
         _, calibrations = final_solution(choices.problem, base)
         fitted = fitted_effects(calibrations, base)
-        return *judged_residuals(choices, VELOCITY, KINDS, errors), calibrations, fitted
+        return *judged_residuals(choices, VELOCITY, errors), calibrations, fitted
 
     judged, residuals, calibrations, fitted = judged_by(choices)
     contents = {

@@ -7,7 +7,8 @@ from scipy.linalg import LinAlgError
 from scipy.special import sph_harm_y
 
 from imuloop.calibrate.least_squares import SINGULAR, Solution
-from imuloop.calibrate.sensor_pair import OF_SENSOR, Kind, OfSensor, SensorPair
+from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, Kind, OfSensor, SensorPair
+from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
@@ -16,11 +17,12 @@ from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.residuals import floor_range, held_out_covariance
 from imuloop.diagnose.search import kinds_of
-from imuloop.diagnose.verdict import judge, leaves, not_testable, verdict
+from imuloop.diagnose.verdict import RESIDUALS, judge, leaves, not_testable, verdict
 
-# kinds of residuals at the poses of a device, which share the significance: gravity norm, pose
-# rate, rotation
-KINDS = 3
+# kinds of residuals that a device leaves which does not lie still, and the share of its rests from
+# which on what is left of them may be that
+MOVED, MOVED_RESTS = {"pose_rate", "rotation", *VELOCITY}, 0.1
+STILL = "left may be that: wait 3 s after putting it down, or lay it on a table"
 # attitude patterns below degree 3 are those of bias, scale factor and misalignment
 DEGREES = (3, 4, 5)
 
@@ -102,7 +104,7 @@ def _diagnosed(choices, tested, contents, beyond):
     errors, residuals = choices.errors(choices.nested), {}
     contents = dict(contents)
     for sensor in tested:
-        judged, columns = judged_residuals(choices, OF_SENSOR[sensor], KINDS, errors, sensor)
+        judged, columns = judged_residuals(choices, OF_SENSOR[sensor], errors, sensor)
         residuals |= columns
         others = pose_candidates(sensor, problem.recording)[1]
         others = {
@@ -131,7 +133,7 @@ def _diagnosed(choices, tested, contents, beyond):
             )
             for each in tested:
                 judged, columns = judged_residuals(
-                    more.choices, OF_SENSOR[each], KINDS, errors, each
+                    more.choices, OF_SENSOR[each], errors, each
                 )
                 residuals |= columns
                 contents[each] |= judged
@@ -154,11 +156,10 @@ def fitted_effects(calibrations, base):
     return [every[effect.sensor, effect.effect] for effect in base]
 
 
-def judged_residuals(choices, kinds, count, errors, sensor=None, before=None):
+def judged_residuals(choices, kinds, errors, sensor=None, before=None):
     """Return verdict and residuals of a PoseProblem, and what is left of them, pose by pose.
 
-    Of some kinds of residual, `count` of which share the significance: the contract's fields, and
-    the columns of `residual_columns`. Before is without the effects of a `sensor`, of all if none
+    Of some kinds of residual: the contract's fields, and the columns of `residual_columns`. Before is without the effects of a `sensor`, of all if none
     is named, or, if given, as other Choices of the same rows have it. `errors` are those held out
     with all effects.
     """
@@ -179,7 +180,7 @@ def judged_residuals(choices, kinds, count, errors, sensor=None, before=None):
         for _, c in final.alternatives
     ]
     floor = np.tensordot(weights, floors, 1)
-    share = settings.significance / count / settings.family
+    share = settings.significance / RESIDUALS / settings.family
     residuals, above, slow = {}, (False, False), False
     for k, kind in enumerate(kinds):
         unit, rows = pair.kinds[kind][0], problem.of_kind(kind)
@@ -201,6 +202,11 @@ def judged_residuals(choices, kinds, count, errors, sensor=None, before=None):
         "slow_noise": bool(slow and not above[1]),
         "residuals": residuals,
     }
+    if found["verdict"] == "unexplained" and MOVED.intersection(kinds):
+        moved = problem.recording.poses.tilt > 0
+        if moved.mean() >= MOVED_RESTS:
+            why = f"the device moved in {moved.sum()} of {plural(len(moved), 'rest')}, and what is "
+            found |= {"verdict": "not_testable", "why": why + STILL}
     # what is left of a residual has its sign
     left = (*(-each[:, 0] for each in errors), base.values, final.values)
     return found, residual_columns(problem, kinds, left, floor[:, 0])

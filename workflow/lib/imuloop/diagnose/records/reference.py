@@ -322,7 +322,7 @@ class _Final:
         beside, before = set_up_content(choices, covariance)
         kinds = tuple(choices.problem.sensor.kinds)
         errors = choices.errors(choices.nested)
-        judged, columns = judged_residuals(choices, kinds, 2, errors, before=before)
+        judged, columns = judged_residuals(choices, kinds, errors, before=before)
         return cls(
             choices, before, within, why, beside, judged, columns, covariance, fitted, places
         )

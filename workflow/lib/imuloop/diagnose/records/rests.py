@@ -9,8 +9,9 @@ from imuloop.core.samples import Samples, read_columns
 from imuloop.core.segments import STATIC, runs
 from imuloop.diagnose.records.means import static_record
 
-# s; a rest of another session stands in for a static one from this length on
-INITIAL_REST = 30.0
+# s; a rest of another session stands in for a static one from this length on: a shorter one shows
+# no effect that the poses do not show better
+LONG_REST = 600.0
 
 # of the segments, what the static record and the noise take
 COLUMNS = "start_s", "end_s", "kind", "tilt_rad"
@@ -63,7 +64,7 @@ def rests_to_use(kinds, segments):
     rest of all others if it lasts. Kind and segments are by session; returned are ``start_s``,
     ``end_s``, ``kind`` and ``tilt_rad`` of the segments to use.
     """
-    static, longest, chosen = {}, INITIAL_REST, {}
+    static, longest, chosen = {}, LONG_REST, {}
     for name, table in segments.items():
         columns = {column: np.asarray(table[column]) for column in COLUMNS}
         still = np.flatnonzero(columns["kind"] == STATIC)

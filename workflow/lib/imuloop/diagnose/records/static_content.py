@@ -10,7 +10,7 @@ from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.content import residual_entry, search_content, untried
 from imuloop.diagnose.records.static import fitted_effects
 from imuloop.diagnose.residuals import held_out_covariance, size
-from imuloop.diagnose.verdict import MARGIN, judge, verdict
+from imuloop.diagnose.verdict import MARGIN, RESIDUALS, judge, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.drifts import GaussMarkov
 
@@ -36,7 +36,7 @@ def static_content(sensor, finding, noise, change, processes):
     floor = _floor(problem, noise, axes)
     process, why = _process(sensor, processes, settings)
     added = [e.name for e in finding.effects] + [GaussMarkov.name] * bool(process)
-    share = settings.significance / len(SENSORS) / settings.family
+    share = settings.significance / RESIDUALS / settings.family
     residual, above = residual_entry(
         problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share, bool(added)
     )

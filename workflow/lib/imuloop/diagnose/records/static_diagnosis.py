@@ -19,6 +19,7 @@ from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.moves import separated
+from imuloop.diagnose.records.rests import LONG_REST
 from imuloop.diagnose.records.slow_noise import prediction_errors
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, fold_of, information
 from imuloop.diagnose.records.static_content import static_content
@@ -191,8 +192,8 @@ def untestable(records, axes, settings):
     """Return why the records of a sensor cannot be diagnosed, or None."""
     if not records:
         return (
-            f"no rest that gives {2 * settings.blocks} means: record at least a minute at rest, "
-            "better two hours"
+            f"no static session, and no rest of {LONG_REST / 60:g} minutes, that gives "
+            f"{2 * settings.blocks} means: record one, better two hours"
         )
     if not all(a.N.square or a.Q.square or a.B.square or a.K.square for a in axes):
         return "the noise of an axis is not known"
