@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from imuloop.calibrate.least_squares import fit
+from imuloop.calibrate.least_squares import SINGULAR, NotConverged, fit, why_no_fit
 
 T = np.linspace(0, 4, 30)
 TRUTH = np.array([2.0, 1.3, -0.4])
@@ -58,6 +58,17 @@ def test_what_the_data_do_not_determine_is_an_error():
     for covariance in (np.eye(len(T)), -np.eye(len(T))):
         with pytest.raises(np.linalg.LinAlgError):
             fit(residuals, [0, 0], covariance)
+
+
+def test_a_fit_that_ends_before_its_minimum_is_none_and_says_so():
+    def residuals(x):
+        value = np.exp(-x[0]) * np.ones(3)
+        return value, -value[:, None]
+
+    with pytest.raises(NotConverged, match="does not converge in 100 steps") as raised:
+        fit(residuals, [0.0], np.eye(3))
+    assert why_no_fit(raised.value) == "the fit does not converge in 100 steps"
+    assert why_no_fit(np.linalg.LinAlgError("singular")) == SINGULAR
 
 
 @pytest.mark.parametrize("quiet", [1e-6, 1e-16, 1e-28, 1e-34])

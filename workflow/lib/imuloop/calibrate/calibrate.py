@@ -15,7 +15,7 @@ from imuloop.calibrate.determined import (
 )
 from imuloop.calibrate.gyroscope import NAMES as OF_GYROSCOPE
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.calibrate.least_squares import SINGULAR, condition_number
+from imuloop.calibrate.least_squares import condition_number, why_no_fit
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.raw_units import as_logged, in_raw_units
 from imuloop.calibrate.recording import record
@@ -183,8 +183,8 @@ def _estimated(pair, recording):
     sensor = pair.estimated[-1]
     try:
         solution = pair.fit(recording)
-    except LinAlgError:
-        return None, SINGULAR
+    except LinAlgError as error:
+        return None, why_no_fit(error)
     if reason := pair.lost_by(sensor, solution, recording):
         return None, reason
     made = pair.calibrations(solution)

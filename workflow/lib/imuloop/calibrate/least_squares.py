@@ -19,6 +19,15 @@ SINGULAR = (
 )
 
 
+class NotConverged(LinAlgError):
+    """A search for the best fit that ends before it is found."""
+
+
+def why_no_fit(error):
+    """Return what to say of a LinAlgError that a fit raised."""
+    return str(error) if isinstance(error, NotConverged) else SINGULAR
+
+
 @dataclass(frozen=True)
 class FitResult:
     """Result of a generalised least-squares fit of p parameters to n residuals.
@@ -83,7 +92,8 @@ def fit(residuals, x0, covariance, prior=None):
     Raises
     ------
     numpy.linalg.LinAlgError
-        If the covariance is not positive definite or the design is of deficient rank.
+        If the covariance is not positive definite or the design is of deficient rank; NotConverged
+        where chi square still falls after the last step.
 
     References
     ----------
@@ -120,6 +130,8 @@ def fit(residuals, x0, covariance, prior=None):
             break
         else:
             damping = max(10 * damping, _DAMPING)
+    else:
+        raise NotConverged(f"the fit does not converge in {_STEPS} steps")
     own = r[: len(jacobian)]
     return FitResult(x, covariance_of(white), float(r @ r), len(r) - len(x), jacobian, own)
 

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 from scipy.optimize import lsq_linear
 
+from imuloop.calibrate.least_squares import NotConverged
 from imuloop.core.precision import precision
 
 # size of a component, of which a deviation of what was known, or white noise, is one, that is none
@@ -72,6 +73,11 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None):
     start : ndarray, shape (k,), optional
         Sizes to start from; what is known of them without.
 
+    Raises
+    ------
+    NotConverged
+        If the likelihood still rises after the last step.
+
     References
     ----------
     Patterson & Thompson, Biometrika 58 (1971) 545; Gilmour, Thompson & Cullis, Biometrics 51 (1995)
@@ -125,4 +131,6 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None):
             squares, (loss, slope, information), damping = tried, found, damping / 10
         else:
             damping *= 10
+    else:
+        raise NotConverged(f"the size of the noise is not found in {STEPS} steps")
     return np.where(squares > 1.01 * TINY**2, np.sqrt(squares), 0.0)

@@ -10,8 +10,7 @@ from imuloop.calibrate.gyroscope import cross_matrix
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.samples import ANGULAR_RATE, CHANNELS
 
-
-# parts of a move over which slow noise has a mean each: early noise moves a velocity more than late
+# parts of a move over each of which slow noise has a mean: early noise moves a velocity more
 PARTS = 4
 
 
@@ -19,8 +18,8 @@ class PairCovariance:
     """The covariance of the residuals of a PairModel that the noise predicts.
 
     Every channel has means at the poses and over parts of each move; what each makes of a residual
-    is the gain. What a move has of slow noise the poses beside it have too; noise of different runs is
-    independent. White noise within a move, and errors of its time stamps, enter its rotation and
+    is the gain. What a move has of slow noise the poses beside it have too; noise of different runs
+    is independent. White noise within a move, and errors of its time stamps, enter its rotation and
     its velocity alike.
     """
 

@@ -59,8 +59,8 @@ def isolated(x, steps):
 
     d the largest distance of these neighbours from their cubic, s the median of ``|r|`` within
     REACH, as a standard deviation, q the resolution; and at the value and beside it the ``|r|`` of
-    every other channel is below MOVES times its own s or q, or MOVES_SHARE of what the spike is. The first and the last REACH values
-    count as none.
+    every other channel is below MOVES times its own s or q, or MOVES_SHARE of what the spike is.
+    The first and the last REACH values count as none.
     """
     x, found = np.array(x, dtype=float), np.zeros(np.shape(x), dtype=bool)
     n = x.shape[1]

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from scipy.linalg import LinAlgError
 
-from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.least_squares import why_no_fit
 from imuloop.core.rotation import step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import ratio_interval
@@ -64,8 +64,8 @@ def validate_attitude(device, diagnosed, settings):
     problem = poses.choices.problem.parted(block)
     try:
         models = held_out_models(diagnosed, problem)
-    except LinAlgError:
-        return no_attitude(device, SINGULAR)
+    except LinAlgError as error:
+        return no_attitude(device, why_no_fit(error))
     u = np.array([_directions(each, recording) for each in models])
     errors = _errors(recording, block, models, u[:, MODELS.index("final")], diagnosed.names)
     # how far the base model's directions are from the final one's, held out

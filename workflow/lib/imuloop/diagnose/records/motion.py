@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.gyroscope import midpoints
-from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.least_squares import why_no_fit
 from imuloop.calibrate.sensor_pair import VELOCITY, Kind, OfSensor
 from imuloop.core.effect import Effect
 from imuloop.core.errors import plural
@@ -130,8 +130,8 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
     )
     try:
         return _diagnosed(Choices(problem), columns, beyond)
-    except LinAlgError:
-        return untestable(SINGULAR, columns)
+    except LinAlgError as error:
+        return untestable(why_no_fit(error), columns)
 
 
 def untestable(why, columns=None):

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 from scipy.special import sph_harm_y
 
-from imuloop.calibrate.least_squares import SINGULAR, Solution
+from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, Kind, OfSensor, SensorPair
 from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
@@ -93,8 +93,9 @@ def diagnose_poses(
             return PoseResult(contents, pair, *final_solution(problem, ()))
         problem = pose_problem(pair, recording, settings, tests, found, information, tested)
         return _diagnosed(Choices(problem), tested, contents, beyond)
-    except LinAlgError:
-        return PoseResult(contents | {s: not_testable(SINGULAR) for s in tested}, pair)
+    except LinAlgError as error:
+        why = why_no_fit(error)
+        return PoseResult(contents | {s: not_testable(why) for s in tested}, pair)
 
 
 def _diagnosed(choices, tested, contents, beyond):
@@ -132,9 +133,7 @@ def _diagnosed(choices, tested, contents, beyond):
                 fitted_effects(calibrations, base),
             )
             for each in tested:
-                judged, columns = judged_residuals(
-                    more.choices, OF_SENSOR[each], errors, each
-                )
+                judged, columns = judged_residuals(more.choices, OF_SENSOR[each], errors, each)
                 residuals |= columns
                 contents[each] |= judged
             own = [f for f, e in zip(fitted, base, strict=True) if e.sensor == sensor]
@@ -159,9 +158,9 @@ def fitted_effects(calibrations, base):
 def judged_residuals(choices, kinds, errors, sensor=None, before=None):
     """Return verdict and residuals of a PoseProblem, and what is left of them, pose by pose.
 
-    Of some kinds of residual: the contract's fields, and the columns of `residual_columns`. Before is without the effects of a `sensor`, of all if none
-    is named, or, if given, as other Choices of the same rows have it. `errors` are those held out
-    with all effects.
+    Of some kinds of residual: the contract's fields, and the columns of `residual_columns`. Before
+    is without the effects of a `sensor`, of all if none is named, or, if given, as other Choices of
+    the same rows have it. `errors` are those held out with all effects.
     """
     problem, added = choices.problem, choices.choice().base
     pair, settings = problem.sensor, problem.settings

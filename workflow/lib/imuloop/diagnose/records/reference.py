@@ -7,7 +7,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, block_diag
 from scipy.stats import chi2
 
-from imuloop.calibrate.least_squares import SINGULAR, Solution
+from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.noise_components import Component
 from imuloop.calibrate.reference.recording import read_reference
 from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope, started
@@ -222,8 +222,8 @@ def diagnose_reference(sensor, recording, settings, tests, own, beyond=None):
             return ReferenceResult(not_testable(reason))
         axes = sensor.first if known.seen is None else known.seen
         return _diagnosed(Choices(problem), axes, others, (session, first, last), beyond)
-    except LinAlgError:
-        return ReferenceResult(not_testable(SINGULAR))
+    except LinAlgError as error:
+        return ReferenceResult(not_testable(why_no_fit(error)))
 
 
 def _parts(recording, session, first, count):

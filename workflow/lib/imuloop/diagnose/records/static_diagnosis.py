@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.least_squares import why_no_fit
 from imuloop.core.effect import Channels
 from imuloop.core.noise_model import (
     AxisNoise,
@@ -133,8 +133,8 @@ def diagnose_static(
             continue
         try:
             findings[sensor] = find(sensor, own, settings, tests)
-        except LinAlgError:
-            reasons[sensor] = not_testable(SINGULAR)
+        except LinAlgError as error:
+            reasons[sensor] = not_testable(why_no_fit(error))
 
     def result():
         return _result(findings, reasons, data, calibration, (noise, curve_fit), noise_settings)
