@@ -139,7 +139,8 @@ class PairCovariance:
         """
         part = (passed / passed.max(axis=1, keepdims=True) * self.parts).astype(int)
         inside = np.minimum(part, self.parts - 1)[:, None] == np.arange(self.parts)[:, None]
-        return np.einsum("mpk,mk...->mp...", inside, values)
+        sums = inside.astype(float) @ values.reshape(*passed.shape, -1)
+        return sums.reshape(*sums.shape[:2], *values.shape[2:])
 
     @cached_property
     def tilted(self):
