@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+import imuloop
 from bench.realistic import device
 from bench.realistic.__main__ import summary
 from bench.realistic.device import (
@@ -24,6 +25,7 @@ from bench.realistic.device import (
 )
 from bench.realistic.judge import alarms, errors, pulls
 from bench.realistic.plain import fit, rotation
+from quick import hurried
 
 # a short log of few samples
 FEW = 46
@@ -109,6 +111,19 @@ def test_noise_has_the_size_that_it_names():
         means = slow_noise(n, 10.0, 0.3, 0.0, rng).reshape(-1, tau * 10, 3).mean(axis=1)
         allan = np.sqrt(np.mean(np.diff(means, axis=0) ** 2) / 2)
         assert allan == pytest.approx(0.664 * 0.3, rel=0.15)
+
+
+@pytest.mark.parametrize(("case", "verdict"), [("settle", "not_testable"), ("clean", "consistent")])
+def test_what_a_device_leaves_that_moves_at_rest_is_no_effect(tmp_path, case, verdict):
+    record(14, case).write(tmp_path / "log.csv")
+    with hurried("imu"):
+        result = imuloop.calibrate(tmp_path / "log.csv", name="imu", progress=False)
+    poses = result.diagnosis["sensors"]["gyroscope"]["poses"]
+    assert poses["verdict"] == verdict
+    assert ("the device moved in 1" in poses.get("why", "")) == (case == "settle")
+    # nothing is said of the first half minute at rest: it is no static record
+    still = result.diagnosis["sensors"]["accelerometer"]["static_record"]
+    assert still["verdict"] == "not_testable" and "no rest of 10 minutes" in still["why"]
 
 
 def test_what_is_missing_from_the_model_is_in_the_log(coarse):
