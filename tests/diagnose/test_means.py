@@ -80,12 +80,12 @@ def test_merged_windows_keep_sums_and_stay_in_their_stretch(most):
 
 
 def test_the_static_sessions_are_used_else_the_longest_rest():
-    moves = segments((0, 50, "static"), (50, 60, "motion"), (60, 70, "static"))
-    short = segments((0, 20, "static"), (20, 60, "motion"))
+    moves = segments((0, 700, "static"), (700, 710, "motion"), (710, 720, "static"))
+    short = segments((0, 500, "static"), (500, 560, "motion"))
     kinds = {"a": "static", "b": "multi_position", "c": "six_position"}
     assert list(rests_to_use(kinds, {"a": CUT, "b": moves})) == ["a"]
     (name, alone), *more = rests_to_use(kinds, {"b": moves, "c": short}).items()
-    assert (name, *alone["start_s"], *alone["end_s"], more) == ("b", 0, 50, [])
+    assert (name, *alone["start_s"], *alone["end_s"], more) == ("b", 0, 700, [])
     assert rests_to_use(kinds, {"c": short}) == {}
     # a static session that holds no rest is as none
     moved = segments((0, 100, "disturbed"))

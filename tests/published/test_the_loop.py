@@ -45,11 +45,6 @@ def test_xsens_accelerometer_needs_no_polynomial(measured):
         assert candidate["heldout_after"] > residual["before"]
 
 
-def test_xsens_accelerometer_has_coloured_noise_on_z(measured):
-    found = part(measured, "xsens_mti", "accelerometer", "static_record")
-    assert {"gauss_markov", "sinusoid", "ramp"} & set(names(found))
-
-
 def test_xsens_gyroscope_is_g_sensitive(measured):
     found = part(measured, "xsens_mti", "gyroscope")
     assert names(found)[:1] == ["g_sensitivity"]

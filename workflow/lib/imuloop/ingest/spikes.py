@@ -18,7 +18,7 @@ OF_NEIGHBOURS, OF_NOISE = 10.0, 15.0
 # knocks of a single sample, of 3.3 million measured rows, one comes to 7 at least
 MOVES = 6.0
 # and at least this share of what the spike is times its own: chance alone comes to 7 now and then
-MOVES_SHARE = 0.02
+MOVES_SHARE = 0.01
 # of values near to each other the larger hides the smaller until it is filled
 PASSES = 3
 # samples before and after a piece that its own are judged by
@@ -85,8 +85,8 @@ def isolated(x, steps):
             noise = _noise(away, at, steps)
             far = np.abs(values[at] - curve[:, 0])
             beside = away[:, at[:, None] + np.r_[-1:2]].max(axis=2)
-            least = np.maximum(MOVES * noise, MOVES_SHARE * far * noise / noise[k])
-            others = np.delete(beside > least, k, 0)
+            own = np.divide(far, noise[k], out=np.zeros_like(far), where=noise[k] > 0)
+            others = np.delete(beside > np.maximum(MOVES, MOVES_SHARE * own) * noise, k, 0)
             limit = np.maximum(OF_NEIGHBOURS * spread, OF_NOISE * noise[k])
             is_one = (far > limit) & ~others.any(axis=0)
             found[k, at[is_one]] = True
