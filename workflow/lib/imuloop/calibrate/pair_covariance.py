@@ -1,5 +1,6 @@
 """The covariance of the residuals of both sensors by the noise of their six channels."""
 
+import math
 from dataclasses import replace
 from functools import cached_property
 
@@ -139,8 +140,8 @@ class PairCovariance:
         """
         part = (passed / passed.max(axis=1, keepdims=True) * self.parts).astype(int)
         inside = np.minimum(part, self.parts - 1)[:, None] == np.arange(self.parts)[:, None]
-        sums = inside.astype(float) @ values.reshape(*passed.shape, -1)
-        return sums.reshape(*sums.shape[:2], *values.shape[2:])
+        flat = values.reshape(*passed.shape, math.prod(values.shape[2:]))
+        return (inside.astype(float) @ flat).reshape(*inside.shape[:2], *values.shape[2:])
 
     @cached_property
     def tilted(self):
