@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 from imuloop.calibrate.noise_components import Component
+from imuloop.discover.discovery import AGREED, FLOOR, Discovery, lead_over_changes
 from imuloop.discover.selection import (
     ALIKE,
+    LEVEL,
+    MARGIN,
+    ROWS,
     SIMPLER,
     Rows,
+    Selection,
     likeliest_reference,
     select,
     whitened,
@@ -74,6 +79,48 @@ def test_of_near_equals_the_shortest_time_constant_is_chosen():
     best = select(own, space, level=0.01, draws=300, seed=0).candidates[0]
     assert best and scores.max() - scores[best] < SIMPLER
     assert all(scores.max() - score > SIMPLER for score in scores[best + 1 :])
+
+
+def test_a_form_that_all_rows_are_enough_for_is_one_of_a_part_too():
+    rng, width = np.random.default_rng(8), 7
+    count = ROWS * width + 1
+    values, columns = rng.normal(size=count), rng.normal(size=(count, width))
+    own = rows(values, columns)[0]
+    form, part = (tuple(range(width)),), np.arange(count - 3)
+    assert whitened(own.subset(part), columns[part], form, ()).columns == form
+    less = replace(own.subset(part), count=len(part))
+    assert whitened(less, columns[part], form, ()).columns == ((),)
+
+
+def test_a_column_leads_where_its_size_keeps_its_sign():
+    rng = np.random.default_rng(9)
+    columns = rng.normal(size=(60, 40))
+    noise, sign = rng.normal(size=60), np.sign(np.arange(60) - 29.5)
+    lead = [
+        lead_over_changes(*rows(noise + 2 * columns[:, 3] * size, columns), (3,))
+        for size in (1, sign)
+    ]
+    assert lead[0] > 2 * MARGIN and lead[1] < 0
+
+
+@pytest.mark.parametrize(
+    "lacking",
+    [
+        {"lead": MARGIN / 2},
+        {"constant": LEVEL / 2},
+        {"noise_chance": FLOOR / 2},
+        {"agreed": AGREED - 0.1},
+        {"kinds": {"gravity_norm": {"ratio_ci95": (0.4, 1.1)}}},
+    ],
+    ids=lambda lacking: next(iter(lacking)),
+)
+def test_no_name_is_given_where_one_confirmation_is_lacking(lacking):
+    space = rows(np.zeros(60), np.zeros((60, 4)))[1]
+    selection = Selection(0.0, (3,), (3,), margin=2 * MARGIN, gain=100 * MARGIN)
+    kinds = {"gravity_norm": {"ratio_ci95": (0.4, 0.6)}}
+    found = Discovery(space, selection, kinds, agreed=1.0)
+    assert found.effect.formula == "x: fx^4"
+    assert replace(found, **lacking).effect is None
 
 
 @pytest.mark.parametrize("power", [1, 2])
