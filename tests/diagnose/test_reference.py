@@ -170,7 +170,7 @@ def test_an_unexplained_accelerometer_is_not_written_and_turns_no_gyroscope():
         sag[known] = attitude.apply(0.01 * np.column_stack([abs(x) * y, z**3, 2 * x * y * z]))
         return columns | {f"p{k}": columns[f"p{k}"] + sag[:, i] for i, k in enumerate("xyz")}
 
-    truth = replace(base(SEED), duration_s=60.0)
+    truth = replace(base(SEED), duration_s=40.0)
     with patch("imuloop.discover.search.search_formulas", return_value=None):
         diagnosis, _, calibration = diagnosed(truth, SEED, limits=False, change=harm)
     # the diagnosis says what it found
@@ -221,7 +221,7 @@ def test_what_a_reference_gets_wrong_with_attitude_is_no_effect():
         q[known] = (attitude * Rotation.from_rotvec(error)).as_quat()
         return columns | dict(zip(("qx", "qy", "qz", "qw"), q.T, strict=True))
 
-    truth = replace(base(SEED), duration_s=60.0)
+    truth = replace(base(SEED), duration_s=40.0)
     diagnosis, *_ = diagnosed(truth, SEED, limits=False, change=harm)
     effects = found(diagnosis)
     assert effects == {"accelerometer": {}, "gyroscope": {}}
@@ -266,7 +266,7 @@ def test_rests_beside_a_reference_are_poses_of_one_solution():
 @pytest.mark.study
 def test_arm_of_each_axis_is_found_and_applied():
     arm = np.array([[0.05, 0.0, 0.01], [0.0, 0.04, -0.01], [0.01, 0.0, -0.02]])
-    truth = replace(base(SEED), arm=arm, duration_s=60.0)
+    truth = replace(base(SEED), arm=arm, duration_s=40.0)
     diagnosis, _, calibration = diagnosed(truth, SEED, limits=False, sessions=3)
     effects = found(diagnosis)["accelerometer"]
     assert set(effects) == {"lever_arm", "size_effect"}

@@ -1,12 +1,14 @@
 """Validation by attitude: what carries gravity's direction, and on stretches that nobody saw."""
 
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  the library of effects
+from bench.study.chain import LIMITS
 from calibrate.devices import difference, recording
 from diagnose.models import diagnosed as pose_results
 from diagnose.test_search import MATRIX, with_g_sensitivity
@@ -26,13 +28,10 @@ SETTINGS = DiagnoseSettings()
 
 def diagnosed(made):
     """Return the Diagnosed of poses by the noise of the example, whatever effects they hold."""
-    poses = pose_results(example_truth(), made)
+    with patch(LIMITS, return_value={}):
+        poses = pose_results(example_truth(), made)
     calibration = Calibration("d", 9.80665, *(poses.calibrations.get(s) for s in SENSORS))
     return Diagnosed({}, calibration, {}, poses.pair.noise, poses, made, ["turns"], {})
-
-
-def validated(made):
-    return validate_attitude("d", diagnosed(made), SETTINGS)
 
 
 def course(turns=3, rate=100.0, seed=0):
@@ -134,6 +133,12 @@ def sensitive():
     return made, found, validate_attitude("d", found, SETTINGS)
 
 
+@pytest.fixture(scope="module")
+def plain():
+    made = recording(example_truth(), 2)
+    return made, diagnosed(made)
+
+
 def test_each_rotation_is_in_one_stretch_of_its_block(sensitive):
     made, _, _ = sensitive
     block = blocks(len(made.poses), SETTINGS)
@@ -198,9 +203,8 @@ def test_models_do_not_see_what_they_are_judged_by(sensitive):
         assert np.abs(moved).max() < 0.1
 
 
-def test_without_an_effect_the_final_model_is_the_base_model():
-    made = recording(example_truth(), 2)
-    content, table = validated(made)
+def test_without_an_effect_the_final_model_is_the_base_model(plain):
+    content, table = validate_attitude("d", plain[1], SETTINGS)
     for method in content["methods"].values():
         assert method["models"]["base"] == method["models"]["final"]
         assert (method["base_over_final"], method["ratio_ci95"]) == (1, [1, 1])
@@ -212,19 +216,18 @@ def test_without_an_effect_the_final_model_is_the_base_model():
     assert filtered["base"] < 4 * rotation["floor_deg"] and filtered["raw"] > 1
 
 
-def test_without_the_package_of_the_filter_there_is_the_gyroscope_alone(monkeypatch):
+def test_without_the_package_of_the_filter_there_is_the_gyroscope_alone(plain, monkeypatch):
     """Not each Python and processor has a wheel of it: the rest of a device's results is there."""
     monkeypatch.delitem(METHODS, "filter")
-    made = recording(example_truth(), 2)
-    content, table = validated(made)
+    content, table = validate_attitude("d", plain[1], SETTINGS)
     assert content["status"] == "ok" and set(table["method"]) == {"rotation"}
     assert all(set(found) == {"rotation"} for found in content["sessions"].values())
     assert set(content["methods"]) == {"rotation"}
 
 
-def test_too_few_poses_are_not_testable():
-    made = recording(example_truth(), 2)
-    content, table = validated(made.select(np.arange(len(made.poses)) < 11))
+def test_too_few_poses_are_not_testable(plain):
+    few = plain[0].select(np.arange(len(plain[0].poses)) < 11)
+    content, table = validate_attitude("d", diagnosed(few), SETTINGS)
     assert content["status"] == "not_testable"
     assert "poses" in content["why"]
     assert not len(table["error_deg"])
