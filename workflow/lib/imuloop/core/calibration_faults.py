@@ -2,6 +2,7 @@
 
 import json
 import math
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -31,10 +32,15 @@ _LARGEST = 1e9
 _ROUNDING = 1e-6
 
 
+@cache
+def _validator():
+    # parsed once: it takes longer than all else of reading a calibration
+    return Draft202012Validator(yaml.safe_load(SCHEMA.read_text()))
+
+
 def content_fault(content):
     """Return what of a calibration's JSON, a dict, is not as its schema has it, or None."""
-    validator = Draft202012Validator(yaml.safe_load(SCHEMA.read_text()))
-    if error := next(validator.iter_errors(content), None):
+    if error := next(_validator().iter_errors(content), None):
         key, text = ".".join(map(str, error.absolute_path)), error.message
         if len(text) > _SHOWN:
             text = f"{text[: _SHOWN // 2]} … {text[-_SHOWN // 2 :]}"
