@@ -11,6 +11,8 @@ from imuloop.core.errors import RejectedLog
 from imuloop.ingest.reference import read_series
 
 N, SECRET = 500, b"root:x:0:secret!"
+# where nothing can wait for another process
+in_process = pytest.mark.usefixtures("in_process")
 
 
 @pytest.fixture(params=["log.nc", "log.mat"])
@@ -88,6 +90,7 @@ def refusal(name, way):
     ]
 
 
+@in_process
 def test_the_log_is_sound(run, log, path):
     """So that what follows is refused for what was done to it."""
     done = run(path)
@@ -95,6 +98,7 @@ def test_the_log_is_sound(run, log, path):
     np.testing.assert_array_equal(done.samples.gx, log.gx)
 
 
+@in_process
 @pytest.mark.parametrize("way", WAYS)
 def test_no_byte_of_another_file_is_read(run, path, secret, way):
     """Protects all files of a machine that reads a log of somebody else.
@@ -109,6 +113,10 @@ def test_no_byte_of_another_file_is_read(run, path, secret, way):
         assert SECRET[:8] not in file.read_bytes()
 
 
+# the walk is the same in both formats
+@pytest.mark.parametrize(
+    "path", ["log.nc", pytest.param("log.mat", marks=pytest.mark.study)], indirect=True
+)
 @pytest.mark.parametrize("way", WAYS)
 def test_a_pipe_is_found_behind_other_links_and_not_waited_for(run, path, tmp_path, way):
     """Protects against opening what is named: the refusal comes before the library opens it.
@@ -127,6 +135,7 @@ def test_a_pipe_is_found_behind_other_links_and_not_waited_for(run, path, tmp_pa
     assert reason.endswith(refusal("deeper/more", way)[0])
 
 
+@in_process
 def test_a_link_of_a_users_own_kind_is_external(run, path):
     """Protects against kinds of links that are not known here: 64 is external, above are others."""
     spoil(path, external_link, "AAAA", "more")
@@ -146,6 +155,7 @@ def test_nor_is_one_read_as_a_reference(path, secret, way):
         read_series(path, None, ["t", "gx"], "reference.columns")
 
 
+@in_process
 def test_a_second_name_within_the_file_is_read(run, log, tmp_path):
     """Protects files that are whole: a soft link is no way out."""
     path = tmp_path / "log.nc"
