@@ -26,7 +26,7 @@ from imuloop.plan.session import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, RES
 from imuloop.report.figures.poses import largest_hole
 from imuloop.report.recording import WIDE_HOLE
 from test_config_schema import SETTINGS
-from workflow.run import dry_run
+from workflow.run import forked
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 DOCUMENTS = [
@@ -208,7 +208,7 @@ def test_commands_work(results, tmp_path, command):
         arguments = [str(places.get(word, word)) for word in arguments]
         if "-s" not in arguments:
             arguments = ["-s", str(REPOSITORY / "Snakefile"), "-d", str(tmp_path), *arguments]
-        run = dry_run([*arguments, "-n", "--quiet"], tmp_path, os.environ.copy())
+        run = forked([*arguments, "-n", "--quiet"], tmp_path, os.environ.copy())
         assert run.returncode == 0, run.stderr
     elif arguments[0] == "-m":
         assert (REPOSITORY / f"{arguments[1].replace('.', '/')}.py").exists()

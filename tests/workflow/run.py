@@ -33,14 +33,11 @@ def snakemake(
 ):
     """Run the workflow of a repository in a folder; return the finished process."""
     found = {key: value for key, value in os.environ.items() if key != "IMULOOP_MIRROR"}
-    how = {"cwd": cwd or folder, "env": found | environment}
-    if "-n" in arguments:
-        return dry_run(words(repository, folder, *arguments, target=target, config=config), **how)
-    run = command(repository, folder, *arguments, target=target, config=config)
-    return subprocess.run(run, **how, capture_output=True, text=True)
+    run = words(repository, folder, *arguments, target=target, config=config)
+    return forked(run, cwd or folder, found | environment)
 
 
-def dry_run(arguments, cwd, env):
+def forked(arguments, cwd, env):
     """Run Snakemake in a fork, which spares its imports; return what ``subprocess.run`` would."""
     with TemporaryDirectory() as folder:
         printed = [Path(folder, name) for name in ("stdout", "stderr")]
