@@ -25,6 +25,7 @@ from imuloop.export.export import FORMATS
 from imuloop.plan.session import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 from imuloop.report.figures.poses import largest_hole
 from imuloop.report.recording import WIDE_HOLE
+from quick import hurried
 from test_config_schema import SETTINGS
 from workflow.run import forked
 
@@ -174,7 +175,8 @@ def test_python_runs(results, monkeypatch, block):
     monkeypatch.setattr(Effect, "library", dict(Effect.library))
     block = block.replace('"data/replicas/', f'"{REPOSITORY}/data/replicas/')
     names = {}
-    exec(compile(block, "document", "exec"), names)
+    with hurried("my_imu"):
+        exec(compile(block, "document", "exec"), names)
     if "calibrated" in names:
         found = (results - names["calibrated"])[list(CHANNELS)]
         np.testing.assert_allclose(found, [[0.1, 0.2, 0.3] * 2] * len(results), atol=1e-12)

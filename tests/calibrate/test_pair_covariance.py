@@ -11,7 +11,7 @@ from imuloop.core.samples import CHANNELS
 from imuloop.simulate.noise import flicker, walk, white
 from imuloop.simulate.truth import example_truth
 
-SEEDS, DRAWS, RATE = 5, 3000, 50.0
+SEEDS, DRAWS, RATE = 5, 3000, 25.0
 PLAN = {"poses": 3, "initial_rest_s": 10.0, "rest_s": (3.0, 8.0), "move_s": (1.0, 1.5)}
 TRUTH = planned(example_truth(rate=RATE), **PLAN)
 # size of slow noise beside white noise of size one, s^-1/2 and s^-1, and how it is drawn: over a
@@ -25,7 +25,7 @@ def device():
 
     The latter by differences, for the means at the poses and the samples along the moves.
     """
-    made = recording(TRUTH, 1)
+    made = recording(TRUTH, 2)
     pair, x = true_pair(TRUTH, made)
     plain, step, gains = pair.model_at(x, made).residuals(x)[0], 1e-6, []
     for axis in range(6):

@@ -95,7 +95,7 @@ def test_intervals_cover_the_truth_and_the_mean_of_the_bias_over_the_rests(seeds
         assert own.mean() > 0.95 - 4 * np.sqrt(0.95 * 0.05 / own.size), kind
 
 
-@seeds(10, 40)
+@seeds(6, 40)
 def test_a_given_accelerometer_counts_as_far_as_it_is_known(seeds):
     size = np.repeat([3e-3, 5e-3, 0.05], 3)
     rng, true = np.random.default_rng(0), true_parameters(FEW)[:9]
@@ -199,9 +199,10 @@ def errors_in_use(x, truth):
     return found
 
 
-def test_it_is_no_worse_than_a_plain_fit_on_clean_devices():
+@seeds(6, 12)
+def test_it_is_no_worse_than_a_plain_fit_on_clean_devices(seeds):
     ratios = []
-    for seed in range(12):
+    for seed in range(seeds):
         made = recording(TRUTH, 300 + seed)
         sensors = calibrated(made, NOISE, TRUTH.gravity)
         joint = np.concatenate(

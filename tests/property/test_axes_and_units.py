@@ -74,6 +74,13 @@ def made():
     return known_noise(truth), recording(truth, 11)
 
 
+@pytest.fixture(scope="module")
+def plain(made):
+    """Its accelerometer and gyroscope, calibrated as logged."""
+    noise, log = made
+    return calibrated(log, noise, G)
+
+
 def turned_recording(made, turn):
     """Return noise and recording of a device whose axes are named and turned otherwise.
 
@@ -92,32 +99,29 @@ def turned_recording(made, turn):
 
 @settings(max_examples=6)
 @given(signed_permutations)
-def test_both_sensors_turn_with_their_axes(made, turn):
+def test_both_sensors_turn_with_their_axes(made, plain, turn):
     """The triangular T ties the body frame to the order of the axes: products know no frame."""
     f, w, found, chi2 = G * directions(30, 1), directions(30, 2), [], []
-    for own in (np.eye(3), turn):
-        noise, log = turned_recording(made, own)
-        force, rate = calibrated(log, noise, G)
+    noise, log = turned_recording(made, turn)
+    for own, (force, rate) in ((np.eye(3), plain), (turn, calibrated(log, noise, G))):
         mirror = np.linalg.det(own)
         x, y = force.apply(f @ own.T), mirror * rate.apply(mirror * w @ own.T)
         found.append([(a * b).sum(axis=1) for a, b in ((x, x), (y, y), (x, y))])
         chi2.append(rate.reduced_chi2)
-    for (plain, other), size in zip(zip(*found, strict=True), (G**2, 1.0, G), strict=True):
-        np.testing.assert_allclose(other, plain, atol=1e-6 * size)
+    for (one, other), size in zip(zip(*found, strict=True), (G**2, 1.0, G), strict=True):
+        np.testing.assert_allclose(other, one, atol=1e-6 * size)
     assert chi2[1] == pytest.approx(chi2[0], rel=1e-4)
 
 
 @settings(max_examples=4)
 @given(st.floats(1e-6, 1e3), st.floats(-1e5, 1e5))
-def test_the_unit_of_the_log_reaches_k_and_b_alone(made, scale, offset):
+def test_the_unit_of_the_log_reaches_k_and_b_alone(made, plain, scale, offset):
     noise, log = made
     counts = dict.fromkeys(UNITS, RawUnit("count", scale, offset))
-    for plain, other in zip(
-        *(calibrated(log, noise, G, units=units) for units in (UNITS, counts)), strict=True
-    ):
-        np.testing.assert_array_equal(other.T, plain.T)
-        np.testing.assert_allclose(other.K, plain.K * scale, rtol=1e-12)
-        np.testing.assert_allclose((other.b - offset) * scale, plain.b, atol=1e-10 * scale * 1e5)
-        for name, std in plain.std.items():
+    for one, other in zip(plain, calibrated(log, noise, G, units=counts), strict=True):
+        np.testing.assert_array_equal(other.T, one.T)
+        np.testing.assert_allclose(other.K, one.K * scale, rtol=1e-12)
+        np.testing.assert_allclose((other.b - offset) * scale, one.b, atol=1e-10 * scale * 1e5)
+        for name, std in one.std.items():
             factor = {"K": scale, "b": 1 / scale}.get(name[0], 1.0)
             assert other.std[name] == pytest.approx(std * factor, rel=1e-9)
