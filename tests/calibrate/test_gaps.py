@@ -41,7 +41,10 @@ HARMS = {
 }
 
 
-@pytest.mark.parametrize("harm", HARMS)
+# without harm intervals are tested in test_sensor_pair.py, too
+@pytest.mark.parametrize(
+    "harm", [pytest.param(harm, marks=[pytest.mark.study] * (harm == "none")) for harm in HARMS]
+)
 def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
     found = []
     for seed in range(100, 100 + SEEDS):
@@ -135,7 +138,7 @@ def calibrated_from_file(log, folder):
 
 
 # the upper end alone, or both
-@pytest.mark.parametrize("low", [-np.inf, -1.0])
+@pytest.mark.parametrize("low", [pytest.param(-np.inf, marks=pytest.mark.study), -1.0])
 def test_turns_beyond_the_range_are_left_out_and_pull_nothing(low, tmp_path):
     log = simulate_session(TRUTH, "multi_position", 106)
     top = 0.75 * log[list(ANGULAR_RATE)].abs().max().max()
@@ -148,7 +151,7 @@ def test_turns_beyond_the_range_are_left_out_and_pull_nothing(low, tmp_path):
 
 
 # of the second, turns come to half of what gravity shows: no scale of the logger
-@pytest.mark.parametrize("limit", [0.3, 0.5])
+@pytest.mark.parametrize("limit", [pytest.param(0.3, marks=pytest.mark.study), 0.5])
 def test_of_turns_that_are_all_beyond_the_range_the_reason_says_so(limit, tmp_path):
     log = simulate_session(TRUTH, "multi_position", 106)
     log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].clip(-limit, limit)

@@ -83,7 +83,7 @@ def test_a_file_that_holds_nothing(run, tmp_path, content, reason):
     assert rejected(run(tmp_path / "log.csv", columns=columns)).startswith(reason)
 
 
-@pytest.mark.parametrize("line", ["7", "\\0"])
+@pytest.mark.parametrize("line", [pytest.param("7", marks=pytest.mark.study), "\\0"])
 def test_a_line_of_100_MB_costs_its_share_and_little_memory(log, tmp_path, line):
     """A hole in the file, which is zeros without room on the disk: nothing was in it."""
     half = len(log) // 2
