@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.devices import known_noise, recording
+from calibrate.devices import known_noise, planned, recording
 from diagnose.models import of_sensor, pair_of, problem_of, shapes_of
 from diagnose.records import record, root, search, windows
 from diagnose.test_search import with_effect
@@ -16,10 +16,12 @@ from imuloop.diagnose.records.poses import PoseProblem
 from imuloop.effects.drifts import BiasDrift, Ramp, WarmUp
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.temperature import BiasTemperature
+from imuloop.simulate.truth import example_truth
 from seeds import least, seeds
 
 DRIFT = BiasDrift()
 DRIFTS = shapes_of("accelerometer", DRIFT)
+TRUTH = planned(example_truth(rate=50.0), poses=30)
 
 
 @seeds(10, 30)
@@ -67,7 +69,7 @@ def test_a_line_has_its_limit_on_one_axis_in_every_session():
 
 def searched(size, seed):
     """Return the Choices of a drift on x, by noise of which no walk is known."""
-    truth = with_effect("accelerometer", DRIFT, [size, 0.0, 0.0])
+    truth = with_effect("accelerometer", DRIFT, [size, 0.0, 0.0], TRUTH)
     noise, made = known_noise(truth), recording(truth, seed)
     axes = {a: replace(noise.axes[a], K=Coefficient(upper95=1e-3)) for a in ("ax", "ay", "az")}
     pair = pair_of(truth, made, replace(noise, axes=noise.axes | axes))

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
+from bench.study.chain import LIMITS
 from calibrate.devices import known_noise
 from diagnose.models import diagnosed, pair_of
 from imuloop.calibrate.recording import record
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.core.samples import SENSORS
+from imuloop.diagnose.limits import detection_limits
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -41,8 +43,8 @@ def power_cycles(seed, runs=3, size=1.0):
 def cycles():
     recording, jumps = power_cycles(1)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("imuloop.diagnose.content.detection_limits", lambda *a, **k: {"any": 0.0})
-        return recording, jumps, diagnosed(TRUTH, recording)
+        patch.setattr(LIMITS, lambda *a, **k: {"any": 0.0})
+        return recording, jumps, diagnosed(TRUTH, recording, folds=5)
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
@@ -76,7 +78,12 @@ def test_scale_and_misalignment_are_as_good_as_of_one_run(cycles):
         assert all(mixed[name] > 3 * all_[name] for name in names)
 
 
-def test_runs_of_one_bias_have_none():
+def test_runs_of_one_bias_have_none(monkeypatch):
+    def of_turn_on(search, base, trial, *how, **more):
+        own = trial.effect.name == "turn_on_bias"
+        return detection_limits(search, base, trial, *how, **more) if own else {}
+
+    monkeypatch.setattr(LIMITS, of_turn_on)
     recording, _ = power_cycles(2, size=0.0)
     for content in diagnosed(TRUTH, recording).contents.values():
         assert content["verdict"] == "consistent" and content["effects"] == []

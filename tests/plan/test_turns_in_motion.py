@@ -44,6 +44,12 @@ def asked(log):
     return next_recording(in_motion(recorded(log)))["motion"]
 
 
+@pytest.fixture(scope="module")
+def fast():
+    """The Diagnosed of turns that were all fast."""
+    return in_motion(recorded(turned(1)))
+
+
 @pytest.mark.parametrize("axis", [0, pytest.param(2, marks=pytest.mark.study)])
 def test_the_axis_is_the_one_that_was_turned_about_slowly(axis):
     found = asked(turned(1 + axis, slowly=(axis,)))
@@ -59,20 +65,19 @@ def test_the_axis_is_the_one_that_was_turned_about_slowly(axis):
     assert "in 2.0 s each (90° at 45 °/s)" in words
 
 
-def test_an_arm_that_the_calibration_holds_is_known_as_well_as_there():
+def test_an_arm_that_the_calibration_holds_is_known_as_well_as_there(fast):
     """Protects σ now of what other records show: it was that of these moves alone."""
-    made, arm = in_motion(recorded(turned(1))), LeverArm()
-    calibration = made.calibration
+    arm, calibration = LeverArm(), fast.calibration
     every = dict.fromkeys(arm.parameters, 0.0), dict.fromkeys(arm.parameters, 1.0)
     force = replace(calibration.accelerometer, effects=(FittedEffect(arm, *every),))
     calibration = replace(calibration, accelerometer=force)
-    found = next_recording(replace(made, calibration=calibration))["motion"]
+    found = next_recording(replace(fast, calibration=calibration))["motion"]
     assert found["parameter"].startswith("lever_arm.") and found["std"] == 1.0
     assert found["std_after"] < found["level"]
 
 
-def test_nothing_is_asked_where_every_move_was_fast():
-    assert asked(turned(1)) == {}
+def test_nothing_is_asked_where_every_move_was_fast(fast):
+    assert next_recording(fast)["motion"] == {}
 
 
 def test_expected_errors_are_those_of_a_fit_with_the_turns_added():
