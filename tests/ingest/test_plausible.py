@@ -11,6 +11,7 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.units import DEGREE
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import Disturbance, Vibration, example_truth, read_truth
+from seeds import seeds
 
 COUNTS = {"acceleration": "count", "angular_rate": "count"}
 XSENS = {
@@ -46,9 +47,11 @@ def simulated(session, seed=5, truth=None, **changed):
     return simulate_session(planned(truth or example_truth(), session, **changed), session, seed)
 
 
-@pytest.mark.parametrize("i", [1, pytest.param(5, marks=pytest.mark.study)])
-def test_measured_turns_agree_with_gravity(recordings, taken, i):
-    for chip in range(1, 9):
+@pytest.mark.parametrize(
+    ("i", "chips"), [(1, 2), *(pytest.param(i, 8, marks=pytest.mark.study) for i in (1, 5))]
+)
+def test_measured_turns_agree_with_gravity(recordings, taken, i, chips):
+    for chip in range(1, chips + 1):
         found = taken(recordings(f"exp_{i}.parquet"), **array(chip))
         ratio = found["faults"]["rests"]["turn_ratio"]
         assert found["status"] == "ok"
@@ -58,12 +61,13 @@ def test_measured_turns_agree_with_gravity(recordings, taken, i):
         assert not any("specific force" in line for line in found["warnings"])
 
 
-def test_healthy_logs_have_no_line(repository, taken):
+@seeds(1, 2)
+def test_healthy_logs_have_no_line(repository, taken, seeds):
     replica = read_truth(repository / "data/replicas/iphone_6.yaml")
     shaken = {"vibration": Vibration(0.5, (0.05, 0.8), (12, 45)), "turns_about_vertical": 8}
     moved = (Disturbance("knock", 50, 4.0), Disturbance("tilt", 120, 2.0))
     for truth in (example_truth(), replica):
-        for seed in range(2):
+        for seed in range(seeds):
             for session, kind, changed in (
                 ("multi_position", "multi_position", {"poses": 12}),
                 ("multi_position", "multi_position", {"poses": 12, **shaken}),
@@ -113,6 +117,7 @@ def test_what_moves_is_not_static(taken, seed):
     assert taken(flight(seed), kind="multi_position")["reasons"] == []
 
 
+@pytest.mark.usefixtures("in_process")
 def test_measured_motion_is_not_static(recordings, taken):
     found = taken(recordings("imu1.log"), **MPU9150 | {"kind": "static"})
     assert "in 22 attitudes" in found["reasons"][0]
@@ -129,8 +134,9 @@ def test_measured_rest_is_static(recordings, taken, i):
     assert found["faults"]["rests"]["share"] > 0.999
 
 
-def test_a_bias_that_drifts_with_temperature_is_no_motion(taken):
-    for seed in range(3):
+@seeds(1, 3)
+def test_a_bias_that_drifts_with_temperature_is_no_motion(taken, seeds):
+    for seed in range(seeds):
         rng = np.random.default_rng(seed)
         log = tilting(seed, 0.0)
         # 60 mg and 0.1 deg/s over a ramp, on axes at random
@@ -141,8 +147,9 @@ def test_a_bias_that_drifts_with_temperature_is_no_motion(taken):
         assert (found["reasons"], found["warnings"]) == ([], [])
 
 
-def test_a_level_that_changes_amid_the_log_is_reported(taken):
-    for seed in range(2):
+@seeds(1, 2)
+def test_a_level_that_changes_amid_the_log_is_reported(taken, seeds):
+    for seed in range(seeds):
         log = simulated("static", seed, duration_s=300.0)
         half = slice(len(log) // 2, None)
         for factor, bias in ((0.5, 0.0), (1.0, 5.0)):
