@@ -179,6 +179,13 @@ def test_the_rate_of_bursts_is_that_of_the_sensor(log, run):
     assert done.quality["rate_hz"] == pytest.approx(204.8, rel=5e-6)
 
 
+def test_the_rate_does_not_depend_on_where_in_a_transfer_a_log_ends(log, run):
+    """Half the log is no whole number of transfers: most pairs of rows are late by one step."""
+    table = pd.DataFrame({name: np.resize(log[name], 13_374) for name in log})
+    table["t"] = bursts(13_374, spacing=2e-5)
+    assert run(table, rate=100).quality["rate_hz"] == pytest.approx(100, rel=1e-5)
+
+
 @pytest.fixture
 def turning(log):
     """The log over 200 s, turned to and fro; stamps are made by the test."""

@@ -16,6 +16,8 @@ _EVEN = 0.05
 # a level of stamps that scatter is known to this share of a step, so that one lost sample shows
 _KNOWN = 0.05
 _FEWEST = 16
+# rounds of least squares, and the percentiles of the lateness beyond which it is clipped
+_ROUNDS, _USUAL = 3, (5, 95)
 # points of a line, at most twice so many
 POINTS = 1 << 17
 # parts of a log whose stamps must lie on one line
@@ -42,7 +44,9 @@ def line_step(counts, measured, rate=None, increments=False):
 
     A host stamps what it receives, and a transfer brings several samples: the steps are short
     within a transfer and long between. The sensor's own step is the slope of time over row
-    number, by Theil's method: the median slope of pairs half a log apart. It is taken only where
+    number: by Theil's method, the median slope of pairs half a log apart, and then by least
+    squares of what it leaves, outliers clipped. Stamps of transfers lie on a few lines, and a
+    median slope leads from one of them to another. It is taken only where
     the medians of time about the line, of `_PARTS` parts of the log, lie within the scatter of
     one part: else rows are lost, or the sensor pauses. No line goes on over a reset.
 
@@ -59,6 +63,9 @@ def line_step(counts, measured, rate=None, increments=False):
     rows = rows - rows[0]
     half = len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
+    for _ in range(_ROUNDS):
+        away = t - step * rows
+        step += np.polyfit(rows, np.clip(away, *np.percentile(away, _USUAL)), 1)[0].item()
     median = measured["gaps"]["longer_than_s"] / GAP_STEPS
     # not of the mean step, which a single pause can make long
     bursts = median < BURST * step
