@@ -68,6 +68,33 @@ def test_gravity_at_both_ends_of_a_rest_that_tilts_follows_from_its_mean():
     assert not poses.added[1].any()
 
 
+def test_a_hand_at_the_ends_of_a_rest_and_its_sway_leave_gravity_as_it_is():
+    """Protects: velocity over the length of a rest is no specific force, nor is sway a loss."""
+    t, g, arm = np.arange(1000) / 100, 9.8, np.array([0.0, 0.1, 0.0])
+    # tremor of 0.5 mrad at 9 Hz that begins at its fastest, and sway of 10 mrad, about x
+    parts = [(5e-4, 2 * np.pi * 9.1, 0.3), (1e-2, 2 * np.pi * 0.4, 1.0)]
+    angle, rate, change = (
+        sum(size * f**n * np.sin(f * t + phase + n * np.pi / 2) for size, f, phase in parts)
+        for n in range(3)
+    )
+    u = np.column_stack([0 * t, np.sin(angle), np.cos(angle)])
+    w = np.column_stack([rate, 0 * t, 0 * t])
+    # without the sway's own acceleration
+    tremor = change + parts[1][0] * parts[1][1] ** 2 * np.sin(parts[1][1] * t + parts[1][2])
+    push = np.cross(np.column_stack([tremor, 0 * t, 0 * t]), arm)
+    log = pd.DataFrame(np.column_stack([t, g * u + push, w]), columns=["t", *CHANNELS])
+    edges = np.array([0, 4.05, 6, 10.0])
+    table = segment_table(log, edges[:-1], edges[1:], ["static", "motion", "static"], [0, -1, 1])
+    table["tilt_rad"] = [7e-3, 0.0, 7e-3]
+    plain = gather_poses([table])
+    poses = turns_within(plain, [log])
+    before, after = (np.abs(np.linalg.norm(p.f, axis=1) - g).max() for p in (plain, poses))
+    assert before > 5e-4
+    assert after < 5e-5
+    # as good against white noise as a plain mean over the time that it stands for
+    assert np.all((poses.duration_s < plain.duration_s) & (poses.duration_s > 3.9 * 0.95))
+
+
 @pytest.mark.parametrize(("noise", "most"), [(0.0, 1.1), (0.1, 2.5), (0.3, 1.3)])
 def test_rounding_to_steps_larger_than_the_noise_adds_its_variance_to_the_means(noise, most):
     rng, step = np.random.default_rng(10), 0.04

@@ -5,29 +5,36 @@ That the poses give the published calibrations is tested in tests/published.
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 
+from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from segment.logs import adis16405, ferraris, mpu9150, rests_of, thermal_chamber, xsens
+from segment.logs import G, adis16405, ferraris, mpu9150, rests_of, thermal_chamber, xsens
 
 SETTINGS = SegmentSettings()
 MEANS = [f"{channel}_mean" for channel in ACCELERATION]
 
 
 @pytest.mark.parametrize("board", [0, 1, 2])
-def test_mpu9150_has_its_poses_without_rests_in_the_hand(recordings, board):
+def test_mpu9150_has_its_poses_and_knows_those_in_the_hand(recordings, board):
     """Five of 22 rests tremble with 0.5 to 1 deg/s; other rests are turned at one end."""
     segments, metadata = segment_session(mpu9150(recordings, board), "multi_position", SETTINGS)
     assert metadata["level"]["source"] == "quietest windows"
-    # the logs' author counts 14 to 18
-    assert 14 <= metadata["poses"] <= 18
+    # the logs' author counts 14 to 18 that lie still
+    assert metadata["hand_held"] and metadata["poses"] == 22
     rests = rests_of(segments)
+    held = (rests["tilt_rad"] > 0).to_numpy()
     for start, end in ((0.5, 6.5), (9.0, 13.6), (19.1, 20.9), (44.7, 49.9), (57.4, 62.5)):
-        assert not np.any((rests["start_s"] < end) & (rests["end_s"] > start)), (start, end)
+        assert held[(rests["start_s"] < end) & (rests["end_s"] > start)].all(), (start, end)
     # 0.39 to 0.45 mrad/s with those rests; the scatter of a white floor would be 0.06
-    w = rests.groupby("pose")[[f"{c}_mean" for c in ANGULAR_RATE]].mean()
+    w = rests[~held].groupby("pose")[[f"{c}_mean" for c in ANGULAR_RATE]].mean()
     assert np.sqrt(np.mean((w - w.mean()).to_numpy() ** 2)) < 0.25e-3
+    # to one accelerometer gravity is as large in the hand as at rest, to 0.3 mg
+    model = AccelerometerModel(rests[MEANS].to_numpy(), np.zeros((len(rests), 3, 0)), G)
+    found = least_squares(lambda x: model.residuals(x)[0], model.start())
+    assert np.sqrt(np.mean(found.fun[held] ** 2)) < 3e-4 * G
 
 
 def test_xsens_has_its_poses_and_the_level_of_its_first_rest(recordings):

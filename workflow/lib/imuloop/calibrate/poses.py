@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.integrate import cumulative_trapezoid
+from scipy.signal.windows import tukey
 
 from imuloop.calibrate.gaps import Lost, errors_of_time
 from imuloop.calibrate.undersampling import PARTS, aliased_turns
@@ -13,6 +14,8 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATU
 from imuloop.core.segments import GAP, STATIC, runs
 from imuloop.segment.windows import DECIDING
 
+# at both ends of a rest in the hand its samples count less and less, s
+FADE = 0.25
 # of a value: closer ones differ by the rounding of their number format alone
 SAME_LEVEL = 1e-9
 # of a step: levels farther from its multiples have no common step
@@ -218,7 +221,11 @@ def rounded_means(samples, variance):
 
 
 def turns_within(poses, samples):
-    r"""Return the poses with the turns from the attitude of their mean to that at both ends.
+    r"""Return the poses with means of those that tilt, and the turns from there to both ends.
+
+    A hand's velocity at the ends of a rest, over its length, is an error of the mean specific
+    force: the samples of its first and last `FADE` count less and less (`tukey`). The mean of
+    directions that differ by small turns is shorter than each, by half their mean square.
 
     Of specific force u the mean over a rest is that at an instant where the turn since the start
     equals its mean. So to the end it is turned by the mean over the rest of :math:`\int_t^{end} w`,
@@ -232,18 +239,34 @@ def turns_within(poses, samples):
         return poses
     still = poses.tilt == 0
     bias = np.average(poses.w[still], axis=0, weights=poses.n[still]) if still.any() else 0.0
+    f, w, duration_s = poses.f.copy(), poses.w.copy(), poses.duration_s.copy()
     to_start, to_end = np.zeros((2, len(poses), 3))
     for k in tilted:
         log = samples[poses.session[k]]
         t = np.asarray(log[TIME])
         i, j = np.searchsorted(t, [poses.start_s[k], poses.end_s[k]])
-        w = np.column_stack([np.asarray(log[c])[i:j] for c in ANGULAR_RATE]) - bias
-        turned = cumulative_trapezoid(w, t[i:j], axis=0, initial=0)
+        force, rate = (
+            np.column_stack([np.asarray(log[c])[i:j] for c in names])
+            for names in (ACCELERATION, ANGULAR_RATE)
+        )
+        turned = cumulative_trapezoid(rate - bias, t[i:j], axis=0, initial=0)
         mean = turned.mean(axis=0)
+        # one that was interrupted keeps the means of its parts
+        if j - i == poses.n[k]:
+            weights = tukey(j - i + 2, min(2 * FADE / duration_s[k], 1.0))[1:-1]
+            mean, f[k], w[k] = (
+                np.average(x, axis=0, weights=weights) for x in (turned, force, rate)
+            )
+            across = np.cross(turned - mean, f[k] / np.linalg.norm(f[k]))
+            f[k] *= 1 + np.average((across**2).sum(axis=1), weights=weights) / 2
+            # as long as a plain mean that is as good against white noise
+            duration_s[k] *= weights.mean() ** 2 / np.mean(weights**2)
         to_start[k], to_end[k] = -mean, turned[-1] - mean
     added = np.zeros((len(poses), 6)) if poses.added is None else poses.added.copy()
     added[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
-    return replace(poses, added=added, to_start=to_start, to_end=to_end)
+    return replace(
+        poses, f=f, w=w, duration_s=duration_s, added=added, to_start=to_start, to_end=to_end
+    )
 
 
 def gather_rotations(poses, samples, segments, longest_s, rails=None):

@@ -7,7 +7,14 @@ import numpy as np
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME, Samples
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.segment.disturbance import undisturbed
-from imuloop.segment.multiples import attitudes, choose_multiples, cumulative, lowest_error
+from imuloop.segment.held import SWAYS, held_rests, sways, united
+from imuloop.segment.multiples import (
+    attitudes,
+    choose_multiples,
+    cumulative,
+    expected_error,
+    lowest_error,
+)
 from imuloop.segment.poses import number_poses
 from imuloop.segment.settings import SegmentSettings
 from imuloop.segment.static_detector import activity, detect_rests, rest_level, widened
@@ -23,11 +30,8 @@ SHORTER = ((1, 0.5), (0.5, 0.5), (0.5, 0.25), (0.25, 0.25))
 WORTHWHILE, ALMOST = 1.2, 0.95
 # a calibration this much less certain, by its expected error, is too dear for steady rests
 DEAREST = 2.0
-# multiples of the level and of `rate_tolerance` within which a hand may hold a device, looked at
-# where steadier rests give a calibration with more than this error, of g
-HAND_MULTIPLES, HAND_RATE, UNCERTAIN = ((20, 50, 100, 200), (1000, 3000)), 3.0, 2e-4
-# share of the rests that tilt where a hand holds the device
-TILTED = 0.5
+# expected error with rests in the hand, of that without, below which they are worth it
+WORTH_HOLDING = 0.95
 
 
 def segment_session(samples, kind, settings, threads=1):
@@ -35,10 +39,11 @@ def segment_session(samples, kind, settings, threads=1):
 
     Every instant from the first sample to one step after the last belongs to exactly one row.
     Rests of a six-position or multi-position session come from the static detector with the
-    multiples whose poses calibrate best, less what turns slowly or trembles in the hand; those of
-    a static session are what the disturbance detector and slow tilts leave. A gap lasts from one
-    step after the last sample before it to the next sample. Of a file few row groups are held at
-    once where the session is static, else six columns.
+    multiples whose poses calibrate best, less what turns slowly or trembles; those in the hand
+    (`held`) join them where a calibration gains by it. Those of a static session are what the
+    disturbance detector and slow tilts leave. A gap lasts from one step after the last sample
+    before it to the next sample. Of a file few row groups are held at once where the session is
+    static, else six columns.
 
     Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, and how many threads may
     work at once. Gives a `segment_table` and a dict of metadata: level of rest and how it was
@@ -96,21 +101,9 @@ def _find_rests(rows, stretches, step, settings):
     detected, metadata = _detected(*log, settings)
     rests, tilt, more = _steady(*log, detected, metadata["level"])
     metadata |= more | {"shorter": None, "hand_held": False}
-    if len(detected) and lowest_error(metadata["choice"]) > UNCERTAIN:
-        force, rate = HAND_MULTIPLES
-        by_hand = replace(
-            settings,
-            accelerometer_multiples=(*settings.accelerometer_multiples, *force),
-            gyroscope_multiples=(*settings.gyroscope_multiples, *rate),
-            rate_tolerance=HAND_RATE * settings.rate_tolerance,
-        )
-        swaying, of_hand = _detected(*log, by_hand)
-        if DEAREST * lowest_error(of_hand["choice"]) < lowest_error(metadata["choice"]):
-            steady, sway, more = _steady(*log, swaying, of_hand["level"])
-            # what only moves slowly turns by more than what it tilts
-            if np.mean(sway > 0) > TILTED:
-                detected, rests, tilt = swaying, steady, sway
-                metadata |= of_hand | more | {"hand_held": True}
+    if len(rests):
+        rests, tilt, held = _with_held(*log, rests, tilt, metadata["level"]["rate"], settings)
+        metadata |= {"hand_held": held, "tilted_rests": int((tilt > 0).sum())}
     short = metadata["short_rests"]
     if short >= LEAST_SHORT and short > SHORT_SHARE * len(detected):
         metadata["shorter"] = _shorter(*log, detected, settings)
@@ -161,6 +154,25 @@ def _steady(f, w, stretches, step, rests, level):
     steady, tilt = steady_rests(f, w, wide, level["rate"], step)
     cut = float((lengths(wide) - lengths(steady)).sum() * step)
     return steady, tilt, {"settling_s": cut, "tilted_rests": int((tilt > 0).sum())}
+
+
+def _with_held(f, w, stretches, step, rests, tilt, bias, settings):
+    """Return rests and tilts with those in the hand, if any is worth it, and whether one is.
+
+    They are where the expected error of a calibration is lower with them, by `WORTH_HOLDING`.
+    """
+    total, found = cumulative(f), (rests, tilt, False)
+    least = WORTH_HOLDING * expected_error(attitudes(total, rests, settings.same_attitude))
+    for sway in SWAYS:
+        of_hand = held_rests(w, stretches, step, bias, sway, settings.shortest_rest_s)
+        every, held = united(rests, of_hand)
+        error = expected_error(attitudes(total, every, settings.same_attitude))
+        if held.any() and error < least:
+            swaying = np.zeros(len(every))
+            swaying[held] = sways(w, every[held], bias, step)
+            swaying[~held] = tilt[np.isin(rests[:, 0], every[~held, 0])]
+            least, found = error, (every, swaying, True)
+    return found
 
 
 def _shorter(f, w, stretches, step, rests, settings):

@@ -1,0 +1,97 @@
+"""Rests in the hand: where they begin and end, and which rests they take the place of."""
+
+import numpy as np
+import pytest
+
+from imuloop.segment.held import held_rests, sways, united
+from imuloop.segment.multiples import expected_error
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
+from segment.logs import G, frame
+
+RATE = 100
+BIAS = np.array([0.01, -0.02, 0.005])
+
+
+def in_the_hand(seed, poses=14, seconds=5.0, turn_s=1.5):
+    """Return angular rate and true rests of turns of 1.5 rad, and sway and tremor in between."""
+    rng = np.random.default_rng(seed)
+    pieces, rests, t = [], [], np.arange(round(seconds * RATE)) / RATE
+    x = np.arange(round(turn_s * RATE)) / round(turn_s * RATE)
+    for _ in range(poses):
+        first = sum(map(len, pieces))
+        f = rng.uniform([0.1, 8], [0.4, 10])
+        rate = 2 * np.pi * f * np.array([0.004, 4e-4])
+        wave = rate * np.cos(2 * np.pi * (f * t[:, None] + rng.uniform(size=2)))
+        axis, about = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
+        pieces += [
+            np.outer(wave.sum(axis=1), axis),
+            np.outer(45 / turn_s * (x - x * x) ** 2, about),
+        ]
+        rests.append([first, first + len(t)])
+    w = np.concatenate(pieces) + BIAS
+    return (w + rng.normal(size=w.shape) * 1e-3).T, np.array(rests)
+
+
+def test_a_hand_is_found_from_turn_to_turn():
+    w, true = in_the_hand(0)
+    found = held_rests(w, np.array([[0, w.shape[1]]]), 1 / RATE, BIAS, 0.08, 1.0)
+    assert len(found) == len(true)
+    # a turn begins slowly
+    assert np.abs(found - true).max() < 0.35 * RATE
+    assert len(held_rests(w, np.array([[0, w.shape[1]]]), 1 / RATE, BIAS, 0.08, 6.0)) == 0
+    # none reaches over a gap
+    cut = true[3].mean().astype(int)
+    stretches = np.array([[0, cut], [cut, w.shape[1]]])
+    found = held_rests(w, stretches, 1 / RATE, BIAS, 0.08, 1.0)
+    assert len(found) == len(true) + 1
+    assert not np.any((found[:, 0] < cut) & (found[:, 1] > cut))
+
+
+@pytest.mark.parametrize(
+    ("still", "held", "expected", "which"),
+    [
+        # apart
+        ([[0, 90]], [[100, 200]], [[0, 90], [100, 200]], [False, True]),
+        # two parts of one, and one that is nearly all
+        ([[100, 130], [150, 170]], [[100, 200]], [[100, 200]], [True]),
+        ([[105, 195]], [[100, 200]], [[105, 195]], [False]),
+        # the slow begin of a turn after a rest
+        ([[0, 100]], [[90, 160]], [[0, 100]], [False]),
+        ([[0, 100]], np.empty((0, 2), int), [[0, 100]], [False]),
+    ],
+)
+def test_a_rest_in_the_hand_takes_the_place_of_its_parts(still, held, expected, which):
+    rests, is_held = united(np.array(still), np.array(held))
+    assert rests.tolist() == expected
+    assert is_held.tolist() == which
+
+
+def test_sway_is_the_root_mean_square_of_the_turns():
+    t = np.arange(500) / RATE
+    # 0.2 rad/s about z for 5 s is a ramp of 1 rad
+    w = np.outer([0, 0, 0.2], np.ones_like(t)) + BIAS[:, None]
+    assert sways(w, [[0, 500]], BIAS, 1 / RATE) == pytest.approx([1 / np.sqrt(12)], rel=1e-3)
+
+
+def test_a_session_of_table_and_hand_has_the_rests_of_both():
+    w, true = in_the_hand(1, poses=24)
+    rng, held = np.random.default_rng(2), np.arange(24) % 3 == 1
+    up = rng.normal(size=(24, 3))
+    up /= np.linalg.norm(up, axis=1)[:, None]
+    f = rng.normal(size=w.T.shape) * 0.01
+    for k, (i, j) in enumerate(true):
+        sway = np.cumsum(w[:, i:j].T - BIAS, axis=0) / RATE
+        if not held[k]:
+            w[:, i:j] = BIAS[:, None] + rng.normal(size=(3, j - i)) * 1e-3
+            sway *= 0
+        f[i:j] += G * (up[k] + np.cross(up[k], sway - sway.mean(axis=0)))
+        f[j : j + 150] += np.outer(np.sin(np.arange(150) / 5), [3, 2, 1]) + G * up[k]
+    segments, metadata = segment_session(
+        frame(np.arange(len(f)) / RATE, f, w.T), "multi_position", SegmentSettings()
+    )
+    rests = segments[segments["kind"] == "static"]
+    assert metadata["hand_held"] and len(rests) == 24
+    np.testing.assert_array_equal(rests["tilt_rad"].to_numpy() > 0, held)
+    means = rests[["ax_mean", "ay_mean", "az_mean"]].to_numpy()
+    assert expected_error(means) < 0.9 * expected_error(means[~held])
