@@ -95,6 +95,23 @@ def test_a_hand_at_the_ends_of_a_rest_and_its_sway_leave_gravity_as_it_is():
     assert np.all((poses.duration_s < plain.duration_s) & (poses.duration_s > 3.9 * 0.95))
 
 
+def test_a_slow_turn_is_followed_from_before_it_shows():
+    """A turn is followed 0.03 of its time, less 0.1 s, into both rests."""
+    t = np.arange(2400) / 100
+    log = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, 0.0)})
+    kinds = ["static", "motion", "static", "motion", "static"]
+    tables = {}
+    for still in (0.0, 1e-3):
+        edges = np.array([0, 5.2, 14.8, 19, 21, 24.0])
+        table = segment_table(log, edges[:-1], edges[1:], kinds, [0, -1, 1, -1, 2])
+        table["tilt_rad"] = still
+        tables[still] = gather_rotations(gather_poses([table]), [log], [table], 30.0)[0]
+    assert (tables[0.0].start_s[0], tables[0.0].end_s[0]) == pytest.approx((5.01, 14.99))
+    # a quick one is not, nor is one from a rest of which each turn is known
+    assert (tables[0.0].start_s[1], tables[0.0].end_s[1]) == pytest.approx((18.99, 21.0))
+    assert (tables[1e-3].start_s[0], tables[1e-3].end_s[0]) == pytest.approx((5.19, 14.8))
+
+
 @pytest.mark.parametrize(("noise", "most"), [(0.0, 1.1), (0.1, 2.5), (0.3, 1.3)])
 def test_rounding_to_steps_larger_than_the_noise_adds_its_variance_to_the_means(noise, most):
     rng, step = np.random.default_rng(10), 0.04

@@ -16,6 +16,9 @@ from imuloop.segment.windows import DECIDING
 
 # at both ends of a rest in the hand its samples count less and less, s
 FADE = 0.25
+# share of a move over which it begins and ends too slowly to be told from a rest, and how much
+# of that no rest has, s
+ONSET, SEEN = 0.03, 0.1
 # of a value: closer ones differ by the rounding of their number format alone
 SAME_LEVEL = 1e-9
 # of a step: levels farther from its multiples have no common step
@@ -272,18 +275,26 @@ def turns_within(poses, samples):
 def gather_rotations(poses, samples, segments, longest_s, rails=None):
     """Return the Rotations between consecutive poses of the same session, and the Lost.
 
-    A rotation runs from the last sample of a pose to the first of the next. It is left out where
-    it lasts longer than asked, where a gap interrupts it, where the angular rate reached the end of
-    its range, and where it lost too much elsewhere (`gaps.errors_of_time`). Takes samples, segments
-    and `rails` (`at_rail`) of each session.
+    A rotation runs from the last sample of a pose to the first of the next. A slow one reaches into
+    both poses: what it begins and ends with is too slow to be told from a rest, and as an angle
+    more than the noise of the time added. It is left out where it lasts longer than asked, where a
+    gap interrupts it, where the angular rate reached the end of its range, and where it lost too
+    much elsewhere (`gaps.errors_of_time`). Takes samples, segments and `rails` (`at_rail`) of each
+    session.
     """
     first, pieces, errors, aliased, all_, left_out = [], [], [], [], 0, [np.zeros(0, int)]
     clipped, forces = 0, []
+    room = poses.duration_s / 2
+    if poses.tilt is not None:
+        # what such a pose turns to its ends is known
+        room = np.where(poses.tilt > 0, 0.0, room)
     for session in np.unique(poses.session):
         k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         start, end = poses.end_s[k], poses.start_s[k + 1]
         short = end - start <= longest_s
         k, start, end = k[short], start[short], end[short]
+        onset = np.maximum(ONSET * (end - start) - SEEN, 0.0)
+        start, end = start - np.minimum(onset, room[k]), end + np.minimum(onset, room[k + 1])
         log, table = samples[session], segments[session]
         gap = np.asarray(table["kind"]) == GAP
         open_s, close_s = (np.asarray(table[c])[gap] for c in ("start_s", "end_s"))
