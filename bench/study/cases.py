@@ -31,7 +31,7 @@ AT_REST = {
 # how many floors large it is, root mean square
 OUTSIDE = {"accelerometer": ("gravity_norm", 5), "gyroscope": ("pose_rate", 3)}
 FLOORS = 3.0
-# what is random, or of its own time, instead of a function of the channels
+# what is at rest random, or of its own time, instead of a function of the channels
 PROCESSES = ("sinusoid", "steps")
 # correlation times of a process, s, and its size for the diagnosis in limits of the noise stage:
 # a smaller one is in the noise, but foretells too little
@@ -115,7 +115,7 @@ def injected(case, seed, control):
             # the log may show some of them alone
             shown = [p in candidate["detection_limit"] for p in candidate["parameters"]]
             alike = control["likeness"][case.sensor, name][np.ix_(shown, shown)]
-        made.append(_injected(case.sensor, name, candidate, alike, rng, case.limits))
+        made.append(_injected(case, name, candidate, alike, rng))
     return tuple(made)
 
 
@@ -146,11 +146,12 @@ def _process(case, rng):
     )
 
 
-def _injected(sensor, name, candidate, alike, rng, limits):
-    """Return one effect of so many detection limits."""
+def _injected(case, name, candidate, alike, rng):
+    """Return one effect of as many detection limits as the case has."""
+    sensor, limits = case.sensor, case.limits
     limit, constants = candidate["detection_limit"], dict(candidate["constants"])
     known = list(limit)
-    for key in constants.keys() & {"tau", "half_width"}:
+    for key in constants.keys() & {"tau", "half_width", "lag"}:
         constants[key] *= BETWEEN ** rng.uniform(-1, 1)
     if name == "sinusoid":
         # every frequency of a grid is searched, and noise depends on it: half a step off at most
@@ -170,7 +171,7 @@ def _injected(sensor, name, candidate, alike, rng, limits):
     largest, bound = max(map(abs, values.values())), find_effect(name).limit
     size = limits * min(1.0, bound / largest)
     values = {key: float(value * size / limits) for key, value in values.items()}
-    if name not in PROCESSES:
+    if name not in PROCESSES or case.record == "poses":
         extra = partial(physics.EFFECTS[name], p=values, c=constants)
         return Injected(sensor, name, values, constants, size, extra)
     if name == "sinusoid":

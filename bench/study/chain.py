@@ -99,7 +99,7 @@ def likeness(truth, sessions, folder):
         return {}
     search = Choices(pose_problem(pair, recording, DiagnoseSettings(), 1)).search()
     found = {}
-    for kind in search.problem.shapes:
+    for kind in (*search.problem.shapes, *search.problem.scans):
         if trial := search.trial((), kind):
             _, _, covariance = search.beside((), trial.effect)
             information = np.linalg.inv(covariance)

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.special import eval_legendre
 
+from imuloop.effects.temperature import SMOOTHED
 from imuloop.simulate.sensor import lagged
 
 
@@ -17,7 +18,12 @@ def of_axes(p, name):
 
 
 def _warmer(now, c):
-    return now.temperature - c["reference_temperature"]
+    warm, lag = now.temperature, c.get("lag", 0.0)
+    if lag:
+        # what a thermometer is late behind, smoothed by a share of its lag
+        late = lagged(warm, now.t[1] - now.t[0], SMOOTHED * lag)
+        warm = late + (warm - late) / SMOOTHED
+    return warm - c["reference_temperature"]
 
 
 def _rate(now, p, c):
@@ -103,6 +109,8 @@ EFFECTS = {
     "thermal_hysteresis": _hysteresis,
     "warm_up": lambda now, p, c: np.outer(np.exp(-now.t / c["tau"]), of_axes(p, "A")),
     "bias_drift": _drift,
+    # the bias is that after the step
+    "steps": lambda now, p, c: -np.outer(now.t < c["times"][0], of_axes(p, "h1")),
     # at rest the drift has a name of its own
     "ramp": _drift,
     "quadratic": lambda now, p, c: of_axes(p, "K2") * now.output * now.output,

@@ -32,8 +32,8 @@ FORMULA = "x: fy*wz; x: qz; y: s10*fx; y: R; z: vx*fy; z: t*T"
 
 
 def fitted(name, kind):
-    settings = {"formula": FORMULA, "sensor": kind} if name == "discovered" else {}
-    effect = Effect.library[name](**settings)
+    settings = {"discovered": {"formula": FORMULA, "sensor": kind}, "steps": {"times": (20.0,)}}
+    effect = Effect.library[name](**settings.get(name, {}))
     rng = np.random.default_rng(len(name))
     return FittedEffect(effect, dict.fromkeys(effect.parameters, 1e-3 * rng.uniform(1, 2)), {})
 
@@ -84,6 +84,21 @@ def test_pieces_give_what_the_whole_gives(log, tmp_path, names):
     axes = ["ax", "ay", "az", "gx", "gy", "gz"]
     assert np.abs(found[axes] - bare[axes]).to_numpy().max() > 1e-6
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
+
+
+def test_a_late_thermometer_is_late_in_pieces_too(log, tmp_path):
+    made = calibration(["bias_temperature"])
+    effects = tuple(
+        replace(e, effect=replace(e.effect, lag=20.0)) for e in made.accelerometer.effects
+    )
+    made = replace(made, accelerometer=replace(made.accelerometer, effects=effects))
+    apply_file(made, log, tmp_path / "out.parquet", 300)
+    expected = made.apply(pd.read_parquet(log))
+    on_time = calibration(["bias_temperature"]).apply(pd.read_parquet(log))
+    assert np.abs(expected["ax"] - on_time["ax"]).max() > 1e-3
+    np.testing.assert_allclose(
+        pd.read_parquet(tmp_path / "out.parquet"), expected, rtol=0, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("seconds", [9e-3, -0.1])

@@ -1,5 +1,6 @@
 """Trials: what a candidate takes off the residual, its test, and what the test would have found."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,8 +21,50 @@ def test_what_the_base_model_takes_up_is_not_tried():
     made = search(T * 0, LINE, {Column(): 3 + 2 * T, Other(): np.zeros(N)})
     for cls in (Column, Other):
         assert made.trial((), cls) is None
-        problem = SimpleNamespace(shapes={cls: (cls(),)})
+        problem = SimpleNamespace(shapes={cls: (cls(),)}, scans={})
         assert "taken up by the base model" in PoseProblem.unseen(problem, made, cls)
+
+
+@dataclass(frozen=True)
+class Drift(Column):
+    name, by_time, needs = "drift", True, ()
+
+
+@dataclass(frozen=True)
+class Warm(Column):
+    name, needs = "warm", ("temperature",)
+
+
+@dataclass(frozen=True)
+class Late(Warm):
+    price = 3.0
+
+
+@pytest.mark.parametrize(("like", "first"), [(0.999, Warm), (0.6, Drift)])
+def test_a_logged_cause_goes_before_time_where_it_explains_as_much(like, first):
+    drift, other = np.sin(9 * T), np.cos(23 * T)
+    columns = {Drift(): drift, Warm(): like * drift + np.sqrt(1 - like**2) * other}
+    made = search(20 * drift + np.random.default_rng(1).normal(size=N), LINE, columns)
+    trials = [made.trial((), cls) for cls in (Drift, Warm)]
+    assert trials[0].log_p < trials[1].log_p < made.threshold(0)
+    assert made.best(()).effect.kind is first
+
+
+@pytest.mark.parametrize(("like", "chosen"), [(0.999, Warm), (0.6, Late)])
+def test_a_constant_more_has_to_gain_its_price(like, chosen):
+    true, other = np.sin(9 * T), np.cos(23 * T)
+    made = search(
+        5 * true + np.random.default_rng(1).normal(size=N),
+        LINE,
+        {Warm(): like * true + np.sqrt(1 - like**2) * other, Late(): true},
+    )
+    shapes = Warm(), Late()
+    tried = made.tests((), shapes)
+    best = made.shaped((), shapes, 0.0)
+    assert (tried[1].log_p < tried[0].log_p - 3.0) == (chosen is Late)
+    assert type(best.effect) is chosen
+    paid = {Warm: tried[0].log_p, Late: tried[1].log_p + 3.0}[chosen]
+    assert best.log_p == pytest.approx(paid)
 
 
 def test_a_nuisance_that_one_part_alone_shows_is_an_error_each_time_that_part_is_held_out():

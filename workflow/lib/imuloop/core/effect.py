@@ -10,7 +10,7 @@ import numpy as np
 from imuloop.core.errors import ImuloopError, did_you_mean
 
 # constants that lie between those of the shapes
-FINE = ("tau", "half_width")
+FINE = ("tau", "half_width", "lag")
 # SI unit of each sensor's output
 _OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
@@ -76,9 +76,14 @@ class Effect:
     limit: ClassVar[float] = np.inf  # largest size of a parameter that is physically possible, SI
     # whether it depends on the time since the start of the log, or on what was before
     timed: ClassVar[bool] = False
+    # whether it stands for a cause that nobody logged: what a logged one explains comes before it
+    by_time: ClassVar[bool] = False
     # how far about a point it looks, s; what it remembers besides is in `Channels.past`
     reach: ClassVar[float] = 0.0
     lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
+    # by how much the logarithm of its p-value has to be below that of shapes which do without
+    # a constant that this one has
+    price: ClassVar[float] = 0.0
     # effects without which it can look like none, as they without it
     hidden_by: ClassVar[tuple[str, ...]] = ()
     # least and largest value of a constant, where not any number will do
@@ -211,7 +216,10 @@ class FittedEffect:
         """Return the effect of a JSON file; an ImuloopError if the library has none like it."""
         name = content["name"]
         try:
-            effect = find_effect(name)(**content.get("constants", {}))
+            constants = content.get("constants", {}).items()
+            # a list of a file is a tuple: an effect is hashed
+            constants = {k: tuple(v) if isinstance(v, list) else v for k, v in constants}
+            effect = find_effect(name)(**constants)
             _check_constants(effect)
         except (TypeError, ValueError) as error:
             raise ImuloopError(f"effect {name}: its constants do not fit: {error}") from error

@@ -84,8 +84,9 @@ class Choices:
         while wide != base:
             base, (wide, failed) = wide, self._wider(wide, out)
         while True:
-            added = []
-            for effect in base:
+            added = {}
+            # what time alone explains goes before what a cause does
+            for effect in sorted(base, key=lambda e: not e.by_time):
                 others = tuple(e for e in base if e is not effect)
                 trial = search.test(others, effect)
                 # what those after it take up whole is none of its own
@@ -98,12 +99,12 @@ class Choices:
                 shapes = search.trial(others, effect.kind)
                 tries = shapes.tries if shapes else 0.0
                 trial = replace(trial, log_p=trial.log_p + tries, tries=tries)
-                added.append(Added(effect, trial, *gate))
+                added[effect] = Added(effect, trial, *gate)
             else:
                 finer = search.finer(base)
                 added = tuple(
                     replace(a, effect=e, trial=replace(a.trial, effects=(e,)))
-                    for a, e in zip(added, finer, strict=True)
+                    for a, e in zip(map(added.get, base), finer, strict=True)
                 )
                 return Choice(finer, added, failed)
             base = others

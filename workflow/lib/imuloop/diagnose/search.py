@@ -14,6 +14,8 @@ from imuloop.diagnose.training import pooled
 
 # share of log p by which shapes may differ and count as equally significant
 ALIKE = 0.05
+# share of the logarithm of its p-value from which on a cause goes before time
+AS_CLEARLY = 0.5
 # constants that lie between those of the shapes: moved by these factors, one after the other
 FACTORS = (1.4, 1.2, 1.1, 1.05, 1.02)
 
@@ -21,6 +23,19 @@ FACTORS = (1.4, 1.2, 1.1, 1.05, 1.02)
 def kinds_of(effects):
     """Return the kinds of effects, their shapes apart."""
     return tuple(effect.kind for effect in effects)
+
+
+def _price(base, effect):
+    """Return the price of a shape beside others: a device has one thermometer, and one lag."""
+    if not effect.price:
+        return 0.0
+    paid = any(e.name == effect.name and e.constants == effect.constants for e in base)
+    return 0.0 if paid else effect.price
+
+
+def _priced(base, trial):
+    """Return a trial with the price of its shape in the p-value."""
+    return replace(trial, log_p=trial.log_p + _price(base, trial.effect))
 
 
 @dataclass(frozen=True)
@@ -113,7 +128,9 @@ class Search:
                 self._trials[key] = self.problem.scans[cls](self, base, hopeful)
             else:
                 shapes = self.problem.shapes[cls]
-                self._trials[key] = self.shaped(base, shapes, np.log(len(shapes)))
+                # one with a price is tried as if it were as many times less likely
+                tries = np.log(sum(np.exp(-shape.price) for shape in shapes))
+                self._trials[key] = self.shaped(base, shapes, tries)
         return self._trials[key]
 
     def shaped(self, base, shapes, tries):
@@ -122,7 +139,7 @@ class Search:
         The smallest p-value; of those as significant but for a share `ALIKE`, the one that fits
         best as the parameters are estimated.
         """
-        tried = [t for t in self.tests(base, shapes) if t]
+        tried = [_priced(base, t) for t in self.tests(base, shapes) if t]
         least = min((t.log_p for t in tried), default=0.0)
         alike = [t for t in tried if t.log_p <= (1 - ALIKE) * least]
         if not alike:
@@ -132,9 +149,9 @@ class Search:
             # shapes that say the same in these data differ by rounding alone: the first counts
             still = self.training(base).evidence.still
             still = self.tests(base, [t.effect for t in alike], still)
-            best = alike[int(np.argmin([round(t.log_p, 6) for t in still]))]
-        impossible = self._impossible(base, best.effect)
-        return replace(best, log_p=best.log_p + tries, tries=tries, impossible=impossible)
+            best = alike[int(np.argmin([round(_priced(base, t).log_p, 6) for t in still]))]
+        impossible, price = self._impossible(base, best.effect), _price(base, best.effect)
+        return replace(best, log_p=best.log_p + tries, tries=tries + price, impossible=impossible)
 
     def _impossible(self, base, effect):
         """Return whether a parameter is beyond its limit by more than its error."""
@@ -163,7 +180,9 @@ class Search:
     def best(self, base, banned=()):
         """Return the trial that passes with the smallest p-value beside others, or None.
 
-        Where none passes and the noise is known to be smaller than what is left, the best pair.
+        What time alone explains a logged temperature explains first, where it does so at least half
+        as clearly: it is a cause, and time is none. Where none passes and the noise is known to be
+        smaller than what is left, the best pair.
         """
         kinds = [cls for cls in (*self.problem.shapes, *self.problem.scans) if cls not in banned]
         trials = [self.trial(base, cls, hopeful=True) for cls in kinds]
@@ -171,6 +190,11 @@ class Search:
             t for t in trials if t and not t.impossible and t.log_p < self.threshold(len(base))
         ]
         best = min(passing, key=lambda t: round(t.log_p, 6), default=None)
+        if best and best.effect.by_time:
+            clear = AS_CLEARLY * best.log_p
+            warm = [t for t in passing if "temperature" in t.effect.needs and t.log_p < clear]
+            passing = warm or passing
+            best = min(passing, key=lambda t: round(t.log_p, 6))
         return self._first_alike(base, best, passing) if best else self.best_pair(base, banned)
 
     def _first_alike(self, base, best, passing):

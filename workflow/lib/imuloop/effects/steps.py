@@ -5,13 +5,22 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.effect import Effect
+from imuloop.core.memory import in_pieces
 from imuloop.effects.axes import on_each_axis, per_axis
+
+
+@in_pieces
+def before(channels, time):
+    """Return whether samples of a whole log come before a time, 1 or 0, shape (n,)."""
+    return (channels.t < time).astype(float)
 
 
 @dataclass(frozen=True)
 class Steps(Effect):
     """``e_i = Σ_k h_ki H(t - t_k)``: the bias jumps at the times t_k, H the unit step.
 
+    At poses one is looked for, in the log of one session, and ``e_i = h_i (H(t - t_1) - 1)``: b is
+    the bias after it, which later logs have.
     Leaves: levels that change at once. Imitated by: a device that was moved, which tilts an
     accelerometer; random walk, which the noise of the test allows for.
 
@@ -31,13 +40,23 @@ class Steps(Effect):
     name = "steps"
     equation = "e_i = Σ_k h_ki H(t - t_k)"
     reference = "IEEE Std 1293-2018, burst noise (telegraph noise)"
-    records = ("static_record",)
+    timed = True
+    records = ("poses", "static_record")
     lasting = False
 
     @property
     def parameters(self):
         """Names and units, all axes of the first step first."""
         return per_axis({f"h{k}": "output" for k in range(1, len(self.times) + 1)})
+
+    @classmethod
+    def shapes(cls, channels):
+        """Return none: a scan of the record finds the times."""
+        return ()
+
+    def design(self, channels):
+        """Return ``H(t - t_k) - 1`` on each axis, its mean over a pose, shape (n, 3, 3 k)."""
+        return on_each_axis(*(-channels.remembered(before, t) for t in self.times))
 
     def in_session(self, channels, session, windows):
         """Return the share of windows, shape (n, 2), after each step, shape (n, 3, 3 k)."""

@@ -38,6 +38,30 @@ def span(channels):
     return float(np.ptp(temperature(channels))) if _logged(channels) else 0.0
 
 
+# s; a thermometer on the chip, beside it, on the board, on the housing; by the root of two, so that
+# what a true lag leaves is no other effect, and then fitted between them
+THERMOMETER_LAGS = (10.0, 14.0, 20.0, 28.0, 40.0, 57.0, 80.0, 113.0, 160.0, 226.0, 320.0)
+# a thermometer is on time unless data say otherwise: the lag is one more constant, and chance
+# lowers the logarithm of a p-value by so much in one of some 70 logs
+PRICE_OF_A_LAG = 3.0
+# share of a thermometer's lag by which what it lacks is smoothed: its noise grows by the inverse
+SMOOTHED = 0.1
+# relaxation times that a record must hold; with fewer the lag is hardly known from θ itself
+RELAXATIONS = 3
+
+
+@in_pieces
+def ahead(channels, lag):
+    """Return the temperature that a thermometer lags behind by ``lag``, degC, shape (n,).
+
+    ``θ_s = θ_l + (θ - θ_l)/a``, θ_l the reading θ after a lag of a lag, a = `SMOOTHED`: the inverse
+    ``θ + lag dθ/dt`` of a first-order lag for all that is slower than a lag.
+    """
+    warm = temperature(channels)
+    smooth = first_order_lag(channels.t, warm, SMOOTHED * lag, channels.past)
+    return smooth + (warm - smooth) / SMOOTHED
+
+
 # K; over less a curved line is straight: it leaves its chord by c2 span²/8, 1 % of c1 span with
 # c2/c1 = 1/50 per K, the median of twelve axes in two recordings (docs/effects.md)
 SPAN_OF_AN_ORDER = 5.0
@@ -47,20 +71,33 @@ SPAN_OF_AN_ORDER = 5.0
 class BiasTemperature(Effect):
     """``e_i = Σ_k c_ki (θ - θ0)^k``, k = 1 … order: the bias is a polynomial of the temperature θ.
 
-    Order 3 at most, what thermal calibration of MEMS sensors uses; θ0 is the reference in degC.
+    Order 3 at most, what thermal calibration of MEMS sensors uses; θ0 is the reference in degC. θ
+    is the reading of the thermometer or, where that is late by a `lag` in s, first order, what it
+    is late behind: at a steady temperature both are the same.
     Leaves: a bias that copies θ(t), the same way up as down, on every axis whatever its load.
-    Imitated by: a drift and a warm-up where θ only rises or only falls; a thermometer that lags
-    and a hysteresis where it turns (these differ on the two branches).
+    Imitated by: a drift and a warm-up where θ only rises or only falls: a temperature that is
+    logged goes before them. A hysteresis where it turns (it differs on the two branches).
     """
 
     order: int = 1
     reference_temperature: float = ROOM
+    lag: float = 0.0
 
     name = "bias_temperature"
     equation = "e_i = Σ_k c_ki (θ - θ0)^k"
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
-    bounds = {"order": (1, 3), "reference_temperature": CELSIUS}
+    bounds = {"order": (1, 3), "reference_temperature": CELSIUS, "lag": (0.0, 1e5)}
     needs = ("temperature",)
+
+    @property
+    def timed(self):
+        """Whether the thermometer is late: then what was before counts."""
+        return self.lag > 0
+
+    @property
+    def price(self):
+        """What a lag has to gain."""
+        return PRICE_OF_A_LAG if self.lag else 0.0
 
     @property
     def parameters(self):
@@ -70,15 +107,21 @@ class BiasTemperature(Effect):
 
     @classmethod
     def shapes(cls, channels):
-        """Return orders 1 to 3, as many as the span of temperature can carry."""
+        """Return orders 1 to 3, as many as the span of temperature can carry, without and with lag.
+
+        Lags that the data are as long as.
+        """
         if not span(channels):
             return (cls(),)
         orders = 1 + min(2, int(span(channels) / SPAN_OF_AN_ORDER))
-        return tuple(cls(k, whole_degrees(channels)) for k in range(1, orders + 1))
+        about = whole_degrees(channels)
+        lags = (0.0, *(lag for lag in THERMOMETER_LAGS if lag <= np.ptp(channels.t)))
+        return tuple(cls(k, about, lag) for lag in lags for k in range(1, orders + 1))
 
     def design(self, channels):
         """Return the powers of the temperature on each axis, shape (n, 3, 3 order)."""
-        warmer = temperature(channels) - self.reference_temperature
+        warm = channels.remembered(ahead, self.lag) if self.lag else temperature(channels)
+        warmer = warm - self.reference_temperature
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
 
     def clamped(self, design, low, high):
@@ -121,8 +164,6 @@ class ScaleTemperature(Effect):
 # s; half decades, so that a true lag is at most a factor 1.8 from one that is tried and their
 # responses correlate by 2 √1.8/(1 + 1.8) = 0.96. From a package's (seconds) to a housing's lag
 LAGS = (10.0, 30.0, 100.0, 300.0, 1000.0)
-# relaxation times that a record must hold; with fewer the lag is hardly known from θ itself
-RELAXATIONS = 3
 
 
 @in_pieces

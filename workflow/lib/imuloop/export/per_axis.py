@@ -80,6 +80,9 @@ def range_lines(device, sensor, name, held):
         if name == BIAS:
             span = temperature_range(fitted)
             words = span and "from {:g} to {:g} degC".format(*span)
+            if lag := fitted.effect.lag:
+                late = f"the thermometer of the logs is {lag:.0f} s late, which is not made up here"
+                lines.append(f"{name}: {late}: right at a steady temperature")
         else:
             forces = [seen_range(fitted, [f"G{i}{j}" for i in range(3)]) for j in range(3)]
             each = zip(AXES, forces, strict=True)

@@ -1,6 +1,7 @@
 """The poses of a device: what is missing in its model, what it is, and what remains with it."""
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from scipy.linalg import LinAlgError
@@ -15,9 +16,11 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.records.scan import pose_step
 from imuloop.diagnose.residuals import floor_range, held_out_covariance
 from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import RESIDUALS, judge, leaves, not_testable, verdict
+from imuloop.effects.steps import Steps
 
 # kinds of residuals that a device leaves which does not lie still, and the share of its rests from
 # which on what is left of them may be that
@@ -47,20 +50,27 @@ def pose_candidates(sensor, recording):
     if not len(poses):
         return {}, {}
     other = poses.w if sensor == "accelerometer" else poses.f
-    return candidates(sensor, "poses", recording.pose_channels(sensor, lambda y: y, other))
+    channels = recording.pose_channels(sensor, lambda y: y, other)
+    available, others = candidates(sensor, "poses", channels)
+    if np.ptp(poses.session):
+        del available[Steps]
+        others[Steps] = ("not_available", "a step is looked for in poses of one session")
+    return available, others
 
 
 def pose_problem(pair, recording, settings, tests, found=(), information=None, sensors=None):
     """Return the PoseProblem of a device, parts interleaved; effects are tried on some sensors."""
-    shapes = {}
+    shapes, scans = {}, {}
     for sensor in pair.estimated if sensors is None else sensors:
         for cls, own in pose_candidates(sensor, recording)[0].items():
-            if Kind(cls, sensor) not in kinds_of(found):
+            if cls is Steps:
+                scans[Kind(cls, sensor)] = partial(pose_step, sensor)
+            elif Kind(cls, sensor) not in kinds_of(found):
                 shapes[Kind(cls, sensor)] = tuple(OfSensor(shape, sensor) for shape in own)
     fold = interleaved(len(recording.poses), settings.folds)
     rows = pair.prior_rows()
     return PoseProblem(
-        pair, recording, shapes, settings, tests, fold, tuple(found), information, rows
+        pair, recording, shapes, settings, tests, fold, tuple(found), information, rows, scans
     )
 
 

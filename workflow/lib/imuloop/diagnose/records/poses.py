@@ -3,7 +3,6 @@
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -51,9 +50,10 @@ class PoseProblem:
     information: object = None  # takes effects, gives `static.information` of other records
     # rows R and z of what other data say of the base model: ``R x - z`` has variance one
     base_rows: tuple = (np.zeros((0, 0)), np.zeros(0))
+    # what looks for patterns whose shapes cannot be listed, by kind
+    scans: dict = field(default_factory=dict)
     _linearized: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
-    scans: ClassVar = {}
     # in what held-out errors are compared: they are all alike
     measure = 1.0
     # share of the size that drawn records ask for which is a detection limit: their noise is as
@@ -291,7 +291,8 @@ class PoseProblem:
     def unseen(self, search, cls):
         """Return why an effect has no trial."""
         rows = search.training(()).rows
-        least = min(len(shape.parameters) for shape in self.shapes[cls])
+        shapes = self.shapes.get(cls) or (cls.cls(),)
+        least = min(len(shape.parameters) for shape in shapes)
         if rows <= least:
             return f"{rows} residuals to spare do not determine {least} more parameters"
         return "what it adds in these data is taken up by the base model"

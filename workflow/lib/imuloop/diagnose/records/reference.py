@@ -25,6 +25,7 @@ from imuloop.diagnose.records.poses import Linearized, PoseProblem, by_effect
 from imuloop.diagnose.records.set_up import Adopted, clamped, loose, set_up, set_up_content
 from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import leaves, not_testable
+from imuloop.effects.steps import Steps
 
 # windows at least: three components each, for nine parameters and a part held out
 LEAST_WINDOWS = 20
@@ -180,6 +181,8 @@ def shapes_beside(sensor, recording):
     own, other = (log.f, log.w) if sensor == "accelerometer" else (log.w, log.f)
     channels = Channels(log.t, own, other, log.temperature)
     found, others = candidates(sensor, "poses", channels)
+    # a scan of the poses finds its time
+    found.pop(Steps)
     for cls in Effect.library.values():
         if sensor in cls.sensors and {"motion", "reference"} & {*cls.records}:
             found[cls] = tuple(cls.shapes(channels))

@@ -1,7 +1,8 @@
-"""Scans of a static record for a line of any frequency and a step at any time."""
+"""Scans of a record for a line of any frequency and a step at any time."""
 
 import numpy as np
 
+from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.diagnose.p_values import log_f_tail
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps, share_after
@@ -10,6 +11,11 @@ from imuloop.effects.steps import Steps, share_after
 LEAST_PERIODS, FINENESS = 2, 4
 # windows on either side of a step, and times that are tried within one
 BESIDE, WITHIN = 3, 4
+
+# poses on either side of a step, without which it would be an outlier's second name
+POSES_BESIDE = 3
+# times that are tried first among poses at most, and how close the best is found, s
+MOST_TIMES, CLOSE = 100, 0.05
 
 
 def whitened(search, base, axis):
@@ -92,6 +98,28 @@ def step_scan(search, base, taken=()):
         if found:
             best.append(min(found, key=lambda f: f[0]))
     return _distinct(best), count
+
+
+def pose_step(sensor, search, base, hopeful):
+    """Return the Trial of the step of a sensor's bias that poses show most clearly, or None.
+
+    Amid the poses and amid the gaps first, then ever closer about the best: it may lie within a
+    pose. `hopeful` looks no closer where the first show no more than chance.
+    """
+    middle = search.problem.recording.poses.mid_s
+    if len(middle) < 2 * POSES_BESIDE:
+        return None
+    inner = middle[POSES_BESIDE - 1 : len(middle) - POSES_BESIDE + 1]
+    number = np.linspace(0, len(inner) - 1, min(2 * len(inner) - 1, MOST_TIMES))
+    times = np.interp(number, np.arange(len(inner)), inner)
+    apart, tries = np.diff(times).max() / 2, np.log(WITHIN * len(times))
+    while True:
+        shapes = [OfSensor(Steps((float(t),)), sensor) for t in times]
+        best = search.shaped(base, shapes, tries)
+        if best is None or apart < CLOSE or (hopeful and best.log_p > 0):
+            return best
+        (found,) = best.effect.times
+        times, apart = found + apart * np.array([0, -1, 1]), apart / 2
 
 
 def unseen(time, windows):
