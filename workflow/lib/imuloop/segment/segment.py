@@ -17,7 +17,13 @@ from imuloop.segment.multiples import (
 )
 from imuloop.segment.poses import number_poses
 from imuloop.segment.settings import SegmentSettings
-from imuloop.segment.static_detector import activity, detect_rests, rest_level, widened
+from imuloop.segment.static_detector import (
+    activity,
+    detect_rests,
+    rate_at_rest,
+    rest_level,
+    widened,
+)
 from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.stretches import lengths, unbroken, without
 from imuloop.segment.tilt import steady_rests, tilts
@@ -118,7 +124,7 @@ def _detected(f, w, stretches, step, settings):
         nothing = {"level": None, "multiples": None, "choice": [], "short_rests": 0}
         return np.empty((0, 2), dtype=int), nothing
     variances = level.accelerometer_variance, level.gyroscope_variance
-    away = np.linalg.norm(moving.rate - np.reshape(level.rate, (3, 1)), axis=0)
+    away = np.linalg.norm(moving.rate - rate_at_rest(moving, level, settings), axis=0)
     may_rest = away <= settings.rate_tolerance
 
     def within(multiples, may_rest):

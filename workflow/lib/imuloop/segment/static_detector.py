@@ -16,6 +16,9 @@ from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statist
 
 # samples of a rest: the variance of fewer says nothing of its mean's error
 FEWEST_SAMPLES = 4
+# rests from which on a rate that they share is the gyroscope's bias, and share of their windows
+# that may be away from it
+RESTS_OF_A_BIAS, FEW = 3, 0.1
 # short means by which a rest is widened, s
 EDGE_S = 0.1
 
@@ -102,6 +105,41 @@ def rest_level(force, rate, moving, step, settings):
         quiet = moving.within(most, levels)
     bias = np.median(moving.rate[:, quiet], axis=1) if quiet.any() else np.zeros(3)
     return RestLevel(source, seconds, *levels.tolist(), bias.tolist())
+
+
+def rate_at_rest(moving, level, settings):
+    """Return what the gyroscope shows at rest, its bias, rad/s, (3, 1), or (3, n) where it jumps.
+
+    A turn that no variance shows ends; a bias that jumps stays. So it jumps once where the windows
+    that are still by their variances are nearly all within `rate_tolerance` of the level up to
+    some time and of another rate from there on, or the other way round, at several rests each.
+    """
+    first = np.reshape(level.rate, (3, 1))
+    most = [max(settings.accelerometer_multiples)] * 2
+    still = moving.within(most, [level.accelerometer_variance, level.gyroscope_variance])
+    at = np.flatnonzero(still)
+
+    def away(rate, of):
+        return np.linalg.norm(moving.rate[:, of] - rate, axis=0) > settings.rate_tolerance
+
+    off = away(first, at)
+    if not off.any():
+        return first
+    # windows that a split calls right, those away from the level after it, and before it
+    right = np.cumsum(np.where(off, -1, 1)) * np.array([[1], [-1]])
+    order = int(np.argmax(right.max(axis=1)))
+    split = at[np.argmax(right[order])] + 1
+    sides = at[at < split], at[at >= split]
+    near, far = sides if order == 0 else sides[::-1]
+    if not len(near) or not len(far):
+        return first
+    other = np.median(moving.rate[:, far], axis=1, keepdims=True)
+    # a rest is a run of windows
+    rests = [1 + np.sum(np.diff(of) > moving.window) for of in (near, far)]
+    if min(rests) < RESTS_OF_A_BIAS or max(away(first, near).mean(), away(other, far).mean()) > FEW:
+        return first
+    before, after = (first, other) if order == 0 else (other, first)
+    return np.where(np.arange(len(still)) < split, before, after)
 
 
 def detect_rests(still, stretches, step, settings):
