@@ -66,6 +66,20 @@ def test_a_slow_turn_about_the_vertical_is_no_rest():
     assert np.any((rests["start_s"] > 30) & (rests["end_s"] < 50))
 
 
+@pytest.mark.parametrize("at", [0.3, 0.7])
+def test_a_bias_that_jumps_ends_no_rests(at):
+    """1 deg/s more from some time on, early or late: a device that turns so long turns over."""
+    samples, truth = pose_log(random_turns(14, 1), [20.0] + [5.0] * 14)
+    rests, _ = segmented(samples)
+    later = samples[TIME] > at * samples[TIME].iloc[-1]
+    samples[list(ANGULAR_RATE)] += np.outer(later, [1.0, 0, 0]) * DEGREE
+    found, _ = segmented(samples)
+    assert len(rests) == len(truth) and len(found) >= len(rests)
+    missing = set(rests["start_s"].round(1)) - set(found["start_s"].round(1))
+    # that in which it jumps is cut in two
+    assert len(missing) <= 1
+
+
 @pytest.mark.parametrize(
     ("turn", "poses"),
     [

@@ -100,11 +100,11 @@ def step_scan(search, base, taken=()):
     return _distinct(best), count
 
 
-def pose_step(sensor, search, base, hopeful):
+def pose_step(sensor, search, base, hopeful=False):
     """Return the Trial of the step of a sensor's bias that poses show most clearly, or None.
 
-    Amid the poses and amid the gaps first, then ever closer about the best: it may lie within a
-    pose. `hopeful` looks no closer where the first show no more than chance.
+    Amid the poses and amid the gaps first, then, where one shows more than chance, ever closer
+    about the best: it may lie within a pose. The first are cheap, so all have them, hopeful or not.
     """
     middle = search.problem.recording.poses.mid_s
     if len(middle) < 2 * POSES_BESIDE:
@@ -116,7 +116,7 @@ def pose_step(sensor, search, base, hopeful):
     while True:
         shapes = [OfSensor(Steps((float(t),)), sensor) for t in times]
         best = search.shaped(base, shapes, tries)
-        if best is None or apart < CLOSE or (hopeful and best.log_p > 0):
+        if best is None or apart < CLOSE or best.log_p > 0:
             return best
         (found,) = best.effect.times
         times, apart = found + apart * np.array([0, -1, 1]), apart / 2
