@@ -19,8 +19,11 @@ from imuloop.validate.new_bias import update_biases
 
 @pytest.mark.study
 @pytest.mark.parametrize("chip", [1, 3, 7])
-def test_biases_of_a_later_recording_take_most_of_its_error_away(recordings, tmp_path, chip):
+def test_biases_of_a_later_recording_take_most_of_its_error_away(
+    recordings, tmp_path, monkeypatch, chip
+):
     """Calibrated in one recording, updated in half of the other, judged in its second half."""
+    monkeypatch.setenv("IMULOOP_MIRROR", str(recordings(f"{RECORDINGS[0]}.parquet").parent))
     devices = [ingested(name, chip, tmp_path / name) for name in RECORDINGS]
     through(devices[0], (chain.segment, chain.noise, chain.calibrate))
     old = Calibration.from_json(devices[0].file("multi_position.json"))
