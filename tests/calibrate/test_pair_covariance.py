@@ -115,6 +115,33 @@ def test_the_rates_have_the_rounding_of_the_angular_rate():
     np.testing.assert_allclose((rounded - plain).reshape(n, 3), rounding[None, 3:].repeat(n, 0))
 
 
+def test_turns_to_both_ends_of_a_rest_that_tilts_share_their_noise(device):
+    """Of one record of white noise over the rest, the turns from its mean to start and end."""
+    pair, _, made, _ = device
+    rng, n = np.random.default_rng(3), len(made.poses)
+    poses = replace(made.poses, tilt=np.arange(n) % 2 * 1e-3)
+    made = replace(made, poses=poses)
+    _, x = true_pair(TRUTH, made)
+    covariance = pair.covariance_at(x, made)
+    draws, count, errors = 400, 200, []
+    plain = pair.model_at(x, made).residuals(x)[0]
+    for _ in range(draws):
+        walks = np.cumsum(rng.normal(size=(n, count, 3)), axis=1)
+        walks *= np.sqrt(poses.duration_s / count)[:, None, None]
+        walks[poses.tilt == 0] = 0.0
+        mean = walks.mean(axis=1)
+        turned = replace(poses, to_start=-1e-6 * mean, to_end=1e-6 * (walks[:, -1] - mean))
+        errors.append(pair.model_at(x, replace(made, poses=turned)).residuals(x)[0] - plain)
+    found = np.cov(np.transpose(errors)) * 1e12
+    expected = sum(columns @ columns.T for columns in covariance.tilted)
+    # the velocity of a move beside such a rest does not count
+    at = pair.rows(made)[1] == list(pair.kinds).index("rotation")
+    size = np.sqrt(np.diag(expected))[at]
+    off = (found - expected)[np.ix_(at, at)] / np.outer(size, size)
+    assert len(off) == 6
+    assert np.abs(off).max() < 5 * np.sqrt(2 / draws)
+
+
 def square(values, covariance, biases):
     """Return chi square and its degrees of freedom where biases, derivatives (n, q), are free."""
     white = np.linalg.solve(np.linalg.cholesky(covariance), np.column_stack([values, biases]))

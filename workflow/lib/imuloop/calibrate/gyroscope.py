@@ -167,7 +167,7 @@ def gyroscope_model(recording, see, x, effects=()):
     With effects, which depend on the output with K and b of the parameters x; `see` takes specific
     force as logged to what the effects see of it.
     """
-    _, K, b = unpack(x)
+    T, K, b = unpack(x)
     values, rotations = x[len(NAMES) :], recording.rotations
     shape, poses = rotations.w.shape, recording.poses
 
@@ -186,6 +186,7 @@ def gyroscope_model(recording, see, x, effects=()):
         rotations=rotations,
         rotation_design=design,
         directions=force / np.linalg.norm(force, axis=1, keepdims=True),
-        to_start=poses.to_start,
-        to_end=poses.to_end,
+        # small turns, so those that the sensor gives are scaled and aligned as rates are
+        to_start=poses.to_start @ (T * K).T if np.ndim(poses.to_start) else 0.0,
+        to_end=poses.to_end @ (T * K).T if np.ndim(poses.to_end) else 0.0,
     )

@@ -148,20 +148,22 @@ class PairCovariance:
         """What white noise of each rate makes of residuals where a rest tilts, (3, N, k).
 
         A direction at a tilted pose is turned by the gyroscope to where its rotation starts or
-        ends; the mean of a walk over T, from either end, has a third of the variance at T.
+        ends. With white noise n over T those turns are off by ``∫ n s/T ds`` to the end and
+        ``-∫ n (1 - s/T) ds`` to the start: variances of T/3, and a covariance of -T/6.
         """
         poses, first = self.poses, self.rotations.first
         found = []
         for k in np.flatnonzero(poses.tilt > 0 if poses.tilt is not None else []):
-            own = np.zeros((self.gains.shape[1], 3))
-            leaving, arriving = np.flatnonzero(first == k), np.flatnonzero(first + 1 == k)
+            leaving, arriving = np.zeros((2, self.gains.shape[1], 3))
             rows = self.model.moves[:, :2]
-            for move in leaving:
-                own[rows[move]] += self.carried[move]
-            for move in arriving:
-                own[rows[move]] -= self.turn.plane[move]
-            crossed = np.cross(np.eye(3), self.turn.directions[k])
-            found.append(np.sqrt(poses.duration_s[k] / 3) * own @ crossed)
+            for move in np.flatnonzero(first == k):
+                leaving[rows[move]] += self.carried[move]
+            for move in np.flatnonzero(first + 1 == k):
+                arriving[rows[move]] -= self.turn.plane[move]
+            crossed = np.sqrt(poses.duration_s[k] / 3) * np.cross(
+                np.eye(3), self.turn.directions[k]
+            )
+            found += [(leaving - arriving / 2) @ crossed, np.sqrt(3) / 2 * arriving @ crossed]
         if self.model.y is not None:
             found = [self.model.given_rotation(columns) for columns in found]
         return np.array(found).reshape(-1, self.gains.shape[1], 3).transpose(2, 1, 0)
