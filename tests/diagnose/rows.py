@@ -21,7 +21,7 @@ class Column:
     number: int = 0
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
-    limit, price, by_time = np.inf, 0.0, False
+    limit, price, after_temperature = np.inf, 0.0, False
     together, moved, hidden_by, kind = Effect.together, Effect.moved, Effect.hidden_by, Effect.kind
 
 

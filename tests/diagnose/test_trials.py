@@ -27,7 +27,7 @@ def test_what_the_base_model_takes_up_is_not_tried():
 
 @dataclass(frozen=True)
 class Drift(Column):
-    name, by_time, needs = "drift", True, ()
+    name, after_temperature, needs = "drift", True, ()
 
 
 @dataclass(frozen=True)

@@ -76,8 +76,9 @@ class Effect:
     limit: ClassVar[float] = np.inf  # largest size of a parameter that is physically possible, SI
     # whether it depends on the time since the start of the log, or on what was before
     timed: ClassVar[bool] = False
-    # whether it stands for a cause that nobody logged: what a logged one explains comes before it
-    by_time: ClassVar[bool] = False
+    # whether it is of time or of what the temperature was before: what the temperature itself
+    # explains comes before it
+    after_temperature: ClassVar[bool] = False
     # how far about a point it looks, s; what it remembers besides is in `Channels.past`
     reach: ClassVar[float] = 0.0
     lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next

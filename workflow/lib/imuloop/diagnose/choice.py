@@ -85,8 +85,8 @@ class Choices:
             base, (wide, failed) = wide, self._wider(wide, out)
         while True:
             added = {}
-            # what time alone explains goes before what a cause does
-            for effect in sorted(base, key=lambda e: not e.by_time):
+            # what time explains goes before what the temperature does
+            for effect in sorted(base, key=lambda e: not e.after_temperature):
                 others = tuple(e for e in base if e is not effect)
                 trial = search.test(others, effect)
                 # what those after it take up whole is none of its own

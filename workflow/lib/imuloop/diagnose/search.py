@@ -14,7 +14,7 @@ from imuloop.diagnose.training import pooled
 
 # share of log p by which shapes may differ and count as equally significant
 ALIKE = 0.05
-# share of the logarithm of its p-value from which on a cause goes before time
+# share of the logarithm of its p-value from which on the temperature goes before time
 AS_CLEARLY = 0.5
 # constants that lie between those of the shapes: moved by these factors, one after the other
 FACTORS = (1.4, 1.2, 1.1, 1.05, 1.02)
@@ -31,6 +31,11 @@ def _price(base, effect):
         return 0.0
     paid = any(e.name == effect.name and e.constants == effect.constants for e in base)
     return 0.0 if paid else effect.price
+
+
+def _of_temperature(effect):
+    """Return whether an effect depends on the temperature itself."""
+    return "temperature" in effect.needs and not effect.after_temperature
 
 
 def _priced(base, trial):
@@ -180,9 +185,9 @@ class Search:
     def best(self, base, banned=()):
         """Return the trial that passes with the smallest p-value beside others, or None.
 
-        What time alone explains a logged temperature explains first, where it does so at least half
-        as clearly: it is a cause, and time is none. Where none passes and the noise is known to be
-        smaller than what is left, the best pair.
+        What time or the past of a temperature explains the temperature itself explains first, where
+        it does so at least half as clearly: it is a cause that is logged. Where none passes and the
+        noise is known to be smaller than what is left, the best pair.
         """
         kinds = [cls for cls in (*self.problem.shapes, *self.problem.scans) if cls not in banned]
         trials = [self.trial(base, cls, hopeful=True) for cls in kinds]
@@ -190,9 +195,9 @@ class Search:
             t for t in trials if t and not t.impossible and t.log_p < self.threshold(len(base))
         ]
         best = min(passing, key=lambda t: round(t.log_p, 6), default=None)
-        if best and best.effect.by_time:
+        if best and best.effect.after_temperature:
             clear = AS_CLEARLY * best.log_p
-            warm = [t for t in passing if "temperature" in t.effect.needs and t.log_p < clear]
+            warm = [t for t in passing if t.log_p < clear and _of_temperature(t.effect)]
             passing = warm or passing
             best = min(passing, key=lambda t: round(t.log_p, 6))
         return self._first_alike(base, best, passing) if best else self.best_pair(base, banned)

@@ -40,7 +40,7 @@ class WarmUp(Effect):
     equation = "e_i = A_i exp(-t/τ)"
     reference = "IEEE Std 528-2001, warm-up time"
     timed = True
-    by_time = True
+    after_temperature = True
 
     @classmethod
     def shapes(cls, channels):
@@ -67,7 +67,7 @@ class BiasDrift(Effect):
     equation = "e_i = d_i t"
     reference = "IEEE Std 952-1997, annex C, rate ramp"
     timed = True
-    by_time = True
+    after_temperature = True
     records = ("poses",)
 
     def design(self, channels):

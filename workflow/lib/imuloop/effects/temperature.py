@@ -191,6 +191,7 @@ class BiasTemperatureRate(Effect):
     equation = "e_i = r_i (θ - θ_lag)/τ"
     reference = "Kim and Jung, Sensors 25 (2025) 6131, bias against the rate of temperature"
     timed = True
+    after_temperature = True
     needs = ("temperature",)
 
     @classmethod
@@ -234,6 +235,7 @@ class ThermalHysteresis(Effect):
     equation = "e_i = h_i (θ - play_w θ)/w"
     reference = "Brokate and Sprekels, Hysteresis and Phase Transitions, 1996, play operator"
     bounds = {"half_width": (1e-3, 1e3)}
+    after_temperature = True
     needs = ("temperature",)
 
     @classmethod
