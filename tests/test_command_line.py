@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 from html import unescape
 
 import numpy as np
@@ -23,7 +24,7 @@ from quick import hurried
 def device(tmp_path_factory):
     """A folder with two logs of poses of a simulated device and its calibration."""
     folder = tmp_path_factory.mktemp("device")
-    calibrated_device(folder, 24, 20.0, 1, 2).to_json(folder / "calibration.json")
+    calibrated_device(folder, 14, 20.0, 1, 2).to_json(folder / "calibration.json")
     return folder
 
 
@@ -61,6 +62,7 @@ def test_a_calibration_with_the_biases_of_a_new_log(device, tmp_path, capsys):
     log = pd.read_csv(device / "2.csv")
     log["gy"] += 0.002
     log.to_csv(tmp_path / "later.csv", index=False)
+    shutil.copy(device / "noise.json", tmp_path)
     old, new, again = device / "calibration.json", tmp_path / "new.json", tmp_path / "again.json"
 
     def update(calibration, name, target):

@@ -60,7 +60,7 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
 
 
 def test_held_out_errors_of_a_good_model_are_at_their_floor():
-    truth = example_truth()
+    truth = example_truth(rate=50.0)
     ratios = {"gravity_norm": [], "pose_rate": [], "rotation": []}
     for seed in range(5):
         made = recording(truth, seed)

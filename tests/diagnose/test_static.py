@@ -50,11 +50,15 @@ def pattern(name, n=N):
     return at[:, range(3), range(3)], shape
 
 
+# the others are found by their names in other tests, too
+OFTEN = ("bias_temperature", "sinusoid", "steps")
+
+
 @pytest.mark.parametrize(
     "name",
     [
-        *("bias_temperature", "bias_temperature_rate", "thermal_hysteresis", "warm_up"),
-        *("ramp", "sinusoid", "steps"),
+        *("bias_temperature_rate", "thermal_hysteresis", "warm_up", "ramp"),
+        *(pytest.param(name, marks=pytest.mark.study) for name in OFTEN),
     ],
 )
 def test_each_effect_is_found_by_its_name(name):
@@ -118,7 +122,9 @@ def test_sessions_share_the_parameters_and_have_their_own_levels():
     assert np.isfinite(finding.after).all()
 
 
-@pytest.mark.parametrize("kind", ["steps", "line in two records"])
+@pytest.mark.parametrize(
+    "kind", ["steps", pytest.param("line in two records", marks=pytest.mark.study)]
+)
 def test_what_a_held_out_block_holds_touches_nothing_that_predicts_it(kind):
     """Whatever the values of a block, what the others choose, estimate and predict stays."""
     rng, sessions = np.random.default_rng(11), "a" if kind == "steps" else "ab"
