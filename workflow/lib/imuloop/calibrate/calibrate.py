@@ -12,10 +12,11 @@ from imuloop.calibrate.determined import (
     accelerometer_undetermined,
     direction_unknown,
     gyroscope_undetermined,
+    no_ellipsoid,
 )
 from imuloop.calibrate.gyroscope import NAMES as OF_GYROSCOPE
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.calibrate.least_squares import condition_number, why_no_fit
+from imuloop.calibrate.least_squares import NotConverged, condition_number, why_no_fit
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.raw_units import as_logged, in_raw_units
 from imuloop.calibrate.recording import record
@@ -184,6 +185,8 @@ def _estimated(pair, recording):
     try:
         solution = pair.fit(recording)
     except LinAlgError as error:
+        if sensor == "accelerometer" and isinstance(error, NotConverged):
+            return None, no_ellipsoid(len(recording.poses), "no minimum")
         return None, why_no_fit(error)
     if reason := pair.lost_by(sensor, solution, recording):
         return None, reason

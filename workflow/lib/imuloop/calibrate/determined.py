@@ -56,10 +56,14 @@ def accelerometer_lost(jacobian, x, gravity, largest):
         leads = f"axes {slant:.2g} rad from square, at most {SLANT:g} is plausible"
     else:
         return None
+    return no_ellipsoid(len(jacobian), leads)
+
+
+def no_ellipsoid(poses, leads):
+    """Return why poses that no accelerometer gives have no fit, and where it leads."""
     return (
-        f"specific force at {len(jacobian)} poses lies on no ellipsoid of an "
-        f"accelerometer: the fit leads to {leads}; was a pose clipped or wrapped around, did "
-        f"scale or offset change midway?"
+        f"specific force at {poses} poses lies on no ellipsoid of an accelerometer: the fit leads "
+        f"to {leads}; was a pose clipped or wrapped around, did scale or offset change midway?"
     )
 
 
