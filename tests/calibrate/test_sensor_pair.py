@@ -108,10 +108,16 @@ def test_a_given_accelerometer_counts_as_far_as_it_is_known(seeds):
             given = known_accelerometer(x, covariance)
             force, turn = calibrated(made, NOISE, TRUTH.gravity, given)
             assert "9 poses found, at least 10 needed" in force.not_testable
+            if covariance is None and turn.method == "static":
+                # what is wrong and taken for exact may leave no fit
+                assert "contradict each other" in turn.not_testable
+                continue
             assert turn.method == "multi_position" and turn.names == gyroscope.NAMES
             turns.append(turn)
         pulls.append(scores(turns[0], TRUTH.gyroscope, gyroscope.NAMES))
-        errors.append([difference(t, TRUTH.gyroscope, gyroscope.NAMES[:9]) for t in turns])
+        own = [difference(t, TRUTH.gyroscope, gyroscope.NAMES[:9]) for t in turns]
+        errors += [own] if len(own) == 2 else []
+    assert len(errors) >= 0.9 * seeds
     # three standard errors, as if those of a device were one
     assert np.mean(np.square(pulls)) < 1 + 3 * np.sqrt(2 / seeds)
     known, exact = np.sqrt(np.mean(np.square(errors), axis=(0, 2)))

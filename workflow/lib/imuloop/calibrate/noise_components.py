@@ -15,6 +15,8 @@ TINY = 1e-6
 FARTHEST = 1.96
 # steps of the search, and its end: by so much the logarithm of the likelihood may still rise
 STEPS, RISE = 100, 1e-9
+# rise after the last step that makes no other weights; beyond it nothing was found
+UNSETTLED = 1e-3
 
 
 @dataclass(frozen=True)
@@ -132,5 +134,6 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None):
         else:
             damping *= 10
     else:
-        raise NotConverged(f"the size of the noise is not found in {STEPS} steps")
+        if -slope @ step > UNSETTLED:
+            raise NotConverged(f"the size of the noise is not found in {STEPS} steps")
     return np.where(squares > 1.01 * TINY**2, np.sqrt(squares), 0.0)
