@@ -109,7 +109,9 @@ def static_candidates(sensor, records):
         return None if any(p is None for p in parts) else np.concatenate(parts)
 
     channels = Channels(*(joined(n) for n in ("t", "output", "other", "temperature")))
-    return candidates(sensor, "static_record", channels)
+    found, others = candidates(sensor, "static_record", channels)
+    # hours tell how the temperature changes, and so what a late thermometer leaves
+    return {cls: tuple(e for e in own if not e.price) for cls, own in found.items()}, others
 
 
 def diagnose_static(
