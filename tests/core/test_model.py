@@ -10,7 +10,7 @@ import pytest
 import imuloop.effects  # noqa: F401  the library of effects
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import OF_ONE_LOG, Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
 
@@ -83,6 +83,15 @@ def test_what_was_not_measured_is_applied_only_when_it_is_asked_for(tmp_path):
     doubted = replace(empty, gyroscope=replace(nominal, verdict="unexplained"))
     assert not doubted.measured and doubted.limits() == empty.limits()
     assert not empty.measured and replace(empty, accelerometer=sensor()).measured
+
+
+def test_a_step_is_said_to_be_of_the_calibrated_log():
+    """Protects who applies a calibration to a later log, which has no step at that time."""
+    step = FittedEffect(find_effect("steps")((100.0,)), {f"h1{a}": 0.1 for a in "xyz"}, {})
+    warm = FittedEffect(find_effect("bias_temperature")(), {f"c1{a}": 1e-3 for a in "xyz"}, {})
+    force, turn = (sensor(not_testable=None, effects=e) for e in ((step, warm), (warm,)))
+    made = Calibration("d", 9.81, force, turn)
+    assert made.limits() == [f"accelerometer: steps {OF_ONE_LOG}"]
 
 
 def test_the_verdict_is_kept_and_files_without_it_are_read(tmp_path):

@@ -78,7 +78,7 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None):
     Raises
     ------
     NotConverged
-        If the likelihood still rises after the last step.
+        If the likelihood still rises by more than `UNSETTLED` after the last step.
 
     References
     ----------

@@ -28,7 +28,6 @@ class PairCovariance:
         self.model, self.poses = model, recording.poses
         self.of_force, self.of_turn, self.turn = model.at(x)
         self.rotations = self.turn.rotations if self.turn else recording.rotations.select([])
-        self.parts = PARTS
         if self.turn:
             self._along_moves()
         self.gains = self._gains()
@@ -71,9 +70,9 @@ class PairCovariance:
     def _runs(self):
         """Of each run the places of its means, their windows, its poses and its parts of moves."""
         poses, found = self.poses, []
-        edges = np.linspace(self.rotations.start_s, self.rotations.end_s, self.parts + 1)
+        edges = np.linspace(self.rotations.start_s, self.rotations.end_s, PARTS + 1)
         ends = np.stack([edges[:-1].T.ravel(), edges[1:].T.ravel()], axis=1)
-        of_run = np.repeat(poses.run[self.rotations.first], self.parts)
+        of_run = np.repeat(poses.run[self.rotations.first], PARTS)
         for run in np.unique(poses.run):
             at, moves = np.flatnonzero(poses.run == run), np.flatnonzero(of_run == run)
             windows = np.concatenate([poses.windows[at], ends[moves]])
@@ -138,8 +137,8 @@ class PairCovariance:
 
         `passed` is the time since the start of the move, s, (m, k).
         """
-        part = (passed / passed.max(axis=1, keepdims=True) * self.parts).astype(int)
-        inside = np.minimum(part, self.parts - 1)[:, None] == np.arange(self.parts)[:, None]
+        part = (passed / passed.max(axis=1, keepdims=True) * PARTS).astype(int)
+        inside = np.minimum(part, PARTS - 1)[:, None] == np.arange(PARTS)[:, None]
         flat = values.reshape(*passed.shape, math.prod(values.shape[2:]))
         return (inside.astype(float) @ flat).reshape(*inside.shape[:2], *values.shape[2:])
 
@@ -175,13 +174,13 @@ class PairCovariance:
         force = model.force.force(self.of_force)
         norm = (force / np.linalg.norm(force, axis=1)[:, None]) @ T * K
         rows = n + (3 * n + (5 if model.y is not None else 2) * m if turn else 0)
-        gains, poses = np.zeros((6, rows, n + self.parts * m)), np.arange(n)
+        gains, poses = np.zeros((6, rows, n + PARTS * m)), np.arange(n)
         for axis in range(3):
             gains[axis, poses, poses] = norm[:, axis]
         if not turn:
             return gains
         first, move = turn.rotations.first, model.moves
-        parts = n + np.arange(self.parts * m).reshape(m, self.parts)
+        parts = n + np.arange(PARTS * m).reshape(m, PARTS)
         across = model.across(self.of_force) @ (T * K)
         begun, ended = self.carried @ across[first], -turn.plane @ across[first + 1]
         if model.y is not None:

@@ -28,6 +28,11 @@ UNEXPLAINED = (
     "its errors are larger than its noise and no known effect explains them: the model lacks "
     "something, see diagnosis.json"
 )
+# what it means that an effect does not last
+OF_ONE_LOG = (
+    "is of the log that was calibrated and is applied by its time; for another log take the biases "
+    "of that one first: imuloop check --update"
+)
 
 
 # what a file says of a sensor as it is
@@ -152,7 +157,10 @@ class Calibration:
         return self.accelerometer.measured or self.gyroscope.measured
 
     def limits(self, *sensors):
-        """Return lines on sensors, or on both, that are not fully calibrated or explained."""
+        """Return lines on sensors, or on both, that are not fully calibrated or explained.
+
+        And on effects of the calibrated log alone, as a step: they are not in the next one.
+        """
         lines = []
         for name in sensors or SENSORS:
             sensor = getattr(self, name)
@@ -160,6 +168,8 @@ class Calibration:
                 lines.append(f"{name}: {sensor.method} ({sensor.not_testable})")
             if sensor.unexplained:
                 lines.append(f"{name}: unexplained ({UNEXPLAINED})")
+            for effect in (e for e in sensor.effects if not e.effect.lasting):
+                lines.append(f"{name}: {effect.name} {OF_ONE_LOG}")
         return lines
 
     def refuse_nominal(self, where=None):

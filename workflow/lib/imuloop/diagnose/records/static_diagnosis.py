@@ -194,8 +194,8 @@ def untestable(records, axes, settings):
     """Return why the records of a sensor cannot be diagnosed, or None."""
     if not records:
         return (
-            f"no static session, and no rest of {LONG_REST / 60:g} minutes, that gives "
-            f"{2 * settings.blocks} means: record one, better two hours"
+            f"no static session, and no rest of {LONG_REST / 60:g} minutes, with the "
+            f"{2 * settings.blocks} means needed: record a static session, better two hours"
         )
     if not all(a.N.square or a.Q.square or a.B.square or a.K.square for a in axes):
         return "the noise of an axis is not known"
