@@ -3,7 +3,9 @@
 import csv
 import json
 import re
+import shutil
 import warnings
+from functools import partial
 
 import pyarrow.parquet as pq
 import pytest
@@ -28,20 +30,27 @@ def results(logs, tmp_path_factory):
 
         return attempt(device, stage, forced if device.name == f"bad_{stage}" else work, *others)
 
-    names = [*(f"bad_{stage}" for stage in STAGES), "good"]
+    def work(name):
+        device = chain.Device(name, folder / name, {"faces": "six_position"}, **settings)
+        ingest = partial(chain.ingest, device, "faces", {}, [folder / "faces.parquet"])
+        others = (*chain.stages(), chain.export, chain.report_device)
+        return [ingest, *(partial(stage, device) for stage in others)]
+
+    good = work("good")
     with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
         # what counts is in the results
         warnings.simplefilter("ignore")
         patch.setattr(chain, "attempt", failing)
         patch.setattr(DRAW, blank)
-        for name in names:
-            device = chain.Device(name, folder / name, {"faces": "six_position"}, **settings)
-            failures = chain.ingest(device, "faces", {}, [folder / "faces.parquet"])
-            failures += chain.run(device)
-            expected = [] if name == "good" else [name.removeprefix("bad_")]
-            assert [failure.stage for failure in failures] == expected
+        for place, stage in enumerate(STAGES):
+            # up to that stage it is the good device
+            if place:
+                shutil.copytree(folder / "good", folder / f"bad_{stage}")
+            failures = [each for left in work(f"bad_{stage}")[place:] for each in left()]
+            assert [failure.stage for failure in failures] == [stage]
+            assert good[place]() == []
     provenance = {"commit": "", "command": "", "config": {}, "versions": {}}
-    folders = [folder / name for name in names]
+    folders = [folder / name for name in (*(f"bad_{stage}" for stage in STAGES), "good")]
     write_report(folders, provenance, folder / "report.html", folder / "comparison.csv")
     return folder
 
