@@ -1,6 +1,7 @@
 """``imuloop.calibrate`` and its relatives: the workflow's numbers from arrays, tables and files."""
 
 import re
+import shutil
 from urllib.parse import unquote
 
 import numpy as np
@@ -92,10 +93,12 @@ def test_the_report_is_written_and_figures_are_of_matplotlib(result, tmp_path):
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_report_leads_to_the_files_that_are_kept(log, tmp_path):
+def test_a_report_leads_to_the_files_that_are_kept(result, log, tmp_path, monkeypatch):
     kept = tmp_path / "my results"
-    with hurried("device"):
-        made = imuloop.calibrate(log["t"], log[FORCE], log[TURN], folder=kept, progress=False)
+    # of the same log the stages have made their files before
+    monkeypatch.setattr("imuloop.chain.stages", tuple)
+    made = imuloop.calibrate(log["t"], log[FORCE], log[TURN], folder=kept, progress=False)
+    shutil.copytree(result.device.folder, kept, dirs_exist_ok=True)
     (tmp_path / "pages").mkdir()
     page = made.report(tmp_path / "pages/report.html")
     links = set(re.findall(r'href="([^#"][^"]*)"', page.read_text()))
