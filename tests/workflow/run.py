@@ -1,5 +1,6 @@
 """The workflow run as a user runs it."""
 
+import gc
 import os
 import subprocess
 import sys
@@ -9,7 +10,9 @@ from tempfile import TemporaryDirectory
 
 # of a process that has imported once what Snakemake needs in every call
 FORKS = get_context("forkserver")
-FORKS.set_forkserver_preload(["snakemake.cli", "pandas", "pyarrow.parquet", "scipy.stats"])
+FORKS.set_forkserver_preload(
+    ["snakemake.cli", "pandas", "pyarrow.parquet", "scipy.signal", "jsonschema"]
+)
 
 
 def words(repository, folder, *arguments, target="results/report.html", config="config.yaml"):
@@ -56,4 +59,6 @@ def _in_fork(arguments, cwd, env, printed):
     os.chdir(cwd)
     os.environ.clear()
     os.environ.update(env)
+    # a sixth of its time, and it ends soon
+    gc.disable()
     main(arguments)
