@@ -28,19 +28,18 @@ CONFIG = {
                 "broken": {"kind": "static", "file": "broken.csv"},
             },
         },
+        # one of its logs is faulty; it fails in a stage, too
         "resting": RESTING | {"sessions": RESTING["sessions"] | FACES},
-        # of a faulty log; it fails in a stage, too
-        "failing": {"sessions": {"swapped": {"kind": "six_position", "file": "swapped.csv"}}},
     },
 }
 # columns of a sensor's folder of EuRoC
 EUROC = {f"g{x}": f"w_RS_S_{x} [rad s^-1]" for x in "xyz"}
 EUROC |= {f"a{x}": f"a_RS_S_{x} [m s^-2]" for x in "xyz"}
-# what is added to the noise stage
+# what is added to the export
 FAIL = """
 
-def estimate_noise(device, *args, _own=estimate_noise, **more):
-    if device == "failing":
+def read_exported(device, *args, _own=read_exported, **more):
+    if device == "resting":
         raise ArithmeticError("forced")
     return _own(device, *args, **more)
 """
@@ -58,9 +57,9 @@ def copied(repository, folder):
 
 @pytest.fixture(scope="session")
 def checkout(repository, tmp_path_factory):
-    """A copy of the workflow, to be edited, in which a stage fails of the device ``failing``."""
+    """A copy of the workflow, to be edited, in which the export of the device ``resting`` fails."""
     folder = copied(repository, tmp_path_factory.mktemp("checkout"))
-    path = folder / "workflow/lib/imuloop/noise/noise.py"
+    path = folder / "workflow/lib/imuloop/export/export.py"
     path.write_text(path.read_text() + FAIL)
     return folder
 
@@ -91,12 +90,11 @@ def finished(checkout, logs, truth, tmp_path_factory):
     for name in ("logs in", "faces"):
         (folder / name).mkdir()
     write_log(folder / "logs in/p.csv", logs["multi_position"], {})
-    faces = logs["six_position"][["t", *EUROC]].rename(columns=EUROC)
+    swapped = {"gx": logs["six_position"]["gy"], "gy": logs["six_position"]["gx"]}
+    faces = logs["six_position"].assign(**swapped)[["t", *EUROC]].rename(columns=EUROC)
     faces = faces.assign(t=(1e9 * faces["t"]).round().astype(int))
     faces.rename(columns={"t": "#timestamp [ns]"}).to_csv(folder / "faces/data.csv", index=False)
     write_log(folder / "rest.parquet", logs["static"], {})
     (folder / "broken.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "0,0,0,9.8,0,0,nan\n" * 50)
-    other = {"gx": logs["six_position"]["gy"], "gy": logs["six_position"]["gx"]}
-    write_log(folder / "swapped.csv", logs["six_position"].assign(**other), {})
     (folder / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))
     return folder, snakemake(checkout, folder, target=None)

@@ -38,13 +38,13 @@ def test_a_rejected_session_stops_nothing_and_other_rests_stand_in(finished):
 
 
 def test_the_files_of_a_device_are_those_of_the_library_on_it_alone(finished, tmp_path):
-    beside, single = finished[0] / "results/resting", tmp_path / "resting"
-    declared = resolve(CONFIG)["resting"]
+    beside, single = finished[0] / "results/posed", tmp_path / "posed"
+    declared = resolve(CONFIG)["posed"]
     sessions = declared["sessions"]
     given = {key: declared[key] for key in ("label", "gravity", "nominal", "full_scale", *STAGES)}
     kinds = {name: session.pop("kind") for name, session in sessions.items()}
-    device = chain.Device("resting", single, kinds, **given)
-    for name, file in (("rest", "rest.parquet"), ("faces", "faces")):
+    device = chain.Device("posed", single, kinds, **given)
+    for name, file in (("poses", "logs in/p.csv"), ("broken", "broken.csv")):
         assert chain.ingest(device, name, sessions[name], [finished[0] / file]) == []
     assert chain.run(device) == []
     files = [path.relative_to(single) for path in single.rglob("*") if path.is_file()]
@@ -55,7 +55,7 @@ def test_the_files_of_a_device_are_those_of_the_library_on_it_alone(finished, tm
 def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished):
     folder, done = finished
     for log, kind, text in (
-        ("failing/swapped", "warnings", "fits the turns of gravity with x as gy, y as gx, z as gz"),
+        ("resting/faces", "warnings", "fits the turns of gravity with x as gy, y as gx, z as gz"),
         ("posed/broken", "reasons", "non-finite"),
     ):
         quality = json.loads((folder / f"results/{log}/quality.json").read_text())
@@ -68,17 +68,16 @@ def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished)
         assert session in (folder / f"results/{device}/section.html").read_text()
     assert "Traceback" not in done.stdout + done.stderr
     with_traceback = [p for p in (folder / "logs").rglob("*.log") if "Traceback" in p.read_text()]
-    assert with_traceback == [folder / "logs/noise/failing.log"]
-    line = "failing: noise failed: forced; the traceback is in logs/noise/failing.log\n"
+    assert with_traceback == [folder / "logs/export/resting.log"]
+    line = "resting: export failed: forced; the traceback is in logs/export/resting.log\n"
     assert line in done.stderr
     page = (folder / "results/report.html").read_text()
     assert page.index("Devices in which a stage failed") < page.index('id="rejected"')
-    assert "logs/noise/failing.log" in page
+    assert "logs/export/resting.log" in page
     rows = pd.read_csv(folder / "results/comparison.csv", index_col="device")
-    assert dict(rows["status"]) == {"posed": "ok", "resting": "ok", "failing": "failed"}
-    assert "noise failed: forced" in rows["why"]["failing"]
+    assert dict(rows["status"]) == {"posed": "ok", "resting": "failed"}
+    assert "export failed: forced" in rows["why"]["resting"]
     assert rows["why"]["posed"].startswith("broken: 50 of 50 rows")
-    assert pd.isna(rows["why"]["resting"])
 
 
 def test_five_mistakes_are_five_lines(checkout, tmp_path):
@@ -164,7 +163,7 @@ def test_another_workflow_has_it_as_a_module(checkout, finished, tmp_path, where
         f'module imuloop:\n    snakefile: {snakefile}\n    config: config["imu"]\n'
         "use rule * from imuloop as imu_*\n"
     )
-    made = "results/resting/rest/segments.parquet"
+    made = "results/resting/rest/samples.parquet"
     done = snakemake(tmp_path, tmp_path, target=made, config=None, **environment)
     assert done.returncode == 0, done.stderr
     assert (tmp_path / made).read_bytes() == (finished[0] / made).read_bytes()
