@@ -1,4 +1,4 @@
-"""Intervals hold, of whole logs, over lost samples and late stamps, and beside clipped turns."""
+"""Intervals hold, of whole logs, over lost samples and late stamps, beside what is clipped."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from calibrate.devices import calibrated, known_noise, recorded, scores
 from imuloop.calibrate import accelerometer, gaps, gyroscope
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.recording import record
-from imuloop.core.samples import ANGULAR_RATE, TIME, read_samples
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_metadata, read_samples
 from imuloop.core.tables import write_table
 from imuloop.diagnose.records.motion import knocks
 from imuloop.ingest.ingest import ingest
@@ -124,17 +124,18 @@ def test_stamps_at_which_the_sensor_was_sampled_add_nothing():
 
 
 def calibrated_from_file(log, folder):
-    """Return the gyroscope's calibration and the Recording of a log, by the stages' files."""
+    """Return the calibration of both sensors and the Recording of a log, by the stages' files."""
     paths = {"kind": "multi_position", "samples": folder / "s.parquet"}
     log.to_csv(folder / "log.csv", index=False)
     declared = {"device": "d", "session": "s", "kind": paths["kind"], "paths": [folder / "log.csv"]}
     ingest(**declared, samples_path=paths["samples"], quality_path=folder / "q.json")
     samples = read_samples(paths["samples"])
     paths["segments"] = folder / "g.parquet"
-    table = segment_session(samples, paths["kind"], SegmentSettings())[0]
+    rails = read_metadata(paths["samples"])["rails"]
+    table = segment_session(samples, paths["kind"], SegmentSettings(), rails=rails)[0]
     write_table(paths["segments"], table)
     made = read_recording({"s": paths}, 30.0)
-    return calibrated(made, NOISE, TRUTH.gravity)[1], made
+    return *calibrated(made, NOISE, TRUTH.gravity), made
 
 
 # the upper end alone, or both
@@ -143,7 +144,7 @@ def test_turns_beyond_the_range_are_left_out_and_pull_nothing(low, tmp_path):
     log = simulate_session(TRUTH, "multi_position", 106)
     top = 0.75 * log[list(ANGULAR_RATE)].abs().max().max()
     log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].clip(low * top, top)
-    turn, made = calibrated_from_file(log, tmp_path)
+    _, turn, made = calibrated_from_file(log, tmp_path)
     assert 0 < made.lost.clipped < 0.5 * made.lost.rotations
     assert len(made.rotations) == made.lost.rotations - made.lost.clipped
     assert np.abs(scores(turn, TRUTH.gyroscope, gyroscope.NAMES)).max() < 4
@@ -155,7 +156,7 @@ def test_turns_beyond_the_range_are_left_out_and_pull_nothing(low, tmp_path):
 def test_of_turns_that_are_all_beyond_the_range_the_reason_says_so(limit, tmp_path):
     log = simulate_session(TRUTH, "multi_position", 106)
     log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].clip(-limit, limit)
-    turn, made = calibrated_from_file(log, tmp_path)
+    _, turn, made = calibrated_from_file(log, tmp_path)
     assert len(made.rotations) < 5
     assert "choose a wider range or turn more slowly" in turn.not_testable
     # the rests still know the bias
@@ -176,3 +177,21 @@ def test_a_move_in_which_the_accelerometer_is_at_the_end_of_its_range_is_none():
     assert len(made.rotations) == len(whole.rotations)
     beyond = np.isnan(knocks(made, np.zeros(3)))
     assert np.flatnonzero(beyond).tolist() == [k]
+
+
+def test_rests_at_the_end_of_the_range_are_left_out_and_pull_nothing(tmp_path):
+    log = simulate_session(TRUTH, "multi_position", 106)
+    log[list(ACCELERATION)] = log[list(ACCELERATION)].clip(-9.0, 9.0)
+    force, turn, made = calibrated_from_file(log, tmp_path)
+    assert 2 < made.lost.railed < 0.5 * len(made.poses)
+    assert np.abs(scores(force, TRUTH.accelerometer, accelerometer.NAMES)).max() < 4
+    assert np.abs(scores(turn, TRUTH.gyroscope, gyroscope.NAMES)).max() < 4
+    assert force.reduced_chi2 < 1.6
+
+
+def test_of_rests_that_are_nearly_all_at_the_end_of_the_range_the_reason_says_so(tmp_path):
+    log = simulate_session(TRUTH, "multi_position", 106)
+    log[list(ACCELERATION)] = log[list(ACCELERATION)].clip(-6.0, 6.0)
+    force, _, made = calibrated_from_file(log, tmp_path)
+    assert made.lost.railed > len(made.poses)
+    assert f"{made.lost.railed} rests at the end of the accelerometer's range" in force.not_testable

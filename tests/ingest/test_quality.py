@@ -60,7 +60,9 @@ def test_clipping(log, measured):
     # undeclared is unknown, not none
     assert found["clipped"]["gx"] is None
     (line,) = found["warnings"]
-    assert line.startswith("samples at the end of the full scale: ax 3; turns and moves with one")
+    assert line.startswith(
+        "samples at the end of the full scale: ax 3; rests, turns and moves with them"
+    )
 
 
 def test_quantisation_step(log, measured):

@@ -257,6 +257,8 @@ def test_structure_that_a_search_finds_comes_first_with_what_it_goes_with(first)
 def test_values_at_the_end_of_the_range_come_first(good, first):
     hard = session("hard", "static", good().sessions[0].samples_path, clipped={"ax": 12, "gz": 0})
     assert first(more=[hard]).startswith("Session hard: 12 samples of ax lie at the end")
+    railed = replace(hard, segmentation={"railed_rests": 7})
+    assert "range. 7 rests, and turns and moves with one are left out" in first(more=[railed])
 
 
 def test_a_force_that_is_far_from_gravity_comes_first(good, first):

@@ -75,7 +75,7 @@ def ingest(device, session, declared, paths):
 
 def segment(device):
     """Write the segments of each session."""
-    from imuloop.core.samples import Samples
+    from imuloop.core.samples import Samples, read_metadata
     from imuloop.core.tables import write_table
     from imuloop.segment.segment import no_segments, segment_session
     from imuloop.segment.settings import SegmentSettings
@@ -84,7 +84,8 @@ def segment(device):
 
     def work(files):
         samples = Samples(files["samples"])
-        segments = segment_session(samples, files["kind"], settings, device.threads)
+        rails = read_metadata(files["samples"]).get("rails")
+        segments = segment_session(samples, files["kind"], settings, device.threads, rails)
         write_table(files["segments"], *segments)
 
     def instead(files, reason, failed):

@@ -148,7 +148,8 @@ def sensor_pair(recording, noise, gravity, units, settings, given=None, turns=No
     base = np.repeat([0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [3, 3, 3, 6, 3, 3])
     known = turns.rows() if turns is not None and len(turns) and bias is None else None
     pair = SensorPair(noise, gravity, units, settings, (), base, given, known, bias)
-    reason = accelerometer_undetermined(poses, gravity, largest)
+    if reason := accelerometer_undetermined(poses, gravity, largest):
+        reason += recording.lost.rests_reason
     reason = reason or poses.unknown_noise(noise, ACCELERATION)
     if not reason:
         base[:FORCE] = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity).start()

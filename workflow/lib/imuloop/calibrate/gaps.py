@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuloop.core.errors import plural
 from imuloop.core.rotation import mean_rates
 from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME, lost_samples
 from imuloop.core.stamps import Scatter, bend
@@ -33,12 +34,14 @@ class Lost:
 
     They are left out as a gap is too long, or its error not known or too large; `longest` is the
     most samples lost in a row in one of them. Others are left out as the angular rate is `clipped`.
+    Rests are left out as the specific force is: `railed` of them.
     """
 
     rotations: int = 0
     left_out: int = 0
     longest: int = 0
     clipped: int = 0
+    railed: int = 0
 
     @property
     def reason(self):
@@ -54,6 +57,16 @@ class Lost:
                 "range and are left out: choose a wider range or turn more slowly"
             )
         return reasons
+
+    @property
+    def rests_reason(self):
+        """What rests were left out for, in words; empty where none was."""
+        if not self.railed:
+            return ""
+        return (
+            f"; {plural(self.railed, 'rest')} at the end of the accelerometer's range left out: "
+            "choose a wider range"
+        )
 
 
 def errors_of_time(log, begin, last, bias, variance):

@@ -17,6 +17,7 @@ from imuloop.calibrate.poses import (
 from imuloop.core.effect import Channels
 from imuloop.core.memory import filled
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
+from imuloop.core.segments import DISTURBED
 
 
 @dataclass(frozen=True)
@@ -158,7 +159,8 @@ def record(samples, segments, longest_rotation, rails=None):
         poses = replace(poses, temperature=pose_means(poses, logs, temperature))
         samples = [{**s, TEMPERATURE: t} for s, t in zip(samples, temperature, strict=True)]
     rotations, lost = gather_rotations(poses, samples, segments, longest_rotation, rails)
-    return Recording(poses, rotations, logs, lost)
+    railed = sum(int(np.sum(np.asarray(table["kind"]) == DISTURBED)) for table in segments)
+    return Recording(poses, rotations, logs, replace(lost, railed=railed))
 
 
 def _rounded(poses, samples):

@@ -98,7 +98,7 @@ def run(arguments):
         path, quality = log_samples(log, arguments, Path(folder), calibration=calibration)
         refuse_rejected(log, quality)
         samples, rails = read_samples(path), read_metadata(path).get("rails", {})
-    kind, segments = segmented(samples, arguments.kind)
+    kind, segments = segmented(samples, arguments.kind, rails)
     recording = record([samples], [segments], CalibrateSettings().longest_rotation, [rails])
     noise, source = noise_of(arguments, calibration, kind, samples, segments)
     given, gravity = (calibration, recording, noise), arguments.gravity
@@ -120,11 +120,12 @@ def run(arguments):
     return DRIFTED if drift.drifted else 0
 
 
-def segmented(samples, kind):
+def segmented(samples, kind, rails):
     """Return the kind of a log and its segments; poses if it has several and no kind is given."""
-    segments, found = segment_session(samples, kind or "multi_position", SegmentSettings())
+    how = kind or "multi_position"
+    segments, found = segment_session(samples, how, SegmentSettings(), rails=rails)
     if kind or found["poses"] > 1:
-        return kind or "multi_position", segments
+        return how, segments
     return "static", segment_session(samples, "static", SegmentSettings())[0]
 
 

@@ -65,8 +65,8 @@ def warnings(figures):
             for name, f in found["clipped_at"].items()
             if f["values"] and not figures["clipped"].get(name)
         ],
-        "; turns and moves with one are left out: choose a wider range or turn more slowly, and "
-        "declare full_scale",
+        "; rests, turns and moves with them are left out: choose a wider range or turn more "
+        "slowly, and declare full_scale",
     )
     held = {sensor: n for sensor, n in found["rows_a_value"].items() if n > 1}
     tell(

@@ -277,8 +277,8 @@ def warnings(figures, counts, log, *, rate):
     if at_limit:
         listed = ", ".join(f"{name} {n}" for name, n in at_limit.items())
         found.append(
-            f"samples at the end of the full scale: {listed}; turns and moves with one are left "
-            "out: choose a wider range or turn more slowly"
+            f"samples at the end of the full scale: {listed}; rests, turns and moves with them are "
+            "left out: choose a wider range or turn more slowly"
         )
     if figures["gaps"]["count"]:
         gaps = figures["gaps"]

@@ -264,10 +264,12 @@ def _clipped(device):
         counts |= {k: f["rows"] for k, f in seen.items() if k not in counts and f["values"]}
         if counts:
             listed = joined([f"{plural(n, 'sample')} of {name}" for name, n in counts.items()])
+            rests = s.segmentation.get("railed_rests")
+            which = f"{plural(rests, 'rest')}, and turns and moves" if rests else "Turns and moves"
             yield (
                 1.0,
-                f"Session {s.name}: {listed} lie at the end of the range. Turns and moves with one "
-                "are left out; choose a wider range or turn more slowly, and record it again.",
+                f"Session {s.name}: {listed} lie at the end of the range. {which} with one are "
+                "left out; choose a wider range or turn more slowly, and record it again.",
             )
 
 

@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME, Samples
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME, Samples, at_rail
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.held import SWAYS, held_rests, sways, united
@@ -38,27 +38,33 @@ WORTHWHILE, ALMOST = 1.2, 0.95
 DEAREST = 2.0
 # expected error with rests in the hand, of that without, below which they are worth it
 WORTH_HOLDING = 0.95
+# share of a rest's samples at the end of the range up to which its mean is a mean: what the noise
+# has beyond is 0.3 % of its standard deviation
+LEAST_RAILED = 0.01
+# sessions whose rests are attitudes that the specific force is taken at
+ATTITUDES = ("six_position", "multi_position", "reference_motion")
 
 
-def segment_session(samples, kind, settings, threads=1):
+def segment_session(samples, kind, settings, threads=1, rails=None):
     """Return the segments of a session: static, motion, disturbed or gap.
 
     Every instant from the first sample to one step after the last belongs to exactly one row.
     Rests of a six-position or multi-position session come from the static detector with the
     multiples whose poses calibrate best, less what turns slowly or trembles; those in the hand
     (`held`) join them where a calibration gains by it. Those of a static session are what the
-    disturbance detector and slow tilts leave. A gap lasts from one step after the last sample
-    before it to the next sample. Of a file few row groups are held at once where the session is
-    static, else six columns.
+    disturbance detector and slow tilts leave. A rest at which the accelerometer is at the end of
+    its range is no attitude, but disturbed. A gap lasts from one step after the last sample before
+    it to the next sample. Of a file few row groups are held at once where the session is static,
+    else six columns.
 
-    Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, and how many threads may
-    work at once. Gives a `segment_table` and a dict of metadata: level of rest and how it was
-    found, the multiples and the table they were chosen from, number of rests dropped as too short,
-    what `shorter` settings would bring, gaps and, of a static session, slow tilts.
+    Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, how many threads may work
+    at once, and the `rails` of `core.samples.at_rail`. Gives a `segment_table` and a dict of
+    metadata: level of rest and how it was found, the multiples and the table they were chosen from,
+    number of rests dropped as too short and of those at the end of the range, what `shorter`
+    settings would bring, gaps and, of a static session, slow tilts.
     """
     rows = Samples(samples)
     stretches, step = unbroken(rows, settings.gap_factor)
-    tilt = 0.0
     if kind == "static":
         rests = undisturbed(rows, stretches, step, settings, threads)
         tilted = tilts(rows, rests, step)
@@ -66,12 +72,19 @@ def segment_session(samples, kind, settings, threads=1):
         if len(tilted):
             rests = without(rests, tilted)
             rests = rests[lengths(rests) * step >= settings.shortest_static_s - step / 2]
+        tilt = np.zeros(len(rests))
     else:
         rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
+    railed = np.zeros(len(rests), dtype=bool)
+    if rails and kind in ATTITUDES:
+        railed = _at_rail(rows, rests, rails)
+        metadata["railed_rests"] = int(railed.sum())
 
     t, edges = rows[TIME], np.union1d(stretches, rests)
     between = DISTURBED if kind == "static" else MOTION
     kinds = np.where(np.isin(edges[:-1], rests[:, 0]), STATIC, between)
+    kinds = np.where(np.isin(edges[:-1], rests[railed, 0]), DISTURBED, kinds)
+    rests, tilt = rests[~railed], tilt[~railed]
     # a stretch ends one step after its last sample
     first, last = edges[:-1], np.isin(edges[1:], stretches[:, 1])
     end = np.where(last, t[edges[1:] - 1] + step, t[np.minimum(edges[1:], len(t) - 1)])
@@ -99,6 +112,14 @@ def segment_session(samples, kind, settings, threads=1):
 def no_segments(kind):
     """Return the segments of a session of a kind that has none, as `segment_session` does."""
     return segment_session({name: [] for name in (TIME, *CHANNELS)}, kind, SegmentSettings())
+
+
+def _at_rail(rows, rests, rails):
+    """Return at which rests the specific force is at the end of its range, (n,) of bool."""
+    names = (TIME, *ACCELERATION)
+    logs = (dict(zip(names, rows.read(names, *rest), strict=True)) for rest in rests.tolist())
+    shares = [at_rail(log, rails, ACCELERATION).mean() for log in logs]
+    return np.array(shares, dtype=float) > LEAST_RAILED
 
 
 def _find_rests(rows, stretches, step, settings):
