@@ -32,6 +32,8 @@ RESIDUAL_WORDS = {
 }
 # what is no effect of the library
 FORMULA = {"discovered": "a formula of no known cause"}
+# an effect that is noise: it can be told from other noise, and not be corrected
+MEMORY = "gauss_markov"
 # what a residual that is left is compared with
 CORRELATES = {f"harmonics_{k}": f"attitude, a pattern of degree {k}" for k in (3, 4, 5)} | {
     "time": "time",
@@ -323,16 +325,20 @@ def _words(block):
     """Return what a tested block says."""
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
-    names = (FORMULA.get(e["name"], e["name"]).replace("_", " ") for e in block["effects"])
+    found = [e["name"] for e in block["effects"]]
+    names = (FORMULA.get(n, n).replace("_", " ") for n in found if n != MEMORY)
     effects = joined(list(names))
+    corrected = f" with {effects} corrected" if effects else ""
+    better = f"better{corrected}" if effects else "its noise has a memory"
     few = undersampled(block)[0]
     # slow noise that the rests do not show is a guess
     verb = "may allow" if block.get("slow_noise") else "allow" if few else "allows"
     limits = "its noise and the log's rate" if few else "its noise"
+    limits += ", which has a memory," if MEMORY in found else ""
     return {
         "consistent": f"as good as {limits} {verb}",
-        "explained": f"as good as {limits} {verb} with {effects} corrected",
-        "partly_explained": f"better with {effects} corrected, but something is still missing",
+        "explained": f"as good as {limits} {verb}{corrected}",
+        "partly_explained": f"{better}, but something is still missing",
         "unexplained": "something is missing that no known effect explains",
     }[block["verdict"]]
 
