@@ -38,7 +38,13 @@ def sound(failures):
 
 
 def through(device, stages=(chain.segment, chain.noise, chain.calibrate, chain.diagnose)):
-    """Do the stages of a device, by default those up to the diagnosis; raise what fails."""
+    """Do the stages of a device, by default those up to the diagnosis; raise what fails.
+
+    So does a session that was rejected: figures of the others are those of another device.
+    """
+    for name, files in device.sessions.items():
+        if reasons := read_json(files["quality"])["reasons"]:
+            raise RuntimeError(f"{device.name}/{name} was rejected: {'; '.join(reasons)}")
     for stage in stages:
         sound(stage(device))
 

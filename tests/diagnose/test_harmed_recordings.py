@@ -6,7 +6,7 @@ import pytest
 from bench.result_files import fault
 from imuloop.core.files import read_json
 from quick import diagnosed
-from segment.logs import xsens
+from segment.logs import static_log, xsens
 
 GRAVITY = 9.81744
 F, W = ["ax", "ay", "az"], ["gx", "gy", "gz"]
@@ -54,3 +54,13 @@ def test_a_verdict_that_the_data_bear(recordings, tmp_path, harm, force, turn):
             assert calibration[sensor]["T"] == np.eye(3).tolist()
         else:
             assert all(r["chi2_before"] > 0 for r in poses["residuals"].values())
+
+
+def test_a_log_that_is_rejected_is_no_device_without_it(tmp_path):
+    """Protects figures of several logs: of two of three trials they were taken for those of all."""
+    log = static_log(1, 1000)
+    log[F] = 1.0
+    with pytest.raises(
+        RuntimeError, match=r"^imu/log was rejected: the acceleration never changes"
+    ):
+        diagnosed(tmp_path, log)
