@@ -33,6 +33,7 @@ ACTS = {
     "allocate": lambda: bytearray(1 << 30),
     "wait": lambda: time.sleep(100),
     "abort": lambda: end(signal.SIGABRT),
+    "kill": lambda: end(signal.SIGKILL),
     "fault": lambda: end(signal.SIGSEGV),
     "unpack": unpack,
     "print": lambda: print("of no concern"),

@@ -14,7 +14,7 @@ from pyulog import ULog
 from scipy.io import savemat
 
 from bench.fuzz.seeds import all_seeds
-from imuloop.core.errors import ImuloopError, Lacking, RejectedLog
+from imuloop.core.errors import ImuloopError, Lacking, MachineFault, RejectedLog
 from imuloop.core.samples import CHANNELS
 from imuloop.ingest import guarded
 from imuloop.ingest.formats import find_format
@@ -70,9 +70,17 @@ def test_what_goes_wrong_is_one_line_about_the_file(read, monkeypatch, act, line
     monkeypatch.setattr(guarded, "SECONDS", 0.5)
     if act == "wait":
         monkeypatch.setattr(guarded, "WAITING", 1)
+        monkeypatch.setattr(guarded, "SHARING", 1)
     with pytest.raises(RejectedLog, match=rf"^{act}\.log .*{line}") as raised:
         list(read(act).batches)
     assert str(raised.value).isprintable()
+
+
+@pytest.mark.parametrize("when", ["kill", "kill_later"])
+def test_a_reader_that_is_killed_from_outside_says_nothing_of_the_file(read, when):
+    """Protects a sound log from a machine without memory: it was damaged, and left out."""
+    with pytest.raises(MachineFault, match=r"^the reader of kill\w*\.log was killed from outside"):
+        list(read(when).batches)
 
 
 def test_what_a_reader_foresees_is_passed_on(read):

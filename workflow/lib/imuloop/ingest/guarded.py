@@ -28,8 +28,9 @@ MOST_TIMES = 200
 MEMORY, MOST_HELD, LARGE_TIMES = 512 << 20, 4 << 30, 16
 # processor time that a reader may take, s, and s per byte of the file
 SECONDS, SECONDS_PER_BYTE = 2, 10e-6
-# longest that a reader may wait, as for a pipe that a file leads to, s
-WAITING = 60
+# longest that a reader may wait, as for a pipe that a file leads to, s; at least what its processor
+# time takes where so many programs share a processor
+WAITING, SHARING = 60, 10
 # what may go wrong in a declaration or in the data
 _FORESEEN = {kind.__name__: kind for kind in (errors.Lacking, errors.ImuloopError)}
 
@@ -38,8 +39,9 @@ def guarded(read):
     """Make a reader run in a process of its own, with limits of memory and of time.
 
     The reader's process ends with the file or with the last reference to the log. Whatever the
-    reader raises that it did not foresee, and its death, become a `RejectedLog`; files that it
-    unpacks into the folder of temporary files are removed.
+    reader raises that it did not foresee, and its death, become a `RejectedLog`, a `MachineFault`
+    where it was killed from outside; files that it unpacks into the folder of temporary files are
+    removed.
     """
 
     @functools.wraps(read)
@@ -83,6 +85,7 @@ def _messages(module, given):
     size = sum(file.stat().st_size for file in files if file.is_file())
     memory = MEMORY + min(MOST_TIMES * size, max(MOST_HELD, LARGE_TIMES * size))
     seconds = math.ceil(SECONDS + SECONDS_PER_BYTE * size)
+    waiting = max(WAITING, SHARING * seconds)
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         own = {"PYTHONPATH": os.pathsep.join(filter(None, sys.path)), "TMPDIR": folder}
         own |= {"OPENBLAS_NUM_THREADS": "1", "ARROW_DEFAULT_MEMORY_POOL": "system"}
@@ -95,13 +98,13 @@ def _messages(module, given):
         with process:
             try:
                 with suppress(BrokenPipeError), process.stdin as pipe:
-                    pickle.dump((module, given, memory, seconds, WAITING), pipe)
+                    pickle.dump((module, given, memory, seconds, waiting), pipe)
                 source, told = pa.PythonFile(process.stdout), {}
                 while not told.get("end"):
                     try:
                         table = pa.ipc.open_stream(source).read_all()
                     except (pa.ArrowException, OSError):
-                        raise _death(process.wait(), path.name, memory, seconds) from None
+                        raise _death(process.wait(), path.name, seconds, waiting) from None
                     told = json.loads(table.schema.metadata[b"told"])
                     if "error" in told:
                         kind, text = told["error"]
@@ -111,13 +114,19 @@ def _messages(module, given):
                 process.kill()
 
 
-def _death(status, name, memory, seconds):
+def _death(status, name, seconds, waiting):
     """Return the error of a reader that ended before its log."""
     if status > 0:
         return RuntimeError(f"the reader of {name} did not start: status {status}")
+    if status == -signal.SIGKILL:
+        # its own limits end it otherwise
+        return errors.MachineFault(
+            f"the reader of {name} was killed from outside, as where the machine lacks memory: run "
+            "again with less beside it"
+        )
     why = {
         -signal.SIGXCPU: f"takes more than {seconds} s of processor time to read",
-        -signal.SIGALRM: f"leads its reader to wait for more than {WAITING} s",
+        -signal.SIGALRM: f"leads its reader to wait for more than {waiting} s",
     }.get(status, f"ends the process that reads it by signal {-status}")
     return errors.RejectedLog(
         f"{name} {why}, as no log of its size does: it is damaged; copy it again, or save it anew"
