@@ -4,7 +4,7 @@ import allantools
 import numpy as np
 import pytest
 
-from imuloop.noise.allan import interval, relative_variance
+from imuloop.noise.allan import allan_variance, interval
 from imuloop.noise.curve import NoiseOfCurve
 
 # each with allantools' function
@@ -33,18 +33,18 @@ def test_stretches_pool_by_their_number_of_terms_whatever_their_levels(name):
         "modified": lambda n, m: n + 2 - 3 * m,
         "total": lambda n, m: n - 1 if m < n else 0,
     }[name]
-    found = relative_variance(name, [x + 1e3 * i for i, x in enumerate(stretches)], factors)
+    found = allan_variance([x + 1e3 * i for i, x in enumerate(stretches)], factors, name)
     for value, m in zip(found, factors, strict=True):
         used = [x for x in stretches if terms(len(x), m) > 1]
         weights = [terms(len(x), m) for x in used]
-        each = [relative_variance(name, [x], [m])[0] for x in used]
+        each = [allan_variance([x], [m], name)[0] for x in used]
         assert value == pytest.approx(np.average(each, weights=weights), rel=1e-9)
 
 
 def test_hadamard_is_blind_to_a_ramp_and_modified_sees_it():
     ramp, tau = np.arange(1000.0), np.array([1, 10, 100])
-    assert relative_variance("hadamard", [ramp], tau) == pytest.approx(0, abs=1e-12)
-    assert relative_variance("modified", [ramp], tau) == pytest.approx(tau**2 / 2)
+    assert allan_variance([ramp], tau, "hadamard") == pytest.approx(0, abs=1e-12)
+    assert allan_variance([ramp], tau, "modified") == pytest.approx(tau**2 / 2)
 
 
 @pytest.mark.parametrize("name", DEVIATIONS)
@@ -53,7 +53,7 @@ def test_one_stretch_is_what_allantools_gives(name):
     factors = np.array([1, 2, 7, 60, 600])
     function = getattr(allantools, DEVIATIONS[name])
     deviation = function(x - x.mean(), rate=1.0, data_type="freq", taus=factors)[1]
-    np.testing.assert_allclose(np.sqrt(relative_variance(name, [x], factors)), deviation, rtol=1e-9)
+    np.testing.assert_allclose(np.sqrt(allan_variance([x], factors, name)), deviation, rtol=1e-9)
 
 
 @pytest.mark.parametrize("name", DEVIATIONS)
@@ -64,7 +64,7 @@ def test_intervals_cover(name, noise):
     lengths, factors = [900, 400], np.array([1, 2, 8, 16, 64, 110])
     theta = {white: [0, 1, 0, 0, 0], walk: [0, 0, 0, 1, 0], quantisation: [1, 0, 0, 0, 0]}[noise]
     edf = NoiseOfCurve.of(factors, lengths, 1.0, name).degrees_of_freedom(theta)
-    found = [relative_variance(name, [noise(rng, n) for n in lengths], factors) for _ in range(300)]
+    found = [allan_variance([noise(rng, n) for n in lengths], factors, name) for _ in range(300)]
     truth, bounds = np.mean(found, axis=0), np.array([interval(each, edf) for each in found])
     covered = np.mean((bounds[:, 0] <= truth) & (truth <= bounds[:, 1]), axis=0)
     if name == "total":

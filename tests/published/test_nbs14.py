@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from imuloop.noise.allan import allan_variance, relative_variance
+from imuloop.noise.allan import allan_variance
 
 NINE = np.array([892.0, 809, 823, 798, 671, 644, 883, 903, 677])
 # hadamard: the overlapping one
@@ -49,7 +49,7 @@ def plain_variance(stretches, factors):
 VARIANCES = {
     "plain": plain_variance,
     "overlapping": allan_variance,
-    **{name: partial(relative_variance, name) for name in ("hadamard", "modified", "total")},
+    **{name: partial(allan_variance, name=name) for name in ("hadamard", "modified", "total")},
 }
 
 

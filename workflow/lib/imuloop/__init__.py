@@ -10,7 +10,7 @@ __version__ = "0.1.0"
 _PLACES = {
     "Calibration": "core.model",
     "Result": "result",
-    "allan": "noise.deviations",
+    "allan": "noise.curve",
     "calibrate": "calibrate",
     "plot": "plot",
     "read": "result",

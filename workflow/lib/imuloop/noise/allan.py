@@ -1,5 +1,7 @@
 """Overlapping Allan deviation, and its relatives, of records that may be cut into stretches."""
 
+from itertools import pairwise
+
 import numpy as np
 from scipy.special import chdtri
 
@@ -9,14 +11,9 @@ from imuloop.core.tables import table
 COLUMNS = ("axis", "tau_s", "adev", "ci_low", "ci_high", "edf", "stage")
 # terms that are summed at a time: fits the cache
 CHUNK = 32768
-# of each deviation the coefficients of a difference over m samples, and how often the output is
+# of each deviation the order of a difference over m samples, and how often the output is
 # integrated before
-DIFFERENCES = {
-    "allan": ((1, -2, 1), 1),
-    "total": ((1, -2, 1), 1),
-    "hadamard": ((-1, 3, -3, 1), 1),
-    "modified": ((-1, 3, -3, 1), 2),
-}
+DIFFERENCES = {"allan": (2, 1), "total": (2, 1), "hadamard": (3, 1), "modified": (3, 2)}
 
 
 def averaging_factors(length, settings):
@@ -33,8 +30,8 @@ def averaging_factors(length, settings):
 
 def terms(factors, length, name="allan"):
     """Return the number of overlapping terms of a stretch; 0 where it is below 2."""
-    coefficients, integrals = DIFFERENCES[name]
-    count = np.asarray(length) + integrals - (len(coefficients) - 1) * np.asarray(factors)
+    order, integrals = DIFFERENCES[name]
+    count = np.asarray(length) + integrals - order * np.asarray(factors)
     return np.where(count < 2, 0, count)
 
 
@@ -43,7 +40,7 @@ def deviation_scale(name, tau):
     return (6.0 if name == "hadamard" else 2.0) * tau ** (2.0 * DIFFERENCES[name][1])
 
 
-def allan_variance(stretches, factors):
+def allan_variance(stretches, factors, name="allan"):
     r"""Return the overlapping Allan variance, pooled over stretches, shape (k,), unit squared.
 
     .. math::
@@ -53,56 +50,37 @@ def allan_variance(stretches, factors):
     of a stretch, so that what lies between two of them, be it a gap, a knock or a lasting change of
     level, does not enter. Not-a-number where no stretch is long enough.
 
+    Another of `DIFFERENCES` gives its variance. The total one takes a term per sample, the ends
+    continued by reflection, and is without the correction for its bias at long averages under
+    flicker and walk (-24 % and -38 % of the variance at half the record).
+
     References
     ----------
-    W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eq. (11).
+    W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eqs. (11), (14),
+    (20), (25).
     """
-    factors = np.asarray(factors)
+    factors, (order, integrals) = np.asarray(factors), DIFFERENCES[name]
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
     for values in stretches:
-        count, x = terms(factors, len(values)), _integral(values)
+        count, first, x = terms(factors, len(values), name), 0 * factors, _integral(values)
+        if integrals == 2:
+            x = _integral(x)
+        if name == "total":
+            count = np.where(factors < len(values), len(values) - 1, 0)
+            first = len(values) + 1 - factors
+            x = np.concatenate([2 * x[0] - x[:0:-1], x, 2 * x[-1] - x[-2::-1]])
         weight += count
         # chunk by chunk, so that the short averages of all factors find their samples in the cache
         for i in range(0, count.max(initial=0), CHUNK):
             for k in np.flatnonzero(count > i):
-                m, j = factors[k], min(i + CHUNK, count[k])
-                middle = x[i + m : j + m]
-                second = x[i + 2 * m : j + 2 * m] - middle
-                second -= middle
-                second += x[i:j]
-                total[k] += second @ second
-    return _mean(total, weight) / deviation_scale("allan", factors)
-
-
-def relative_variance(name, stretches, factors):
-    """Return the total, modified Allan or Hadamard variance, pooled over stretches, shape (k,).
-
-    The total one takes a term per sample, the ends continued by reflection, and is without the
-    correction for its bias at long averages under flicker and walk (-24 % and -38 % of the variance
-    at half the record). Takes one of `DIFFERENCES`, then what `allan_variance` takes.
-
-    References
-    ----------
-    W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eqs. (14), (20),
-    (25).
-    """
-    factors, (coefficients, integrals) = np.asarray(factors), DIFFERENCES[name]
-    total, weight = np.zeros(len(factors)), np.zeros(len(factors))
-    for values in stretches:
-        n, x, count = len(values), _integral(values), terms(factors, len(values), name)
-        if integrals == 2:
-            x = _integral(x)
-        if name == "total":
-            x = np.concatenate([2 * x[0] - x[:0:-1], x, 2 * x[-1] - x[-2::-1]])
-            count = np.where(factors < n, n - 1, 0)
-        weight += count
-        for k in np.flatnonzero(count):
-            first = n + 1 - factors[k] if name == "total" else 0
-            places = first + factors[k] * np.arange(len(coefficients))
-            each = zip(coefficients, places, strict=True)
-            difference = sum(c * x[i : i + count[k]] for c, i in each)
-            total[k] += difference @ difference
-    return _mean(total, weight) / deviation_scale(name, factors)
+                size = min(CHUNK, count[k] - i)
+                places = i + first[k] + factors[k] * np.arange(order + 1)
+                parts = [x[place : place + size] for place in places]
+                while len(parts) > 1:
+                    parts = [after - before for before, after in pairwise(parts)]
+                total[k] += parts[0] @ parts[0]
+    mean = np.divide(total, weight, out=np.full(len(total), np.nan), where=weight > 0)
+    return mean / deviation_scale(name, factors)
 
 
 def allan_table(axis, tau, variance, edf, stage="raw"):
@@ -126,7 +104,3 @@ def _integral(values):
     x = np.zeros(len(values) + 1)
     np.subtract(values, np.mean(values), out=x[1:])
     return np.cumsum(x, out=x)
-
-
-def _mean(total, weight):
-    return np.divide(total, weight, out=np.full(len(total), np.nan), where=weight > 0)

@@ -1,4 +1,4 @@
-"""Plain fit of the five coefficients to an Allan curve, and the degrees of freedom of its points.
+"""Allan curve of a record: degrees of freedom of its points, and a plain fit of five coefficients.
 
 The fit is the cross-check of the estimate; it is neither tested nor has it intervals.
 """
@@ -6,10 +6,20 @@ The fit is the cross-check of the estimate; it is neither tested nor has it inte
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 from scipy.special import xlogy
 
-from imuloop.noise.allan import DIFFERENCES, deviation_scale, terms
+from imuloop.core.errors import ImuloopError
+from imuloop.noise.allan import (
+    DIFFERENCES,
+    allan_variance,
+    averaging_factors,
+    deviation_scale,
+    interval,
+    terms,
+)
 from imuloop.noise.likelihood import weighted_nnls
+from imuloop.noise.settings import NoiseSettings
 
 # order of the coefficients
 TERMS = ("Q", "N", "B", "K", "R")
@@ -57,12 +67,12 @@ class NoiseOfCurve:
         That of the total deviation is that of the Allan deviation, which has fewer degrees of
         freedom at long averages, but for those of quantisation alone.
         """
-        coefficients, integrals = DIFFERENCES[name]
+        order, integrals = DIFFERENCES[name]
         lengths, repeats = np.unique(lengths, return_counts=True)
         level, quadratic = np.zeros((len(factors), 5)), np.zeros((len(factors), 4, 4))
-        ramp, steps = np.zeros((len(factors), 4)), len(coefficients)
+        ramp = np.zeros((len(factors), 4))
         # the difference of a difference, as a function of the distance
-        squared = np.convolve(coefficients, coefficients[::-1])
+        squared = (-1) ** order * np.poly(np.ones(2 * order))
         for i, m in enumerate(np.asarray(factors, dtype=np.int64)):
             count, tau = terms(m, lengths, name), m / rate
             if not count.any():
@@ -73,17 +83,17 @@ class NoiseOfCurve:
                 return (repeats @ pairs) * np.where(d > 0, 2.0, 1.0)
 
             def covariance(d, m=m):
-                shifts = np.arange(1 - steps, steps)[:, None] * m
+                shifts = np.arange(-order, order + 1)[:, None] * m
                 return squared @ _kernels(np.abs(d + shifts) / rate, integrals, 1 / rate)
 
             # white and walk end with the difference; flicker's tail has gone with the fourth power
             step = max(1, min(m, count.max()) // 8)
-            d = np.arange(0, min(steps * m, count.max()), step, dtype=float)
+            d = np.arange(0, min((order + 1) * m, count.max()), step, dtype=float)
             r, weight = covariance(d), pairs(d) * step
             level[i, :4], quadratic[i], ramp[i] = r[:, 0], (r * weight) @ r.T, r @ weight
             if integrals == 1:
                 # quantisation lives on single lags, exactly
-                d, spike = m * np.arange(float(steps)), squared[steps - 1 :].astype(float)
+                d, spike = m * np.arange(order + 1.0), squared[order:]
                 weight, level[i, 0] = pairs(d) * spike, spike[0]
                 quadratic[i, 0] = quadratic[i, :, 0] = covariance(d) @ weight
                 quadratic[i, 0, 0], ramp[i, 0] = weight @ spike, weight.sum()
@@ -91,7 +101,7 @@ class NoiseOfCurve:
             level[i, :4] /= scale
             quadratic[i] *= 2 / (scale * number) ** 2
             # the third difference is blind to it, or nearly so
-            seen = len(coefficients) == 3
+            seen = order == 2
             level[i, 4], ramp[i] = seen * tau**2 / 2, seen * ramp[i] / number**2
         return cls(level, quadratic, ramp)
 
@@ -153,3 +163,46 @@ def fit_curve(variance, curve):
         theta = weighted_nnls(level, variance, weight)
         weight = 1 / (curve.variance(theta * scale) + (ROUNDING * (level @ theta)) ** 2)
     return np.sqrt(theta * scale).tolist()
+
+
+def allan(values, rate, deviation="allan"):
+    """Return the overlapping Allan deviation of an evenly sampled record, without gaps.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,) or (n, k), or DataFrame
+        Record of each axis, any unit.
+    rate : float
+        Samples per second, Hz.
+    deviation : {'allan', 'total', 'modified', 'hadamard'}
+        Which.
+
+    Returns
+    -------
+    DataFrame
+        A row per axis and averaging time: `axis`, `tau_s`, `adev` in the unit of the values, and
+        its 95 % interval by the noise that the Allan curve shows, `ci_low` and `ci_high`.
+
+    Raises
+    ------
+    ImuloopError
+        If a value is not finite, or there are too few.
+    """
+    table = pd.DataFrame(values)
+    if not np.isfinite(table.to_numpy(float)).all():
+        raise ImuloopError("values: some are not finite; give a stretch without")
+    factors, parts = averaging_factors(len(table), NoiseSettings()), []
+    if not len(factors):
+        raise ImuloopError(f"values: {len(table)} samples are too few for an Allan deviation")
+    curve = NoiseOfCurve.of(factors, [len(table)], rate)
+    asked = NoiseOfCurve.of(factors, [len(table)], rate, deviation)
+    for axis, column in table.items():
+        x = column.to_numpy(float)
+        variance = allan_variance([x], factors)
+        edf = asked.degrees_of_freedom(np.square(fit_curve(variance, curve)))
+        if deviation != "allan":
+            variance = allan_variance([x], factors, deviation)
+        low, high = interval(variance, edf)
+        rows = {"axis": axis, "tau_s": factors / rate, "adev": np.sqrt(variance)}
+        parts.append(pd.DataFrame(rows | {"ci_low": np.sqrt(low), "ci_high": np.sqrt(high)}))
+    return pd.concat(parts, ignore_index=True)

@@ -20,8 +20,6 @@ BLOCKS = 512
 HELD = 0.9
 # bins of the fast modes a decade, and correlation times between which spectra are interpolated
 BINS, TIMES = 24, 8
-# samples that are transformed at a time: a record of days need not be there twice
-PIECE = 1 << 20
 
 
 def expected_squares(covariance):
@@ -46,54 +44,38 @@ def expected_squares(covariance):
 
 @dataclass(frozen=True)
 class _Level:
-    """Blocks of m samples of one level: the first sample of each, shape (k,), and their contrasts.
+    """Blocks of one level, the distances between them, and the contrasts of their means.
 
-    `basis`, shape (k, k - 1), are the contrasts of their means in which a walk is diagonal; where
-    the blocks follow each other without a gap, `even`, the cosine transform.
+    `basis`, shape (k, k - 1), are the contrasts in which a walk is diagonal; where the blocks
+    follow each other without a gap, `even`, the cosine transform. Then `distance`, in samples, is
+    that from the first block, (k,), else between all, (k, k).
     """
 
-    start: np.ndarray
-    m: int
+    distance: np.ndarray
     even: bool
     basis: np.ndarray
 
     @classmethod
     def of(cls, start, m):
-        """Return the blocks of m samples that begin at `start`."""
+        """Return the level of blocks of m samples that begin at `start`."""
         n = len(start)
         if (np.diff(start) == m).all():
             phase = np.pi / n * np.outer(np.arange(n) + 0.5, np.arange(1, n))
-            return cls(start, m, True, np.sqrt(2 / n) * np.cos(phase))
-        walk = -np.abs(np.subtract.outer(start, start)) / 2.0
+            return cls(start - start[0], True, np.sqrt(2 / n) * np.cos(phase))
+        distance = np.abs(np.subtract.outer(start, start))
+        walk = -distance / 2.0
         walk -= walk.mean(axis=0)
         walk -= walk.mean(axis=1, keepdims=True)
         # the level, the null direction of the walk, goes far above all others
         top = 2 * np.trace(walk) + 1
         vectors = np.linalg.eigh(walk + top / n)[1]
-        return cls(start, m, False, vectors[:, :-1][:, ::-1])
+        return cls(distance, False, vectors[:, :-1][:, ::-1])
 
-    def units(self, dt):
-        """Return the expected squares of the contrasts for unit Q, N, B, K, shape (4, k - 1)."""
+    def squares(self, covariances):
+        """Return the expected squares of the contrasts for covariances at the distances."""
         if self.even:
-            return expected_squares(mean_covariances(self.start - self.start[0], self.m, dt))
-        distance = np.abs(np.subtract.outer(self.start, self.start))
-        covariances = mean_covariances(distance, self.m, dt)
+            return expected_squares([*covariances])
         return np.array([np.einsum("ik,ik->k", self.basis, c @ self.basis) for c in covariances])
-
-    def gauss_markov(self, dt, tc):
-        """Return those for Gauss-Markov processes of variance 1 and times `tc`, (c, k - 1)."""
-        if self.even:
-            lags = self.start - self.start[0]
-            return expected_squares(gauss_markov_means(lags, self.m, dt, tc))
-        same, following = gauss_markov_means(np.array([0, self.m]), self.m, dt, tc).T[..., None]
-        # an exponential is summed from block to block
-        step = np.diff(self.start)[:, None, None] * dt
-        past, apart = np.zeros((2, len(tc), self.basis.shape[1]))
-        for i, (whole, gap) in enumerate(zip(step, step - self.m * dt, strict=True)):
-            past *= np.exp(-whole / tc[:, None])
-            past += np.exp(-gap / tc[:, None]) * self.basis[i]
-            apart += self.basis[i + 1] * past
-        return same + 2 * following * apart
 
 
 @dataclass(frozen=True)
@@ -110,7 +92,7 @@ class _Piece:
 
     def contrasts(self, x):
         """Return the contrasts of the levels, of a value per block."""
-        ends = np.cumsum([len(level.start) for level in self.levels])[:-1]
+        ends = np.cumsum([len(level.basis) for level in self.levels])[:-1]
         parts = zip(self.levels, np.split(x, ends), strict=True)
         return np.concatenate([level.basis.T @ part for level, part in parts])
 
@@ -167,10 +149,8 @@ class Modes:
             amplitudes, ramp = piece.contrasts(means), piece.contrasts(piece.start * self.dt)
             slow.append(amplitudes)
             slope = ramp @ amplitudes / (ramp @ ramp) if len(ramp) > 1 else 0.0
-            some = max(1, PIECE // self.m)
-            for i in range(0, len(blocks), some):
-                part = np.array(blocks[i : i + some]) - means[i : i + some, None]
-                squares += ((dct(part, norm="ortho", axis=1)[:, 1:] - slope * line) ** 2).sum(0)
+            for block, mean in zip(blocks, means, strict=True):
+                squares += (dct(block - mean, norm="ortho")[1:] - slope * line) ** 2
         number = sum(len(piece.place) for piece in self._pieces)
         return np.concatenate(slow), _binned(squares / number, self._bins)
 
@@ -198,7 +178,11 @@ class Modes:
     def _rows(self):
         """Expected mean squares at the correlation times, shape (c, r)."""
         tc = self.correlation_times
-        slow = [level.gauss_markov(self.dt, tc) for p in self._pieces for level in p.levels]
+        slow = [
+            level.squares(gauss_markov_means(level.distance, self.m, self.dt, t) for t in tc)
+            for piece in self._pieces
+            for level in piece.levels
+        ]
         fast = expected_squares(gauss_markov_samples(self.m, self.dt, tc))
         return np.concatenate([*slow, _binned(fast, self._bins)], axis=1)
 
@@ -210,7 +194,11 @@ def modes(samplings):
     m = _block_length(np.concatenate([sampling.lengths for sampling in closed]))
     # blocks of one sample where all are lone blocks of a level, as of bursts of two samples
     m, pieces = next((k, p) for k in (m, 1) if (p := _pieces(closed, k)))
-    slow = [level.units(dt) for piece in pieces for level in piece.levels]
+    slow = [
+        level.squares(mean_covariances(level.distance, m, dt))
+        for piece in pieces
+        for level in piece.levels
+    ]
     k = np.arange(1, m)
     bins = np.flatnonzero(np.diff(np.floor(BINS * np.log10(k)), prepend=-1))
     fast = _binned(expected_squares(sample_covariances(m, dt)), bins)

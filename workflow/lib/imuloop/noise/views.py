@@ -9,7 +9,7 @@ from scipy.signal import welch
 from scipy.signal.windows import hann
 
 from imuloop.core.tables import joined, table
-from imuloop.noise.allan import averaging_factors, interval, relative_variance
+from imuloop.noise.allan import allan_variance, averaging_factors, interval
 from imuloop.noise.curve import NoiseOfCurve
 
 # columns of views.parquet
@@ -69,7 +69,7 @@ def _columns(view, rate, stretches, theta, settings):
         return lags / rate, value, -band, band
     lengths = [len(x) for x in stretches]
     factors = averaging_factors(max(lengths), settings)
-    variance = relative_variance(view, stretches, factors)
+    variance = allan_variance(stretches, factors, view)
     edf = NoiseOfCurve.of(factors, lengths, rate, view).degrees_of_freedom(theta)
     found = np.isfinite(variance)
     roots = (np.sqrt(each[found]) for each in (variance, *interval(variance, edf)))
