@@ -9,7 +9,7 @@ from scipy.special import betaincinv, chndtrinc, ndtri
 from bench.noise.records import RATE, SETTINGS, Scenario, by_scenario, estimate, record
 from bench.study.tables import share, table
 from imuloop.noise.likelihood import weighted_nnls
-from imuloop.noise.periodogram import Band, chance_at_one, chance_over_band
+from imuloop.noise.periodogram import Periodogram, chance_at_one, chance_over_band
 from imuloop.noise.processes import densities, gauss_markov_density
 from imuloop.noise.sampling import Sampling
 
@@ -93,17 +93,18 @@ def line_limit(sampling, density, frequency, level=LEVEL):
     Twice I/S is non-central chi-square with two degrees of freedom and
     :math:`\lambda = A^2 n/(r S)`; `density` is S, one-sided, as a function of frequency in Hz.
     """
-    band = Band.of(sampling)
-    near = band.at(frequency)
-    m, sides = band.sizes[near].min(), near.stop - near.start
+    n, rng = sampling.lengths.sum(), np.random.default_rng(0)
+    noise = Periodogram.of(sampling.with_values(rng.standard_normal(n)), density)
+    sizes = noise.sizes[noise.near(frequency)]
+    m, sides = sizes.min(), len(sizes)
     ratio = brentq(
-        lambda x: chance_over_band(chance_at_one(x, m, sides), band.independent) - level, 0.1, 1e6
+        lambda x: chance_over_band(chance_at_one(x, m, sides), noise.independent) - level, 0.1, 1e6
     )
     half = (m + 1) / 2
     # the line itself, some three values wide, lies in the block that it is compared with
     share = betaincinv(half, half, 0.5 ** (1 / sides)) * m / (m - 3)
     noncentrality = chndtrinc(-2 * ratio * np.log1p(-share), 2, 1 - PROBABILITY)
-    return np.sqrt(noncentrality * band.rate * density(np.array([frequency]))[0] / band.samples)
+    return np.sqrt(noncentrality * noise.rate * density(np.array([frequency]))[0] / n)
 
 
 def gauss_markov_limit(theta, tc, length, rate, level=LEVEL):

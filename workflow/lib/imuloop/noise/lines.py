@@ -77,7 +77,7 @@ def find_line(runs, spectrum, level):
         return None
     peaks = {i: periodogram.strongest() for i, periodogram in each.items()}
     best = min(peaks, key=lambda i: peaks[i][0])
-    independent = sum(periodogram.band.independent for periodogram in each.values())
+    independent = sum(periodogram.independent for periodogram in each.values())
     if chance_over_band(peaks[best][0], independent) > level:
         return None
     strongest = fit_sinusoid(runs[best], peaks[best][1], best)

@@ -22,61 +22,6 @@ SURE = 1e-9
 
 
 @dataclass(frozen=True)
-class Band:
-    """What is searched in one run.
-
-    `rate` in Hz; `samples` that are there, and `padded` of the transform; `edges`, shape (b + 1,),
-    of the blocks of the background in steps of the transform, and `sizes`, (b,), the independent
-    values in each; `independent` is W of `Periodogram`.
-    """
-
-    rate: float
-    samples: int
-    padded: int
-    edges: np.ndarray
-    sizes: np.ndarray
-    independent: float
-
-    @classmethod
-    def of(cls, sampling):
-        """Return the band of a run, None where it is too short or too sparse."""
-        starts, lengths = sampling.starts, sampling.lengths
-        (first, last), n = sampling.extent, int(lengths.sum())
-        span = last + 1 - first
-        # frequencies in units of rate/n, the distance of independent ones
-        low = SHORTEST * n / span
-        enough = max(ENOUGH, WIDTH_HZ * n / sampling.rate)
-        sizes, k = [], low
-        while k + (size := int(max(FEWEST, min(SHARE * k, enough), WIDTH * k))) < n / 2 - low:
-            sizes.append(size)
-            k += size
-        if not sizes or sampling.is_sparse:
-            return None
-        padded = 16 * fft.next_fast_len(-(-span // 8))
-        edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
-        edges[-1] = int((n / 2 - low) * padded / n)
-        middle = starts + (lengths - 1) / 2
-        spread = (middle - np.average(middle, weights=lengths)) ** 2 + (lengths**2 - 1) / 12
-        turns = np.sqrt(4 * np.pi * np.average(spread, weights=lengths))
-        independent = float((edges[-1] - edges[0]) / padded * turns)
-        return cls(sampling.rate, n, padded, edges, np.array(sizes), independent)
-
-    @property
-    def step(self):
-        """Distance of the frequencies of the padded transform, Hz."""
-        return self.rate / self.padded
-
-    def near(self, block):
-        """Return a block and those beside it."""
-        return slice(max(block - 1, 0), min(block + 2, self.sizes.size))
-
-    def at(self, frequency):
-        """Return the block of a frequency in Hz and those beside it."""
-        block = np.searchsorted(self.edges, frequency / self.step, side="right") - 1
-        return self.near(int(np.clip(block, 0, self.sizes.size - 1)))
-
-
-@dataclass(frozen=True)
 class Periodogram:
     r"""Periodogram over spectrum of one run, and the medians of its blocks.
 
@@ -94,70 +39,117 @@ class Periodogram:
     :math:`W = B \sqrt{4 \pi\,\mathrm{var}(t)}` counts the independent frequencies of the band B
     (Baluev's bound on the maximum over a continuous frequency).
 
+    Attributes
+    ----------
+    rate, step : float
+        Of the samples, and between frequencies of the padded transform, Hz.
+    edges : ndarray of int, shape (b + 1,)
+        Of the blocks of the background, in steps.
+    sizes, medians : ndarray, shape (b,)
+        Independent values in each block, and the median of its ratios.
+    ratio : ndarray
+        I/S from the first edge to the last.
+    independent : float
+        W.
+    spectrum : callable
+        S, one-sided, as a function of frequency in Hz.
+
     References
     ----------
     R. V. Baluev, MNRAS 385 (2008) 1279. Median, largest of neighbours: H. Rohling, IEEE Trans.
     Aerosp. Electron. Syst. 19 (1983) 608.
     """
 
-    band: Band
-    spectrum: Callable
-    ratio: np.ndarray
+    rate: float
+    step: float
+    edges: np.ndarray
+    sizes: np.ndarray
     medians: np.ndarray
+    ratio: np.ndarray
+    independent: float
+    spectrum: Callable
 
     @classmethod
     def of(cls, run, spectrum):
-        """Return that of one run, None where it is too short or has no noise."""
-        band = Band.of(run)
+        """Return that of one run, None where it is too short or too sparse, or has no noise."""
+        n, (first, last) = int(run.lengths.sum()), run.extent
+        # frequencies in units of rate/n, the distance of independent ones
+        low = SHORTEST * n / (last + 1 - first)
+        sizes = _block_sizes(low, n, run.rate)
         # of what never changes rounding alone is left
-        if band is None or run.is_constant():
+        if not sizes or run.is_sparse or run.is_constant():
             return None
-        nodes = [np.linspace(i, j - 1, min(NODES, j - i)) for i, j in pairwise(band.edges)]
-        density = [spectrum(band.step * each) * band.samples * band.rate / 2 for each in nodes]
+        padded = 16 * fft.next_fast_len(-(-(last + 1 - first) // 8))
+        edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
+        edges[-1] = int((n / 2 - low) * padded / n)
+        step, blocks = run.rate / padded, [*pairwise(edges.tolist())]
+        nodes = [np.linspace(i, j - 1, min(NODES, j - i)) for i, j in blocks]
+        density = [spectrum(step * each) * n * run.rate / 2 for each in nodes]
         if not all((each > 0).all() for each in density):
             return None
         # single precision: its rounding lies 14 decades below the variance; a power of two keeps
         # squares within it
         size = 2.0 ** np.rint(np.log2(max(each.max() for each in density)) / 2)
-        transform = fft.rfft(_filled(run, size), band.padded)
+        transform = fft.rfft(_filled(run, size), padded)
         power = transform.real**2 + transform.imag**2
-        medians = np.empty(band.sizes.size)
-        for b, (i, j) in enumerate(pairwise(band.edges)):
+        medians = np.empty(len(sizes))
+        for b, (i, j) in enumerate(blocks):
             power[i:j] /= np.interp(np.arange(i, j), nodes[b], density[b] / size**2)
             # every other one: those between are not independent
             medians[b] = np.median(power[i:j:2])
-        ratio = power[band.edges[0] : band.edges[-1]]
-        return cls(band, spectrum, ratio, medians) if medians.all() else None
+        if not medians.all():
+            return None
+        middle = run.starts + (run.lengths - 1) / 2
+        spread = (middle - np.average(middle, weights=run.lengths)) ** 2 + (run.lengths**2 - 1) / 12
+        turns = np.sqrt(4 * np.pi * np.average(spread, weights=run.lengths))
+        return cls(
+            rate=run.rate,
+            step=step,
+            edges=edges,
+            sizes=np.array(sizes),
+            medians=medians,
+            ratio=power[edges[0] : edges[-1]],
+            independent=float((edges[-1] - edges[0]) / padded * turns),
+            spectrum=spectrum,
+        )
+
+    def near(self, frequency):
+        """Return the block of a frequency in Hz and those beside it."""
+        block = np.searchsorted(self.edges, frequency / self.step, side="right") - 1
+        return self._beside(int(np.clip(block, 0, len(self.sizes) - 1)))
 
     def strongest(self):
         """Return the least chance, at one frequency, that a peak may have, and its place in Hz."""
-        edges = self.band.edges - self.band.edges[0]
+        edges = self.edges - self.edges[0]
         peaks = np.maximum.reduceat(self.ratio, edges[:-1])
         # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
-        chances = np.array([self._chance(x / 0.81, self.band.near(b)) for b, x in enumerate(peaks)])
+        chances = np.array([self._chance(x / 0.81, self._beside(b)) for b, x in enumerate(peaks)])
         # a strong line leaks into other blocks, where it is weaker
         b = int(np.where(chances <= max(chances.min(), SURE), peaks, 0).argmax())
         top = edges[b] + int(self.ratio[edges[b] : edges[b + 1]].argmax())
-        place = float(top + self.band.edges[0])
+        place = float(top + self.edges[0])
         if 0 < top < self.ratio.size - 1:
             left, centre, right = np.log(self.ratio[top - 1 : top + 2].astype(float))
             place += np.clip((right - left) / (4 * centre - 2 * (left + right)), -0.5, 0.5)
-        return chances[b], place * self.band.step
+        return chances[b], place * self.step
 
     def chance(self, sinusoid):
         """Return the chance of a peak as high as a fitted sinusoid at one frequency."""
         density = self.spectrum(np.array([sinusoid.frequency]))[0]
-        ratio = sinusoid.explained / (self.band.rate * density)
-        return self._chance(ratio, self.band.at(sinusoid.frequency))
+        ratio = sinusoid.explained / (self.rate * density)
+        return self._chance(ratio, self.near(sinusoid.frequency))
+
+    def _beside(self, block):
+        return slice(max(block - 1, 0), block + 2)
 
     def _chance(self, ratio, near):
-        sizes = self.band.sizes[near]
+        sizes = self.sizes[near]
         return chance_at_one(ratio / self.medians[near].max(), sizes.min(), sizes.size)
 
     def density(self, frequency):
         """Return the local density and its degrees of freedom; a median has 48 % of a mean's."""
-        near = self.band.at(frequency)
-        sizes = self.band.sizes[near]
+        near = self.near(frequency)
+        sizes = self.sizes[near]
         scale = np.average(self.medians[near], weights=sizes) / log(2)
         return self.spectrum(np.array([frequency]))[0] * scale, 2 * log(2) ** 2 * sizes.sum()
 
@@ -175,6 +167,15 @@ def chance_over_band(chance, independent):
     """Return the chance of a peak anywhere from that at one frequency."""
     chance = max(chance, 1e-300)
     return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))
+
+
+def _block_sizes(low, n, rate):
+    """Return the independent values in each block of the background, from `low` on."""
+    enough, sizes, k = max(ENOUGH, WIDTH_HZ * n / rate), [], low
+    while k + (size := int(max(FEWEST, min(SHARE * k, enough), WIDTH * k))) < n / 2 - low:
+        sizes.append(size)
+        k += size
+    return sizes
 
 
 def _filled(run, size):
