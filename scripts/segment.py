@@ -9,6 +9,5 @@ device = Device(
     **snakemake.params.device,
     folder=Path(snakemake.output.segments).parents[1],
     log=snakemake.log[0],
-    threads=snakemake.threads,
 )
 run_stage(segment, device)

@@ -140,7 +140,7 @@ def test_covariance_is_that_of_the_undisturbed_part_and_turns_with_the_frame():
     np.testing.assert_allclose(turned, q @ covariance @ q.T, rtol=1e-6, atol=1e-9)
 
 
-def test_a_file_gives_what_the_table_gives_whatever_the_threads(tmp_path):
+def test_a_file_gives_what_the_table_gives(tmp_path):
     """Two gaps, knocks, a tilt seen on long scales only, row groups that fit no piece."""
     samples = static_log(11, 200_000)
     samples.loc[40_000:40_010, "gx"] += 0.05
@@ -152,10 +152,9 @@ def test_a_file_gives_what_the_table_gives_whatever_the_threads(tmp_path):
     assert list(segments["kind"]).count("disturbed") >= 2
     path = tmp_path / "samples.parquet"
     samples.to_parquet(path, index=False, row_group_size=35_001)
-    for threads in (1, 2):
-        table, found = segment_session(Samples(path), "static", SETTINGS, threads)
-        assert found == metadata
-        pd.testing.assert_frame_equal(table, segments, check_exact=True)
+    table, found = segment_session(Samples(path), "static", SETTINGS)
+    assert found == metadata
+    pd.testing.assert_frame_equal(table, segments, check_exact=True)
 
 
 @pytest.mark.parametrize("unit", [1e-30, 1e30])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imuloop.segment.multiples import choose_multiples, expected_error
+from imuloop.segment.multiples import attitudes, choose_multiples, expected_error
 from imuloop.segment.settings import SegmentSettings
 
 G = 9.80665
@@ -61,7 +61,7 @@ def test_a_pair_that_loses_poses_and_one_that_blurs_them_lose():
         return every[: 12 if accelerometer == 1 else 30]
 
     settings = SegmentSettings(accelerometer_multiples=(1, 2), gyroscope_multiples=(3, 10))
-    best, table = choose_multiples(f.T, detect, settings)
+    best, error = choose_multiples(f.T, detect, settings)
     assert best == (2, 3)
-    assert [row["attitudes"] for row in table] == [12, 29, 30, 29]
-    assert choose_multiples(f.T, lambda _: every[:0], settings) == (None, [])
+    assert error == expected_error(attitudes(f.T, every, settings.same_attitude))
+    assert choose_multiples(f.T, lambda _: every[:0], settings) == (None, np.inf)

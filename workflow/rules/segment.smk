@@ -11,7 +11,7 @@ rule segment:
         GROUP
     conda:
         "../envs/imuloop.yaml"
-    threads: threads_by_size
+    threads: 1
     resources:
         mem_mb=by_size(500, 300),
         runtime=by_size(5, 5),

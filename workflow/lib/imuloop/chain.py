@@ -85,8 +85,7 @@ def segment(device):
     def work(files):
         samples = Samples(files["samples"])
         rails = read_metadata(files["samples"]).get("rails")
-        segments = segment_session(samples, files["kind"], settings, device.threads, rails)
-        write_table(files["segments"], *segments)
+        write_table(files["segments"], *segment_session(samples, files["kind"], settings, rails))
 
     def instead(files, reason, failed):
         segments, metadata = no_segments(files["kind"])

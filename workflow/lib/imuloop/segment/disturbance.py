@@ -6,7 +6,6 @@ import numpy as np
 from scipy.special import betaincinv, chdtr, chdtri
 
 from imuloop.core.samples import CHANNELS
-from imuloop.ingest.in_order import in_order
 from imuloop.segment.stretches import lengths, merged, without
 from imuloop.segment.wavelets import FINE, SPACING, coarse_details, fine_details, pieces
 from imuloop.segment.windows import DECIDING, rounding_variance
@@ -92,7 +91,7 @@ def distance_beyond(probability, k, m):
     return (m * m - 1) / m * (1 - z) / z
 
 
-def undisturbed(rows, stretches, step, settings, threads=1):
+def undisturbed(rows, stretches, step, settings):
     """Return the ranges of a static session between its disturbances.
 
     The coefficients of a wavelet transform of all six channels, scale by scale up to
@@ -108,8 +107,7 @@ def undisturbed(rows, stretches, step, settings, threads=1):
     repeated on the rest, so that a tilt beside a knock, or the sway after it, is found too. A
     lasting tilt costs its transition only: before and after are separate stretches.
 
-    Takes Samples, their stretches without a gap, the median step of time, s, and how many threads
-    may work at once, which changes nothing in the result.
+    Takes Samples, their stretches without a gap, and the median step of time, s.
 
     References
     ----------
@@ -125,7 +123,6 @@ def undisturbed(rows, stretches, step, settings, threads=1):
         floor=np.repeat([rounding_variance(x.T) for x in sensors], 3),
         false_alarm=settings.false_alarm / max(len(rows), 1),
         guard=round(settings.guard_s / step),
-        threads=threads,
     )
     shortest = round(settings.shortest_static_s / step)
     ranges = stretches
@@ -148,7 +145,6 @@ class _WaveletSearch:
     floor: np.ndarray
     false_alarm: float
     guard: int
-    threads: int
 
     def cuts(self, ranges):
         """Return what is to be cut from ranges."""
@@ -183,13 +179,12 @@ class _WaveletSearch:
             for sample, count, width in zip(samples, counts, widths, strict=False)
         ]
 
-        def too_large(details):
-            parts = zip(details, widths, levels, strict=True)
-            return [first + w * _beyond(detail, *level) for (first, detail), w, level in parts]
-
-        first = [each for _, each, _ in self._each(ranges, widths, too_large)]
+        beyond = [[] for _ in widths]
+        for _, details, _ in self._each(ranges, widths):
+            for k, (first, detail) in enumerate(details):
+                beyond[k].append(first + widths[k] * _beyond(detail, *levels[k]))
         for k, width in enumerate(widths):
-            yield width, levels[k][0], np.concatenate([each[k] for each in first])
+            yield width, levels[k][0], np.concatenate(beyond[k])
         if len(widths) == len(fine):
             smooth = {start: np.hstack(parts) for start, parts in smooth.items()}
             yield from self._coarse(smooth, self.widths[len(fine) :])
@@ -215,16 +210,12 @@ class _WaveletSearch:
             ]
             yield width, level[0], np.concatenate(first)
 
-    def _each(self, ranges, widths, work=lambda details: details):
-        """Yield first sample of its range, what work makes of the details, and the smooth rest."""
-
-        def worked(item):
-            (start, begin, _, before), x = item
+    def _each(self, ranges, widths):
+        """Yield of each piece the first sample of its range, the details, and the smooth rest."""
+        for start, begin, end, before in pieces(ranges) if widths else ():
+            x = self.rows.read(CHANNELS, begin, end)
             details, smooth = fine_details(x, before, len(widths))
-            return start, work([(begin + first, detail) for first, detail in details]), smooth
-
-        read = ((piece, self.rows.read(CHANNELS, *piece[1:3])) for piece in pieces(ranges))
-        return in_order(worked, read, self.threads) if widths else ()
+            yield start, [(begin + first, detail) for first, detail in details], smooth
 
     def _level(self, sample, count, width):
         """Return covariance of a scale's coefficients and the bound of their squared distance."""

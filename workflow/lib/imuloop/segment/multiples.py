@@ -5,6 +5,8 @@ import itertools
 import numpy as np
 from scipy.special import chdtri
 
+from imuloop.core.samples import sums_over
+
 # prior standard deviation of scale and misalignment (of one) and of bias (of g)
 PRIOR_SCALE, PRIOR_BIAS = 0.05, 0.1
 # standard deviation of a pose's norm, of g, that counts as one observation beside the poses
@@ -16,12 +18,11 @@ EQUAL = 0.5
 ROUNDING = 1e-9
 
 
-def _moments():
-    # mean of the design's outer product over all directions: E x⁴ = 1/5, E x²y² = 1/15, E x² = 1/3
-    moments = np.diag([2 / 15] * 6 + [1 / 3] * 3)
-    moments[:3, :3] += 1 / 15
-    prior = np.array([PRIOR_SCALE] * 6 + [PRIOR_BIAS] * 3)
-    return moments * np.outer(prior, prior)
+# of scale and misalignment, then bias
+_PRIOR = np.array([PRIOR_SCALE] * 6 + [PRIOR_BIAS] * 3)
+# mean of the design's outer product over all directions: E x⁴ = 1/5, E x²y² = 1/15, E x² = 1/3
+_MOMENTS = np.diag([2 / 15] * 6 + [1 / 3] * 3)
+_MOMENTS[:3, :3] += 1 / 15
 
 
 def expected_error(f):
@@ -49,7 +50,7 @@ def expected_error(f):
     x, y, z = u.T
     root = np.sqrt(2)
     quadratic = np.column_stack([x * x, y * y, z * z, root * x * y, root * x * z, root * y * z])
-    design = np.hstack([PRIOR_SCALE * quadratic, PRIOR_BIAS * u])
+    design = np.hstack([quadratic, u]) * _PRIOR
     error = (np.sum(u * u, axis=1) - 1) / 2
     normal = design.T @ design
     # H y and tr H without H, which has a row and a column per attitude
@@ -59,18 +60,18 @@ def expected_error(f):
     residual = np.sum((error - design @ solution[:, 0]) ** 2) + POSE_NORM**2
     variance = residual / chdtri(len(f) - np.trace(solution[:, 1:]) + 1, 0.95)
     covariance = np.linalg.inv(normal / variance + np.eye(9))
-    return float(np.sqrt(np.sum(covariance * _moments())))
+    return float(np.sqrt(_PRIOR @ (covariance * _MOMENTS) @ _PRIOR))
 
 
-def attitudes(total, rests, same_attitude):
+def attitudes(force, rests, same_attitude):
     """Return the mean specific force of each attitude: neighbouring rests that agree are one.
 
-    Takes the cumulative sum of specific force, from zero, m/s², shape (3, n + 1), ranges of
-    samples, and the angle within which two agree, rad.
+    Takes specific force, m/s², (3, n), ranges of samples, and the angle within which two agree,
+    rad.
     """
     if not len(rests):
         return np.empty((0, 3))
-    sums = (total[:, rests[:, 1]] - total[:, rests[:, 0]]).T
+    sums = sums_over(force.T, rests)
     u = sums / np.linalg.norm(sums, axis=1, keepdims=True)
     angle = 2 * np.arcsin(np.clip(np.linalg.norm(np.diff(u, axis=0), axis=1) / 2, 0, 1))
     group = np.concatenate([[0], np.cumsum(angle > same_attitude)])
@@ -78,13 +79,8 @@ def attitudes(total, rests, same_attitude):
     return np.column_stack([np.bincount(group, x) for x in sums.T]) / n[:, None]
 
 
-def cumulative(force):
-    """Return the cumulative sum of specific force, (3, n), from zero, shape (3, n + 1)."""
-    return np.concatenate([np.zeros((3, 1)), np.cumsum(force, axis=1)], axis=1)
-
-
-def choose_multiples(specific_force, detect, settings):
-    """Return the pair of multiples whose poses calibrate best, and the table behind it.
+def choose_multiples(force, detect, settings):
+    """Return the pair of multiples whose poses calibrate best, and the lowest error of any pair.
 
     The sum of squares over the poses falls with each pose that is lost, and even their mean
     square, held out or not, says nothing of the attitudes that are missing. So pairs are compared
@@ -94,30 +90,20 @@ def choose_multiples(specific_force, detect, settings):
     widest pair.
 
     Takes specific force, m/s², (3, n), and a function from a pair of multiples to the rests,
-    (m, 2). The pair is None where none finds a rest; the table has a row for each that does.
+    (m, 2). The pair is None, and the error infinite, where none finds a rest.
     """
-    total, table = cumulative(specific_force), []
+    found = []
     pairs = itertools.product(settings.accelerometer_multiples, settings.gyroscope_multiples)
     for pair in pairs:
         rests = detect(pair)
         if len(rests):
-            f = attitudes(total, rests, settings.same_attitude)
-            row = {"accelerometer": pair[0], "gyroscope": pair[1], "rests": len(rests)}
-            table.append({**row, "attitudes": len(f), "expected_error": expected_error(f)})
-    if not table:
-        return None, []
-    equal = _lowest(table, EQUAL)
-    most = min((-row["attitudes"], row["rests"]) for row in equal)
-    alike = [row for row in equal if (-row["attitudes"], row["rests"]) == most]
-    best = _lowest(alike, ROUNDING)[-1]
-    return (best["accelerometer"], best["gyroscope"]), table
-
-
-def lowest_error(table):
-    """Return the lowest expected error of a table of pairs; infinite of none."""
-    return min((row["expected_error"] for row in table), default=np.inf)
-
-
-def _lowest(table, tolerance):
-    """Return the rows whose expected error is the lowest to a relative tolerance."""
-    return [r for r in table if r["expected_error"] <= (1 + tolerance) * lowest_error(table)]
+            f = attitudes(force, rests, settings.same_attitude)
+            found.append((expected_error(f), (-len(f), len(rests)), pair))
+    if not found:
+        return None, np.inf
+    lowest = min(error for error, *_ in found)
+    equal = [each for each in found if each[0] <= (1 + EQUAL) * lowest]
+    best = min(count for _, count, _ in equal)
+    alike = [(error, pair) for error, count, pair in equal if count == best]
+    least = min(error for error, _ in alike)
+    return [pair for error, pair in alike if error <= (1 + ROUNDING) * least][-1], lowest

@@ -8,13 +8,7 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME, Sam
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.held import SWAYS, held_rests, sways, united
-from imuloop.segment.multiples import (
-    attitudes,
-    choose_multiples,
-    cumulative,
-    expected_error,
-    lowest_error,
-)
+from imuloop.segment.multiples import attitudes, choose_multiples, expected_error
 from imuloop.segment.poses import number_poses
 from imuloop.segment.settings import SegmentSettings
 from imuloop.segment.static_detector import (
@@ -45,7 +39,7 @@ LEAST_RAILED = 0.01
 ATTITUDES = ("six_position", "multi_position", "reference_motion")
 
 
-def segment_session(samples, kind, settings, threads=1, rails=None):
+def segment_session(samples, kind, settings, rails=None):
     """Return the segments of a session: static, motion, disturbed or gap.
 
     Every instant from the first sample to one step after the last belongs to exactly one row.
@@ -57,16 +51,16 @@ def segment_session(samples, kind, settings, threads=1, rails=None):
     it to the next sample. Of a file few row groups are held at once where the session is static,
     else six columns.
 
-    Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, how many threads may work
-    at once, and the `rails` of `core.samples.at_rail`. Gives a `segment_table` and a dict of
-    metadata: level of rest and how it was found, the multiples and the table they were chosen from,
-    number of rests dropped as too short and of those at the end of the range, what `shorter`
-    settings would bring, gaps and, of a static session, slow tilts.
+    Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, and the `rails` of
+    `core.samples.at_rail`. Gives a `segment_table` and a dict of metadata: the number of poses; of
+    a static session that of slow tilts; of others the level of rest and how it was found, the
+    multiples, the rests dropped as too short, those at the end of the range and those that tilt,
+    whether some are in the hand, and what `shorter` settings would bring.
     """
     rows = Samples(samples)
     stretches, step = unbroken(rows, settings.gap_factor)
     if kind == "static":
-        rests = undisturbed(rows, stretches, step, settings, threads)
+        rests = undisturbed(rows, stretches, step, settings)
         tilted = tilts(rows, rests, step)
         metadata = {"slow_tilts": len(tilted)}
         if len(tilted):
@@ -93,20 +87,12 @@ def segment_session(samples, kind, settings, threads=1, rails=None):
     start, end = np.insert(t[first], gaps, end[gaps - 1]), np.insert(end, gaps, t[first[gaps]])
     kinds = np.insert(kinds, gaps, GAP)
 
-    table, is_rest = (
-        segment_table(rows, start, end, kinds, np.full(len(start), -1)),
-        kinds == STATIC,
-    )
+    table = segment_table(rows, start, end, kinds, np.full(len(start), -1))
+    is_rest = kinds == STATIC
     poses = number_poses(rows, rests, table[is_rest], stretches, settings)
     table.loc[is_rest, "pose"] = poses
     table.loc[is_rest, "tilt_rad"] = tilt
-    metadata |= {
-        "kind": kind,
-        "step_s": step,
-        "gaps": max(len(stretches) - 1, 0),
-        "poses": int(poses.max(initial=-1)) + 1,
-    }
-    return table, metadata
+    return table, metadata | {"poses": int(poses.max(initial=-1)) + 1}
 
 
 def no_segments(kind):
@@ -124,16 +110,17 @@ def _at_rail(rows, rests, rails):
 
 def _find_rests(rows, stretches, step, settings):
     """Return the rests of a session, the tilt within each, rad, and the metadata."""
-    log = *(rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE)), stretches, step
-    detected, metadata = _detected(*log, settings)
-    rests, tilt, more = _steady(*log, detected, metadata["level"])
-    metadata |= more | {"shorter": None, "hand_held": False}
+    f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
+    detected, metadata = _detected(f, w, stretches, step, settings)
+    rests, tilt, held = detected, np.zeros(len(detected)), False
     if len(rests):
-        rests, tilt, held = _with_held(*log, rests, tilt, metadata["level"]["rate"], settings)
-        metadata |= {"hand_held": held, "tilted_rests": int((tilt > 0).sum())}
+        bias = metadata["level"]["rate"]
+        rests, tilt = steady_rests(f, w, widened(f, w, rests, stretches, step), bias, step)
+        rests, tilt, held = _with_held(f, w, stretches, step, rests, tilt, bias, settings)
+    metadata |= {"hand_held": held, "tilted_rests": int((tilt > 0).sum()), "shorter": None}
     short = metadata["short_rests"]
     if short >= LEAST_SHORT and short > SHORT_SHARE * len(detected):
-        metadata["shorter"] = _shorter(*log, detected, settings)
+        metadata["shorter"] = _shorter(f, w, stretches, step, detected, settings)
     return rests, tilt, metadata
 
 
@@ -142,8 +129,7 @@ def _detected(f, w, stretches, step, settings):
     moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
     level = rest_level(f, w, moving, step, settings)
     if level is None:
-        nothing = {"level": None, "multiples": None, "choice": [], "short_rests": 0}
-        return np.empty((0, 2), dtype=int), nothing
+        return np.empty((0, 2), dtype=int), {"level": None, "multiples": None, "short_rests": 0}
     variances = level.accelerometer_variance, level.gyroscope_variance
     away = np.linalg.norm(moving.rate - rate_at_rest(moving, level, settings), axis=0)
     may_rest = away <= settings.rate_tolerance
@@ -158,29 +144,14 @@ def _detected(f, w, stretches, step, settings):
     # where no pair finds a rest long enough, the widest says how many were too short
     widest = max(settings.accelerometer_multiples), max(settings.gyroscope_multiples)
     steady = may_rest & ~unsteady_samples(w, within(widest, may_rest)[0], step, settings)
-    multiples, choice = choose(may_rest)
+    multiples, error = choose(may_rest)
     rests, short = within(multiples or widest, may_rest)
-    steady_multiples, steady_choice = choose(steady)
+    steady_multiples, steady_error = choose(steady)
     # without its unsteady rests a session may no longer determine a calibration
-    if steady_multiples and lowest_error(steady_choice) <= DEAREST * lowest_error(choice):
-        multiples, choice = steady_multiples, steady_choice
+    if steady_multiples and steady_error <= DEAREST * error:
+        multiples = steady_multiples
         rests, _ = within(multiples, steady)
-    return rests, {
-        "level": asdict(level),
-        "multiples": None if multiples is None else list(multiples),
-        "choice": choice,
-        "short_rests": short,
-    }
-
-
-def _steady(f, w, stretches, step, rests, level):
-    """Return rests without the ends that tilt, the tilt within each, and metadata of both."""
-    if not len(rests):
-        return rests, np.zeros(0), {"settling_s": 0.0, "tilted_rests": 0}
-    wide = widened(f, w, rests, stretches, step)
-    steady, tilt = steady_rests(f, w, wide, level["rate"], step)
-    cut = float((lengths(wide) - lengths(steady)).sum() * step)
-    return steady, tilt, {"settling_s": cut, "tilted_rests": int((tilt > 0).sum())}
+    return rests, {"level": asdict(level), "multiples": multiples, "short_rests": short}
 
 
 def _with_held(f, w, stretches, step, rests, tilt, bias, settings):
@@ -188,12 +159,12 @@ def _with_held(f, w, stretches, step, rests, tilt, bias, settings):
 
     They are where the expected error of a calibration is lower with them, by `WORTH_HOLDING`.
     """
-    total, found = cumulative(f), (rests, tilt, False)
-    least = WORTH_HOLDING * expected_error(attitudes(total, rests, settings.same_attitude))
+    found = rests, tilt, False
+    least = WORTH_HOLDING * expected_error(attitudes(f, rests, settings.same_attitude))
     for sway in SWAYS:
         of_hand = held_rests(w, stretches, step, bias, sway, settings.shortest_rest_s)
         every, held = united(rests, of_hand)
-        error = expected_error(attitudes(total, every, settings.same_attitude))
+        error = expected_error(attitudes(f, every, settings.same_attitude))
         if held.any() and error < least:
             swaying = np.zeros(len(every))
             swaying[held] = sways(w, every[held], bias, step)
@@ -207,15 +178,14 @@ def _shorter(f, w, stretches, step, rests, settings):
 
     The longest that find nearly as many as any.
     """
-    total, tried = cumulative(f), []
-    now = len(attitudes(total, rests, settings.same_attitude))
+    now, tried = len(attitudes(f, rests, settings.same_attitude)), []
     for window, shortest in SHORTER:
         each = {
             "window_s": window * settings.window_s,
             "shortest_rest_s": shortest * settings.shortest_rest_s,
         }
         shorter, _ = _detected(f, w, stretches, step, replace(settings, **each))
-        found = len(attitudes(total, shorter, settings.same_attitude))
+        found = len(attitudes(f, shorter, settings.same_attitude))
         tried.append({**each, "attitudes": found, "now": now})
     most = max(each["attitudes"] for each in tried)
     if most < WORTHWHILE * max(now, 1):
