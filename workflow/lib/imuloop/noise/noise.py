@@ -1,7 +1,6 @@
 """Noise of a device: coefficients, Allan curves, spectra and summary figures."""
 
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import cached_property
 
 import numpy as np
 
@@ -90,37 +89,9 @@ def estimate_noise(device, sessions, settings, uncut=True):
     if not records:
         notes.append("no session holds a rest: no coefficient can be estimated")
         return replace(nothing, notes=tuple(notes))
-    static = records[0].session.kind == "static"
-    whole = [record_of(r.session, disturbed=True) for r in records] if uncut and static else []
-    added, pooled = _seconds(whole) - _seconds(records), _Pooled(records, settings)
-    pooled_whole = _Pooled(whole, settings) if added > 0.5 / pooled.rate else None
-    single = [_Pooled([r], settings) for r in records] if len(records) > 1 else [pooled]
-    statistics = {record.session.name: {} for record in records}
-    allan = {name: [each] for name, each in nothing.allan.items()}
-    views = {name: [each] for name, each in nothing.views.items()}
-    axes, curves, spectra, uncut_axes = {}, {}, {}, {}
-    for axis in CHANNELS:
-        runs = [record.runs(axis) for record in records]
-        # curves and spectra take a few missing samples for none
-        closed = [closed_up(each) for each in runs]
-        curves[axis] = dict(zip(TERMS, pooled.fit_curve(closed), strict=True))
-        found = pooled.estimate(axis, runs, notes)
-        axes[axis] = found.noise
-        spectra[axis] = {"misfit": found.misfit, "band_hz": found.band_hz}
-        for record, alone, x in zip(records, single, closed, strict=True):
-            name = record.session.name
-            allan[name].append(alone.allan_table(axis, x, found.noise))
-            # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
-            statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
-            if np.isfinite(statistics[name][axis]["mean"]):
-                theta = _squares(found.noise)
-                views[name].append(record_views(record.rate, x, axis, theta, settings))
-        # or two axes would be in memory at once
-        runs = closed = None
-        if pooled_whole:
-            runs = [record.runs(axis) for record in whole]
-            uncut_axes[axis] = asdict(pooled_whole.estimate(axis, runs, []).noise)
-            runs = None
+    static, pooled = records[0].session.kind == "static", _Pooled(records, settings)
+    found = pooled.estimates(notes)
+    axes = {axis: estimate.noise for axis, estimate in found.items()}
     if unseen := [axis for axis, noise in axes.items() if not noise.K.identifiable]:
         # the walk weighs most in long integrals
         notes.append(
@@ -128,13 +99,37 @@ def estimate_noise(device, sessions, settings, uncut=True):
             f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
             "an upper limit only"
         )
+    whole = [record_of(r.session, disturbed=True) for r in records] if uncut and static else []
+    added, with_added = _seconds(whole) - _seconds(records), None
+    if added > 0.5 / pooled.rate:
+        every = _Pooled(whole, settings).estimates([])
+        noise = {axis: asdict(estimate.noise) for axis, estimate in every.items()}
+        with_added = {"seconds": added, "axes": noise}
+    single = [_Pooled([r], settings) for r in records] if len(records) > 1 else [pooled]
+    statistics = {record.session.name: {} for record in records}
+    allan = {name: [each] for name, each in nothing.allan.items()}
+    views = {name: [each] for name, each in nothing.views.items()}
+    curves = {}
+    for axis, noise in axes.items():
+        # curves and spectra take a few missing samples for none
+        closed = [closed_up(record.runs(axis)) for record in records]
+        curves[axis] = dict(zip(TERMS, pooled.fit_curve(closed), strict=True))
+        for record, alone, x in zip(records, single, closed, strict=True):
+            name = record.session.name
+            allan[name].append(alone.allan_table(axis, x, noise))
+            # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
+            statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
+            if np.isfinite(statistics[name][axis]["mean"]):
+                views[name].append(record_views(record.rate, x, axis, _squares(noise), settings))
+        # or two axes would be in memory at once
+        closed = x = None
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
         model=NoiseModel(device, axes),
         rate_hz=pooled.rate,
         curve_fit=curves,
-        spectrum=spectra,
-        uncut={"seconds": added, "axes": uncut_axes} if uncut_axes else None,
+        spectrum={a: {"misfit": e.misfit, "band_hz": e.band_hz} for a, e in found.items()},
+        uncut=with_added,
         repeatability=repeatability(means if static else {}),
         statistics=statistics,
         sessions=tuple(statistics),
@@ -155,7 +150,7 @@ def _squares(noise):
 
 
 class _Pooled:
-    """Records of one rate as one estimate: what does not depend on the axis."""
+    """Records of one rate as one estimate."""
 
     def __init__(self, records, settings):
         each = [record.lengths for record in records]
@@ -166,11 +161,6 @@ class _Pooled:
         self.seconds = lengths.max() / self.rate
         self.factors = averaging_factors(lengths.max(), settings)
         self.curve = NoiseOfCurve.of(self.factors, lengths, self.rate)
-
-    @cached_property
-    def modes(self):
-        """The Modes of all runs."""
-        return modes([sampling for record in self.records for sampling in record.samplings])
 
     def fit_curve(self, stretches):
         """Return the coefficients of the plain fit to the Allan curve, of each record's values."""
@@ -183,9 +173,13 @@ class _Pooled:
         tau, variance = self.factors / self.rate, allan_variance(stretches, self.factors)
         return allan_table(axis, tau, variance, edf)
 
-    def estimate(self, axis, runs, notes):
-        """Return the AxisEstimate of one axis, of each record's runs, with notes on its limits."""
-        runs, rate = [run for each in runs for run in each], 1 / self.modes.dt
+    def estimates(self, notes):
+        """Return the AxisEstimate of each axis, with notes on its limits."""
+        basis = modes([sampling for record in self.records for sampling in record.samplings])
+        return {axis: self._estimate(axis, basis, notes) for axis in CHANNELS}
+
+    def _estimate(self, axis, basis, notes):
+        runs, rate = [run for record in self.records for run in record.runs(axis)], 1 / basis.dt
         nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 * rate)
         if not all(np.isfinite(run.values).all() for run in runs):
             notes.append(f"{axis}: values that are not finite, no coefficient estimated")
@@ -193,7 +187,7 @@ class _Pooled:
         if all(run.is_constant() for run in runs):
             notes.append(f"{axis}: output is constant, no coefficient estimated")
             return nothing
-        estimate = estimate_axis(self.modes, runs, self.settings)
+        estimate = estimate_axis(basis, runs, self.settings)
         if not any(getattr(estimate.noise, name).upper95 for name in TERMS):
             notes.append(f"{axis}: too few samples for a coefficient")
         if estimate.misfit:

@@ -39,12 +39,8 @@ def summary(stretches, rate):
 
 def consecutive_means(stretches, count):
     """Return means over `count` samples, one after the other, none over a stretch's end."""
-    if count < 1:
-        return np.empty(0)
-    means = [
-        np.asarray(s)[: len(s) // count * count].reshape(-1, count).mean(axis=1) for s in stretches
-    ]
-    return np.concatenate(means)
+    whole = [x[: len(x) // count * count] for x in stretches] if count else []
+    return np.concatenate([[], *(x.reshape(-1, count).mean(axis=1) for x in whole)])
 
 
 def repeatability(means):
@@ -61,18 +57,13 @@ def repeatability(means):
     """
     if len(means) < 2:
         return None
-    comparable = same_attitude([[each[axis] for axis in ACCELERATION] for each in means.values()])
+    f = np.array([[each[axis] for axis in ACCELERATION] for each in means.values()])
+    # not from the cosine, whose digits end at 1e-8 rad; a force of zero points nowhere
+    angle = np.arctan2(np.linalg.norm(np.cross(f[:, None], f), axis=-1), f @ f.T)
+    comparable = f.any(axis=1).all() and np.all(angle <= SAME_ATTITUDE)
     figures = {}
     for axis in next(iter(means.values())):
-        runs = np.array([each[axis] for each in means.values()], dtype=float)
+        runs = np.array([each[axis] for each in means.values()])
         known = comparable or axis not in ACCELERATION
         figures[axis] = {"std": float(runs.std(ddof=1)), "sessions": len(runs)} if known else None
     return figures
-
-
-def same_attitude(forces):
-    """Return whether mean specific forces, shape (n, 3), all point the same way within 1 degree."""
-    f = np.asarray(forces, dtype=float)
-    # not from the cosine, whose digits end at 1e-8 rad; a force of zero points nowhere
-    angle = np.arctan2(np.linalg.norm(np.cross(f[:, None], f), axis=-1), f @ f.T)
-    return bool(np.linalg.norm(f, axis=1).all() and np.all(angle <= SAME_ATTITUDE))
