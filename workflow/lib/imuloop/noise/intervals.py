@@ -8,7 +8,6 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
-from imuloop.noise.processes import NAMES
 from imuloop.noise.record_length import record_seconds
 from imuloop.noise.selection import NOTHING, ORDER, correlation_times, plus, variances, without
 
@@ -104,7 +103,7 @@ def _profile(selection, name, model):
             return {"ramp": sign * x}
 
     else:
-        unit, place = selection.modes.units[:, NAMES.index(name)], model.index(name)
+        unit, place = selection.modes.unit(name), model.index(name)
         expected = selection.units(model) @ likeliest.theta
         best = max(np.sqrt(likeliest.theta[place]), _small(unit, expected))
         start = np.delete(likeliest.theta, place)
@@ -149,14 +148,14 @@ def _process(selection, terms, tc, variance):
 
     def of_q(x):
         def value(tc):
-            fixed = x**2 * tc / 2 * modes.gauss_markov(tc)
+            fixed = x**2 * tc / 2 * modes.unit(tc)
             return likelihood.fit(units, "R" in rest, fixed, restricted=True).value
 
         return highest(value)[0]
 
     top, likeliest = highest(of_tc)
     wide = plus(rest, likeliest)
-    theta, unit = selection.fit(wide, True).theta, likeliest / 2 * modes.gauss_markov(likeliest)
+    theta, unit = selection.fit(wide, True).theta, likeliest / 2 * modes.unit(likeliest)
     expected = selection.units(wide) @ theta
     best = max(np.sqrt(2 * theta[-1] / likeliest), _small(unit, expected))
     near = max(best, np.sqrt(likelihood.error(unit, expected)))

@@ -8,6 +8,7 @@ from scipy.fft import dct, rfft
 from scipy.interpolate import CubicSpline
 
 from imuloop.noise.processes import (
+    NAMES,
     gauss_markov_means,
     gauss_markov_samples,
     mean_covariances,
@@ -154,15 +155,18 @@ class Modes:
         number = sum(len(piece.place) for piece in self._pieces)
         return np.concatenate(slow), _binned(squares / number, self._bins)
 
-    def gauss_markov(self, tc):
-        """Return the expected mean squares for a Gauss-Markov process of variance 1, shape (r,).
+    def unit(self, term):
+        """Return the expected mean squares for unit Q, N, B or K, shape (r,).
 
-        Interpolated between correlation times of which there are `TIMES` per decade.
+        For a number those of a Gauss-Markov process of variance 1 and that correlation time, s,
+        interpolated between times of which there are `TIMES` per decade.
         """
-        near = int(np.abs(self.correlation_times - tc).argmin())
-        if self.correlation_times[near] == tc:
+        if isinstance(term, str):
+            return self.units[:, NAMES.index(term)]
+        near = int(np.abs(self.correlation_times - term).argmin())
+        if self.correlation_times[near] == term:
             return self._rows[near]
-        return np.exp(self._spline(np.log(tc)))
+        return np.exp(self._spline(np.log(term)))
 
     @cached_property
     def correlation_times(self):

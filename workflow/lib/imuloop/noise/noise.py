@@ -89,23 +89,27 @@ def estimate_noise(device, sessions, settings, uncut=True):
     if not records:
         notes.append("no session holds a rest: no coefficient can be estimated")
         return replace(nothing, notes=tuple(notes))
-    static, pooled = records[0].session.kind == "static", _Pooled(records, settings)
-    found = pooled.estimates(notes)
+    static, lengths = records[0].session.kind == "static", [record.lengths for record in records]
+    weights = [each.sum() for each in lengths]
+    rate = float(np.average([record.rate for record in records], weights=weights))
+    found = _estimates(records, settings, notes)
     axes = {axis: estimate.noise for axis, estimate in found.items()}
     if unseen := [axis for axis, noise in axes.items() if not noise.K.identifiable]:
         # the walk weighs most in long integrals
+        longest = max(each.max() for each in lengths) / rate
         notes.append(
-            f"random walk not supported by clean stretches of up to {pooled.seconds:.4g} s: "
+            f"random walk not supported by clean stretches of up to {longest:.4g} s: "
             f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
             "an upper limit only"
         )
     whole = [record_of(r.session, disturbed=True) for r in records] if uncut and static else []
     added, with_added = _seconds(whole) - _seconds(records), None
-    if added > 0.5 / pooled.rate:
-        every = _Pooled(whole, settings).estimates([])
+    if added > 0.5 / rate:
+        every = _estimates(whole, settings, [])
         noise = {axis: asdict(estimate.noise) for axis, estimate in every.items()}
         with_added = {"seconds": added, "axes": noise}
-    single = [_Pooled([r], settings) for r in records] if len(records) > 1 else [pooled]
+    factors, pooled = _curve(np.concatenate(lengths), rate, settings)
+    single = [_curve(n, r.rate, settings) for n, r in zip(lengths, records, strict=True)]
     statistics = {record.session.name: {} for record in records}
     allan = {name: [each] for name, each in nothing.allan.items()}
     views = {name: [each] for name, each in nothing.views.items()}
@@ -113,20 +117,22 @@ def estimate_noise(device, sessions, settings, uncut=True):
     for axis, noise in axes.items():
         # curves and spectra take a few missing samples for none
         closed = [closed_up(record.runs(axis)) for record in records]
-        curves[axis] = dict(zip(TERMS, pooled.fit_curve(closed), strict=True))
-        for record, alone, x in zip(records, single, closed, strict=True):
-            name = record.session.name
-            allan[name].append(alone.allan_table(axis, x, noise))
+        variance = allan_variance([x for each in closed for x in each], factors)
+        curves[axis] = dict(zip(TERMS, fit_curve(variance, pooled), strict=True))
+        squares = [getattr(noise, name).square for name in TERMS]
+        for record, (m, curve), x in zip(records, single, closed, strict=True):
+            name, edf = record.session.name, curve.degrees_of_freedom(squares)
+            allan[name].append(allan_table(axis, m / record.rate, allan_variance(x, m), edf))
             # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
             statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
             if np.isfinite(statistics[name][axis]["mean"]):
-                views[name].append(record_views(record.rate, x, axis, _squares(noise), settings))
+                views[name].append(record_views(record.rate, x, axis, squares, settings))
         # or two axes would be in memory at once
         closed = x = None
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
         model=NoiseModel(device, axes),
-        rate_hz=pooled.rate,
+        rate_hz=rate,
         curve_fit=curves,
         spectrum={a: {"misfit": e.misfit, "band_hz": e.band_hz} for a, e in found.items()},
         uncut=with_added,
@@ -144,61 +150,39 @@ def _seconds(records):
     return float(sum(record.lengths.sum() / record.rate for record in records))
 
 
-def _squares(noise):
-    """Return the squares of Q, N, B, K and R of an AxisNoise."""
-    return [getattr(noise, name).square for name in TERMS]
+def _curve(lengths, rate, settings):
+    """Return the averaging factors of stretches of such lengths, and the NoiseOfCurve."""
+    factors = averaging_factors(lengths.max(), settings)
+    return factors, NoiseOfCurve.of(factors, lengths, rate)
 
 
-class _Pooled:
-    """Records of one rate as one estimate."""
+def _estimates(records, settings, notes):
+    """Return the AxisEstimate of each axis by all records, with notes on its limits."""
+    basis = modes([sampling for record in records for sampling in record.samplings])
+    return {axis: _estimate(axis, records, basis, settings, notes) for axis in CHANNELS}
 
-    def __init__(self, records, settings):
-        each = [record.lengths for record in records]
-        self.records, self.settings, lengths = records, settings, np.concatenate(each)
-        rates, weights = [record.rate for record in records], [n.sum() for n in each]
-        self.rate = float(np.average(rates, weights=weights))
-        # of the longest stretch
-        self.seconds = lengths.max() / self.rate
-        self.factors = averaging_factors(lengths.max(), settings)
-        self.curve = NoiseOfCurve.of(self.factors, lengths, self.rate)
 
-    def fit_curve(self, stretches):
-        """Return the coefficients of the plain fit to the Allan curve, of each record's values."""
-        variance = allan_variance([x for each in stretches for x in each], self.factors)
-        return fit_curve(variance, self.curve)
-
-    def allan_table(self, axis, stretches, noise):
-        """Return the Allan curve of one axis with its intervals."""
-        edf = self.curve.degrees_of_freedom(_squares(noise))
-        tau, variance = self.factors / self.rate, allan_variance(stretches, self.factors)
-        return allan_table(axis, tau, variance, edf)
-
-    def estimates(self, notes):
-        """Return the AxisEstimate of each axis, with notes on its limits."""
-        basis = modes([sampling for record in self.records for sampling in record.samplings])
-        return {axis: self._estimate(axis, basis, notes) for axis in CHANNELS}
-
-    def _estimate(self, axis, basis, notes):
-        runs, rate = [run for record in self.records for run in record.runs(axis)], 1 / basis.dt
-        nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 * rate)
-        if not all(np.isfinite(run.values).all() for run in runs):
-            notes.append(f"{axis}: values that are not finite, no coefficient estimated")
-            return nothing
-        if all(run.is_constant() for run in runs):
-            notes.append(f"{axis}: output is constant, no coefficient estimated")
-            return nothing
-        estimate = estimate_axis(basis, runs, self.settings)
-        if not any(getattr(estimate.noise, name).upper95 for name in TERMS):
-            notes.append(f"{axis}: too few samples for a coefficient")
-        if estimate.misfit:
-            notes.append(
-                f"{axis}: over half a decade the spectrum leaves the terms by "
-                f"{100 * estimate.misfit:.2g} % beyond chance (a filter, a hump, a trend): "
-                "intervals are widened by it"
-            )
-        if estimate.band_hz < 0.4 * rate:
-            notes.append(
-                f"{axis}: power is lacking above {estimate.band_hz:.3g} Hz (a filter, or a log "
-                "that was resampled): the coefficients are those of the noise below"
-            )
-        return estimate
+def _estimate(axis, records, basis, settings, notes):
+    runs, rate = [run for record in records for run in record.runs(axis)], 1 / basis.dt
+    nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 * rate)
+    if not all(np.isfinite(run.values).all() for run in runs):
+        notes.append(f"{axis}: values that are not finite, no coefficient estimated")
+        return nothing
+    if all(run.is_constant() for run in runs):
+        notes.append(f"{axis}: output is constant, no coefficient estimated")
+        return nothing
+    estimate = estimate_axis(basis, runs, settings)
+    if not any(getattr(estimate.noise, name).upper95 for name in TERMS):
+        notes.append(f"{axis}: too few samples for a coefficient")
+    if estimate.misfit:
+        notes.append(
+            f"{axis}: over half a decade the spectrum leaves the terms by "
+            f"{100 * estimate.misfit:.2g} % beyond chance (a filter, a hump, a trend): "
+            "intervals are widened by it"
+        )
+    if estimate.band_hz < 0.4 * rate:
+        notes.append(
+            f"{axis}: power is lacking above {estimate.band_hz:.3g} Hz (a filter, or a log "
+            "that was resampled): the coefficients are those of the noise below"
+        )
+    return estimate

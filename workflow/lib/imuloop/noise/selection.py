@@ -71,12 +71,8 @@ class Selection:
 
     def units(self, terms):
         """Return the unit spectra of terms, ramp excepted, shape (r, p)."""
-        modes = self.modes
-        columns = [
-            modes.units[:, NAMES.index(t)] if isinstance(t, str) else modes.gauss_markov(t)
-            for t in variances(terms)
-        ]
-        return np.column_stack(columns) if columns else np.zeros((len(modes.frequency), 0))
+        none = np.empty((len(self.modes.frequency), 0))
+        return np.column_stack([none, *map(self.modes.unit, variances(terms))])
 
     def fit(self, terms, restricted=False):
         """Return the MaximumLikelihood of these terms."""
@@ -187,7 +183,7 @@ class Selection:
         expected = self.likelihood.above_rounding(units @ fit.theta)
         root = np.sqrt(self.likelihood.count / 2) / expected
         basis = np.linalg.qr(root[:, None] * units)[0]
-        rows = root * np.array([self.modes.gauss_markov(tc) for tc in self.times])
+        rows = root * np.array([self.modes.unit(tc) for tc in self.times])
         remainder = rows - rows @ basis @ basis.T
         slope = rows @ (root * (self.likelihood.power(fit.ramp) - expected))
         return np.maximum(slope, 0.0) ** 2 / (2 * (remainder**2).sum(axis=1))

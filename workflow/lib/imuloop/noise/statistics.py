@@ -16,14 +16,11 @@ def summary(stretches, rate):
     mean, std, min, q25, median, q75, max and peak_to_peak of the samples; std_10s and std_100s, the
     standard deviation of consecutive 10 s and 100 s means. None where a figure needs more data.
     """
-    # the one copy: sorted in part, then freed of its mean, both in place
-    x = np.concatenate([np.asarray(s, dtype=float) for s in stretches])
-    mean = x.mean()
-    low, q25, median, q75, high = np.quantile(x, [0, 0.25, 0.5, 0.75, 1], overwrite_input=True)
-    x -= mean
+    x = np.concatenate(stretches)
+    low, q25, median, q75, high = np.quantile(x, [0, 0.25, 0.5, 0.75, 1])
     figures = {
-        "mean": mean,
-        "std": np.sqrt(x @ x / (len(x) - 1)) if len(x) > 1 else None,
+        "mean": x.mean(),
+        "std": x.std(ddof=1) if len(x) > 1 else None,
         "min": low,
         "q25": q25,
         "median": median,
