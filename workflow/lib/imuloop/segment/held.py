@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.segment.static_detector import FEWEST_SAMPLES
+from imuloop.segment.static_detector import long_enough
 from imuloop.segment.stretches import lengths, runs
 from imuloop.segment.windows import sliding_statistics
 
@@ -35,9 +35,7 @@ def held_rests(w, stretches, step, bias, sway, shortest):
             if len(holds):
                 rests.append([i + holds[0], i + holds[-1] + 1])
     rests = np.array(rests, dtype=int).reshape(-1, 2)
-    samples = lengths(rests)
-    long_enough = samples * step >= max(SHORTEST, shortest) - step / 2
-    return rests[long_enough & (samples >= FEWEST_SAMPLES)]
+    return rests[long_enough(rests, max(SHORTEST, shortest), step)]
 
 
 def united(still, held):

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from imuloop.segment.stretches import lengths, runs
-from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statistics
+from imuloop.segment.windows import rounding_variance, sliding_statistics
 
 # samples of a rest: the variance of fewer says nothing of its mean's error
 FEWEST_SAMPLES = 4
@@ -91,7 +91,7 @@ def rest_level(force, rate, moving, step, settings):
     whole = np.isfinite(moving.variances[0])
     if not whole.any():
         return None
-    floors = [3 * rounding_variance(x[:, :DECIDING].T) for x in (force, rate)]
+    floors = [3 * rounding_variance(x.T) for x in (force, rate)]
     levels = np.maximum([np.quantile(v[whole], 0.05) for v in moving.variances], floors)
     most = [max(settings.accelerometer_multiples)] * 2
     quiet = moving.within(most, levels)
@@ -157,10 +157,14 @@ def detect_rests(still, stretches, step, settings):
         each[each[:, 1] < j, 1] -= trim
         rests.append(each)
     rests = np.concatenate(rests)
+    kept = long_enough(rests, settings.shortest_rest_s, step)
+    return rests[kept], int(np.sum(~kept))
+
+
+def long_enough(rests, shortest, step):
+    """Return which rests last so long, s, and hold enough samples, (m,)."""
     samples = lengths(rests)
-    long_enough = samples * step >= settings.shortest_rest_s - step / 2
-    long_enough &= samples >= FEWEST_SAMPLES
-    return rests[long_enough], int(np.sum(~long_enough))
+    return (samples * step >= shortest - step / 2) & (samples >= FEWEST_SAMPLES)
 
 
 def widened(f, w, rests, stretches, step):
@@ -173,7 +177,7 @@ def widened(f, w, rests, stretches, step):
     (3, n), ranges of samples, the stretches without a gap, and the step of time, s.
     """
     width = max(round(EDGE_S / step), 1)
-    sensors = [(x, rounding_variance(x[:, :DECIDING].T)) for x in (f, w)]
+    sensors = [(x, rounding_variance(x.T)) for x in (f, w)]
     edges, wider = np.concatenate([[0], rests.ravel(), [f.shape[1]]]), rests.copy()
     for k, (i, j) in enumerate(rests):
         a, b = stretches[np.searchsorted(stretches[:, 0], i, side="right") - 1]

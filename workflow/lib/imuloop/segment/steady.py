@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import ndtri, stdtrit
 
 from imuloop.segment.disturbance import distance_beyond, robust_covariance, squared_distance
-from imuloop.segment.windows import DECIDING, rounding_variance, sliding_statistics
+from imuloop.segment.windows import rounding_variance, sliding_statistics
 
 # longer rests are judged in parts of this length, s: over more, a bias that warms up moves
 PART = 10.0
@@ -62,7 +62,7 @@ def unsteady_samples(w, rests, step, settings):
     if not scales:
         return unsteady
     probability = settings.false_alarm / (len(scales) + 1)
-    rounding = rounding_variance(w[:, :DECIDING].T)
+    rounding = rounding_variance(w.T)
 
     for window in scales:
         long = [slice(i, j) for i, j in parts if j - i >= FEWEST_OF_A_PART * window]

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import detrend
 
-from imuloop.core.samples import CHANNELS, ROWS
+from imuloop.core.samples import CHANNELS, sums_over
 from imuloop.segment.stretches import lengths, merged, runs, without
 
 # blocks that are averaged, s, and at most so many in a session
@@ -41,13 +41,18 @@ def tilts(rows, ranges, step):
     shortest is taken, and in it the part in which u moves. Takes Samples and the median step, s.
     """
     width = max(round(BLOCK / step), int(lengths(ranges).sum()) // BLOCKS, 1)
-    means = [_block_means(rows, i, j, width) for i, j in ranges]
-    # of all blocks, one range after the other
-    edges = np.cumsum([0, *map(len, means)])
-    stretches = np.column_stack([edges[:-1], edges[1:]])
-    means = np.concatenate([np.empty((0, len(CHANNELS))), *means])
+    # first samples of whole blocks, one range after the other
+    blocks = [np.arange(i, j - width + 1, width) for i, j in ranges]
+    edges = np.cumsum([0, *map(len, blocks)])
+    if not edges[-1]:
+        return np.empty((0, 2), dtype=int)
+    first, stretches = np.concatenate(blocks), np.column_stack([edges[:-1], edges[1:]])
+    sums = np.zeros((len(first), len(CHANNELS)))
+    for begin, x in rows.pieces(CHANNELS):
+        sums += sums_over(x.T, np.column_stack([first, first + width]) - begin)
+    means = sums / width
     # not its direction alone: a tilt leaves the magnitude as it is
-    u = means[:, :3] / np.median(np.linalg.norm(means[:, :3], axis=1)) if len(means) else means
+    u = means[:, :3] / np.median(np.linalg.norm(means[:, :3], axis=1))
     cuts = np.empty((0, 2), dtype=int)
     for taken in ("linear", "constant"):
         rests = without(stretches, cuts)
@@ -60,19 +65,7 @@ def tilts(rows, ranges, step):
         if len(windows):
             placed = np.array([i + _placed(u[i:j]) for i, j in windows])
             cuts = merged(np.concatenate([cuts, placed]))
-    # blocks of a range, and the samples that it begins with
-    at = np.searchsorted(edges, cuts[:, 0], side="right") - 1
-    return cuts * width + (ranges[at, 0] - edges[at] * width)[:, None]
-
-
-def _block_means(rows, first, last, width):
-    """Return the means of all channels over whole blocks of a range, shape (n, 6)."""
-    last -= (last - first) % width
-    # a piece of whole blocks at a time
-    size = max(ROWS // width, 1) * width
-    ends = [(begin, min(begin + size, last)) for begin in range(first, last, size)]
-    blocks = [rows.read(CHANNELS, *each).reshape(len(CHANNELS), -1, width) for each in ends]
-    return np.concatenate([np.empty((0, len(CHANNELS))), *(x.mean(axis=2).T for x in blocks)])
+    return np.column_stack([first[cuts[:, 0]], first[cuts[:, 1] - 1] + width])
 
 
 def _alike(u, turned, taken):
