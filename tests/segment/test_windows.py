@@ -33,6 +33,13 @@ def test_a_value_that_is_far_too_large_spoils_its_own_windows_alone():
         np.testing.assert_allclose(found[away], sound[away], rtol=1e-9, atol=1e-12)
 
 
+def test_a_rest_after_fast_turns_has_its_own_variance():
+    x = 1e-5 * np.random.default_rng(5).normal(size=(3000, 1))
+    turned = x + 35 * np.sin(np.arange(3000) / 20)[:, None] * (np.arange(3000) < 1500)[:, None]
+    for found, alone in zip(*map(sliding_statistics, (turned, x), (100, 100)), strict=True):
+        np.testing.assert_allclose(found[1600:], alone[1600:], rtol=1e-9, atol=1e-18)
+
+
 def test_rounding_variance_is_that_of_the_resolution():
     rng = np.random.default_rng(3)
     x = np.round(rng.normal(size=(1000, 3)) / 0.25) * 0.25 * 9.80665
