@@ -137,7 +137,7 @@ def test_known_turns_add_their_information():
     turns = KnownTurns(turned, seconds, target, b)
     pair, _ = true_pair(TRUTH, made, moves=False)
     R, z = (20 * each for each in turns.rows())
-    plain, fitted = (replace(pair, turns=own).fit(made).fit for own in (None, (R, z)))
+    plain, fitted = (own.fit(made).fit for own in (pair, pair.knowing("gyroscope", R, z)))
     before, after = (np.linalg.inv(f.covariance) for f in (plain, fitted))
     R = np.pad(R, ((0, 0), (9, 0)))
     size = np.sqrt(np.diag(before + R.T @ R))
@@ -182,12 +182,16 @@ def plain(made, gravity):
     poses = made.poses
     model = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity)
     x = least_squares(lambda x: model.residuals(x)[0], model.start(), x_scale="jac").x
-    force = model.force(x)
+    force = model.values(x)
     bias = np.average(poses.w, axis=0, weights=poses.duration_s)
     start = np.concatenate([np.zeros(6), np.ones(3), bias])
-    turn = gyroscope.gyroscope_model(made, lambda f: model.force(x), start)
+    turn = gyroscope.gyroscope_model(made, lambda f: model.values(x), start)
     turn = replace(turn, directions=force / np.linalg.norm(force, axis=1, keepdims=True))
-    errors = lambda y: turn.angles(np.append(y, bias)).ravel()  # noqa: E731
+
+    def errors(y):
+        """Return the angles between gravity as it is carried and as it is measured."""
+        return (turn.carried(np.append(y, bias)) @ turn.departures[..., None]).ravel()
+
     return np.concatenate([x, least_squares(errors, start[:9]).x, bias])
 
 

@@ -18,7 +18,7 @@ from imuloop.calibrate.gyroscope import NAMES as OF_GYROSCOPE
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.least_squares import NotConverged, condition_number, why_no_fit
 from imuloop.calibrate.poses import gather_poses
-from imuloop.calibrate.raw_units import as_logged, in_raw_units
+from imuloop.calibrate.raw_units import as_logged, in_raw_units, si_factor
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.sensor_pair import FORCE, SensorPair
 from imuloop.core.calibration_faults import sensor_fault
@@ -146,8 +146,9 @@ def sensor_pair(recording, noise, gravity, units, settings, given=None, turns=No
     poses, largest, reasons = recording.poses, settings.largest_condition, {}
     # as the data sheet has it
     base = np.repeat([0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [3, 3, 3, 6, 3, 3])
-    known = turns.rows() if turns is not None and len(turns) and bias is None else None
-    pair = SensorPair(noise, gravity, units, settings, (), base, given, known, bias)
+    pair = SensorPair(noise, gravity, units, settings, (), base, bias=bias)
+    if turns is not None and len(turns) and bias is None:
+        pair = pair.knowing("gyroscope", *turns.rows())
     if reason := accelerometer_undetermined(poses, gravity, largest):
         reason += recording.lost.rests_reason
     reason = reason or poses.unknown_noise(noise, ACCELERATION)
@@ -159,8 +160,12 @@ def sensor_pair(recording, noise, gravity, units, settings, given=None, turns=No
         reasons["accelerometer"] = reason
         if given is not None:
             pair.base[:FORCE] = as_logged(given, accelerometer.NAMES)
-    elif given is not None:
-        pair = replace(pair, given=None)
+            if given.names[:FORCE] == accelerometer.NAMES:
+                factor = si_factor(accelerometer.NAMES, given.raw_unit)
+                own = given.covariance[:FORCE, :FORCE] * np.outer(factor, factor)
+                root = np.linalg.inv(np.linalg.cholesky(own))
+                pair = pair.knowing("accelerometer", root, root @ pair.base[:FORCE])
+            pair = replace(pair, given=given)
     if not len(poses):
         reason = NO_POSE
     elif reason and (given is None or direction_unknown(given)):

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.calibrate.pair_covariance import PairCovariance
-from imuloop.calibrate.raw_units import as_logged
-from imuloop.calibrate.sensor_pair import BASES, OF_SENSOR, OfSensor, SensorPair
+from imuloop.calibrate.raw_units import as_logged, si_factor
+from imuloop.calibrate.sensor_pair import BASES, OWNER, OfSensor, SensorPair
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.samples import SENSORS
 
@@ -64,7 +64,10 @@ class CalibratedPair:
             for name, size in std.items():
                 covariance[(names.index(f"{sensor}.{name}"),) * 2] = size**2
             if own.names:
-                at, factor = [names.index(f"{sensor}.{n}") for n in own.names], si_factor(own)
+                at, factor = (
+                    [names.index(f"{sensor}.{n}") for n in own.names],
+                    si_factor(own.names, own.raw_unit),
+                )
                 covariance[np.ix_(at, at)] = own.covariance * np.outer(factor, factor)
         base = np.concatenate([as_logged(own, BASES[s]) for s, own in sensors.items()])
         values = [held[e].vector if e in held else np.zeros(len(e.parameters)) for e in effects]
@@ -90,17 +93,10 @@ class CalibratedPair:
         return PairCovariance(self.x, model, recording).by(self.pair.noise)
 
 
-def si_factor(sensor):
-    """Return the SI units, as logged, of each parameter that a SensorCalibration estimated."""
-    of = {"K": 1 / sensor.raw_unit.scale, "b": sensor.raw_unit.scale}
-    return np.array([1.0 if "." in name else of.get(name[0], 1.0) for name in sensor.names])
-
-
 def kinds_of_rows(pair, recording):
     """Return the kind of each residual of a SensorPair that counts, and whose it is, (N,) of str.
 
     Velocities are of no sensor.
     """
     kinds = np.array(list(pair.kinds))[pair.rows(recording)[1]]
-    owners = {kind: sensor for sensor, own in OF_SENSOR.items() for kind in own}
-    return kinds, np.array([owners.get(kind, "motion") for kind in kinds.tolist()], dtype=object)
+    return kinds, np.array([OWNER[kind] for kind in kinds.tolist()], dtype=object)

@@ -2,36 +2,45 @@
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
 from imuloop.calibrate.poses import Rotations
+from imuloop.calibrate.sensor_model import SensorModel
 from imuloop.core.effect import effect_design
 from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
 
 # parameters of the base model
 NAMES = ("T01", "T02", "T10", "T12", "T20", "T21", "K0", "K1", "K2", "b0", "b1", "b2")
-_OFF_DIAGONAL = ((0, 0, 1, 1, 2, 2), (1, 2, 0, 2, 0, 1))
 
 
-def unpack(x):
-    """Return T (3, 3), K (3,) and b (3,) of the parameters in the order of `NAMES`."""
-    T = np.eye(3)
-    T[_OFF_DIAGONAL] = x[:6]
-    return T, x[6:9], x[9:12]
+class AngularRate(SensorModel):
+    """Angular rate on the axes of the body, which the accelerometer sets."""
+
+    entries: ClassVar = ((0, 0, 1, 1, 2, 2), (1, 2, 0, 2, 0, 1))
+
+
+unpack = AngularRate.unpack
 
 
 @dataclass(frozen=True)
 class AttitudePath:
-    """What residuals and covariances take of the attitude C along m rotations.
+    """Attitude C along m rotations, which takes body axes to those at their start."""
 
-    C takes body axes to those at the start of the rotation.
-    """
-
-    last: np.ndarray  # C at the end, (m, 3, 3)
-    middle: np.ndarray  # C at the middle of each step, (m, k - 1, 3, 3)
-    steps: np.ndarray  # s
     after: np.ndarray  # quaternions of C after each step, (m, k - 1, 4)
+    middle: np.ndarray  # C at the middle of each step, (m, k - 1, 3, 3)
+
+    @cached_property
+    def last(self):
+        """C at the end, (m, 3, 3)."""
+        return matrix(self.after[:, -1])
+
+    @cached_property
+    def at_samples(self):
+        """C at the samples, (m, k, 3, 3)."""
+        start = np.tile(np.eye(3), (len(self.after), 1, 1, 1))
+        return np.concatenate([start, matrix(self.after)], axis=1)
 
 
 @dataclass(frozen=True)
@@ -55,13 +64,12 @@ class GyroscopeModel:
 
         On the sensor's own axes, rad/s, shape (n, 3); the derivative has (n, 3, 12 + p).
         """
-        _, K, b = unpack(x)
+        (_, K, b), axes = unpack(x), np.arange(3)
         jacobian = np.zeros((len(self.rate), 3, len(x)))
-        axes = np.arange(3)
         jacobian[:, axes, 6 + axes] = self.rate - b
         jacobian[:, axes, 9 + axes] = -K
         jacobian[:, :, 12:] = -self.rate_design
-        return K * (self.rate - b) - self.rate_design @ x[12:], jacobian
+        return AngularRate(self.rate, self.rate_design).output(x), jacobian
 
     def path(self, x):
         """Return the AttitudePath with parameters x."""
@@ -71,62 +79,33 @@ class GyroscopeModel:
             self._paths[key] = self._path(x)
         return self._paths[key]
 
+    @cached_property
+    def along(self):
+        """The AngularRate along the rotations."""
+        return AngularRate(self.rotations.w, self.rotation_design)
+
     def _path(self, x):
-        rotations, rates = self.rotations, self.output(x) @ unpack(x)[0].T
+        rotations, rates = self.rotations, self.along.values(x)
         half = exponential(step_vectors(rates, rotations.steps, rotations.uneven) / 2)
         after = prefix_product(multiply(half, half))
         # the middle of a step is half a step back from its end
         half[..., 1:] *= -1
-        middle = matrix(multiply(after, half))
-        return AttitudePath(matrix(after[:, -1]), middle, rotations.steps, after)
-
-    def output(self, x):
-        """Return ``K (y - b) - e`` along the rotations, rad/s, (m, k, 3)."""
-        _, K, b = unpack(x)
-        found = K * (self.rotations.w - b)
-        # effects of a search are hundreds, and zero about the fit without them
-        return found - self.rotation_design @ x[12:] if x[12:].any() else found
+        return AttitudePath(after, matrix(multiply(after, half)))
 
     def summed(self, middle, x):
-        """Return ``∫ A (dw/dx) dt`` of matrices A in the middle of each step, (m, 3, 12 + p).
+        """Return ``∫ A (dw/dx) dt`` of matrices A in the middle of each step, (m, a, 12 + p).
 
-        Takes (m, k - 1, 3, 3). A step's rate is the mean of those at its ends.
+        Takes (m, k - 1, a, 3). A step's rate is the mean of those at its ends.
         """
-        T, K, b = unpack(x)
-        m, k = self.rotations.w.shape[:2]
-        # half of each step to the samples at its ends: entry of A, sample
-        half = (middle * (self.rotations.steps[..., None, None] / 2)).reshape(m, k - 1, 9)
-        entries = np.zeros((m, 9, k))
-        entries[:, :, 1:] = half.swapaxes(1, 2)
-        entries[:, :, :-1] += half.swapaxes(1, 2)
-        # moments: entry of A, axis
-        of_raw, of_output = (
-            (entries @ seen).reshape(m, 3, 3, 3) for seen in (self.rotations.w - b, self.output(x))
-        )
-        found = np.zeros((m, 3, len(x)))
-        found[:, :, :6] = of_output[:, :, *_OFF_DIAGONAL]
-        found[:, :, 6:9] = np.einsum("maij,ij->maj", of_raw, T)
-        found[:, :, 9:12] = -entries.sum(axis=2).reshape(m, 3, 3) @ (T * K)
-        if len(x) > 12:
-            seen = (T.T @ entries.reshape(m, 3, 3, k)).swapaxes(2, 3).reshape(m, 3, 3 * k)
-            found[:, :, 12:] = -seen @ self.rotation_design.reshape(m, 3 * k, len(x) - 12)
-        return found
+        half = middle * (self.rotations.steps[..., None, None] / 2)
+        return self.along.summed(at_both_ends(half), x)
 
-    def rotation_errors(self, x):
-        """Return the angle between predicted and measured gravity, and its derivative.
+    def carried(self, x):
+        """Return what takes gravity at the start of a rotation to its residual, (m, 2, 3).
 
-        With C the attitude, ``u_end = Cᵀ u_start`` and a small change of rate δw gives
-        ``δu_end = Cᵀ (u_start × φ), φ = ∫ C(t) δw(t) dt``. In the plane normal to the measured
-        direction, rad, (m, 2); the derivative has (m, 2, 12 + p).
+        That is the angle to gravity as it is measured at the end, in the plane normal to that, rad.
         """
-        path, start = self.path(x), self.departures
-        across = cross_matrix(start) @ self.summed(path.middle, x)
-        return self.angles(x), self.plane @ (path.last.swapaxes(1, 2) @ across)
-
-    def angles(self, x):
-        """Return the angles of `rotation_errors` alone."""
-        turned = np.einsum("mji,mj->mi", self.path(x).last, self.departures)
-        return np.einsum("mij,mj->mi", self.plane, turned)
+        return self.plane @ self.path(x).last.swapaxes(1, 2)
 
     @cached_property
     def plane(self):
@@ -146,6 +125,14 @@ class GyroscopeModel:
 def midpoints(values):
     """Return the means of neighbours along the second axis."""
     return (values[:, 1:] + values[:, :-1]) / 2
+
+
+def at_both_ends(values):
+    """Return at each sample the sum of the values of the steps beside it, (m, k, ...)."""
+    found = np.zeros((len(values), values.shape[1] + 1, *values.shape[2:]))
+    found[:, 1:] = values
+    found[:, :-1] += values
+    return found
 
 
 def tangents(directions):
@@ -187,6 +174,6 @@ def gyroscope_model(recording, see, x, effects=()):
         rotation_design=design,
         directions=force / np.linalg.norm(force, axis=1, keepdims=True),
         # small turns, so those that the sensor gives are scaled and aligned as rates are
-        to_start=poses.to_start @ (T * K).T if np.ndim(poses.to_start) else 0.0,
-        to_end=poses.to_end @ (T * K).T if np.ndim(poses.to_end) else 0.0,
+        to_start=poses.to_start @ (T * K).T,
+        to_end=poses.to_end @ (T * K).T,
     )

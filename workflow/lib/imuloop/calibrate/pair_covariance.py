@@ -1,6 +1,5 @@
 """The covariance of the residuals of both sensors by the noise of their six channels."""
 
-import math
 from dataclasses import replace
 from functools import cached_property
 
@@ -26,13 +25,10 @@ class PairCovariance:
 
     def __init__(self, x, model, recording):
         self.model, self.poses = model, recording.poses
-        self.of_force, self.of_turn, self.turn = model.at(x)
+        self.of_force, of_turn, self.turn = model.at(x)
         self.rotations = self.turn.rotations if self.turn else recording.rotations.select([])
-        if self.turn:
-            self._along_moves()
+        self.moves = self.turn and model.of_moves(self.of_force, of_turn, self.turn)
         self.gains = self._gains()
-        if model.y is not None:
-            self.gains = np.array([model.given_rotation(gain) for gain in self.gains])
 
     def by(self, noise):
         """Return the covariance of the residuals that count by a noise model, shape (N, N)."""
@@ -91,56 +87,45 @@ class PairCovariance:
             if whole.any():
                 # white noise within a move does not act as its mean does
                 quick[turned, turned] -= model.N.square / np.diff(windows[len(at) :])[:, 0]
-                if poses.added is not None:
-                    quick[rest, rest] += poses.added[at, axis]
+                quick[rest, rest] += poses.added[at, axis]
             else:
                 # of a channel without noise the poses' own variance is known
                 quick[rest, rest] = poses.variance[at, axis] / poses.n[at]
             means[np.ix_(own, own)] = quick
         return means + self._about_mean(slow)
 
-    def _along_moves(self):
-        """Find what turns in the middle of each step, white noise and stamps make of residuals."""
-        model, turn, rotations = self.model, self.turn, self.rotations
-        self.path = path = turn.path(self.of_turn)
-        self.carried = turn.plane @ path.last.swapaxes(1, 2)
-        # error of each move per turn on the axes at its start, in the middle of each step
-        per_turn = (self.carried @ cross_matrix(turn.departures))[:, None]
-        T, K, _ = accelerometer.unpack(self.of_force)
-        m, steps = path.steps.shape
-        per_turn = np.broadcast_to(per_turn, (m, steps, 2, 3))
-        if model.y is not None:
-            self.frame = model.frame(turn)
-            levers = self.frame[:, None] @ model.levers(self.of_force, path)
-            levers = levers - model.of_rotation[:, None] @ per_turn
-            per_turn = np.concatenate([per_turn, levers], axis=2)
-        turned = per_turn @ path.middle
-        passed = path.steps.cumsum(axis=1)
-        weighted = turned * path.steps[..., None, None]
-        self.turned = self._by_part(weighted, passed - path.steps / 2)
-        width = per_turn.shape[2]
-        self.within, self.added = np.zeros((6, m, width, width)), np.zeros((m, width, width))
+    @cached_property
+    def within(self):
+        """What white noise of each channel within a move makes of its residuals, (6, m, w, w)."""
+        width, (T, K, _) = self.moves.values.shape[1], accelerometer.unpack(self.of_force)
+        found = np.zeros((6, len(self.rotations), width, width))
         for axis in range(3):
-            own = turned[..., axis]
-            self.within[3 + axis] = (own * path.steps[..., None]).swapaxes(1, 2) @ own
-            if model.y is not None:
-                pushed = (self.frame[:, None] @ model.attitudes(path) @ (T * K))[..., axis]
-                own = np.pad(pushed, ((0, 0), (0, 0), (2, 0)))
-                self.within[axis] = (own * model.weights[..., None]).swapaxes(1, 2) @ own
-        if rotations.added is not None:
-            at = np.arange(m)[:, None], rotations.added_at
-            gain = turned[at]
-            self.added = (gain @ rotations.added @ gain.swapaxes(2, 3)).sum(axis=1)
+            own = self.moves.by_turn[..., axis]
+            found[3 + axis] = (own * self.rotations.steps[..., None]).swapaxes(1, 2) @ own
+            if self.model.along:
+                own = (self.moves.by_force @ (T * K))[..., axis]
+                weighted = own * self.model.weights[..., None]
+                found[axis, :, 2:, 2:] = weighted.swapaxes(1, 2) @ own
+        return found
 
-    def _by_part(self, values, passed):
-        """Return sums over each part of each move, (m, parts, …), of values (m, k, …).
+    @cached_property
+    def added(self):
+        """What time stamps, and samples too far apart, add to the residuals, (m, w, w)."""
+        at, added = self.rotations.added_at, self.rotations.added
+        if added is None:
+            return 0.0
+        gain = self.moves.by_turn[np.arange(len(at))[:, None], at]
+        return (gain @ added @ gain.swapaxes(2, 3)).sum(axis=1)
 
-        `passed` is the time since the start of the move, s, (m, k).
+    def _by_part(self, change, seconds, passed):
+        """Return integrals over each part of each move, (m, parts, w, 3).
+
+        Takes what is integrated, (m, k, w, 3), the time that each stands for, and the time since
+        the start of the move, s, (m, k).
         """
         part = (passed / passed.max(axis=1, keepdims=True) * PARTS).astype(int)
         inside = np.minimum(part, PARTS - 1)[:, None] == np.arange(PARTS)[:, None]
-        flat = values.reshape(*passed.shape, math.prod(values.shape[2:]))
-        return (inside.astype(float) @ flat).reshape(*inside.shape[:2], *values.shape[2:])
+        return np.einsum("mpk,mkwa->mpwa", inside * seconds[:, None], change)
 
     @cached_property
     def tilted(self):
@@ -150,56 +135,42 @@ class PairCovariance:
         ends. With white noise n over T those turns are off by ``∫ n s/T ds`` to the end and
         ``-∫ n (1 - s/T) ds`` to the start: variances of T/3, and a covariance of -T/6.
         """
-        poses, first = self.poses, self.rotations.first
-        found = []
-        for k in np.flatnonzero(poses.tilt > 0 if poses.tilt is not None else []):
+        poses, first, rows = self.poses, self.rotations.first, self.model.moves
+        force, found = self.model.force.values(self.of_force), []
+        for k in np.flatnonzero(poses.tilt > 0):
             leaving, arriving = np.zeros((2, self.gains.shape[1], 3))
-            rows = self.model.moves[:, :2]
             for move in np.flatnonzero(first == k):
-                leaving[rows[move]] += self.carried[move]
+                leaving[rows[move]] += self.moves.by_start[move]
             for move in np.flatnonzero(first + 1 == k):
-                arriving[rows[move]] -= self.turn.plane[move]
-            crossed = np.sqrt(poses.duration_s[k] / 3) * np.cross(
-                np.eye(3), self.turn.directions[k]
-            )
+                arriving[rows[move]] += self.moves.by_end[move]
+            crossed = np.sqrt(poses.duration_s[k] / 3) * cross_matrix(force[[k]])[0]
             found += [(leaving - arriving / 2) @ crossed, np.sqrt(3) / 2 * arriving @ crossed]
-        if self.model.y is not None:
-            found = [self.model.given_rotation(columns) for columns in found]
         return np.array(found).reshape(-1, self.gains.shape[1], 3).transpose(2, 1, 0)
 
     def _gains(self):
         """Return what each channel's mean at a pose or over a part of a move adds, (6, N, M)."""
-        model, turn, n, m = self.model, self.turn, len(self.poses), len(self.rotations)
+        model, moves, n, m = self.model, self.moves, len(self.poses), len(self.rotations)
         T, K, _ = accelerometer.unpack(self.of_force)
-        force = model.force.force(self.of_force)
+        force = model.force.values(self.of_force)
         norm = (force / np.linalg.norm(force, axis=1)[:, None]) @ T * K
-        rows = n + (3 * n + (5 if model.y is not None else 2) * m if turn else 0)
-        gains, poses = np.zeros((6, rows, n + PARTS * m)), np.arange(n)
+        gains, poses = np.zeros((6, len(model.counted), n + PARTS * m)), np.arange(n)
         for axis in range(3):
             gains[axis, poses, poses] = norm[:, axis]
-        if not turn:
+        if not moves:
             return gains
-        first, move = turn.rotations.first, model.moves
-        parts = n + np.arange(PARTS * m).reshape(m, PARTS)
-        across = model.across(self.of_force) @ (T * K)
-        begun, ended = self.carried @ across[first], -turn.plane @ across[first + 1]
-        if model.y is not None:
-            pull = model.force.gravity * model.weights.sum(axis=1)[:, None, None]
-            weighted = model.attitudes(self.path) * model.weights[..., None, None]
-            passed = np.pad(self.path.steps.cumsum(axis=1), ((0, 0), (1, 0)))
-            pushed = self.frame[:, None] @ self._by_part(weighted, passed) @ (T * K)
-            begun = np.concatenate([begun, -pull * self.frame @ across[first]], axis=1)
-        # the turned means of velocities are already less what the rotation says
-        turned = self.turned.copy()
-        if model.y is not None:
-            turned[:, :, 2:] += model.of_rotation[:, None] @ turned[:, :, :2]
+        first, rows = self.rotations.first[:, None], model.moves
+        parts = n + np.arange(PARTS * m).reshape(m, PARTS, 1)
+        started, ended = moves.by_start @ (T * K), moves.by_end @ (T * K)
+        steps, passed = self.rotations.steps, self.rotations.steps.cumsum(axis=1)
+        turned = self._by_part(moves.by_turn, steps, passed - steps / 2)
+        if model.along:
+            passed = np.pad(passed, ((0, 0), (1, 0)))
+            pushed = self._by_part(moves.by_force @ (T * K), model.weights, passed)
         for axis in range(3):
-            gain = gains[axis]
-            gain[move, first[:, None]] += begun[:, :, axis]
-            gain[move[:, :2], first[:, None] + 1] += ended[:, :, axis]
-            if model.y is not None:
-                gain[move[:, None, 2:], parts[..., None]] = pushed[..., axis]
-            gain = gains[3 + axis]
-            gain[n + 3 * poses + axis, poses] = 1.0
-            gain[move[:, None], parts[..., None]] = turned[..., axis]
+            gains[axis, rows, first] += started[..., axis]
+            gains[axis, rows, first + 1] += ended[..., axis]
+            gains[3 + axis, n + 3 * poses + axis, poses] = 1.0
+            gains[3 + axis, rows[:, None], parts] = turned[..., axis]
+            if model.along:
+                gains[axis, rows[:, None, 2:], parts] = pushed[..., axis]
         return gains

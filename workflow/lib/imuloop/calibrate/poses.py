@@ -42,13 +42,13 @@ class Poses:
     variance: np.ndarray  # sample variance of the six channels within the pose, (n, 6)
     temperature: np.ndarray | None  # mean, degC; None unless every session logs one
     # variance that rounding (`rounded_means`) and tilts add to the six means, (n, 6)
-    added: np.ndarray | None = None
+    added: np.ndarray
     # root mean square of the tilt that both sensors show in the pose, rad, (n,)
-    tilt: np.ndarray | None = None
+    tilt: np.ndarray
     # turns from the attitude of the mean to that at the start and at the end, rad, on body axes,
     # (n, 3); zero where the device lies still
-    to_start: np.ndarray | float = 0.0
-    to_end: np.ndarray | float = 0.0
+    to_start: np.ndarray
+    to_end: np.ndarray
 
     def __len__(self):
         return len(self.n)
@@ -83,7 +83,7 @@ class Poses:
         for axis in range(6):
             if not np.any(whole[axis]):
                 whole[axis] = np.diag(self.variance[:, axis] / self.n)
-            elif self.added is not None:
+            else:
                 whole[axis] += np.diag(self.added[:, axis])
         return whole
 
@@ -195,7 +195,10 @@ def gather_poses(segments):
         w=pooled([f"{c}_mean" for c in ANGULAR_RATE]),
         variance=pooled([f"{c}_std" for c in CHANNELS], power=2),
         temperature=None,
+        added=np.zeros((len(poses), 6)),
         tilt=np.sqrt(pooled(["tilt_rad"], power=2)[:, 0]),
+        to_start=np.zeros((len(poses), 3)),
+        to_end=np.zeros((len(poses), 3)),
     )
 
 
@@ -265,7 +268,7 @@ def turns_within(poses, samples):
             # as long as a plain mean that is as good against white noise
             duration_s[k] *= weights.mean() ** 2 / np.mean(weights**2)
         to_start[k], to_end[k] = -mean, turned[-1] - mean
-    added = np.zeros((len(poses), 6)) if poses.added is None else poses.added.copy()
+    added = poses.added.copy()
     added[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
     return replace(
         poses, f=f, w=w, duration_s=duration_s, added=added, to_start=to_start, to_end=to_end
@@ -284,10 +287,8 @@ def gather_rotations(poses, samples, segments, longest_s, rails=None):
     """
     first, pieces, errors, aliased, all_, left_out = [], [], [], [], 0, [np.zeros(0, int)]
     clipped, forces = 0, []
-    room = poses.duration_s / 2
-    if poses.tilt is not None:
-        # what such a pose turns to its ends is known
-        room = np.where(poses.tilt > 0, 0.0, room)
+    # what a pose that tilts turns to its ends is known
+    room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
     for session in np.unique(poses.session):
         k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         start, end = poses.end_s[k], poses.start_s[k + 1]

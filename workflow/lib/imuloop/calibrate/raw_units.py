@@ -14,15 +14,11 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), red
     then those of the effects, whose names begin with the effect's: ``g_sensitivity.G00``. Effects
     that are known from elsewhere, FittedEffect each, go before them.
     """
-    count = len(base)
-    factor = np.ones(len(x))
-    factor[count - 6 : count - 3] = unit.scale
-    factor[count - 3 : count] = 1 / unit.scale
-    raw = x * factor
-    T = np.eye(3)
+    count, T = len(base), np.eye(3)
     for name, value in zip(base[:-6], x[: count - 6], strict=True):
         T[int(name[1]), int(name[2])] = value
-    names = [f"{effect.name}.{p}" for effect in effects for p in effect.parameters]
+    names = (*base, *(f"{effect.name}.{p}" for effect in effects for p in effect.parameters))
+    factor = si_factor(names, unit)
     # in the order of the effects' parameters
     values, fitted = zip(x[count:], np.sqrt(np.diag(covariance))[count:], strict=True), []
     for effect in effects:
@@ -32,10 +28,10 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), red
     return SensorCalibration(
         raw_unit=unit,
         T=T,
-        K=raw[count - 6 : count - 3],
-        b=raw[count - 3 : count] + unit.offset,
-        names=(*base, *names),
-        covariance=covariance * np.outer(factor, factor),
+        K=x[count - 6 : count - 3] * unit.scale,
+        b=unit.from_si(x[count - 3 : count]),
+        names=names,
+        covariance=covariance / np.outer(factor, factor),
         effects=(*known, *fitted),
         method=method,
         reduced_chi2=reduced_chi2,
@@ -47,3 +43,9 @@ def as_logged(calibration, base):
     unit = calibration.raw_unit
     T = [calibration.T[int(name[1]), int(name[2])] for name in base[:-6]]
     return np.concatenate([T, calibration.K / unit.scale, unit.to_si(calibration.b)])
+
+
+def si_factor(names, unit):
+    """Return the SI units, as logged, of each of the parameters of a SensorCalibration."""
+    of = {"K": 1 / unit.scale, "b": unit.scale}
+    return np.array([1.0 if "." in name else of.get(name[0], 1.0) for name in names])

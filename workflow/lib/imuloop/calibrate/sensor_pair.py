@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.accelerometer import AccelerometerModel
+from imuloop.calibrate.accelerometer import AccelerometerModel, SpecificForce
 from imuloop.calibrate.determined import (
     accelerometer_lost,
     accelerometer_undetermined,
@@ -17,7 +17,7 @@ from imuloop.calibrate.least_squares import Solution, chi_square, fit
 from imuloop.calibrate.noise_components import Component, likely_sizes, total
 from imuloop.calibrate.pair_covariance import PairCovariance
 from imuloop.calibrate.pair_model import COUNT, FORCE, PairModel
-from imuloop.calibrate.raw_units import as_logged, in_raw_units
+from imuloop.calibrate.raw_units import in_raw_units
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Effect, effect_design
 from imuloop.core.model import SensorCalibration
@@ -97,12 +97,11 @@ class SensorPair:
         The sensors whose base parameters the recording determines.
     base : ndarray, shape (21,)
         All base parameters to start from, SI as logged; those that are not estimated stay.
+    known : (ndarray, ndarray)
+        Rows R, (k, 21), and z of what is known of the base parameters: ``R x - z`` has variance
+        one. Those of an accelerometer that is not estimated are fitted with what is known of them.
     given : SensorCalibration or None
-        Of an accelerometer that is not estimated: where it is known, its parameters are fitted with
-        what is known of them.
-    turns : (ndarray, ndarray) or None
-        Rows R, (k, 12), and z of what known turns say of the gyroscope: ``R x - z`` has variance
-        one.
+        The accelerometer's from elsewhere, where it is not estimated.
     bias : (ndarray, ndarray) or None
         Bias of the gyroscope and its variance, SI as logged, where it is held.
     quiet : ndarray of bool, shape (m,), or None
@@ -117,8 +116,8 @@ class SensorPair:
     settings: CalibrateSettings
     estimated: tuple
     base: np.ndarray
+    known: tuple = (np.zeros((0, COUNT)), np.zeros(0))
     given: SensorCalibration | None = None
-    turns: tuple | None = None
     bias: tuple | None = None
     quiet: np.ndarray | None = None
     of_rotation: np.ndarray | None = None
@@ -127,16 +126,12 @@ class SensorPair:
     def free(self):
         """Places of the base parameters that are estimated, among all."""
         free = np.zeros(COUNT, dtype=bool)
-        free[:FORCE] = "accelerometer" in self.estimated or self._given_to_errors
+        known = self.known[0].any(axis=0)
+        free[:FORCE] = "accelerometer" in self.estimated or known[:FORCE].any()
         free[FORCE:] = "gyroscope" in self.estimated
         if self.bias is not None:
             free[-3:] = False
         return np.flatnonzero(free)
-
-    @property
-    def _given_to_errors(self):
-        """Whether all base parameters of a given accelerometer have a covariance."""
-        return self.given is not None and self.given.names[:FORCE] == accelerometer.NAMES
 
     @cached_property
     def names(self):
@@ -179,36 +174,35 @@ class SensorPair:
             found += [self.quiet, np.repeat(self.quiet, 2)]
         return np.concatenate(found)
 
+    def knowing(self, sensor, rows, z):
+        """Return the same with rows, (k, p), and z of what is known of one sensor's base model."""
+        own = np.zeros((len(z), COUNT))
+        own[:, places()[sensor]] = rows
+        return replace(self, known=(np.vstack([self.known[0], own]), np.append(self.known[1], z)))
+
     def prior_rows(self):
         """Return rows R, (k, p), and z of what is known of the base parameters beforehand."""
-        rows, z = np.zeros((0, COUNT)), np.zeros(0)
-        if "accelerometer" not in self.estimated and self._given_to_errors:
-            factor = np.repeat([1.0, 1 / self.given.raw_unit.scale, self.given.raw_unit.scale], 3)
-            own = self.given.covariance[:FORCE, :FORCE] * np.outer(factor, factor)
-            root = np.linalg.inv(np.linalg.cholesky(own))
-            rows = np.pad(root, ((0, 0), (0, COUNT - FORCE)))
-            z = root @ as_logged(self.given, accelerometer.NAMES)
-        if "gyroscope" in self.estimated and self.turns is not None:
-            rows = np.vstack([rows, np.pad(self.turns[0], ((0, 0), (FORCE, 0)))])
-            z = np.append(z, self.turns[1])
+        rows, z = self.known
         fixed = np.delete(np.arange(COUNT), self.free)
-        return rows[:, self.free], z - rows[:, fixed] @ self.base[fixed]
+        counts = rows[:, self.free].any(axis=1)
+        return rows[counts][:, self.free], (z - rows[:, fixed] @ self.base[fixed])[counts]
+
+    def all_parameters(self, x, effects=()):
+        """Return the places of what is estimated among all parameters, and all of these.
+
+        `x` are the first of what is estimated; the others are those to start from, effects zero.
+        """
+        count = sum(len(e.parameters) for e in effects)
+        at = np.append(self.free, np.arange(COUNT, COUNT + count))
+        found = np.append(self.base, np.zeros(count))
+        found[at[: len(x)]] = x
+        return at, found
 
     def model_at(self, x, recording, effects=()):
-        """Return the PairModel of a recording, effects seen with parameters x, or the start."""
-        every = {sensor: [*places] for sensor, places in _places().items()}
-        sets, place = {sensor: [] for sensor in SENSORS}, COUNT
-        for effect in effects:
-            count = len(effect.parameters)
-            every[effect.sensor] += range(place, place + count)
-            sets[effect.sensor].append(effect)
-            place += count
-        own = {sensor: np.array(places) for sensor, places in every.items()}
-        values = np.append(self.base, np.zeros(place - COUNT))
-        free = np.append(self.free, np.arange(COUNT, place))
-        if x is not None:
-            values[free[: len(x)]] = x
-        of_force, of_turn = values[own["accelerometer"]], values[own["gyroscope"]]
+        """Return the PairModel of a recording, effects seen with parameters x."""
+        own, (free, values) = places(effects), self.all_parameters(x, effects)
+        sets = {sensor: [e for e in effects if e.sensor == sensor] for sensor in SENSORS}
+        of_force, of_turn = (values[at] for at in own.values())
         Ta, Ka, ba = accelerometer.unpack(of_force)
         Tg, Kg, bg = gyroscope.unpack(of_turn)
         poses, rotations = recording.poses, recording.rotations
@@ -227,24 +221,21 @@ class SensorPair:
         at_rest = effect_design(found, channels, of_force[FORCE:])
         force = AccelerometerModel(poses.f, at_rest, self.gravity)
         if "gyroscope" not in self.estimated:
-            counted = self.counted(recording)
-            return PairModel(force, None, own, self.base, free, counted=counted)
+            return PairModel(force, None, own, free, values, self.counted(recording))
         turn = gyroscope.gyroscope_model(recording, aligned, of_turn, sets["gyroscope"])
-        y = along = None
+        along = None
         if self.quiet is not None:
-            y = rotations.f
             seen = recording.rotation_channels("accelerometer", output, rate(rotations.w), rate)
-            along = effect_design(found, seen, of_force[FORCE:])
-            along = along.reshape(*y.shape, at_rest.shape[2])
+            design = effect_design(found, seen, of_force[FORCE:])
+            along = SpecificForce(rotations.f, design.reshape(*rotations.f.shape, -1))
         return PairModel(
             force,
             turn,
             own,
-            self.base,
             free,
-            y,
-            along,
+            values,
             self.counted(recording),
+            along,
             self.of_rotation if self.of_rotation is not None else np.zeros((len(rotations), 3, 2)),
         )
 
@@ -338,32 +329,24 @@ class SensorPair:
 
         Without a covariance that of the fit, grown with what it leaves unexplained.
         """
-        found, made = solution.fit, {}
-        covariance = found.scaled_covariance if covariance is None else covariance
-        places = np.append(self.free, np.arange(COUNT, COUNT + len(found.x) - len(self.free)))
-        every, whole = np.append(self.base, np.zeros(len(found.x) - len(self.free))), None
-        every[places] = found.x
-        whole = np.zeros((len(every),) * 2)
-        whole[np.ix_(places, places)] = covariance
+        own = places(solution.effects)
+        at, x = self.all_parameters(solution.fit.x, solution.effects)
+        whole = np.zeros((len(x),) * 2)
+        whole[np.ix_(at, at)] = solution.fit.scaled_covariance if covariance is None else covariance
         if self.bias is not None:
             whole[range(COUNT - 3, COUNT), range(COUNT - 3, COUNT)] = self.bias[1]
-        for sensor in self.estimated:
-            at, place, effects = [*_places()[sensor]], COUNT, []
-            for effect in solution.effects:
-                if effect.sensor == sensor:
-                    at += range(place, place + len(effect.parameters))
-                    effects.append(effect.effect)
-                place += len(effect.parameters)
-            made[sensor] = in_raw_units(
+        return {
+            sensor: in_raw_units(
                 self.units[sensor],
                 BASES[sensor],
-                every[at],
-                whole[np.ix_(at, at)],
+                x[own[sensor]],
+                whole[np.ix_(own[sensor], own[sensor])],
                 method="multi_position",
-                effects=effects,
+                effects=[e.effect for e in solution.effects if e.sensor == sensor],
                 reduced_chi2=solution.reduced_chi2.get(sensor),
             )
-        return made
+            for sensor in self.estimated
+        }
 
     def lost(self, solution, recording):
         """Return why a fit is none, or None if it is one, by the first sensor that has none."""
@@ -373,9 +356,8 @@ class SensorPair:
     def lost_by(self, sensor, solution, recording):
         """Return why the fit of one sensor is none, or None if it is one."""
         found, largest = solution.fit, self.settings.largest_condition
-        kinds = self.rows(recording)[1]
-        at = [k for k, name in enumerate(self.names) if name.startswith(sensor)]
-        rows = kinds == list(self.kinds).index(OF_SENSOR[sensor][-1])
+        at = np.flatnonzero(np.isin(self.free, places()[sensor]))
+        rows = self.rows(recording)[1] == list(self.kinds).index(OF_SENSOR[sensor][-1])
         jacobian = found.jacobian[rows]
         if sensor == "accelerometer":
             return accelerometer_lost(jacobian[:, at], found.x[at], self.gravity, largest)
@@ -401,10 +383,13 @@ class SensorPair:
         """Return the derivative of the rotations' errors at the start of a fit, (m, 2, 12)."""
         if not len(recording.rotations):
             return np.zeros((0, 2, 12))
-        pair = replace(self, estimated=tuple(SENSORS), quiet=None)
-        _, of_turn, turn = pair.model_at(None, recording).at(self.base[pair.free])
-        return turn.rotation_errors(of_turn)[1]
+        pair = replace(self, estimated=tuple(SENSORS), quiet=None, bias=None)
+        _, jacobian = pair.model_at((), recording).residuals(self.base)
+        return jacobian[-2 * len(recording.rotations) :, FORCE:].reshape(-1, 2, COUNT - FORCE)
 
 
-def _places():
-    return {"accelerometer": range(FORCE), "gyroscope": range(FORCE, COUNT)}
+def places(effects=()):
+    """Return where the parameters of each sensor are: both base models', then the effects'."""
+    owners = [sensor for sensor, names in BASES.items() for _ in names]
+    owners += [effect.sensor for effect in effects for _ in effect.parameters]
+    return {sensor: np.flatnonzero(np.array(owners) == sensor) for sensor in SENSORS}

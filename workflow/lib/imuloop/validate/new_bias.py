@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imuloop.calibrate.calibrated_pair import si_factor
+from imuloop.calibrate.raw_units import si_factor
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration
 from imuloop.core.samples import SENSORS
@@ -87,7 +87,7 @@ def _new_biases(residuals, updated):
 
 def _with_bias(sensor, residuals, name, change, covariance):
     """Return a SensorCalibration with the change of its bias, and its covariance."""
-    place, factor = residuals.places(name, sensor.names), si_factor(sensor)
+    place, factor = residuals.places(name, sensor.names), si_factor(sensor.names, sensor.raw_unit)
     # of all other parameters as it was, to the last bit
     new, its = sensor.covariance.copy(), np.isin(sensor.names, BIASES)
     of_bias = its | its[:, None]
