@@ -16,7 +16,7 @@ from imuloop.calibrate.determined import (
 )
 from imuloop.calibrate.gyroscope import NAMES as OF_GYROSCOPE
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.calibrate.least_squares import NotConverged, condition_number, why_no_fit
+from imuloop.calibrate.least_squares import NotConverged, condition_number, fit, why_no_fit
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.raw_units import as_logged, in_raw_units, si_factor
 from imuloop.calibrate.recording import record
@@ -238,17 +238,13 @@ def by_turns(turns, unit):
     rows, z = turns.rows()
     if not condition_number(rows[:, :9], np.ones(9)) < BY_TURNS:
         return None
-    left = z - rows[:, 9:] @ turns.bias
-    x = np.linalg.lstsq(rows[:, :9], left, rcond=None)[0]
-    dof, rest = len(z) - 9, left - rows[:, :9] @ x
-    scale = max(1.0, rest @ rest / dof) if dof else 1.0
-    covariance = scale * np.linalg.inv(rows[:, :9].T @ rows[:, :9])
+    rows, of_bias = rows[:, :9], rows[:, 9:]
+    z = z - of_bias @ turns.bias
+    found = fit(lambda x: (rows @ x - z, rows), turns.start()[:9], np.eye(len(z)))
     # of what the turns themselves let a bias be wrong by
-    bias = np.diag(1 / np.maximum((rows[:, 9:] ** 2).sum(axis=0), 1e-12))
-    x = np.append(x, turns.bias)
-    return in_raw_units(
-        unit, OF_GYROSCOPE, x, block_diag(covariance, bias), method="known_rotation"
-    )
+    bias = np.diag(1 / np.maximum((of_bias**2).sum(axis=0), 1e-12))
+    x, covariance = np.append(found.x, turns.bias), block_diag(found.scaled_covariance, bias)
+    return in_raw_units(unit, OF_GYROSCOPE, x, covariance, method="known_rotation")
 
 
 def rest_bias(poses, noise, unit, reason):

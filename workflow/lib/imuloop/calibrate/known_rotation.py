@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.calibrate.gyroscope import NAMES, unpack
+from imuloop.calibrate.gyroscope import AngularRate
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
@@ -44,6 +44,11 @@ class KnownTurns:
         own = (self.turned[keep], self.seconds[keep], self.target[keep])
         return KnownTurns(*own, self.bias)
 
+    @property
+    def _rate(self):
+        """Mean angular rate of each turn, as logged."""
+        return AngularRate(self.turned / self.seconds[:, None], np.zeros((len(self), 3, 0)))
+
     def start(self):
         """Return T, K and b as the turns alone have them, nominal where they do not say: (12,)."""
         raw = self.turned - self.seconds[:, None] * self.bias
@@ -51,31 +56,18 @@ class KnownTurns:
         if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:
             found = np.linalg.lstsq(raw, self.target, rcond=None)[0].T
         K = np.diag(found)
-        T = found / K
-        off = [T[int(name[1]), int(name[2])] for name in NAMES[:6]]
-        return np.concatenate([off, K, self.bias])
+        return np.concatenate([(found / K)[AngularRate.entries], K, self.bias])
 
     def rows(self):
         """Return rows R, (3 m, 12), and z of what they say: ``R x - z`` has variance one."""
-        x = self.start()
-        T, K, b = unpack(x)
-        raw = self.turned - self.seconds[:, None] * b
-        m = len(self)
-        derivative = np.zeros((m, 3, 12))
-        for k, name in enumerate(NAMES[:6]):
-            i, j = int(name[1]), int(name[2])
-            derivative[:, i, k] = K[j] * raw[:, j]
-        derivative[:, :, 6:9] = raw[:, None] * T
-        derivative[:, :, 9:] = -self.seconds[:, None, None] * (T * K)
-        left = (K * raw) @ T.T - self.target
-        z = derivative @ x - left
-        return derivative.reshape(3 * m, 12) / BY_HAND, z.ravel() / BY_HAND
+        x, length = self.start(), self.seconds[:, None]
+        derivative = self._rate.summed(length[..., None, None] * np.eye(3), x).reshape(-1, 12)
+        left = length * self._rate.values(x) - self.target
+        return derivative / BY_HAND, (derivative @ x - left.ravel()) / BY_HAND
 
     def errors(self, calibration):
         """Return what a SensorCalibration leaves of each turn, rad, (m, 3)."""
-        gain = calibration.T * calibration.K / calibration.raw_unit.scale
-        bias = calibration.raw_unit.to_si(calibration.b)
-        return (self.turned - self.seconds[:, None] * bias) @ gain.T - self.target
+        return self.seconds[:, None] * calibration.aligned(self._rate.y) - self.target
 
 
 def read_turns(sessions, force):
@@ -104,11 +96,11 @@ def read_turns(sessions, force):
         rests.append((means, table["n"][still]))
         for turn in known:
             first, last = np.searchsorted(t, [turn.get("start", t[0]), turn.get("end", t[-1])])
-            last = min(last, len(t) - 1)
-            if last - first < 2 or clipped[first : last + 1].any():
+            rows = slice(first, last + 1)
+            if len(t[rows]) < 3 or clipped[rows].any():
                 continue
-            rows, length = slice(first, last + 1), t[last] - t[first]
-            turned = (np.diff(t[rows])[:, None] * (w[rows][1:] + w[rows][:-1]) / 2).sum(axis=0)
+            length = np.ptp(t[rows])
+            turned = np.trapezoid(w[rows], t[rows], axis=0)
             angle = turn["angle"] if "angle" in turn else turn["rate"] * length
             axis = np.eye(3)["xyz".index(turn["axis"][-1])]
             axis = -axis if turn["axis"][0] == "-" else axis
