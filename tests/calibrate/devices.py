@@ -71,10 +71,12 @@ def at_rest(f, error=1e-5):
         np.zeros((n, 3)), 500 * variance, None, np.zeros((n, 6)), np.zeros(n), np.zeros((n, 3)),
         np.zeros((n, 3)),
     )  # fmt: skip
-    none, along = np.zeros(0), np.zeros((0, 2, 3))
-    return Recording(
-        poses, Rotations(np.zeros(0, int), none, none, along[..., 0], along, along, None)
-    )
+    none, t, along = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, 3))
+    rotations = Rotations(
+        none.astype(int), none, none, t, along, along, None, t[:, 1:] > 0,
+        t[:, :0].astype(int), np.zeros((0, 0, 3, 3)), none, none, none > 0,
+    )  # fmt: skip
+    return Recording(poses, rotations)
 
 
 def slopes(function, x, step=1e-6):

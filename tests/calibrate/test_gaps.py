@@ -52,7 +52,7 @@ def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
         force, turn, made = of_log(HARMS[harm](log, np.random.default_rng(seed)))
         assert force.not_testable is None and turn.not_testable is None
         assert made.lost.rotations - made.lost.left_out == len(made.rotations) >= 37
-        assert (made.rotations.added is None) == (harm == "none")
+        assert made.rotations.added.any() == (harm != "none")
         sensors = (
             scores(force, TRUTH.accelerometer, accelerometer.NAMES),
             scores(turn, TRUTH.gyroscope, gyroscope.NAMES),
@@ -115,12 +115,10 @@ def test_stamps_at_which_the_sensor_was_sampled_add_nothing():
     t = np.arange(5000) / 100
     stamps = t + rng.normal(0, 0.002, len(t))
     for sampled_at, parts in ((stamps, 0), (t, gaps.PARTS)):
-        log = {TIME: stamps}
-        for phase, name in enumerate(ANGULAR_RATE):
-            log[name] = 2 * np.sin(2 * sampled_at + phase) + rng.normal(0, 1e-3, len(t))
+        w = 2 * np.sin(2 * sampled_at[:, None] + np.arange(3)) + rng.normal(0, 1e-3, (len(t), 3))
         where = np.array([1000]), np.array([1300]), np.zeros((1, 3)), np.full((1, 3), 1e-6)
-        [(uneven, at, _)], _ = gaps.errors_of_time(log, *where)
-        assert len(at) == len(uneven) + parts
+        [(at, _)], _ = gaps.errors_of_time(stamps, w, *where)
+        assert len(at) == np.count_nonzero(np.diff(stamps[1000:1301]) > 0.015) + parts
 
 
 def calibrated_from_file(log, folder):

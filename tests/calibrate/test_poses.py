@@ -9,7 +9,7 @@ import pytest
 from calibrate.devices import RATE_UNIT, calibrated, known_noise, recording
 from imuloop.calibrate.calibrate import rest_bias, with_sessions, without_pose
 from imuloop.calibrate.poses import gather_poses, gather_rotations, rounded_means, turns_within
-from imuloop.calibrate.recording import record
+from imuloop.calibrate.recording import Log, record
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
@@ -38,11 +38,11 @@ def test_rests_of_one_pose_are_pooled_and_rotations_run_between_poses():
     assert poses.n.tolist() == [50, 40, 50, 40]
     assert poses.duration_s.tolist() == [5, 4, 5, 4]
     assert poses.f[0, 0] == pytest.approx((30 * 14.5 + 20 * 49.5) / 50)
-    rotations, _ = gather_rotations(poses, [log, log], [table, table], 30.0)
+    rotations, shorter = (record([log] * 2, [table] * 2, s).rotations for s in (30.0, 1.9))
     # none from the first session to the second
     assert rotations.first.tolist() == [0, 2]
     assert (rotations.start_s[0], rotations.end_s[0]) == (5.9, 8.0)
-    assert len(gather_rotations(poses, [log, log], [table, table], 1.9)[0]) == 0
+    assert len(shorter) == 0
 
 
 def test_gravity_at_both_ends_of_a_rest_that_tilts_follows_from_its_mean():
@@ -56,7 +56,7 @@ def test_gravity_at_both_ends_of_a_rest_that_tilts_follows_from_its_mean():
     edges = np.array([0, 5, 6, 10.0])
     table = segment_table(log, edges[:-1], edges[1:], ["static", "motion", "static"], [0, -1, 1])
     table["tilt_rad"] = [1e-3, 0.0, 0.0]
-    poses = turns_within(gather_poses([table]), [log])
+    poses = turns_within(gather_poses([table]), [Log.of(log)])
     direction = poses.f[0] / np.linalg.norm(poses.f[0])
     ends = [direction + np.cross(direction, turn[0]) for turn in (poses.to_start, poses.to_end)]
     # to the square of the tilt
@@ -87,7 +87,7 @@ def test_a_hand_at_the_ends_of_a_rest_and_its_sway_leave_gravity_as_it_is():
     table = segment_table(log, edges[:-1], edges[1:], ["static", "motion", "static"], [0, -1, 1])
     table["tilt_rad"] = [7e-3, 0.0, 7e-3]
     plain = gather_poses([table])
-    poses = turns_within(plain, [log])
+    poses = turns_within(plain, [Log.of(log)])
     before, after = (np.abs(np.linalg.norm(p.f, axis=1) - g).max() for p in (plain, poses))
     assert before > 5e-4
     assert after < 5e-5
@@ -105,7 +105,9 @@ def test_a_slow_turn_is_followed_from_before_it_shows():
         edges = np.array([0, 5.2, 14.8, 19, 21, 24.0])
         table = segment_table(log, edges[:-1], edges[1:], kinds, [0, -1, 1, -1, 2])
         table["tilt_rad"] = still
-        tables[still] = gather_rotations(gather_poses([table]), [log], [table], 30.0)[0]
+        inside = np.zeros((1, 2, len(t)), dtype=bool)
+        how = [Log.of(log)], [table], 30.0, inside
+        tables[still] = gather_rotations(gather_poses([table]), *how)[0]
     assert (tables[0.0].start_s[0], tables[0.0].end_s[0]) == pytest.approx((5.01, 14.99))
     # a quick one is not, nor is one from a rest of which each turn is known
     assert (tables[0.0].start_s[1], tables[0.0].end_s[1]) == pytest.approx((18.99, 21.0))

@@ -15,7 +15,7 @@ import numpy as np
 
 from imuloop.core.errors import plural
 from imuloop.core.rotation import mean_rates
-from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME, lost_samples
+from imuloop.core.samples import GAP_STEPS, lost_samples
 from imuloop.core.stamps import Scatter, bend
 
 # windows of a rotation that determine the error of a gap
@@ -69,50 +69,46 @@ class Lost:
         )
 
 
-def errors_of_time(log, begin, last, bias, variance):
-    """Return the errors that the time stamps of a log bring into its rotations.
+def errors_of_time(t, w, begin, last, bias, variance):
+    """Return the errors that time stamps bring into rotations.
 
-    Of each rotation the steps over which samples are missing, and steps about which an error is
-    added to the turn, (g,), with its covariance, rad², (g, 3, 3). None where `gap_covariance` is
-    not known, or where the root of its trace is above that of the noise and above `TELLING` of the
+    Of each rotation steps about which an error is added to the turn, (g,), and its covariance,
+    rad², (g, 3, 3): first those over which samples are missing. None where `gap_covariance` is not
+    known, or where the root of its trace is above that of the noise and above `TELLING` of the
     angle. Then the samples lost in a row, at most, in each, (m,).
 
-    Takes the first and the last sample of each rotation, (m,), the mean of the angular rate at
-    rest, rad/s, and the variance of a sample, (rad/s)², (m, 3) each.
+    Takes time, s, (N,), and angular rate, rad/s, (N, 3), of a log, the first and the last sample of
+    each rotation, (m,), the mean of the angular rate at rest, and the variance of a sample,
+    (rad/s)², (m, 3) each.
     """
-    t = np.asarray(log[TIME])
     steps = np.diff(t)
     usual = np.median(steps)
     lost = lost_samples(steps, usual)
-    late = _lateness(log, t, usual)
+    late = _lateness(t, w, usual)
     found, longest = [], []
     for i, j, rest, noise in zip(begin, last, bias, variance, strict=True):
-        own = lost[i:j]
+        own, turn = lost[i:j], w[i : j + 1]
         longest.append(own.max(initial=0))
-        if not (own.any() or late):
-            found.append((np.zeros(0, int), np.zeros(0, int), np.zeros((0, 3, 3))))
-            continue
-        w = np.column_stack([np.asarray(log[c])[i : j + 1] for c in ANGULAR_RATE])
-        gaps, at = gap_covariance(w, own, usual), np.flatnonzero(own)
-        if gaps is not None:
-            angle = np.linalg.norm(w[1:] - rest, axis=1) @ steps[i:j]
-            most = max(noise.sum() * usual * steps[i:j].sum(), (TELLING * angle) ** 2)
+        gaps = gap_covariance(turn, own, usual)
+        angle = np.linalg.norm(turn[1:] - rest, axis=1) @ steps[i:j]
+        most = max(noise.sum() * usual * steps[i:j].sum(), (TELLING * angle) ** 2)
         if gaps is None or np.trace(gaps.sum(axis=0)) > most:
             found.append(None)
         else:
-            parts, scatter = _late_covariance(w, late)
-            found.append((at, np.append(at, parts), np.concatenate([gaps, scatter])))
+            parts, scatter = _late_covariance(turn, late)
+            at = np.append(np.flatnonzero(own), parts)
+            found.append((at, np.concatenate([gaps, scatter])))
     return found, np.array(longest, dtype=int)
 
 
-def _lateness(log, t, usual):
+def _lateness(t, w, usual):
     """Return the standard deviation of a stamp, s; 0 of one that is right, or wrong by little."""
     # of a normal e the median of |e| is 0.6745 of its deviation; e less the mean of two others
     std = np.median(np.abs(bend(t))) / 0.6745 / np.sqrt(1.5) if len(t) > 2 else 0.0
     if std < LATE * usual:
         return 0.0
     scatter = Scatter(usual)
-    scatter.add(t, [np.asarray(log[c]) for c in ANGULAR_RATE])
+    scatter.add(t, w.T)
     return 0.0 if scatter.followed else std
 
 

@@ -112,8 +112,6 @@ class PairCovariance:
     def added(self):
         """What time stamps, and samples too far apart, add to the residuals, (m, w, w)."""
         at, added = self.rotations.added_at, self.rotations.added
-        if added is None:
-            return 0.0
         gain = self.moves.by_turn[np.arange(len(at))[:, None], at]
         return (gain @ added @ gain.swapaxes(2, 3)).sum(axis=1)
 

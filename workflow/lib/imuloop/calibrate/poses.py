@@ -10,7 +10,7 @@ from scipy.signal.windows import tukey
 from imuloop.calibrate.gaps import Lost, errors_of_time
 from imuloop.calibrate.undersampling import PARTS, aliased_turns
 from imuloop.core.noise_model import without_weight
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME, at_rail
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, lost_samples
 from imuloop.core.segments import GAP, STATIC, runs
 from imuloop.segment.windows import DECIDING
 
@@ -112,15 +112,14 @@ class Rotations:
     w: np.ndarray  # angular rate, rad/s, and specific force, m/s^2, (m, k, 3)
     f: np.ndarray
     temperature: np.ndarray | None  # degC, (m, k)
-    # steps over which samples are missing, (m, k - 1); None where no sample is, and stamps do not
-    # scatter
+    # steps over which samples are missing, (m, k - 1)
     uneven: np.ndarray | None = None
-    # steps about which time stamps, and samples too far apart, add an error, (m, g), and its
-    # covariance, rad²
+    # steps about which an error is added, (m, g), and its covariance, rad²: first, in `PARTS` of
+    # them, what samples too far apart lose (`undersampling.aliased_turns`), then errors of time
     added_at: np.ndarray | None = None
     added: np.ndarray | None = None
-    # of the samples' distance alone, the last parts of them (`undersampling.aliased_turns`):
-    # variance of each axis, rad², (m,), and the power of frequency by which it falls
+    # variance of each axis by samples too far apart, rad², (m,), and the power of frequency by
+    # which it falls
     aliased: np.ndarray | None = None
     fall: np.ndarray | None = None
     # whether the specific force reached the end of its range, (m,)
@@ -140,10 +139,9 @@ class Rotations:
 
     def without_aliasing(self):
         """Return the same, as if their samples were close enough."""
-        if self.aliased is None:
-            return self
-        at, added = self.added_at[:, :-PARTS], self.added[:, :-PARTS]
-        return replace(self, added_at=at, added=added, aliased=None, fall=None)
+        added = self.added.copy()
+        added[:, :PARTS] = 0.0
+        return replace(self, added=added, aliased=0.0 * self.aliased)
 
 
 def _selected(table, keep):
@@ -226,7 +224,7 @@ def rounded_means(samples, variance):
     return q**2 / (2 * np.pi**2) * np.sum(np.exp(-4 * np.pi**2 * k**2 * white) / k**2)
 
 
-def turns_within(poses, samples):
+def turns_within(poses, logs):
     r"""Return the poses with means of those that tilt, and the turns from there to both ends.
 
     A hand's velocity at the ends of a rest, over its length, is an error of the mean specific
@@ -238,7 +236,7 @@ def turns_within(poses, samples):
     to the start by the mean of :math:`-\int_{start}^t w`. The bias is the mean rate of the poses
     that lie still. A rest that turned by Δ in T seconds says nothing of the bias below Δ/T, which
     is added to the variance of its mean rate; Δ is √12 times the tilt's root mean square, as of a
-    steady turn. Takes the Poses and the samples of each session.
+    steady turn. Takes the Poses and the Log of each session.
     """
     tilted = np.flatnonzero(poses.tilt)
     if not len(tilted):
@@ -248,18 +246,14 @@ def turns_within(poses, samples):
     f, w, duration_s = poses.f.copy(), poses.w.copy(), poses.duration_s.copy()
     to_start, to_end = np.zeros((2, len(poses), 3))
     for k in tilted:
-        log = samples[poses.session[k]]
-        t = np.asarray(log[TIME])
-        i, j = np.searchsorted(t, [poses.start_s[k], poses.end_s[k]])
-        force, rate = (
-            np.column_stack([np.asarray(log[c])[i:j] for c in names])
-            for names in (ACCELERATION, ANGULAR_RATE)
-        )
-        turned = cumulative_trapezoid(rate - bias, t[i:j], axis=0, initial=0)
+        log = logs[poses.session[k]]
+        rows = slice(*np.searchsorted(log.t, [poses.start_s[k], poses.end_s[k]]))
+        t, force, rate = log.t[rows], log.f[rows], log.w[rows]
+        turned = cumulative_trapezoid(rate - bias, t, axis=0, initial=0)
         mean = turned.mean(axis=0)
         # one that was interrupted keeps the means of its parts
-        if j - i == poses.n[k]:
-            weights = tukey(j - i + 2, min(2 * FADE / duration_s[k], 1.0))[1:-1]
+        if len(t) == poses.n[k]:
+            weights = tukey(len(t) + 2, min(2 * FADE / duration_s[k], 1.0))[1:-1]
             mean, f[k], w[k] = (
                 np.average(x, axis=0, weights=weights) for x in (turned, force, rate)
             )
@@ -275,93 +269,77 @@ def turns_within(poses, samples):
     )
 
 
-def gather_rotations(poses, samples, segments, longest_s, rails=None):
+def gather_rotations(poses, logs, segments, longest_s, clipped):
     """Return the Rotations between consecutive poses of the same session, and the Lost.
 
     A rotation runs from the last sample of a pose to the first of the next. A slow one reaches into
     both poses: what it begins and ends with is too slow to be told from a rest, and as an angle
     more than the noise of the time added. It is left out where it lasts longer than asked, where a
     gap interrupts it, where the angular rate reached the end of its range, and where it lost too
-    much elsewhere (`gaps.errors_of_time`). Takes samples, segments and `rails` (`at_rail`) of each
-    session.
+    much elsewhere (`gaps.errors_of_time`). Takes the Log and the segments of each session, and
+    which samples have the angular rate and the specific force at the end of their range, (2, N).
     """
-    first, pieces, errors, aliased, all_, left_out = [], [], [], [], 0, [np.zeros(0, int)]
-    clipped, forces = 0, []
+    turns, short_enough, left_out, beyond = [], 0, [], 0
     # what a pose that tilts turns to its ends is known
     room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
     for session in np.unique(poses.session):
+        log, table = logs[session], segments[session]
         k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
+        k = k[poses.start_s[k + 1] - poses.end_s[k] <= longest_s]
         start, end = poses.end_s[k], poses.start_s[k + 1]
-        short = end - start <= longest_s
-        k, start, end = k[short], start[short], end[short]
         onset = np.maximum(ONSET * (end - start) - SEEN, 0.0)
         start, end = start - np.minimum(onset, room[k]), end + np.minimum(onset, room[k + 1])
-        log, table = samples[session], segments[session]
         gap = np.asarray(table["kind"]) == GAP
         open_s, close_s = (np.asarray(table[c])[gap] for c in ("start_s", "end_s"))
         interrupted = ((open_s < end[:, None]) & (close_s > start[:, None])).any(axis=1)
-        t = np.asarray(log[TIME])
         # `end_s` is open: the pose's last sample is the one before it
-        begin, last = np.searchsorted(t, start) - 1, np.searchsorted(t, end)
+        begin, last = np.searchsorted(log.t, start) - 1, np.searchsorted(log.t, end)
         at_rest = poses.w[k], poses.variance[k, 3:]
-        found, lost = errors_of_time(log, begin, last, *at_rest)
-        ends = begin, last, rails[session] if rails else {}
-        beyond, of_force = (_any_at_rail(log, *ends, c) for c in (ANGULAR_RATE, ACCELERATION))
-        lossless = np.array([e is not None for e in found], dtype=bool) & ~interrupted
-        whole = lossless & ~beyond
-        clipped += int(np.count_nonzero(lossless & beyond))
-        forces.append(of_force[whole])
-        first.append(k[whole])
-        pieces.append((log, begin[whole, None], last[whole, None]))
-        errors += [e for e, used in zip(found, whole, strict=True) if used]
-        if whole.any():
-            aliased.append(aliased_turns(log, *(v[whole] for v in (begin, last, *at_rest))))
-        all_ += len(k)
-        left_out.append(lost[~lossless])
-    left_out = np.concatenate(left_out)
-    length = max((np.max(last - begin, initial=1) for _, begin, last in pieces), default=1) + 1
+        errors, lost = errors_of_time(log.t, log.w, begin, last, *at_rest)
+        known = np.array([e is not None for e in errors], dtype=bool) & ~interrupted
+        # of angular rate and specific force whether one of the samples is clipped
+        before = np.pad(np.cumsum(clipped[session], axis=1), ((0, 0), (1, 0)))
+        rate_clipped, force_clipped = before[:, last + 1] > before[:, begin]
+        whole = np.flatnonzero(known & ~rate_clipped)
+        short_enough += len(k)
+        left_out += lost[~known].tolist()
+        beyond += np.count_nonzero(known & rate_clipped)
+        at_rest = (values[whole] for values in at_rest)
+        aliased = aliased_turns(log.t, log.w, begin[whole], last[whole], *at_rest)
+        for i, variance, fall, at, covariance in zip(whole, *aliased, strict=True):
+            more_at, more = errors[i]
+            at, covariance = np.append(at, more_at), np.concatenate([covariance, more])
+            rows = log, slice(begin[i], last[i] + 1)
+            turns.append((k[i], rows, at, covariance, variance, fall, force_clipped[i]))
+    first, rows, at, covariance, *others = zip(*turns, strict=True) if turns else [()] * 7
 
-    def padded(name):
-        # the last sample repeated: steps of zero, rates that are finite
-        arrays = [
-            np.asarray(log[name])[np.minimum(begin + np.arange(length), last)]
-            for log, begin, last in pieces
-        ]
-        return np.concatenate([np.zeros((0, length)), *arrays])
+    def along(name, *shape):
+        return _padded([getattr(log, name)[own] for log, own in rows], shape)
 
-    t = padded(TIME)
+    t = along("t")
+    usual = np.array([np.median(np.diff(log.t)) for log, _ in rows])
     rotations = Rotations(
-        first=np.concatenate([np.zeros(0, int), *first]),
-        start_s=t[:, 0],
-        end_s=t[:, -1],
-        t=t,
-        w=np.stack([padded(c) for c in ANGULAR_RATE], axis=-1),
-        f=np.stack([padded(c) for c in ACCELERATION], axis=-1),
-        temperature=padded(TEMPERATURE) if poses.temperature is not None else None,
-        **_errors(errors, aliased, length - 1),
-        force_clipped=np.concatenate([np.zeros(0, bool), *forces]),
+        np.array(first, int),
+        t[:, 0],
+        t[:, -1],
+        t,
+        along("w", 3),
+        along("f", 3),
+        along("temperature") if poses.temperature is not None else None,
+        # steps of zero are padded
+        lost_samples(np.diff(t), usual[:, None]) > 0,
+        _padded(at).astype(int),
+        _padded(covariance, (3, 3), repeat=False),
+        *map(np.array, others),
     )
-    return rotations, Lost(all_, len(left_out), int(left_out.max(initial=0)), clipped)
+    return rotations, Lost(short_enough, len(left_out), max(left_out, default=0), beyond)
 
 
-def _any_at_rail(log, begin, last, rails, names):
-    """Return in which rotations a channel reached the end of its range, (m,) of bool."""
-    before = np.append(0, np.cumsum(at_rail(log, rails, names)))
-    return before[last + 1] > before[begin]
-
-
-def _errors(errors, aliased, steps):
-    """Return errors of time by rotation, of distance by session, as `Rotations` holds them."""
-    count, found = max((len(at) for _, at, _ in errors), default=0), {}
-    uneven = np.zeros((len(errors), steps), dtype=bool)
-    added_at, added = np.zeros((len(errors), count), int), np.zeros((len(errors), count, 3, 3))
-    for row, (missing, at, covariance) in enumerate(errors):
-        uneven[row, missing] = True
-        added_at[row, : len(at)], added[row, : len(at)] = at, covariance
-    if any(size.any() for size, *_ in aliased):
-        size, fall, at, covariance = map(np.concatenate, zip(*aliased, strict=True))
-        added_at, added = np.hstack([added_at, at]), np.hstack([added, covariance])
-        found = {"aliased": size, "fall": fall}
-    if added.shape[1]:
-        found |= {"uneven": uneven, "added_at": added_at, "added": added}
+def _padded(arrays, shape=(), repeat=True):
+    """Return arrays of several lengths as one, (m, k, ...), the last row repeated, or of zeros."""
+    found = np.zeros((len(arrays), max(map(len, arrays), default=2), *shape))
+    for row, own in zip(found, arrays, strict=True):
+        row[: len(own)] = own
+        if repeat:
+            row[len(own) :] = own[-1]
     return found

@@ -16,7 +16,7 @@ from imuloop.calibrate.poses import (
 )
 from imuloop.core.effect import Channels
 from imuloop.core.memory import filled
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME, at_rail
 from imuloop.core.segments import DISTURBED
 
 
@@ -153,22 +153,25 @@ def record(samples, segments, longest_rotation, rails=None):
     """
     logs = tuple(Log.of(s) for s in samples)
     poses = gather_poses(segments)
-    poses = turns_within(replace(poses, added=_rounded(poses, samples)), samples)
+    poses = turns_within(replace(poses, added=_rounded(poses, logs)), logs)
     if len(poses) and all(log.temperature is not None for log in logs):
-        temperature = [log.temperature for log in logs]
-        poses = replace(poses, temperature=pose_means(poses, logs, temperature))
-        samples = [{**s, TEMPERATURE: t} for s, t in zip(samples, temperature, strict=True)]
-    rotations, lost = gather_rotations(poses, samples, segments, longest_rotation, rails)
+        temperature = pose_means(poses, logs, [log.temperature for log in logs])
+        poses = replace(poses, temperature=temperature)
+    rails = rails or [{}] * len(logs)
+    clipped = [
+        np.array([at_rail(log, ends, axes) for axes in (ANGULAR_RATE, ACCELERATION)])
+        for log, ends in zip(samples, rails, strict=True)
+    ]
+    rotations, lost = gather_rotations(poses, logs, segments, longest_rotation, clipped)
     railed = sum(int(np.sum(np.asarray(table["kind"]) == DISTURBED)) for table in segments)
     return Recording(poses, rotations, logs, replace(lost, railed=railed))
 
 
-def _rounded(poses, samples):
+def _rounded(poses, logs):
     """Return what rounding adds to the variance of the means of each pose, (n, 6)."""
     rounded = np.zeros((len(poses), len(CHANNELS)))
     for s in np.unique(poses.session):
         own = poses.session == s
-        for axis, name in enumerate(CHANNELS):
-            values = np.asarray(samples[s][name])
+        for axis, values in enumerate(np.hstack([logs[s].f, logs[s].w]).T):
             rounded[own, axis] = rounded_means(values, poses.variance[own, axis])
     return rounded

@@ -280,7 +280,7 @@ class SensorPair:
             Component(spread**2 * covariance.component(*term), size / spread, 1.0)
             for term, (size, spread) in loose.items()
         ]
-        if "gyroscope" in self.estimated and recording.rotations.aliased is not None:
+        if "gyroscope" in self.estimated and recording.rotations.aliased.any():
             whole, even = fixed, recording.without_aliasing()
             fixed = self.covariance_at(x, even, effects).by(without)
             slow.append(Component(whole - fixed, 1.0, ALIASED_TO))

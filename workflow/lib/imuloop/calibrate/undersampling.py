@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.special import zeta
 
-from imuloop.core.samples import ANGULAR_RATE, TIME, lost_samples
+from imuloop.core.samples import lost_samples
 
 # bands of the upper half of the spectrum, between a quarter and half the rate
 BANDS = 32
@@ -26,7 +26,7 @@ PARTS, ANY_WAY = 16, 0.5
 EXACT = 1e-20
 
 
-def aliased_turns(log, begin, last, bias, variance):
+def aliased_turns(t, w, begin, last, bias, variance):
     r"""Return what components above half the rate of a log add to its turns, and their fall.
 
     With the spectrum W(f) of the angular rate on fixed axes, C w, and steps of Δt = 1/f_s
@@ -55,7 +55,9 @@ def aliased_turns(log, begin, last, bias, variance):
     ----------
     Whittle, "Estimation and information in stationary time series", Arkiv för Matematik 2 (1953).
     """
-    steps = np.diff(np.asarray(log[TIME]))
+    if not len(begin):
+        return np.zeros(0), np.zeros(0), np.zeros((0, PARTS), int), np.zeros((0, PARTS, 3, 3))
+    steps = np.diff(t)
     usual = np.median(steps)
     # a sample's number in its turn, lost ones counted too
     lost = lost_samples(steps, usual)
@@ -63,11 +65,11 @@ def aliased_turns(log, begin, last, bias, variance):
     n = np.array([number[-1] + 1 for number in numbers])
     length, energy, places = 4 * BANDS * -(-n.max() // (4 * BANDS)), [], []
     for i, j, number, rest in zip(begin, last, numbers, bias, strict=True):
-        w = [np.asarray(log[c])[i : j + 1] - rest[k] for k, c in enumerate(ANGULAR_RATE)]
-        even = CubicSpline(number, w, axis=1)(np.arange(number[-1] + 1))
+        turn = w[i : j + 1] - rest
+        even = CubicSpline(number, turn.T, axis=1)(np.arange(number[-1] + 1))
         own = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
         energy.append(own.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
-        places.append(_parts(np.transpose(w)))
+        places.append(_parts(turn))
     energy, noise = np.array(energy), n[:, None] * (np.median(variance.mean(axis=1)) + EXACT)
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 

@@ -58,8 +58,8 @@ def next_recording(diagnosed):
         return {}
     variance = np.median(poses.variance, axis=0) if len(poses) else floor**2
     # turns are as hasty as those at hand
-    aliased = recording.rotations.aliased if len(poses) else None
-    hasty = 0.0 if aliased is None else float(aliased.mean())
+    rotations = recording.rotations
+    hasty = float(rotations.aliased.mean()) if len(rotations) else 0.0
 
     def planned(plan):
         return planned_recording(plan, calibration, variance, rate, hasty)

@@ -196,7 +196,7 @@ def judged_residuals(choices, kinds, errors, sensor=None, before=None):
         judged = judged_base[k], judged_final[k]
         entry, found = residual_entry(problem, kind, unit, rows, judged, errors, floor, share, more)
         above = np.logical_or(above, found)
-        if kind != "rotation" or problem.recording.rotations.aliased is None:
+        if kind != "rotation" or not problem.recording.rotations.aliased.any():
             slow |= judged[1].estimated < share
         each = [size_of(problem, kind, np.sqrt(v[rows])) for v in floors]
         residuals[kind] = entry | {
@@ -229,7 +229,7 @@ def undersampled(problem, solution, floor):
     spectrum of the turns does with frequency.
     """
     sensor, recording, rotations = problem.sensor, problem.recording, problem.recording.rotations
-    if rotations.aliased is None:
+    if not rotations.aliased.any():
         return {}
     found = [sensor.covariances(solution, r) for r in (recording, recording.without_aliasing())]
     sums = (np.diag(each(sensor.noise))[-2 * len(rotations) :].sum() for each in found)
