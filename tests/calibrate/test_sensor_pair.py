@@ -182,15 +182,14 @@ def plain(made, gravity):
     poses = made.poses
     model = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity)
     x = least_squares(lambda x: model.residuals(x)[0], model.start(), x_scale="jac").x
-    force = model.values(x)
     bias = np.average(poses.w, axis=0, weights=poses.duration_s)
     start = np.concatenate([np.zeros(6), np.ones(3), bias])
-    turn = gyroscope.gyroscope_model(made, lambda f: model.values(x), start)
-    turn = replace(turn, directions=force / np.linalg.norm(force, axis=1, keepdims=True))
+    pair, _ = true_pair(TRUTH, made, moves=False)
+    model, rotations = pair.model_at(np.append(x, start), made), 4 * len(poses)
 
     def errors(y):
         """Return the angles between gravity as it is carried and as it is measured."""
-        return (turn.carried(np.append(y, bias)) @ turn.departures[..., None]).ravel()
+        return model.residuals(np.concatenate([x, y, bias]))[0][rotations:]
 
     return np.concatenate([x, least_squares(errors, start[:9]).x, bias])
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from imuloop.calibrate.poses import Rotations
 from imuloop.calibrate.sensor_model import SensorModel
-from imuloop.core.effect import effect_design
 from imuloop.core.rotation import exponential, matrix, multiply, prefix_product, step_vectors
 
 # parameters of the base model
@@ -146,34 +145,3 @@ def tangents(directions):
 def cross_matrix(vectors):
     """Return the matrices of ``v ×``, shape (n, 3, 3)."""
     return np.cross(np.eye(3), vectors[:, None])
-
-
-def gyroscope_model(recording, see, x, effects=()):
-    """Return the model of a Recording's rates at rest and rotations.
-
-    With effects, which depend on the output with K and b of the parameters x; `see` takes specific
-    force as logged to what the effects see of it.
-    """
-    T, K, b = unpack(x)
-    values, rotations = x[len(NAMES) :], recording.rotations
-    shape, poses = rotations.w.shape, recording.poses
-
-    def output(y):
-        return K * (y - b)
-
-    force = see(poses.f)
-    at_rest = recording.pose_channels("gyroscope", output, force, see)
-    design = np.zeros((*shape, len(values)))
-    if len(rotations) and effects:
-        along = recording.rotation_channels("gyroscope", output, see(rotations.f), see)
-        design = effect_design(effects, along, values).reshape(design.shape)
-    return GyroscopeModel(
-        rate=poses.w,
-        rate_design=effect_design(effects, at_rest, values),
-        rotations=rotations,
-        rotation_design=design,
-        directions=force / np.linalg.norm(force, axis=1, keepdims=True),
-        # small turns, so those that the sensor gives are scaled and aligned as rates are
-        to_start=poses.to_start @ (T * K).T,
-        to_end=poses.to_end @ (T * K).T,
-    )

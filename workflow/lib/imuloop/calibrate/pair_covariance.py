@@ -24,10 +24,9 @@ class PairCovariance:
     """
 
     def __init__(self, x, model, recording):
-        self.model, self.poses = model, recording.poses
-        self.of_force, of_turn, self.turn = model.at(x)
-        self.rotations = self.turn.rotations if self.turn else recording.rotations.select([])
-        self.moves = self.turn and model.of_moves(self.of_force, of_turn, self.turn)
+        self.model, self.poses, self.rotations = model, recording.poses, model.turn.rotations
+        self.of_force, *others = model.at(x)
+        self.moves = model.of_moves(self.of_force, *others)
         self.gains = self._gains()
 
     def by(self, noise):
@@ -35,12 +34,10 @@ class PairCovariance:
         found = 0.0
         for gain, axis in zip(self.gains, range(6), strict=True):
             found = found + gain @ self._of_means(noise, axis) @ gain.T
-        if self.turn and len(self.rotations):
-            white = [noise.axes[name].N.square for name in CHANNELS]
-            at = self.model.moves
-            found[at[:, :, None], at[:, None]] += np.tensordot(white, self.within, 1) + self.added
-            for axis, columns in zip(ANGULAR_RATE, self.tilted, strict=True):
-                found += noise.axes[axis].N.square * (columns @ columns.T)
+        white, at = [noise.axes[name].N.square for name in CHANNELS], self.model.moves
+        found[at[:, :, None], at[:, None]] += np.tensordot(white, self.within, 1) + self.added
+        for axis, columns in zip(ANGULAR_RATE, self.tilted, strict=True):
+            found += noise.axes[axis].N.square * (columns @ columns.T)
         return self._counted(found)
 
     def component(self, axis, term):
@@ -154,8 +151,6 @@ class PairCovariance:
         gains, poses = np.zeros((6, len(model.counted), n + PARTS * m)), np.arange(n)
         for axis in range(3):
             gains[axis, poses, poses] = norm[:, axis]
-        if not moves:
-            return gains
         first, rows = self.rotations.first[:, None], model.moves
         parts = n + np.arange(PARTS * m).reshape(m, PARTS, 1)
         started, ended = moves.by_start @ (T * K), moves.by_end @ (T * K)

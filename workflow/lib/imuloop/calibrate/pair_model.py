@@ -55,7 +55,7 @@ class PairModel:
     """
 
     force: AccelerometerModel
-    turn: GyroscopeModel | None  # None of an accelerometer alone
+    turn: GyroscopeModel
     # where in all parameters those of each sensor are
     own: dict
     free: np.ndarray  # places of what is estimated among all parameters
@@ -77,7 +77,7 @@ class PairModel:
         of_force, of_turn = (self.all(x)[places] for places in self.own.values())
         force = self.force.values(of_force)
         directions = force / np.linalg.norm(force, axis=1, keepdims=True)
-        return of_force, of_turn, self.turn and replace(self.turn, directions=directions)
+        return of_force, of_turn, replace(self.turn, directions=directions)
 
     def residuals(self, x):
         """Return all residuals in one vector, in the order of `KINDS`, and their derivative."""
@@ -86,19 +86,18 @@ class PairModel:
         values = np.zeros(len(self.counted))
         jacobian = np.zeros((len(values), len(self.start)))
         values[:n], jacobian[:n, force] = self.force.residuals(of_force)
-        if turn:
-            rates, of_rates = turn.pose_rates(of_turn)
-            values[n : 4 * n] = rates.ravel()
-            jacobian[n : 4 * n, rate] = of_rates.reshape(3 * n, -1)
-            found, rows = self.of_moves(of_force, of_turn, turn), self.moves
-            change, first = self.force.derivative(of_force), turn.rotations.first
-            by_force = found.by_start @ change[first] + found.by_end @ change[first + 1]
-            if self.along:
-                weighted = found.by_force * self.weights[..., None, None]
-                by_force[:, 2:] += self.along.summed(weighted, of_force)
-            values[rows] = found.values[..., 0]
-            jacobian[rows[..., None], force] = by_force
-            jacobian[rows[..., None], rate] = turn.summed(found.by_turn, of_turn)
+        rates, of_rates = turn.pose_rates(of_turn)
+        values[n : 4 * n] = rates.ravel()
+        jacobian[n : 4 * n, rate] = of_rates.reshape(3 * n, len(rate))
+        found, rows = self.of_moves(of_force, of_turn, turn), self.moves
+        change, first = self.force.derivative(of_force), turn.rotations.first
+        by_force = found.by_start @ change[first] + found.by_end @ change[first + 1]
+        if self.along:
+            weighted = found.by_force * self.weights[..., None, None]
+            by_force[:, 2:] += self.along.summed(weighted, of_force)
+        values[rows] = found.values[..., 0]
+        jacobian[rows[..., None], force] = by_force
+        jacobian[rows[..., None], rate] = turn.summed(found.by_turn, of_turn)
         return values[self.counted], jacobian[self.counted][:, self.free]
 
     @cached_property

@@ -24,6 +24,12 @@ class SensorModel:
         T[cls.entries] = x[:count]
         return T, x[count : count + 3], x[count + 3 : count + 6]
 
+    @classmethod
+    def functions(cls, x):
+        """Return what takes values as logged, (..., 3), to ``K (y - b)`` and to ``T K (y - b)``."""
+        T, K, b = cls.unpack(x)
+        return lambda y: K * (y - b), lambda y: (K * (y - b)) @ T.T
+
     def output(self, x):
         """Return ``K (y - b) - e``, shape (..., 3)."""
         _, K, b = self.unpack(x)

@@ -13,11 +13,13 @@ from imuloop.calibrate.determined import (
     gyroscope_lost,
     gyroscope_undetermined,
 )
+from imuloop.calibrate.gyroscope import AngularRate, GyroscopeModel
 from imuloop.calibrate.least_squares import Solution, chi_square, fit
 from imuloop.calibrate.noise_components import Component, likely_sizes, total
 from imuloop.calibrate.pair_covariance import PairCovariance
 from imuloop.calibrate.pair_model import COUNT, FORCE, PairModel
 from imuloop.calibrate.raw_units import in_raw_units
+from imuloop.calibrate.recording import OWN
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Effect, effect_design
 from imuloop.core.model import SensorCalibration
@@ -36,6 +38,7 @@ KINDS = {
 }
 OF_SENSOR = {"accelerometer": ("gravity_norm",), "gyroscope": ("pose_rate", "rotation")}
 VELOCITY = ("velocity_vertical", "velocity_horizontal")
+AT_POSES = ("gravity_norm", "pose_rate")
 OWNER = {kind: sensor for sensor, kinds in OF_SENSOR.items() for kind in kinds}
 OWNER |= dict.fromkeys(VELOCITY, "motion")
 # standard deviation of the error that is foreseen of turns that were sampled too slowly, over it
@@ -151,28 +154,22 @@ class SensorPair:
         """The sensors whose noise the residuals have: gravity is by the accelerometer."""
         return tuple(SENSORS) if "gyroscope" in self.estimated else self.estimated
 
+    def _table(self, recording):
+        """Return start, end, kind and whether it counts of each residual of a PairModel, (4, N)."""
+        poses, first = np.arange(len(recording.poses)), recording.rotations.first
+        table, velocity = [], () if self.quiet is None else VELOCITY
+        for kind in ("gravity_norm", "pose_rate", "rotation", *velocity):
+            start, ends = (poses, 0) if kind in AT_POSES else (first, 1)
+            counts = self.quiet if kind in VELOCITY else kind in self.kinds
+            place = [*self.kinds].index(kind) if kind in self.kinds else -1
+            rows = np.broadcast_arrays(start, start + ends, place, counts)
+            table.append(np.repeat(rows, KINDS[kind][1], axis=1))
+        return np.hstack(table)
+
     def rows(self, recording):
         """Return the poses where each residual starts and ends, (N, 2), and its kind, (N,)."""
-        poses, first = np.arange(len(recording.poses)), recording.rotations.first
-        starts = {"gravity_norm": poses, "pose_rate": poses}
-        starts |= dict.fromkeys(("rotation", *VELOCITY), first)
-        ends, kinds = [], []
-        for k, (kind, (_, width)) in enumerate(self.kinds.items()):
-            start = starts[kind][self.quiet] if kind in VELOCITY else starts[kind]
-            start = np.repeat(start, width)
-            ends.append(np.column_stack([start, start + (starts[kind] is first)]))
-            kinds.append(np.full(len(start), k))
-        return np.concatenate(ends), np.concatenate(kinds)
-
-    def counted(self, recording):
-        """Return which of all residuals of a PairModel count, (N,)."""
-        n, m = len(recording.poses), len(recording.rotations)
-        found = [np.full(n, "accelerometer" in self.estimated)]
-        if "gyroscope" in self.estimated:
-            found.append(np.ones(3 * n + 2 * m, dtype=bool))
-        if self.quiet is not None:
-            found += [self.quiet, np.repeat(self.quiet, 2)]
-        return np.concatenate(found)
+        start, end, kinds, counts = self._table(recording)
+        return np.column_stack([start, end])[counts > 0], kinds[counts > 0]
 
     def knowing(self, sensor, rows, z):
         """Return the same with rows, (k, p), and z of what is known of one sensor's base model."""
@@ -201,42 +198,52 @@ class SensorPair:
     def model_at(self, x, recording, effects=()):
         """Return the PairModel of a recording, effects seen with parameters x."""
         own, (free, values) = places(effects), self.all_parameters(x, effects)
-        sets = {sensor: [e for e in effects if e.sensor == sensor] for sensor in SENSORS}
-        of_force, of_turn = (values[at] for at in own.values())
-        Ta, Ka, ba = accelerometer.unpack(of_force)
-        Tg, Kg, bg = gyroscope.unpack(of_turn)
-        poses, rotations = recording.poses, recording.rotations
-
-        def output(f):
-            return Ka * (f - ba)
-
-        def aligned(f):
-            return output(f) @ Ta.T
-
-        def rate(w):
-            return (Kg * (w - bg)) @ Tg.T
-
-        found = sets["accelerometer"]
-        channels = recording.pose_channels("accelerometer", output, rate(poses.w), rate)
-        at_rest = effect_design(found, channels, of_force[FORCE:])
-        force = AccelerometerModel(poses.f, at_rest, self.gravity)
         if "gyroscope" not in self.estimated:
-            return PairModel(force, None, own, free, values, self.counted(recording))
-        turn = gyroscope.gyroscope_model(recording, aligned, of_turn, sets["gyroscope"])
-        along = None
+            # no move counts
+            recording = replace(recording, rotations=recording.rotations.select([]))
+        poses, rotations, along = recording.poses, recording.rotations, None
+        of_force, of_turn = (values[at] for at in own.values())
+        force, turn = SpecificForce.functions(of_force), AngularRate.functions(of_turn)
+        # what takes values as logged to the sensor's own output, and to what it sees of the other
+        functions = {"accelerometer": (force[0], turn[1]), "gyroscope": (turn[0], force[1])}
+
+        def design(sensor, channels, table):
+            """Return the derivative of e of a sensor, (..., 3, p), with what gives its channels."""
+            y, other = (getattr(table, name) for name in OWN[sensor])
+            chosen = [e for e in effects if e.sensor == sensor]
+            of_effects = values[own[sensor]][len(BASES[sensor]) :]
+            if not (chosen and len(y)):
+                return np.zeros((*y.shape, len(of_effects)))
+            output, see = functions[sensor]
+            found = effect_design(chosen, channels(sensor, output, see(other), see), of_effects)
+            return found.reshape(*y.shape, found.shape[-1])
+
         if self.quiet is not None:
-            seen = recording.rotation_channels("accelerometer", output, rate(rotations.w), rate)
-            design = effect_design(found, seen, of_force[FORCE:])
-            along = SpecificForce(rotations.f, design.reshape(*rotations.f.shape, -1))
+            moving = design("accelerometer", recording.rotation_channels, rotations)
+            along = SpecificForce(rotations.f, moving)
+        nothing = np.zeros((len(rotations), 3, 2))
+        T, K, _ = AngularRate.unpack(of_turn)
         return PairModel(
-            force,
-            turn,
+            AccelerometerModel(
+                poses.f, design("accelerometer", recording.pose_channels, poses), self.gravity
+            ),
+            GyroscopeModel(
+                poses.w,
+                design("gyroscope", recording.pose_channels, poses),
+                rotations,
+                design("gyroscope", recording.rotation_channels, rotations),
+                # by the parameters at which residuals are asked for
+                directions=np.zeros_like(poses.f),
+                # small turns, so those that the sensor gives are scaled and aligned as rates are
+                to_start=poses.to_start @ (T * K).T,
+                to_end=poses.to_end @ (T * K).T,
+            ),
             own,
             free,
             values,
-            self.counted(recording),
+            self._table(recording)[3] > 0,
             along,
-            self.of_rotation if self.of_rotation is not None else np.zeros((len(rotations), 3, 2)),
+            nothing if self.of_rotation is None else self.of_rotation,
         )
 
     def model(self, solution, recording, shapes=()):
