@@ -240,7 +240,8 @@ def outcome(name, limits, plan, seed):
     sensor, columns = TRUTHS[name]
     truth, noise, plain, channels = control(plan, seed, sensor)
     rows = rows_of(plain, ())
-    of_noise = plain.sensor.covariances(plain.linearized().solution, plain.recording)
+    x = plain.linearized().solution.fit.x
+    of_noise = plain.sensor.covariance_at(x, plain.recording).by
     _, root = precision(of_noise(_noise(truth, whole=True)))
     base = np.linalg.qr(solve_triangular(root, rows.jacobian, lower=True))[0]
 

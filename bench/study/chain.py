@@ -98,7 +98,7 @@ def likeness(truth, sessions, folder):
     """
     settings = CalibrateSettings()
     recording = read_recording(sessions, settings.longest_rotation)
-    units = dict(zip(SENSORS, raw_units(sessions, ["multi_position", "static"]), strict=True))
+    units = dict(zip(SENSORS, raw_units(sessions), strict=True))
     noise = NoiseModel.from_json(folder / "noise.json")
     pair, _ = sensor_pair(recording, noise, truth.gravity, units, settings)
     if pair is None:

@@ -7,6 +7,7 @@ from calibrate.devices import calibrated, known_noise, recorded, scores
 from imuloop.calibrate import accelerometer, gaps, gyroscope
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.recording import record
+from imuloop.calibrate.undersampling import PARTS
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_metadata, read_samples
 from imuloop.core.tables import write_table
 from imuloop.diagnose.records.motion import knocks
@@ -114,7 +115,7 @@ def test_stamps_at_which_the_sensor_was_sampled_add_nothing():
     rng = np.random.default_rng(5)
     t = np.arange(5000) / 100
     stamps = t + rng.normal(0, 0.002, len(t))
-    for sampled_at, parts in ((stamps, 0), (t, gaps.PARTS)):
+    for sampled_at, parts in ((stamps, 0), (t, PARTS)):
         w = 2 * np.sin(2 * sampled_at[:, None] + np.arange(3)) + rng.normal(0, 1e-3, (len(t), 3))
         where = np.array([1000]), np.array([1300]), np.zeros((1, 3)), np.full((1, 3), 1e-6)
         [(at, _)], _ = gaps.errors_of_time(stamps, w, *where)

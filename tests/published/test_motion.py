@@ -90,7 +90,8 @@ def test_effects_of_other_moves_do_not_explain_the_velocity(moves):
     x, count = start.fit.x, len(start.fit.x)
     total = sum(len(e.parameters) for e in in_motion())
     values, jacobian = model.residuals(np.append(x, np.zeros(total)))
-    root = cholesky(pair.covariances(start, recording)(pair.noise), lower=True)
+    covariance = pair.covariance_at(start.fit.x, recording, known).by(pair.noise)
+    root = cholesky(covariance, lower=True)
     kinds, m = pair.rows(recording)[1], len(recording.rotations)
     vertical, horizontal = (np.flatnonzero(kinds == k) for k in (3, 4))
 

@@ -95,27 +95,28 @@ def read_recording(sessions, longest_rotation):
     return record(samples, [table for _, table in chosen], longest_rotation, rails)
 
 
-def first_log(sessions, kinds):
-    """Return the metadata of the samples of the first session, by order of kinds.
+def first_log(sessions):
+    """Return the metadata of the samples of the first session, by order of `KINDS`.
 
     One without rows comes last: of a log that was not read the units are not known.
     """
-    ordered = sorted(
-        sessions.values(), key=lambda s: (not len(Samples(s["samples"])), kinds.index(s["kind"]))
-    )
-    return read_metadata(ordered[0]["samples"])
+
+    def order(session):
+        return not len(Samples(session["samples"])), KINDS.index(session["kind"])
+
+    return read_metadata(min(sessions.values(), key=order)["samples"])
 
 
-def raw_units(sessions, kinds):
-    """Return the raw units (accelerometer, gyroscope) of the first session, by order of kinds."""
-    units = first_log(sessions, kinds)["raw_units"]
+def raw_units(sessions):
+    """Return the raw units (accelerometer, gyroscope) of the first session, by order of `KINDS`."""
+    units = first_log(sessions)["raw_units"]
     found = (units[quantity] for quantity in ("acceleration", "angular_rate"))
     return tuple(RawUnit(unit["name"], unit["scale"], unit["offset"]) for unit in found)
 
 
 def layout(sessions):
     """Return what was declared of the first log, and what its autopilot calls the sensors."""
-    first = first_log(sessions, KINDS)
+    first = first_log(sessions)
     ids = first.get("sensor_ids")
     return first.get("declared", {}) | ({"sensor_ids": ids} if ids else {})
 
@@ -304,7 +305,7 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
 
     Writes the six-position and the multi-position calibration; gravity is local, m/s^2.
     """
-    model, units = NoiseModel.from_json(noise), raw_units(sessions, KINDS)
+    model, units = NoiseModel.from_json(noise), raw_units(sessions)
     multi = read_recording(sessions, settings.longest_rotation)
     six, static = (read_poses(sessions, kind) for kind in ("six_position", "static"))
     six_sensors = calibrate_six_position(six, model, gravity, units, settings)
@@ -331,6 +332,6 @@ def write_nominal(*, device, gravity, sessions, six_path, multi_path, why):
     Arguments as of `calibrate_device`; `why` is a reason, and the content of the key ``failed``.
     """
     reason, failed = why
-    sensors = [SensorCalibration.nominal(unit, reason) for unit in raw_units(sessions, KINDS)]
+    sensors = [SensorCalibration.nominal(unit, reason) for unit in raw_units(sessions)]
     for path in (six_path, multi_path):
         Calibration(device, gravity, *sensors, layout(sessions)).to_json(path, failed)

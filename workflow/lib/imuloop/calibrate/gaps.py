@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from imuloop.calibrate.undersampling import outer_products
 from imuloop.core.errors import plural
 from imuloop.core.rotation import mean_rates
 from imuloop.core.samples import GAP_STEPS, lost_samples
@@ -23,9 +24,8 @@ FEWEST = 10
 # error, share of the angle, beyond which a rotation says nothing: as they come, sensors are off
 # by less
 TELLING = 0.05
-# scatter of stamps, share of a step, that counts; parts of a rotation in which it does
+# scatter of stamps, share of a step, that counts
 LATE = 0.02
-PARTS = 16
 
 
 @dataclass(frozen=True)
@@ -118,13 +118,10 @@ def _late_covariance(w, late):
     A stamp that is late by e gives the step before it e more at the rate before, and the step after
     it as much less: e times half of what the rate changes over both.
     """
-    n = len(w) - 2
-    if not late or n < 1:
+    if not late:
         return np.zeros(0, int), np.zeros((0, 3, 3))
-    change = (w[2:] - w[:-2]) / 2
-    edges = np.linspace(0, n, min(PARTS, n) + 1).astype(int)
-    squares = change[:, :, None] * change[:, None, :]
-    return (edges[:-1] + edges[1:]) // 2, late**2 * np.add.reduceat(squares, edges[:-1])
+    at, squares = outer_products((w[2:] - w[:-2]) / 2)
+    return at, late**2 * squares
 
 
 def gap_covariance(w, lost, usual):

@@ -5,14 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.calibrate.gyroscope import AngularRate
-from imuloop.core.samples import (
-    ACCELERATION,
-    ANGULAR_RATE,
-    TIME,
-    at_rail,
-    read_columns,
-    read_metadata,
-)
+from imuloop.calibrate.recording import Log
+from imuloop.core.samples import ANGULAR_RATE, at_rail, read_columns, read_metadata
 from imuloop.core.segments import STATIC
 from imuloop.core.units import DEGREE
 
@@ -83,12 +77,10 @@ def read_turns(sessions, force):
         if session["kind"] != "known_rotation" or not known:
             continue
         samples = read_columns(session["samples"])
-        t = samples[TIME]
+        log = Log.of(samples)
+        t = log.t
         if not len(t):
             continue
-        w, f = (
-            np.column_stack([samples[c] for c in axes]) for axes in (ANGULAR_RATE, ACCELERATION)
-        )
         clipped = at_rail(samples, metadata.get("rails", {}), ANGULAR_RATE)
         table = read_columns(session["segments"])
         still = np.asarray(table["kind"]) == STATIC
@@ -100,11 +92,11 @@ def read_turns(sessions, force):
             if len(t[rows]) < 3 or clipped[rows].any():
                 continue
             length = np.ptp(t[rows])
-            turned = np.trapezoid(w[rows], t[rows], axis=0)
+            turned = np.trapezoid(log.w[rows], t[rows], axis=0)
             angle = turn["angle"] if "angle" in turn else turn["rate"] * length
             axis = np.eye(3)["xyz".index(turn["axis"][-1])]
             axis = -axis if turn["axis"][0] == "-" else axis
-            up = force.aligned(f[max(first - 10, 0) : first + 10]).mean(axis=0)
+            up = force.aligned(log.f[max(first - 10, 0) : first + 10]).mean(axis=0)
             up /= np.linalg.norm(up)
             if abs(up @ axis) > LEVEL:
                 axis = up * np.sign(up @ axis)

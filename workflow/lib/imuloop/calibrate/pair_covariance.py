@@ -43,9 +43,7 @@ class PairCovariance:
     def component(self, axis, term):
         """Return that of flicker, 'B', or walk, 'K', of one channel alone, of size one."""
         one = AxisNoise(**{term: Coefficient(1.0)})
-        gain, means = self.gains[CHANNELS.index(axis)], np.zeros((self.gains.shape[2],) * 2)
-        for own, windows, _, _ in self._runs:
-            means[np.ix_(own, own)] = one.mean_covariance(windows)
+        gain, means = self.gains[CHANNELS.index(axis)], by_run(*self._windows, one.mean_covariance)
         return self._counted(gain @ self._about_mean(means) @ gain.T)
 
     def _about_mean(self, means):
@@ -60,36 +58,29 @@ class PairCovariance:
         return covariance if counted.all() else covariance[np.ix_(counted, counted)]
 
     @cached_property
-    def _runs(self):
-        """Of each run the places of its means, their windows, its poses and its parts of moves."""
-        poses, found = self.poses, []
-        edges = np.linspace(self.rotations.start_s, self.rotations.end_s, PARTS + 1)
-        ends = np.stack([edges[:-1].T.ravel(), edges[1:].T.ravel()], axis=1)
-        of_run = np.repeat(poses.run[self.rotations.first], PARTS)
-        for run in np.unique(poses.run):
-            at, moves = np.flatnonzero(poses.run == run), np.flatnonzero(of_run == run)
-            windows = np.concatenate([poses.windows[at], ends[moves]])
-            found.append((np.append(at, len(poses) + moves), windows, at, moves))
-        return found
+    def _windows(self):
+        """Runs of all means, at the poses and over parts of the moves, (M,); windows, s, (M, 2)."""
+        poses, rotations = self.poses, self.rotations
+        edges = np.linspace(rotations.start_s, rotations.end_s, PARTS + 1)
+        parts = np.stack([edges[:-1].T.ravel(), edges[1:].T.ravel()], axis=1)
+        runs = np.append(poses.run, np.repeat(poses.run[rotations.first], PARTS))
+        return runs, np.concatenate([poses.windows, parts])
 
     def _of_means(self, noise, axis):
         """Return the covariance of one channel's means at the poses and over the moves."""
-        poses, model = self.poses, noise.axes[CHANNELS[axis]]
+        poses, model, n = self.poses, noise.axes[CHANNELS[axis]], len(self.poses)
         fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
-        means, slow = np.zeros((2, *(self.gains.shape[2],) * 2))
-        for own, windows, at, moves in self._runs:
-            whole, quick = (each.mean_covariance(windows) for each in (model, fast))
-            rest, turned = np.arange(len(at)), len(at) + np.arange(len(moves))
-            slow[np.ix_(own, own)] = whole - quick
-            if whole.any():
-                # white noise within a move does not act as its mean does
-                quick[turned, turned] -= model.N.square / np.diff(windows[len(at) :])[:, 0]
-                quick[rest, rest] += poses.added[at, axis]
-            else:
-                # of a channel without noise the poses' own variance is known
-                quick[rest, rest] = poses.variance[at, axis] / poses.n[at]
-            means[np.ix_(own, own)] = quick
-        return means + self._about_mean(slow)
+        whole, quick = (by_run(*self._windows, each.mean_covariance) for each in (model, fast))
+        slow, diagonal = self._about_mean(whole - quick), quick.diagonal().copy()
+        if whole.any():
+            diagonal[:n] += poses.added[:, axis]
+            # white noise within a move does not act as its mean does
+            diagonal[n:] -= model.N.square / np.ptp(self._windows[1][n:], axis=1)
+        else:
+            # of a channel without noise the poses' own variance is known
+            diagonal[:n] = poses.variance[:, axis] / poses.n
+        np.fill_diagonal(quick, diagonal)
+        return quick + slow
 
     @cached_property
     def within(self):
@@ -134,10 +125,8 @@ class PairCovariance:
         force, found = self.model.force.values(self.of_force), []
         for k in np.flatnonzero(poses.tilt > 0):
             leaving, arriving = np.zeros((2, self.gains.shape[1], 3))
-            for move in np.flatnonzero(first == k):
-                leaving[rows[move]] += self.moves.by_start[move]
-            for move in np.flatnonzero(first + 1 == k):
-                arriving[rows[move]] += self.moves.by_end[move]
+            leaving[rows[first == k]] = self.moves.by_start[first == k]
+            arriving[rows[first + 1 == k]] = self.moves.by_end[first + 1 == k]
             crossed = np.sqrt(poses.duration_s[k] / 3) * cross_matrix(force[[k]])[0]
             found += [(leaving - arriving / 2) @ crossed, np.sqrt(3) / 2 * arriving @ crossed]
         return np.array(found).reshape(-1, self.gains.shape[1], 3).transpose(2, 1, 0)
@@ -167,3 +156,12 @@ class PairCovariance:
             if model.along:
                 gains[axis, rows[:, None, 2:], parts] = pushed[..., axis]
         return gains
+
+
+def by_run(runs, windows, covariance):
+    """Return the covariance of means over n windows, (n, n), from what gives that within a run."""
+    found = np.zeros((len(runs),) * 2)
+    for run in np.unique(runs):
+        own = np.flatnonzero(runs == run)
+        found[np.ix_(own, own)] = covariance(windows[own])
+    return found

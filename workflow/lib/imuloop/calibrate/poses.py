@@ -80,11 +80,9 @@ class Poses:
         for run in np.unique(self.run):
             own = np.flatnonzero(self.run == run)
             whole[:, own[:, None], own] = noise.pose_mean_covariance(windows[own])
-        for axis in range(6):
-            if not np.any(whole[axis]):
-                whole[axis] = np.diag(self.variance[:, axis] / self.n)
-            else:
-                whole[axis] += np.diag(self.added[:, axis])
+        for axis, each in enumerate(whole):
+            known = each.any()
+            each += np.diag(self.added[:, axis] if known else self.variance[:, axis] / self.n)
         return whole
 
     def unknown_noise(self, noise, channels):

@@ -1,7 +1,7 @@
 """A recording: poses, the rotations between them, and what an effect can see at both."""
 
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -84,33 +84,25 @@ class Recording:
         of the other in a log to what an effect sees; `other`, (n, 3), is what it sees at the poses.
         """
         poses = self.poses
-
-        @cache
-        def history(function, *constants):
-            whole = self._remember(sensor, output, see, function, constants)
-            return pose_means(poses, self.logs, whole)
-
+        history = self._history(sensor, output, see, partial(pose_means, poses, self.logs))
         own = output(getattr(poses, OWN[sensor][0]))
         return Channels(poses.mid_s, own, other, poses.temperature, history, run=poses.run)
 
     def rotation_channels(self, sensor, output, other, see=lambda values: values):
         """Return the same along the rotations, m of k samples; the other sensor is (m, k, 3)."""
-        rotations = self.rotations
+        rotations, temperature = self.rotations, self.rotations.temperature
         session = self.poses.session[rotations.first]
 
-        @cache
-        def history(function, *constants):
-            whole = self._remember(sensor, output, see, function, constants)
+        def at_samples(whole):
             at = zip(session, rotations.t, strict=True)
             return np.concatenate([whole[s][np.searchsorted(self.logs[s].t, t)] for s, t in at])
 
-        temperature = rotations.temperature
         return Channels(
             rotations.t.ravel(),
             output(getattr(rotations, OWN[sensor][0]).reshape(-1, 3)),
             other.reshape(-1, 3),
             None if temperature is None else temperature.ravel(),
-            history,
+            self._history(sensor, output, see, at_samples),
             run=np.repeat(self.poses.run[rotations.first], rotations.t.shape[1]),
         )
 
@@ -125,15 +117,20 @@ class Recording:
         turned = calibration.apply(rotations.f.reshape(-1, 3), along)
         return calibration.apply(poses.f, channels), turned.reshape(rotations.f.shape)
 
-    def _remember(self, sensor, output, see, function, constants):
-        """Return a function of the whole log of each session that has a pose, by its number."""
+    def _history(self, sensor, output, see, seen):
+        """Return a function of functions of the whole log of each session, as `seen` takes them."""
         own, other = OWN[sensor]
-        found = {}
-        for s in set(self.poses.session.tolist()):
-            log = self.logs[s]
-            values = output(getattr(log, own)), see(getattr(log, other))
-            found[s] = function(Channels(log.t, *values, log.temperature), *constants)
-        return found
+
+        @cache
+        def history(function, *constants):
+            whole = {}
+            for s in set(self.poses.session.tolist()):
+                log = self.logs[s]
+                values = output(getattr(log, own)), see(getattr(log, other))
+                whole[s] = function(Channels(log.t, *values, log.temperature), *constants)
+            return seen(whole)
+
+        return history
 
 
 def pose_means(poses, logs, whole):

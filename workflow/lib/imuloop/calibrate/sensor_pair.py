@@ -149,11 +149,6 @@ class SensorPair:
         own += VELOCITY if self.quiet is not None else ()
         return {kind: KINDS[kind] for kind in KINDS if kind in own}
 
-    @property
-    def _seen(self):
-        """The sensors whose noise the residuals have: gravity is by the accelerometer."""
-        return tuple(SENSORS) if "gyroscope" in self.estimated else self.estimated
-
     def _table(self, recording):
         """Return start, end, kind and whether it counts of each residual of a PairModel, (4, N)."""
         poses, first = np.arange(len(recording.poses)), recording.rotations.first
@@ -250,10 +245,6 @@ class SensorPair:
         """Return the model of any recording about a solution, with more effects."""
         return self.model_at(solution.fit.x, recording, (*solution.effects, *shapes))
 
-    def covariances(self, solution, recording):
-        """Return what gives the covariance of the residuals of a recording by a noise model."""
-        return PairCovariance(solution.fit.x, self.model(solution, recording), recording).by
-
     def given_rotation(self, recording, effects, x):
         """Return the same, its velocities less what the noise has in common with rotations.
 
@@ -277,7 +268,10 @@ class SensorPair:
         two samples; then of each kind of residual an excess that is even: the residual of what a
         model lacks, or of a hand, is no smaller where a rest is long.
         """
-        noise, channels = self.noise, [c for s in self._seen for c in SENSORS[s]]
+        noise = self.noise
+        # the residuals of a gyroscope have the accelerometer's noise too: gravity is by that
+        sensors = SENSORS if "gyroscope" in self.estimated else self.estimated
+        channels = [channel for sensor in sensors for channel in SENSORS[sensor]]
         terms = {(c, term): noise.known(c, term) for c in channels for term in "BK"}
         loose = {term: known for term, known in terms.items() if known[1] > 0}
         without = noise.with_sizes(dict.fromkeys(loose, 0.0))
@@ -292,10 +286,9 @@ class SensorPair:
             fixed = self.covariance_at(x, even, effects).by(without)
             slow.append(Component(whole - fixed, 1.0, ALIASED_TO))
         expected = np.diag(total(fixed, slow, [part.size for part in slow]))
-        kinds, missing = self.rows(recording)[1], []
-        for at in (kinds == k for k in range(len(self.kinds))):
-            if at.any():
-                missing.append(Component(np.diag(at * np.median(expected[at]))))
+        kinds = self.rows(recording)[1]
+        rows = [kinds == k for k in np.unique(kinds)]
+        missing = [Component(np.diag(at * np.median(expected[at]))) for at in rows]
         return fixed, slow, missing
 
     def fit(self, recording, effects=(), start=None, prior=None):

@@ -69,7 +69,10 @@ def aliased_turns(t, w, begin, last, bias, variance):
         even = CubicSpline(number, turn.T, axis=1)(np.arange(number[-1] + 1))
         own = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
         energy.append(own.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
-        places.append(_parts(turn))
+        at, squares = outer_products(np.diff(turn, 2, axis=0))
+        squares /= max(np.trace(squares.sum(axis=0)), np.finfo(float).tiny)
+        shares = np.trace(squares, axis1=1, axis2=2)[:, None, None]
+        places.append((at, ANY_WAY * shares * np.eye(3) + 3 * (1 - ANY_WAY) * squares))
     energy, noise = np.array(energy), n[:, None] * (np.median(variance.mean(axis=1)) + EXACT)
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 
@@ -93,12 +96,12 @@ def aliased_turns(t, w, begin, last, bias, variance):
     return found, np.full(len(n), p), at, shares * found[:, None, None, None]
 
 
-def _parts(w):
-    """Return where a rate, (k, 3), changes, steps (PARTS,), and along what, (PARTS, 3, 3)."""
-    bend = np.diff(w, 2, axis=0)
-    squares = bend[:, :, None] * bend[:, None, :] / max(np.sum(bend**2), np.finfo(float).tiny)
-    sums = np.zeros((PARTS, 3, 3))
-    np.add.at(sums, np.arange(len(bend)) * PARTS // max(len(bend), 1), squares)
-    shares = np.trace(sums, axis1=1, axis2=2)[:, None, None]
-    middles = (2 * np.arange(PARTS) + 1) * len(bend) // (2 * PARTS)
-    return middles, ANY_WAY * shares * np.eye(3) + 3 * (1 - ANY_WAY) * sums
+def outer_products(changes):
+    """Return sums of v vᵀ over `PARTS` of a turn's changes v, (n, 3): their middles, and each.
+
+    Shapes are (PARTS,) and (PARTS, 3, 3).
+    """
+    n, sums = len(changes), np.zeros((PARTS, 3, 3))
+    products = changes[:, :, None] * changes[:, None, :]
+    np.add.at(sums, np.arange(n) * PARTS // max(n, 1), products)
+    return (2 * np.arange(PARTS) + 1) * n // (2 * PARTS), sums

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imuloop.calibrate.calibrate import KINDS, raw_units
+from imuloop.calibrate.calibrate import raw_units
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import add_arguments, between, local_gravity, log_samples
 from imuloop.core.errors import ImuloopError, plural
@@ -95,7 +95,7 @@ def follow(log, arguments, folder):
             why = "; ".join(quality["reasons"])
             if not why:
                 samples = read_samples(path)
-                units = raw_units({"": {"kind": "multi_position", "samples": path}}, KINDS)
+                units = raw_units({"": {"kind": "multi_position", "samples": path}})
                 what = samples, arguments.gravity, units
                 found = progress(*what, noise, arguments.within / 100)
                 if found.done and noise is None:

@@ -171,7 +171,7 @@ def _rotation_floor(problem, solution):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
     pair, recording = problem.sensor, problem.recording
     _, jacobian = pair.model(solution, recording).residuals(solution.fit.x)
-    noise = pair.covariances(solution, recording)(pair.noise)
+    noise = pair.covariance_at(solution.fit.x, recording, solution.effects).by(pair.noise)
     own = slice(len(jacobian))
     covariance = held_out_covariance(noise, jacobian, problem.ends[own])
     return np.sqrt(2 * np.diag(covariance)[problem.of_kind("rotation")[own]].mean())

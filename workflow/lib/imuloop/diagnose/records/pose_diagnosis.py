@@ -231,8 +231,11 @@ def undersampled(problem, solution, floor):
     sensor, recording, rotations = problem.sensor, problem.recording, problem.recording.rotations
     if not rotations.aliased.any():
         return {}
-    found = [sensor.covariances(solution, r) for r in (recording, recording.without_aliasing())]
-    sums = (np.diag(each(sensor.noise))[-2 * len(rotations) :].sum() for each in found)
+    found = [
+        sensor.covariance_at(solution.fit.x, each, solution.effects).by(sensor.noise)
+        for each in (recording, recording.without_aliasing())
+    ]
+    sums = (np.diag(each)[-2 * len(rotations) :].sum() for each in found)
     whole, others = (total / len(rotations) for total in sums)
     own, rate = min(whole, floor**2) - others, 1 / np.median(rotations.steps[rotations.steps > 0])
     if own <= others:
