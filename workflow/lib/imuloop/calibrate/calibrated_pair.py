@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.calibrate.pair_covariance import PairCovariance
 from imuloop.calibrate.raw_units import as_logged, si_factor
-from imuloop.calibrate.sensor_pair import BASES, OWNER, OfSensor, SensorPair
+from imuloop.calibrate.sensor_pair import BASES, OfSensor, SensorPair
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.samples import SENSORS
 
@@ -64,10 +64,8 @@ class CalibratedPair:
             for name, size in std.items():
                 covariance[(names.index(f"{sensor}.{name}"),) * 2] = size**2
             if own.names:
-                at, factor = (
-                    [names.index(f"{sensor}.{n}") for n in own.names],
-                    si_factor(own.names, own.raw_unit),
-                )
+                factor = si_factor(own.names, own.raw_unit)
+                at = [names.index(f"{sensor}.{n}") for n in own.names]
                 covariance[np.ix_(at, at)] = own.covariance * np.outer(factor, factor)
         base = np.concatenate([as_logged(own, BASES[s]) for s, own in sensors.items()])
         values = [held[e].vector if e in held else np.zeros(len(e.parameters)) for e in effects]
@@ -91,12 +89,3 @@ class CalibratedPair:
         model = self.model(recording)
         model = model if counted is None else replace(model, counted=counted)
         return PairCovariance(self.x, model, recording).by(self.pair.noise)
-
-
-def kinds_of_rows(pair, recording):
-    """Return the kind of each residual of a SensorPair that counts, and whose it is, (N,) of str.
-
-    Velocities are of no sensor.
-    """
-    kinds = np.array(list(pair.kinds))[pair.rows(recording)[1]]
-    return kinds, np.array([OWNER[kind] for kind in kinds.tolist()], dtype=object)

@@ -166,6 +166,11 @@ class SensorPair:
         start, end, kinds, counts = self._table(recording)
         return np.column_stack([start, end])[counts > 0], kinds[counts > 0]
 
+    def kinds_of_rows(self, recording):
+        """Return the kind of each residual, and its `OWNER`, (N,) of str."""
+        kinds = np.array([*self.kinds])[self.rows(recording)[1]]
+        return kinds, np.array([OWNER[kind] for kind in kinds.tolist()], dtype=str)
+
     def knowing(self, sensor, rows, z):
         """Return the same with rows, (k, p), and z of what is known of one sensor's base model."""
         own = np.zeros((len(z), COUNT))
@@ -318,7 +323,7 @@ class SensorPair:
             found = fit(model.residuals, x, total(estimated, missing, sizes), (known, z))
             x = found.x
         r, jacobian = model.residuals(x)
-        owner = np.array([OWNER[kind] for kind in self.kinds])[self.rows(recording)[1]]
+        owner = self.kinds_of_rows(recording)[1]
         owners = np.unique(owner)
         squares, _ = chi_square(r, estimated, jacobian, [owner == each for each in owners])
         reduced = [square / dof if dof > 0 else None for square, dof in squares]
@@ -381,11 +386,9 @@ class SensorPair:
 
     def turns_derivative(self, recording):
         """Return the derivative of the rotations' errors at the start of a fit, (m, 2, 12)."""
-        if not len(recording.rotations):
-            return np.zeros((0, 2, 12))
         pair = replace(self, estimated=tuple(SENSORS), quiet=None, bias=None)
         _, jacobian = pair.model_at((), recording).residuals(self.base)
-        return jacobian[-2 * len(recording.rotations) :, FORCE:].reshape(-1, 2, COUNT - FORCE)
+        return jacobian[4 * len(recording.poses) :, FORCE:].reshape(-1, 2, COUNT - FORCE)
 
 
 def places(effects=()):

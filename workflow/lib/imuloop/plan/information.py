@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from imuloop.calibrate.calibrated_pair import CalibratedPair, kinds_of_rows
+from imuloop.calibrate.calibrated_pair import CalibratedPair
 from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE
@@ -93,7 +93,7 @@ class Information:
         """Return ``Jᵀ Σ⁻¹ J`` of another recording, (p, p), its noise with the excess."""
         about, matrix = self.about, np.zeros((len(self.about.names),) * 2)
         _, jacobian = about.model(recording).residuals(about.x)
-        owners = kinds_of_rows(about.pair, recording)[1]
+        owners = about.pair.kinds_of_rows(recording)[1]
         size = np.sqrt([self.excess.get(owner, 1.0) for owner in owners])
         root = cholesky(about.noise(recording), lower=True)
         white = solve_triangular(root, jacobian / size[:, None], lower=True)

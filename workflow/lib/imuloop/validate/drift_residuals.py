@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from imuloop.calibrate.calibrated_pair import CalibratedPair, kinds_of_rows
+from imuloop.calibrate.calibrated_pair import CalibratedPair
 from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.sensor_pair import KINDS
 from imuloop.core.samples import SENSORS
@@ -64,7 +64,7 @@ class DriftResiduals:
                 untestable[sensor] = "the calibration estimated nothing of it"
             elif unknown := recording.poses.unknown_noise(noise, axes):
                 untestable[sensor] = unknown
-        kinds, owners = kinds_of_rows(old.pair, recording)
+        kinds, owners = old.pair.kinds_of_rows(recording)
         counted = ~np.isin(owners, [*untestable])
         if not all("K0" in names for names in estimated.values()):
             counted &= kinds != "rotation"
