@@ -6,11 +6,9 @@ import numpy as np
 
 from imuloop.calibrate.pair_covariance import PairCovariance
 from imuloop.calibrate.raw_units import as_logged, si_factor
-from imuloop.calibrate.sensor_pair import BASES, OfSensor, SensorPair
+from imuloop.calibrate.sensor_pair import BASES, OfSensor, SensorPair, parameters
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.samples import SENSORS
-
-OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 
 @dataclass(frozen=True)
@@ -49,14 +47,8 @@ class CalibratedPair:
         sensors = {name: getattr(calibration, name) for name in SENSORS}
         held = {OfSensor(e.effect, s): e for s, own in sensors.items() for e in own.effects}
         effects = tuple(held if effects is None else effects)
-        units = {
-            f"{sensor}.{name}": {"T": "rad", "K": "1", "b": OUTPUT[sensor]}[name[0]]
-            for sensor, names in BASES.items()
-            for name in names
-        }
-        for each in (*effects, *(e for e in held if e not in effects)):
-            own = each.units(each.sensor)
-            units |= {f"{each.sensor}.{each.name}.{p}": unit for p, unit in own.items()}
+        every = (*effects, *(e for e in held if e not in effects))
+        units = {f"{sensor}.{name}": unit for sensor, name, unit in parameters(every)}
         names, covariance = tuple(units), np.zeros((len(units),) * 2)
         for sensor, own in sensors.items():
             # effects that come from another record than the parameters have standard errors alone

@@ -28,6 +28,7 @@ from imuloop.core.samples import SENSORS
 
 # parameters of both base models, the accelerometer's first
 BASES = {"accelerometer": accelerometer.NAMES, "gyroscope": gyroscope.NAMES}
+OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # kinds of residuals: SI unit, components, and the sensor whose they are
 KINDS = {
     "gravity_norm": ("m/s^2", 1),
@@ -139,8 +140,8 @@ class SensorPair:
     @cached_property
     def names(self):
         """Names of the base parameters that are estimated."""
-        every = [f"{sensor}.{name}" for sensor, names in BASES.items() for name in names]
-        return tuple(every[k] for k in self.free)
+        every = parameters()
+        return tuple("{}.{}".format(*every[k]) for k in self.free)
 
     @cached_property
     def kinds(self):
@@ -391,8 +392,19 @@ class SensorPair:
         return jacobian[4 * len(recording.poses) :, FORCE:].reshape(-1, 2, COUNT - FORCE)
 
 
+def parameters(effects=()):
+    """Return sensor, name and SI unit of each parameter: both base models', then the effects'."""
+    found = []
+    for sensor, names in BASES.items():
+        units = {"T": "rad", "K": "1", "b": OUTPUT[sensor]}
+        found += [(sensor, name, units[name[0]]) for name in names]
+    for effect in effects:
+        units = effect.units(effect.sensor).items()
+        found += [(effect.sensor, f"{effect.name}.{name}", unit) for name, unit in units]
+    return found
+
+
 def places(effects=()):
-    """Return where the parameters of each sensor are: both base models', then the effects'."""
-    owners = [sensor for sensor, names in BASES.items() for _ in names]
-    owners += [effect.sensor for effect in effects for _ in effect.parameters]
-    return {sensor: np.flatnonzero(np.array(owners) == sensor) for sensor in SENSORS}
+    """Return where the parameters of each sensor are among all."""
+    owners = np.array([sensor for sensor, _, _ in parameters(effects)])
+    return {sensor: np.flatnonzero(owners == sensor) for sensor in SENSORS}
