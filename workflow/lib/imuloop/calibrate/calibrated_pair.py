@@ -72,12 +72,15 @@ class CalibratedPair:
         """Return the same with the velocities of some moves among the residuals."""
         return replace(self, pair=replace(self.pair, quiet=quiet))
 
-    def model(self, recording, x=None):
-        """Return the PairModel of a recording, at other parameters where they are given."""
-        return self.pair.model_at(self.x if x is None else x, recording, self.effects)
+    def model(self, recording, x=None, counted=None):
+        """Return the PairModel of a recording.
+
+        At other parameters, and of some residuals alone, where they are given.
+        """
+        model = self.pair.model_at(self.x if x is None else x, recording, self.effects)
+        return model if counted is None else replace(model, counted=counted)
 
     def noise(self, recording, counted=None):
         """Return the covariance that the noise predicts of residuals, or those that count."""
-        model = self.model(recording)
-        model = model if counted is None else replace(model, counted=counted)
+        model = self.model(recording, counted=counted)
         return PairCovariance(self.x, model, recording).by(self.pair.noise)

@@ -145,8 +145,7 @@ class Rotations:
 def _selected(table, keep):
     """Return a copy of a dataclass of arrays with the chosen rows."""
     columns = {f.name: getattr(table, f.name) for f in fields(table)}
-    rows = {k: v[keep] if isinstance(v, np.ndarray) else v for k, v in columns.items()}
-    return type(table)(**rows)
+    return replace(table, **{name: v[keep] for name, v in columns.items() if v is not None})
 
 
 def gather_poses(segments):
@@ -162,8 +161,6 @@ def gather_poses(segments):
 
     number = column("pose").astype(int)
     run = np.concatenate([np.zeros(0, int), *map(runs, segments)])
-    # counted on from session to session
-    run = np.cumsum((np.diff(run, prepend=0) != 0) | (np.diff(session, prepend=0) != 0))
     kinds = [np.asarray(table["kind"]) == STATIC for table in segments]
     held = np.concatenate([np.zeros(0, bool), *kinds]) & (number >= 0)
     rests = np.column_stack([session, run, number])[held]
@@ -181,8 +178,8 @@ def gather_poses(segments):
     np.maximum.at(last, pose, end)
     return Poses(
         session=poses[:, 0],
-        # 0, 1, ...: a run without a pose does not count
-        run=np.unique(poses[:, 1], return_inverse=True)[1].ravel(),
+        # 0, 1, ... from session to session: a run without a pose does not count
+        run=np.unique(poses[:, :2], axis=0, return_inverse=True)[1].ravel(),
         start_s=first,
         end_s=last,
         duration_s=np.bincount(pose, end - start),
@@ -220,6 +217,16 @@ def rounded_means(samples, variance):
     # about one level the variance may be nothing: that of all says what the noise is
     white = max(np.mean(variance) / q**2 - 1 / 12, 0.0)
     return q**2 / (2 * np.pi**2) * np.sum(np.exp(-4 * np.pi**2 * k**2 * white) / k**2)
+
+
+def rounded(poses, logs):
+    """Return the poses with what rounding adds to the variance of their means."""
+    added = np.zeros((len(poses), len(CHANNELS)))
+    for session in np.unique(poses.session):
+        own, log = poses.session == session, logs[session]
+        for axis, values in enumerate(np.hstack([log.f, log.w]).T):
+            added[own, axis] = rounded_means(values, poses.variance[own, axis])
+    return replace(poses, added=poses.added + added)
 
 
 def turns_within(poses, logs):

@@ -11,12 +11,12 @@ from imuloop.calibrate.poses import (
     Rotations,
     gather_poses,
     gather_rotations,
-    rounded_means,
+    rounded,
     turns_within,
 )
 from imuloop.core.effect import Channels
 from imuloop.core.memory import filled
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME, at_rail
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME, at_rail
 from imuloop.core.segments import DISTURBED
 
 
@@ -149,8 +149,7 @@ def record(samples, segments, longest_rotation, rails=None):
     rotation, s, and the `rails` of each session that `core.samples.at_rail` takes.
     """
     logs = tuple(Log.of(s) for s in samples)
-    poses = gather_poses(segments)
-    poses = turns_within(replace(poses, added=_rounded(poses, logs)), logs)
+    poses = turns_within(rounded(gather_poses(segments), logs), logs)
     if len(poses) and all(log.temperature is not None for log in logs):
         temperature = pose_means(poses, logs, [log.temperature for log in logs])
         poses = replace(poses, temperature=temperature)
@@ -162,13 +161,3 @@ def record(samples, segments, longest_rotation, rails=None):
     rotations, lost = gather_rotations(poses, logs, segments, longest_rotation, clipped)
     railed = sum(int(np.sum(np.asarray(table["kind"]) == DISTURBED)) for table in segments)
     return Recording(poses, rotations, logs, replace(lost, railed=railed))
-
-
-def _rounded(poses, logs):
-    """Return what rounding adds to the variance of the means of each pose, (n, 6)."""
-    rounded = np.zeros((len(poses), len(CHANNELS)))
-    for s in np.unique(poses.session):
-        own = poses.session == s
-        for axis, values in enumerate(np.hstack([logs[s].f, logs[s].w]).T):
-            rounded[own, axis] = rounded_means(values, poses.variance[own, axis])
-    return rounded

@@ -1,6 +1,6 @@
 """Residuals of a new log under an old calibration, and which of its changes the log determines."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -81,8 +81,7 @@ class DriftResiduals:
 
     def at(self, x):
         """Return the residuals, (n,), with parameters x, and their derivative, (n, p)."""
-        model = replace(self.old.model(self.recording, x), counted=self.counted)
-        return model.residuals(x)
+        return self.old.model(self.recording, x, self.counted).residuals(x)
 
     def places(self, sensor, names):
         """Return where parameters of a sensor are among all."""
