@@ -9,22 +9,18 @@ import numpy as np
 
 def multiply(p, q):
     """Return the quaternion product ``p q``; shapes (..., 4) broadcast."""
-    return _quaternions(*_product(*_pairs(p), *_pairs(q)))
+    return _product(_pairs(p), _pairs(q)).view(float)
 
 
 def _pairs(q):
-    """Return complex a = w + x i and b = y + z i of the quaternions ``a + b j``."""
-    pairs = np.ascontiguousarray(q, dtype=float).view(complex)
-    return pairs[..., 0], pairs[..., 1]
+    """Return the quaternions ``a + b j`` as complex a = w + x i and b = y + z i, (..., 2)."""
+    return np.ascontiguousarray(q, dtype=float).view(complex)
 
 
-def _quaternions(a, b):
-    return np.stack([a, b], axis=-1).view(float)
-
-
-def _product(a, b, c, d):
-    """Return ``(a + b j)(c + d j)`` as such a pair; ``j c`` is ``c* j``."""
-    return a * c - b * d.conj(), a * d + b * c.conj()
+def _product(p, q):
+    # j c is c* j
+    a, b, c, d = p[..., 0], p[..., 1], q[..., 0], q[..., 1]
+    return np.stack([a * c - b * d.conj(), a * d + b * c.conj()], axis=-1)
 
 
 def exponential(vectors):
@@ -108,20 +104,15 @@ def prefix_product(q):
     ----------
     Blelloch, "Prefix sums and their applications", CMU-CS-90-190 (1990).
     """
-    return _quaternions(*_prefixes(*_pairs(q)))
+    return _prefixes(_pairs(q)).view(float)
 
 
-def _prefixes(a, b):
-    n = a.shape[-1]
+def _prefixes(q):
+    n = q.shape[-2]
     if n < 2:
-        return a, b
-    even, odd = slice(0, n - 1, 2), slice(1, None, 2)
-    c, d = _prefixes(*_product(a[..., even], b[..., even], a[..., odd], b[..., odd]))
-    later = slice(2, None, 2)
-    between = _product(
-        *(part[..., : (n - 1) // 2] for part in (c, d)), a[..., later], b[..., later]
-    )
-    prefixes = np.empty_like(a), np.empty_like(b)
-    for whole, own, pairs, rest in zip(prefixes, (a, b), (c, d), between, strict=True):
-        whole[..., 0], whole[..., odd], whole[..., later] = own[..., 0], pairs, rest
+        return q
+    pairs = _prefixes(_product(q[..., 0 : n - 1 : 2, :], q[..., 1::2, :]))
+    prefixes = q.copy()
+    prefixes[..., 1::2, :] = pairs
+    prefixes[..., 2::2, :] = _product(pairs[..., : (n - 1) // 2, :], q[..., 2::2, :])
     return prefixes
