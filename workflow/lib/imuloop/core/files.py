@@ -1,12 +1,9 @@
 """Result files: written beside and renamed, so that a kill leaves nothing half-written."""
 
 import errno
-import fcntl
-import glob
 import json
 import math
 import os
-import tempfile
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -14,7 +11,6 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, MachineFault
 
-_PARTIAL = ".partial"
 # no room on the disk, in the quota, in the limit of the process
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
@@ -23,23 +19,14 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 def replaced(path):
     """Give a temporary path beside `path` that takes its place when the block succeeds.
 
-    It is removed if the block raises, after a kill by the next writer. A MachineFault if the disk
-    is full.
+    It is removed if the block raises; one that a kill left is the next writer's. A MachineFault if
+    the disk is full.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    _remove_left_behind(path)
-    handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=_PARTIAL, dir=path.parent)
-    # held as long as the writer lives; some file systems of clusters have no locks
-    with suppress(OSError):
-        fcntl.flock(handle, fcntl.LOCK_EX)
-    temporary = Path(name)
+    temporary = path.with_name(f".{path.name}.partial")
     try:
         yield temporary
-        # mkstemp is private by default; results are for everybody who may read the folder
-        mask = os.umask(0)
-        os.umask(mask)
-        temporary.chmod(0o666 & ~mask)
         temporary.replace(path)
     except OSError as error:
         if error.errno not in _FULL:
@@ -47,15 +34,6 @@ def replaced(path):
         raise MachineFault(f"{path} cannot be written: {os.strerror(error.errno)}") from error
     finally:
         temporary.unlink(missing_ok=True)
-        os.close(handle)
-
-
-def _remove_left_behind(path):
-    """Remove what killed writers of a file left half-written."""
-    for each in path.parent.glob(f".{glob.escape(path.name)}.*{_PARTIAL}"):
-        with suppress(OSError), open(each, "rb") as file:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            each.unlink()
 
 
 def refuse_overwriting(targets, sources):
