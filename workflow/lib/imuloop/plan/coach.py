@@ -23,16 +23,15 @@ from imuloop.segment.settings import SegmentSettings
 class Progress:
     """What a session shows so far.
 
-    Its length, s; the upward direction in each pose, (n, 3), and the one that is farthest from all
-    of them, on body axes, None once they cover the sphere; the standard error of each parameter
-    by sensor, in its own unit, and the worst of scale factor, relative, and misalignment, rad,
-    infinite while there is none; what to do next, empty where nothing is left; whether all are as
-    good as asked for, though a wide hole, in which an effect could hide, may be left.
+    Its length, s; the upward direction in each pose on body axes, (n, 3); the standard error of
+    each parameter by sensor, in its own unit, and the worst of scale factor, relative, and
+    misalignment, rad, infinite while there is none; what to do next, empty where nothing is left;
+    whether all are as good as asked for, though a wide hole, in which an effect could hide, may be
+    left.
     """
 
     duration_s: float
     up: np.ndarray
-    hole: np.ndarray | None
     std: dict
     worst: dict
     advice: str
@@ -48,7 +47,7 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
     """
     t = samples["t"].to_numpy()
     none = dict.fromkeys(SENSORS, np.inf)
-    early = Progress(float(np.ptp(t)), np.empty((0, 3)), None, {}, none, "")
+    early = Progress(float(np.ptp(t)), np.empty((0, 3)), {}, none, "")
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     rests = segments[segments["kind"] == STATIC]
     if len(rests) < 2:
@@ -78,8 +77,7 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
     else:
         text = ""
     std = {name: sensor.std for name, sensor in sensors.items() if relative[name]}
-    hole, done = None if covered else hole, max(worst.values()) <= within
-    return Progress(early.duration_s, up, hole, std, worst, text, done)
+    return Progress(early.duration_s, up, std, worst, text, max(worst.values()) <= within)
 
 
 def rest_noise(samples):

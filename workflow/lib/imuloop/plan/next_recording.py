@@ -25,7 +25,8 @@ MEAN_S = 1.0
 HOLES, TURNS = (6, 12, 20), (4, 8, 16, 32, 64)
 # poses before the turns
 BEFORE_TURNS = HOLES[1]
-STATIC_H = (2.0, 8.0)
+# records at rest, s
+STATIC_S = (2 * HOUR, 8 * HOUR)
 # heating and cooling at least over this much, K
 SPAN_K = 20.0
 
@@ -53,7 +54,9 @@ def next_recording(diagnosed):
     steps, poses = [np.diff(log.t) for log in recording.logs], recording.poses
     # counts only where the noise of an axis is known from the poses alone
     rate = float(1 / np.median(np.concatenate(steps))) if steps else 1.0
-    floor = noise_floor(noise, poses, rate)
+    floor = noise.pose_mean_covariance(np.array([[0.0, MEAN_S]]))[:, 0, 0]
+    white = np.median(poses.variance, axis=0) / rate if len(poses) else np.zeros(6)
+    floor = np.sqrt(np.where(floor > 0, floor, white))
     if not np.all(floor > 0) or poses.unknown_noise(noise, CHANNELS):
         return {}
     variance = np.median(poses.variance, axis=0) if len(poses) else floor**2
@@ -70,7 +73,11 @@ def next_recording(diagnosed):
         return {}
     after = [(e, known.std(known.of_recording(recorded))) for e, recorded in made]
     if known.recorded is not None:
-        after.append((_again(poses), known.std(known.recorded)))
+        # each session has its own clock
+        each = [poses.session == session for session in np.unique(poses.session)]
+        seconds = sum(np.ptp([poses.start_s[at], poses.end_s[at]]) for at in each)
+        entry = _entry("again", seconds, poses=len(poses))
+        after.append((entry, known.std(known.recorded)))
     weights = _weights(known, recording, floor)
     content = {sensor: _sensor(known, sensor, after, weights) for sensor in SENSORS}
     content["gyroscope"]["candidates"] += _rests(calibration.gyroscope, noise)
@@ -85,11 +92,10 @@ def next_recording(diagnosed):
     return {"sensors": content, "turns": turns, "motion": in_motion}
 
 
-def noise_floor(noise, poses, rate):
-    """Return the standard deviation of a mean of one second on each channel, shape (6,), SI."""
-    variance = noise.pose_mean_covariance(np.array([[0.0, MEAN_S]]))[:, 0, 0]
-    white = np.median(poses.variance, axis=0) / rate if len(poses) else np.zeros(6)
-    return np.sqrt(np.where(variance > 0, variance, white))
+def _entry(name, duration_s, poses=0, turns=0, axis=None, up=None):
+    """Return what the results hold of a candidate."""
+    entry = {"name": name, "poses": poses, "turns": turns, "axis": axis}
+    return entry | {"duration_s": float(duration_s), "up": up}
 
 
 def _habits(recording):
@@ -110,39 +116,33 @@ def candidate_plans(recording, calibration, known):
     """Return what to try, pairs of an entry for the results and a Plan."""
     poses, habits = recording.poses, _habits(recording)
     directions = directions_of(recording, calibration)
-    plans = []
 
-    def add(name, up, plan, turns=0, axis=None, **more):
-        entry = {"name": name, "poses": len(up), "turns": turns, "axis": axis}
-        entry |= {"duration_s": plan.duration_s, "up": up[0].tolist(), **more}
-        plans.append((entry, plan))
-
-    def spread(name, n, **more):
+    def spread(name, n, **course):
         up = holes(directions, n)
-        course = {"temperature": more.pop("course")} if "course" in more else {}
-        add(name, up, Plan(up[0], turns_between(up), **habits | course), **more)
+        plan = Plan(up[0], turns_between(up), **habits | course)
+        return _entry(name, plan.duration_s, n, up=up[0].tolist()), plan
 
     if not len(poses):
-        spread("multi_position", POSES)
-        return plans
-    for n in HOLES:
-        spread("poses", n)
+        return [spread("multi_position", POSES)]
+    plans = [spread("poses", n) for n in HOLES]
     axis, up = weakest_axis(known), holes(directions, BEFORE_TURNS)
     for n in TURNS[1:3]:
-        add("turns", up, full_turns(axis, n, up, **habits), n, "xyz"[axis])
+        plan = full_turns(axis, n, up, **habits)
+        first = len(up), n, "xyz"[axis], up[0].tolist()
+        plans.append((_entry("turns", plan.duration_s, *first), plan))
     warm = any("temperature" in effect.needs for effect in known.about.effects)
     if "temperature" in habits and warm:
         low, high = poses.temperature.min(), poses.temperature.max()
         rise = max(SPAN_K, high - low)
         course = ((0.0, low), (0.5, low + rise), (1.0, low))
-        spread("heat_and_cool", HOLES[-1], course=course, span_K=float(rise))
+        entry, plan = spread("heat_and_cool", HOLES[-1], temperature=course)
+        plans.append((entry | {"span_K": float(rise)}, plan))
     return plans
 
 
 def directions_of(recording, calibration):
     """Return the upward direction of each pose that feels any, shape (n, 3), without effects."""
-    force = calibration.accelerometer
-    f = force.output(recording.poses.f) @ force.T.T
+    f = calibration.accelerometer.aligned(recording.poses.f)
     norm = np.linalg.norm(f, axis=1)
     return f[norm > 0] / norm[norm > 0, None]
 
@@ -156,15 +156,14 @@ def weakest_axis(known):
 def _sensor(known, sensor, after, weights):
     """Return parameters and candidates of a sensor; `after` are an entry and standard errors."""
     before, about, prefix = known.std(), known.about, f"{sensor}."
-    units = dict(zip(about.names, about.units, strict=True))
     names = {n: n.removeprefix(prefix) for n in about.names if n.startswith(prefix)}
-    parameters = {}
+    units, parameters = dict(zip(about.names, about.units, strict=True)), {}
     for name, own in names.items():
         std, weight = before[name], weights.get(name)
         weight = None if std is None or weight is None else float(std * weight)
         parameters[own] = {"unit": units[name], "std": std, "weight": weight}
     candidates = [
-        {**entry, "std": {own: std[name] for name, own in names.items()}} for entry, std in after
+        entry | {"std": {own: std[name] for name, own in names.items()}} for entry, std in after
     ]
     excess = known.excess.get(sensor, 1.0)
     return {"excess": excess, "parameters": parameters, "candidates": candidates}
@@ -196,26 +195,14 @@ def _weights(known, recording, floor):
     return found
 
 
-def _again(poses):
-    """Return the entry of the same recording once more."""
-    # each session has its own clock
-    at = [poses.session == session for session in np.unique(poses.session)]
-    duration = float(sum(np.ptp([poses.start_s[k], poses.end_s[k]]) for k in at))
-    entry = {"name": "again", "poses": len(poses), "turns": 0, "axis": None}
-    return {**entry, "duration_s": duration, "up": None}
-
-
 def _rests(gyroscope, noise):
     """Return what hours at rest would add where the bias comes from rests alone."""
     entries = []
-    for hours in STATIC_H if gyroscope.method == "static" else ():
-        mean = noise.pose_mean_covariance(np.array([[0.0, hours * HOUR]]))[3:, 0, 0]
-        after = {}
-        for name, std in gyroscope.std.items():
-            now = std * gyroscope.raw_unit.scale
-            after[name] = float((now**-2 + 1 / mean[int(name[1])]) ** -0.5)
-        entry = {"name": "static", "poses": 0, "turns": 0, "axis": None, "up": None}
-        entries.append({**entry, "duration_s": hours * HOUR, "std": after})
+    for seconds in STATIC_S if gyroscope.method == "static" else ():
+        mean = noise.pose_mean_covariance(np.array([[0.0, seconds]]))[3:, 0, 0]
+        now = {name: std * gyroscope.raw_unit.scale for name, std in gyroscope.std.items()}
+        after = {n: float((s**-2 + 1 / mean[int(n[1])]) ** -0.5) for n, s in now.items()}
+        entries.append(_entry("static", seconds) | {"std": after})
     return entries
 
 
