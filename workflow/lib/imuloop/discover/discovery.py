@@ -89,7 +89,7 @@ def discover(record):
         heldout=heldout,
         fold_effects=effects,
         agreed=float(np.mean([own.single and own.candidates[0] in alike for own in by_fold])),
-        noise_chance=noise_chance(record, columns) if record.noise_known else 1.0,
+        noise_chance=noise_chance(record, columns) if record.of_pair else 1.0,
         constant=min(constancy(each, selection.columns) for each in judged_in),
         lead=lead_over_changes(rows, shifted, selection.columns),
         points={

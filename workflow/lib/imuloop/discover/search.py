@@ -108,8 +108,8 @@ def search_formulas(record, sensor, choices):
         if effect is None or problem.lost((*base, effect)):
             return FormulaSearch(found, None, imitators)
         # errors of other rows are not those of the record
-        heldout = None if searched.merged else found.heldout
-        base = base if searched.merged else still_needed(problem, base, effect)
+        heldout = None if searched.test else found.heldout
+        base = base if searched.test else still_needed(problem, base, effect)
         fold_effects = [searched.named(own) for own in found.fold_effects]
         model = FormulaModel(problem, choices, (*base, effect), fold_effects, heldout)
         return FormulaSearch(found, model, imitators)

@@ -35,20 +35,19 @@ class SearchInput:
     fold: np.ndarray  # (N, 2): the fold a row is held out with, and the other it touches, or -1
     kinds: dict  # of each kind of residual, which rows are of it, and how many of them make one
     scalars: np.ndarray  # (poses, m): what the size of a formula may depend on
-    noise_known: bool = True  # whether anything is known beforehand of how large the noise is
-    test: object = None  # takes folds that are not seen, and what the test of `select` does
-    merged: bool = False  # whether the library is tested by means over shorter windows
-    of_pair: bool = False  # whether the problem is of both sensors
+    # whether the problem is of both sensors: then their noise is known beforehand
+    of_pair: bool = False
+    # of means over longer windows than the library's: takes folds that are not seen, and what the
+    # test of `select` does
+    test: object = None
 
     def of_gravity_alone(self):
         """Return the same of the accelerometer's own rows, without the rotations."""
         at = np.flatnonzero(np.any([own for own, _ in self.kinds.values()], axis=0))
         rows = self.rows.subset(at)
-        rows = replace(
-            rows,
-            jacobian=rows.jacobian[:, rows.jacobian.any(axis=0)],
-            parts=tuple(part for part in rows.parts if part.covariance.any()),
-        )
+        jacobian = rows.jacobian[:, rows.jacobian.any(axis=0)]
+        parts = tuple(part for part in rows.parts if part.covariance.any())
+        rows = replace(rows, jacobian=jacobian, parts=parts)
         space = replace(self.space, columns=self.space.columns[at])
         kinds = {kind: (own[at], count) for kind, (own, count) in self.kinds.items()}
         return replace(self, rows=rows, space=space, fold=self.fold[at], kinds=kinds)
@@ -81,8 +80,8 @@ def of_poses(problem, base, sensor):
     fold, folds = np.array(problem.fold_of_pose), problem.settings.folds
     held = np.flatnonzero(fold >= 0)
     fold[held] = np.arange(len(held)) * min(folds, len(held)) // len(held)
-    problem, how = problem.parted(fold), (sensor, channels, vectors, scalars, kinds)
-    return _of_problem(problem, base, *how, of_pair=True)
+    problem = problem.parted(fold)
+    return _of_problem(problem, base, sensor, channels, vectors, scalars, kinds, of_pair=True)
 
 
 def of_reference(problem, base, sensor):
@@ -96,9 +95,8 @@ def of_reference(problem, base, sensor):
     up = np.nan_to_num([logs[s].attitude[i][2] for s, i in begin])
     missing = any(own.temperature is None for own in logs)
     warmth = None if missing else np.array([logs[s].temperature[i] for s, i in begin])
-    scalars, kinds = scalars_of(up, warmth), problem.sensor.kinds
-    how = sensor, channels, "fw", scalars, kinds
-    return _of_problem(problem, base, *how, of_pair=False)
+    what = scalars_of(up, warmth), problem.sensor.kinds
+    return _of_problem(problem, base, sensor, channels, "fw", *what, of_pair=False)
 
 
 def _of_problem(problem, base, sensor, channels, vectors, scalars, kinds, of_pair):
@@ -110,9 +108,7 @@ def _of_problem(problem, base, sensor, channels, vectors, scalars, kinds, of_pai
     space = space_of(sensor, channels, added, vectors)
     each = {kind: (problem.of_kind(kind), problem.components(kind)) for kind in kinds}
     rows = rows_of(problem, base)
-    # how large the noise beside a reference is the residuals themselves tell
-    what = rows, space, problem.ends, each, scalars
-    return SearchInput(problem, *what, noise_known=of_pair, of_pair=of_pair)
+    return SearchInput(problem, rows, space, problem.ends, each, scalars, of_pair)
 
 
 def rows_of(problem, base=()):
@@ -133,7 +129,7 @@ def still_needed(problem, base, effect):
     """
     while base:
         x = problem.linearized(base).solution.fit.x
-        change, covariance, _ = rows_of(problem, base).fit(problem.added(effect)[:, 0])
+        change, covariance = rows_of(problem, base).fit(problem.added(effect)[:, 0])
         theta, chances = x + change[: len(x)], {}
         count = sum(len(e.parameters) for e in base)
         for each, at in by_effect(np.arange(len(x) - count, len(x)), base).items():
@@ -187,7 +183,7 @@ def of_static(problem, base, sensor):
         log_p, number = min(((t.log_p, t.effect) for t in trials if t), default=(0.0, 0))
         return float(min(1.0, np.exp(log_p) * len(numbers))), number
 
-    return SearchInput(problem, rows, space, fold, kinds, scalars, False, test, merged=True)
+    return SearchInput(problem, rows, space, fold, kinds, scalars, test=test)
 
 
 def _noise_at_rest(records, values):

@@ -56,7 +56,7 @@ class Rows:
         return partial(solve_triangular, root, lower=True)
 
     def fit(self, columns):
-        """Return parameters by generalised least squares, those of columns last; covariance, χ²."""
+        """Return parameters by generalised least squares, those of columns last, and covariance."""
         white = self.whitener(columns)
         values, (basis, triangle) = white(self.values), np.linalg.qr(white(self.design(columns)))
         theta = solve_triangular(triangle, basis.T @ values)
@@ -64,7 +64,7 @@ class Rows:
         chi2 = np.sum((values - basis @ (basis.T @ values)) ** 2)
         # the covariance grows with what is left
         inflation = max(1.0, chi2 / max(len(values) - len(theta), 1))
-        return theta, inflation * root @ root.T, chi2
+        return theta, inflation * root @ root.T
 
 
 @dataclass(frozen=True)
