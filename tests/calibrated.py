@@ -2,6 +2,7 @@
 
 from calibrate.devices import calibrated, known_noise, planned, recording
 from imuloop import Calibration
+from imuloop.core.files import write_json
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 
@@ -12,6 +13,6 @@ def calibrated_device(folder, poses, rest, *seeds):
     for seed in seeds:
         simulate_session(truth, "multi_position", seed).to_csv(folder / f"{seed}.csv", index=False)
     noise = known_noise(truth)
-    noise.to_json(folder / "noise.json")
+    write_json(folder / "noise.json", noise.to_dict())
     sensors = calibrated(recording(truth, seeds[0]), noise, truth.gravity)
     return Calibration("d", truth.gravity, *sensors)

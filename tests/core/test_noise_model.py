@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from calibrate.devices import known
+from imuloop.core.files import write_json
 from imuloop.core.noise_model import (
     AxisNoise,
     Coefficient,
@@ -89,7 +90,7 @@ def test_wrong_windows_are_named(windows):
 
 def test_json_both_ways(tmp_path):
     noise = model(PROCESSES["all"])
-    noise.to_json(tmp_path / "noise.json")
+    write_json(tmp_path / "noise.json", noise.to_dict())
     assert NoiseModel.from_json(tmp_path / "noise.json") == noise
 
 

@@ -205,11 +205,8 @@ class Calibration:
         """
         check_columns(samples.columns)
         refuse_calibrated(samples.columns, samples.attrs.get(METADATA_KEY.decode(), {}))
-        if not nominal:
-            self.refuse_nominal()
-        f, w = (samples[list(axes)].to_numpy(dtype=float) for axes in SENSORS.values())
-        temperature = samples[TEMPERATURE].to_numpy(float) if TEMPERATURE in samples else None
-        f, w = self.calibrated(f, w, samples[TIME].to_numpy(float), temperature)
+        f, w = (samples[list(axes)] for axes in SENSORS.values())
+        f, w = self.apply_arrays(f, w, samples[TIME], samples.get(TEMPERATURE), nominal=nominal)
         calibrated = samples.copy()
         calibrated[list(CHANNELS)] = np.hstack([f, w])
         calibrated.attrs |= calibrated_attrs(self.device)

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 
-from imuloop.core.files import read_json, write_json
+from imuloop.core.files import read_json
 from imuloop.core.samples import CHANNELS
 
 # version of the JSON file
@@ -89,16 +89,13 @@ class AxisNoise:
     @classmethod
     def from_dict(cls, content):
         """Return the processes from their JSON form."""
-
-        def read(of, *names):
-            return [Coefficient.from_dict(of[name]) for name in names]
-
-        processes = [GaussMarkovTerm(*read(p, "q", "tc")) for p in content["gauss_markov"]]
-        lines = [
-            SinusoidTerm(*read(p, "amplitude", "frequency"), p.get("origin"))
-            for p in content["sinusoid"]
+        read, humps, lines = Coefficient.from_dict, content["gauss_markov"], content["sinusoid"]
+        found = [
+            SinusoidTerm(read(line["amplitude"]), read(line["frequency"]), line.get("origin"))
+            for line in lines
         ]
-        return cls(*read(content, *"QNBKR"), tuple(processes), tuple(lines))
+        processes = tuple(GaussMarkovTerm(read(p["q"]), read(p["tc"])) for p in humps)
+        return cls(*(read(content[name]) for name in "QNBKR"), processes, tuple(found))
 
     def allan_variance(self, tau):
         """Return the Allan variance, unit of the axis squared, at `tau` in s (array_like)."""
@@ -267,10 +264,6 @@ class NoiseModel:
             "device": self.device,
             "axes": {name: asdict(self.axes[name]) for name in CHANNELS},
         }
-
-    def to_json(self, path):
-        """Write noise.json."""
-        write_json(path, self.to_dict())
 
     @classmethod
     def from_dict(cls, content):

@@ -128,8 +128,4 @@ def _csv(path, table):
 
 
 def _parquet(path, table):
-    """Open a file for tables as Parquet, doubles byte by byte."""
-    doubles = [field.name for field in table.schema if field.type == pa.float64()]
-    others = [name for name in table.column_names if name not in doubles]
-    encodings = {"use_dictionary": others, "use_byte_stream_split": doubles}
-    return pq.ParquetWriter(path, table.schema, compression="zstd", **encodings)
+    return pq.ParquetWriter(path, table.schema, compression="zstd")
