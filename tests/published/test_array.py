@@ -34,7 +34,7 @@ def test_biases_of_a_later_recording_take_most_of_its_error_away(
     for part in (samples[first], samples[~first]):
         segments, _ = segment_session(part, "multi_position", SegmentSettings())
         halves.append(record([part], [segments], CalibrateSettings().longest_rotation))
-    new = update_biases(old, halves[0], noise, RECORDINGS[1]).calibration
+    new = update_biases(old, halves[0], noise, RECORDINGS[1])[0]
     poses, errors = halves[1].poses, []
     for each in (old, new):
         force, rate = each.apply_arrays(poses.f, poses.w)

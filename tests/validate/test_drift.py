@@ -227,7 +227,7 @@ def updated(request, still, truth, noise, calibrations):
         noise = known_noise(truth)
     logs = (switched_on(still, truth, 3000 + seed) for seed in range(len(calibrations)))
     return [
-        update_biases(each, log.select(keep), noise, "log").calibration
+        update_biases(each, log.select(keep), noise, "log")[0]
         for each, log in zip(calibrations, logs, strict=True)
     ]
 
@@ -287,11 +287,11 @@ def test_nothing_but_the_biases_changes(still, truth, noise, calibrations):
     old = replace(old, gyroscope=replace(old.gyroscope, effects=(effect,)))
     found = []
     for each in (old, in_counts(old)):
-        new = update_biases(each, log, noise, "new.csv")
-        assert not new.kept and new.calibration.updated == dict.fromkeys(JUMP, "new.csv")
-        found.append(new.calibration)
+        new, kept = update_biases(each, log, noise, "new.csv")
+        assert not kept and new.updated == dict.fromkeys(JUMP, "new.csv")
+        found.append(new)
         for sensor in JUMP:
-            one, other = (getattr(c, sensor) for c in (each, new.calibration))
+            one, other = (getattr(c, sensor) for c in (each, new))
             assert one.T.tobytes() == other.T.tobytes() and one.K.tobytes() == other.K.tobytes()
             assert one.effects == other.effects and one.names == other.names
             k = len(one.names) - 3
@@ -302,7 +302,7 @@ def test_nothing_but_the_biases_changes(still, truth, noise, calibrations):
     std = [counts.std[f"b{k}"] * COUNTS.scale for k in range(3)]
     np.testing.assert_allclose(std, [si.std[f"b{k}"] for k in range(3)], rtol=1e-6)
     # the effect stays in the effect: the bias is what it leaves of the rate
-    without = update_biases(calibrations[0], log, noise, "new.csv").calibration.gyroscope
+    without = update_biases(calibrations[0], log, noise, "new.csv")[0].gyroscope
     assert np.abs(found[0].gyroscope.b - without.b).max() > 1e-7
 
 
@@ -312,12 +312,12 @@ def test_a_bias_that_the_log_does_not_determine_stays(still, truth, noise, calib
     f = made.poses.f / np.linalg.norm(made.poses.f, axis=1, keepdims=True)
     near = f @ f[0] > 0.999
     for keep in (np.arange(len(f)) == 0, near | (np.arange(len(f)) == np.argmin(f @ f[0]))):
-        new = update_biases(old, made.select(keep), noise, "log")
-        assert set(new.kept) == {"accelerometer"} and "three or more" in new.kept["accelerometer"]
-        assert new.calibration.accelerometer is old.accelerometer
-        assert new.calibration.updated == {"gyroscope": "log"}
-        std = [new.calibration.gyroscope.std[f"b{k}"] for k in range(3)]
-        error = new.calibration.gyroscope.b - truth.gyroscope.b - JUMP["gyroscope"]
+        new, kept = update_biases(old, made.select(keep), noise, "log")
+        assert set(kept) == {"accelerometer"} and "three or more" in kept["accelerometer"]
+        assert new.accelerometer is old.accelerometer
+        assert new.updated == {"gyroscope": "log"}
+        std = [new.gyroscope.std[f"b{k}"] for k in range(3)]
+        error = new.gyroscope.b - truth.gyroscope.b - JUMP["gyroscope"]
         assert np.all(np.abs(error) < 4 * np.array(std))
     bare = [SensorCalibration.nominal(u, "none") for u in (ACCELERATION_UNIT, RATE_UNIT)]
     with pytest.raises(ImuloopError, match=r"no bias can be updated: accelerometer: .*gyroscope: "):

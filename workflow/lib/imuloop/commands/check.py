@@ -110,8 +110,9 @@ def run(arguments):
         raise ImuloopError(f"{log}: {error}") from error
     say(f"{log.name} against the calibration of {drift.device}; noise {source}", *lines(drift))
     if update:
-        update.calibration.to_json(arguments.output)
-        say(*update_lines(update), f"wrote {arguments.output}")
+        updated, kept = update
+        updated.to_json(arguments.output)
+        say(*update_lines(updated, kept), f"wrote {arguments.output}")
         if drift.drifted and not drift.bias_only:
             say("What drifted beside the biases is as it was: calibrate anew.")
     if arguments.json:
@@ -179,11 +180,11 @@ def lines(drift):
     return found
 
 
-def update_lines(update):
-    """Return a BiasUpdate in lines for people, in raw units."""
-    found = [f"{name}: bias left as it was: {why}" for name, why in update.kept.items()]
-    for name in update.calibration.updated.keys() - update.kept.keys():
-        sensor = getattr(update.calibration, name)
+def update_lines(updated, kept):
+    """Return what `update_biases` gives in lines for people, in raw units."""
+    found = [f"{name}: bias left as it was: {why}" for name, why in kept.items()]
+    for name in updated.updated.keys() - kept.keys():
+        sensor = getattr(updated, name)
         new = (with_sigma(b, sensor.std[f"b{k}"]) for k, b in enumerate(sensor.b.tolist()))
         found.append(f"{name}: bias now {', '.join(new)} {sensor.raw_unit.name}")
     return sorted(found)

@@ -1,19 +1,24 @@
 """Validation: the error of gravity's direction on stretches that no model has seen."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import why_no_fit
+from imuloop.core.model import SensorCalibration
 from imuloop.core.rotation import step_vectors
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.choice import ratio_interval
+from imuloop.diagnose.choice import Choices, ratio_interval
 from imuloop.diagnose.residuals import held_out_covariance
-from imuloop.validate.attitude_errors import METHODS, angle, stretches
-from imuloop.validate.attitude_models import MODELS, blocks, held_out_models
+from imuloop.validate.attitude_errors import METHODS, stretches
 
 # version of the JSON file
 FORMAT = 1
+MODELS = ("raw", "base", "final")
+# poses of a block, so that a stretch has several rotations, and the fewest blocks
+BLOCK, FEWEST = 5, 4
 COLUMNS = {
     "session": object,
     "stretch": int,
@@ -66,27 +71,12 @@ def validate_attitude(device, diagnosed, settings):
         models = held_out_models(diagnosed, problem)
     except LinAlgError as error:
         return no_attitude(device, why_no_fit(error))
-    u = np.array([_directions(each, recording) for each in models])
-    errors = _errors(recording, block, models, u[:, MODELS.index("final")], diagnosed.names)
-    # how far the base model's directions are from the final one's, held out
-    apart = angle(*(u[block, MODELS.index(m), np.arange(len(block))] for m in ("base", "final")))
-    content = {
-        "format": FORMAT,
-        "device": device,
-        "status": "ok",
-        "effects": [
-            {s: [e.name for e in getattr(m["final"], s).effects] for s in SENSORS} for m in models
-        ],
-        "reference_deg": float(np.degrees(np.sqrt((apart**2).mean()))),
-        "methods": {m: _summary(errors, m, settings) for m in METHODS},
-        "sessions": {
-            name: {m: _summary(rows, m, settings) for m in METHODS}
-            for name, rows in errors.groupby("session", sort=False)
-        },
-    }
+    u = [_directions(each["final"], recording) for each in models]
+    errors = _errors(recording, block, models, u, diagnosed.names)
+    methods = {m: _summary(errors, m, settings) for m in METHODS}
     floor = _rotation_floor(problem, poses.solution)
-    content["methods"]["rotation"]["floor_deg"] = float(np.degrees(floor))
-    return content, errors
+    methods["rotation"]["floor_deg"] = float(np.degrees(floor))
+    return {"format": FORMAT, "device": device, "status": "ok", "methods": methods}, errors
 
 
 def no_attitude(device, why):
@@ -95,21 +85,54 @@ def no_attitude(device, why):
     return {"format": FORMAT, "device": device, "status": "not_testable", "why": why}, nothing
 
 
-def _directions(calibrations, recording):
-    """Return gravity's direction at all poses by the accelerometers of `MODELS`, (3, n, 3)."""
-    poses, found = recording.poses, []
-    for name in MODELS:
-        force = calibrations[name].accelerometer
-        channels = recording.pose_channels("accelerometer", force.output, poses.w)
-        found.append(force.apply(poses.f, channels))
-    return np.array(found) / np.linalg.norm(found, axis=-1, keepdims=True)
+def blocks(count, settings):
+    """Return the block of each pose: parts that follow each other in time."""
+    parts = min(count, settings.folds, max(FEWEST, count // BLOCK))
+    return np.arange(count) * parts // max(count, 1)
+
+
+def held_out_models(diagnosed, problem):
+    """Return the models of a device that do not see one block of poses, block by block.
+
+    As in the diagnosis, effects are looked for only where all poses together show one. An
+    accelerometer that the poses do not determine is given. Takes the Diagnosed, and the PoseProblem
+    whose parts are the blocks; gives a dict of Calibration by name in `MODELS` per block, whose
+    final one is the base model where no effect was added.
+    """
+    pair, searched = problem.sensor, bool(diagnosed.poses.choices.choice().base)
+    given = diagnosed.calibration
+    raw = replace(given, **{s: SensorCalibration.nominal(pair.units[s], None) for s in SENSORS})
+    plain = problem
+    if problem.found:
+        plain = replace(problem, found=(), information=None, _linearized={}, _columns={})
+    if "accelerometer" not in pair.estimated:
+        given = replace(given, accelerometer=pair.given)
+
+    def without(problem, base, out):
+        return replace(given, **pair.calibrations(problem.fitted(base, out)))
+
+    models, choices = [], Choices(problem)
+    for k in range(problem.parts):
+        out = frozenset({k})
+        whole = without(problem, choices.choice(out).base if searched else (), out)
+        simple = without(plain, (), out) if whole.effects else whole
+        models.append({"raw": raw, "base": simple, "final": whole})
+    return models
+
+
+def _directions(calibration, recording):
+    """Return gravity's direction at all poses by an accelerometer, (n, 3)."""
+    poses, force = recording.poses, calibration.accelerometer
+    channels = recording.pose_channels("accelerometer", force.output, poses.w)
+    f = force.apply(poses.f, channels)
+    return f / np.linalg.norm(f, axis=1, keepdims=True)
 
 
 def _errors(recording, block, models, directions, names):
     """Return the table of errors: of each stretch, those of all methods and models.
 
-    Takes the models of each block, gravity's direction at the poses by the final one, (blocks, n,
-    3), and the names of the sessions.
+    Takes the models of each block, gravity's direction at the poses by the final one, (n, 3) each,
+    and the names of the sessions.
     """
     tables, last = [], None
     for number, stretch in enumerate(stretches(recording, block)):
@@ -119,7 +142,7 @@ def _errors(recording, block, models, directions, names):
             log, last = recording.logs[session], place
             whole = log.f, log.w, log.t, log.temperature
             calibrated = {model: models[k][model].calibrated(*whole) for model in MODELS}
-        u = directions[k, stretch.poses]
+        u = directions[k][stretch.poses]
         arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
         both = np.column_stack([arrive, leave])[1:]
         for model, (f, w) in calibrated.items():
@@ -157,7 +180,6 @@ def _summary(rows, method, settings):
         "models": {
             model: {
                 "rms_deg": float(np.sqrt((e**2).mean())),
-                "median_deg": float(np.median(e)),
                 "p95_deg": float(np.quantile(e, 0.95)),
             }
             for model, e in errors.items()

@@ -35,22 +35,19 @@ def stretches(recording, block):
 
     A rotation belongs to the block (ndarray of int, shape (n,), of each pose) that it starts from.
     """
-    first = recording.rotations.first
+    first, poses, found = recording.rotations.first, recording.poses, []
     cuts = np.flatnonzero((np.diff(first) != 1) | (np.diff(block[first]) != 0)) + 1
-    groups = [g for g in np.split(first, cuts) if len(g)]
-    return [_stretch(recording, np.append(g, g[-1] + 1)) for g in groups]
-
-
-def _stretch(recording, index):
-    poses = recording.poses
-    t = recording.logs[poses.session[index[0]]].t
-    start, end = poses.start_s[index], poses.end_s[index]
-    # `end_s` is open: the pose's last sample is the one before it
-    arrive, leave = np.searchsorted(t, start), np.searchsorted(t, end) - 1
-    arrive[0] = max(arrive[0], np.searchsorted(t, end[0] - SETTLE))
-    leave[-1] = min(leave[-1], np.searchsorted(t, start[-1] + SETTLE))
-    piece = slice(arrive[0], leave[-1] + 1)
-    return Stretch(index, t[piece], piece, arrive - piece.start, leave - piece.start)
+    for group in np.split(first, cuts) if len(first) else ():
+        index = np.append(group, group[-1] + 1)
+        t = recording.logs[poses.session[index[0]]].t
+        start, end = poses.start_s[index], poses.end_s[index]
+        # `end_s` is open: the pose's last sample is the one before it
+        arrive, leave = np.searchsorted(t, start), np.searchsorted(t, end) - 1
+        arrive[0] = max(arrive[0], np.searchsorted(t, end[0] - SETTLE))
+        leave[-1] = min(leave[-1], np.searchsorted(t, start[-1] + SETTLE))
+        piece = slice(arrive[0], leave[-1] + 1)
+        found.append(Stretch(index, t[piece], piece, arrive - piece.start, leave - piece.start))
+    return found
 
 
 def angle(a, b):

@@ -1,6 +1,6 @@
 """Has a device drifted? The parameters of a calibration tested on a new log."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
@@ -38,8 +38,8 @@ class Change:
     std: float
     sigmas: float
     p_value: float
-    p_holm: float = 1.0
-    drifted: bool = False
+    p_holm: float
+    drifted: bool
 
     @property
     def is_bias(self):
@@ -54,20 +54,17 @@ class SensorDrift:
     What was tested, the strongest first, and which parameters were not, and why. The joint test of
     all changes, with its p-value among those of both sensors. The root mean square of each kind of
     residual with the old calibration, with the floor that noise and the calibration's errors
-    predict; the reduced chi square after all changes. What of the bias was allowed for, SI.
+    predict. What of the bias was allowed for, SI.
     """
 
-    sensor: str
     drifted: bool | None
     changes: tuple = ()
     untested: tuple = ()
     why: str | None = None
     chi2: float | None = None
     dof: int = 0
-    p_value: float | None = None
     p_holm: float | None = None
     residuals: dict | None = None
-    misfit: float | None = None
     turn_on: tuple = ()
 
 
@@ -153,16 +150,15 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     }
     try:
         residuals = DriftResiduals.of(calibration, recording, noise, gravity)
-        found = _test(residuals, allowed)
+        if not residuals.tested:
+            why = "; ".join(f"{name}: {why}" for name, why in residuals.untestable.items())
+            raise ImuloopError(f"nothing can be tested: {why}")
+        sensors = _test(residuals, allowed, level / 2)
     except LinAlgError as error:
         raise ImuloopError(
             "nothing can be tested: the calibration is so far from the log, or its errors are so "
             "large, that rounding leaves nothing of the noise"
         ) from error
-    sensors = _judged(found, level)
-    if all(sensor.drifted is None for sensor in sensors.values()):
-        why = "; ".join(f"{name}: {sensor.why}" for name, sensor in sensors.items())
-        raise ImuloopError(f"nothing can be tested: {why}")
     rotations = 0 if recording.rotations is None else len(recording.rotations)
     return Drift(calibration.device, level, len(recording.poses), rotations, sensors)
 
@@ -180,50 +176,48 @@ def _turn_on(sensor, noise, axes, given):
     return tuple(float(_FLICKER * (noise.axes[axis].B.value or 0.0)) for axis in axes)
 
 
-def _test(residuals, turn_on):
-    """Return the test of each sensor; takes what of the bias is allowed for."""
-    old, untestable = residuals.old, residuals.untestable
-    found = {
-        name: SensorDrift(name, None, untested=residuals.estimated[name], why=why)
-        for name, why in untestable.items()
-    }
-    if not residuals.tested:
-        return found
-    prior = old.covariance.copy()
+def _test(residuals, turn_on, level):
+    """Return the SensorDrift of each sensor.
+
+    Takes what of the bias is allowed for, by sensor, and the level of each family of tests.
+    """
+    old, tested, prior = residuals.old, residuals.tested, residuals.old.covariance.copy()
     for name in SENSORS:
         biases = residuals.places(name, BIASES)
         prior[biases, biases] += np.square(turn_on[name])
     r, jacobian = residuals.at(old.x)
-    tests = {name: testable(residuals, name, jacobian) for name in residuals.tested}
-    basis = np.hstack([own[0] for own in tests.values()])
-    change, covariance, expected, misfits = fit_change(residuals, basis, prior)
-    last = 0
-    for name, (own, names, units, untested, why) in tests.items():
-        last, at = last + own.shape[1], slice(last, last + own.shape[1])
-        delta, spread = change[at], covariance[at, at]
-        # the change of a scale factor is relative
-        factor = np.where([n in SCALES for n in names], own.T @ old.x, 1.0)
-        std = np.sqrt(np.diag(spread))
-        rows = zip(names, units, delta, std, factor, strict=True)
-        changes = tuple(
-            Change(
-                n, unit, float(c / k), float(s / k), float(c / s), float(2 * norm.sf(abs(c / s)))
-            )
-            for n, unit, c, s, k in rows
-        )
-        joint = float(delta @ np.linalg.solve(spread, delta))
+    tests = [testable(residuals, name, jacobian) for name in tested]
+    basis = np.hstack([own[0] for own in tests])
+    change, covariance, expected = fit_change(residuals, basis, prior)
+    std = np.sqrt(np.diag(covariance))
+    p_values = 2 * norm.sf(np.abs(change / std))
+    # the change of a scale factor is relative
+    scaled = [name in SCALES for own in tests for name in own[1]]
+    factor = np.where(scaled, basis.T @ old.x, 1.0)
+    numbers = change / factor, std / factor, change / std, p_values, holm(p_values)
+    numbers = np.column_stack(numbers).tolist()
+    ends = np.cumsum([own[0].shape[1] for own in tests])
+    parts = [slice(end - own[0].shape[1], end) for own, end in zip(tests, ends, strict=True)]
+    joint = [float(change[at] @ np.linalg.solve(covariance[at, at], change[at])) for at in parts]
+    chances = [float(chi2.sf(x, at.stop - at.start)) for x, at in zip(joint, parts, strict=True)]
+    found = {
+        name: SensorDrift(None, untested=residuals.estimated[name], why=why)
+        for name, why in residuals.untestable.items()
+    }
+    together = zip(tested, tests, parts, joint, holm(chances).tolist(), strict=True)
+    for name, (_, names, units, untested, why), at, square, p_holm in together:
+        rows = zip(names, units, numbers[at], strict=True)
+        changes = [Change(name, unit, *own, own[-1] < level) for name, unit, own in rows]
         found[name] = SensorDrift(
-            name,
-            False,
-            changes,
+            p_holm < level or any(each.drifted for each in changes),
+            tuple(sorted(changes, key=lambda each: each.p_value)),
             untested,
             why,
-            joint,
+            square,
             len(changes),
-            float(chi2.sf(joint, len(changes))),
-            residuals=residuals.summary(name, r, np.diag(expected)),
-            misfit=misfits[name],
-            turn_on=turn_on[name],
+            p_holm,
+            residuals.summary(name, r, np.diag(expected)),
+            turn_on[name],
         )
     return {name: found[name] for name in SENSORS}
 
@@ -231,29 +225,24 @@ def _test(residuals, turn_on):
 def fit_change(residuals, basis, prior):
     """Return the change δ of the parameters along a basis, (p, q), that a new log shows.
 
-    With its covariance, the covariance S of the residuals before it, and by sensor the reduced chi
-    square that is left, None without a degree of freedom. `prior`, (p, p), is the covariance of the
-    old parameters.
+    With its covariance, and the covariance S of the residuals before it. `prior`, (p, p), is the
+    covariance of the old parameters.
     """
     _, jacobian = residuals.at(residuals.old.x)
     known, owners = jacobian @ prior @ jacobian.T, residuals.owners
     excess = np.ones(len(owners))
-    for attempt in range(2):
-        size = np.sqrt(excess)
-        expected = residuals.noise * np.outer(size, size) + known
-        change, covariance, left = _solve(residuals, basis, expected)
-        groups = [owners == name for name in residuals.tested]
-        found, _ = chi_square(*left, groups)
-        if attempt:
-            break
-        for at, (square, dof) in zip(groups, found, strict=True):
-            # the new log fits worse than its noise whatever the parameters: so do they
-            if dof > LEAST_DOF and chi2.sf(square, dof) < MISFIT:
-                excess[at] = square / dof
+    *_, left = _solve(residuals, basis, residuals.noise + known)
+    groups = [owners == name for name in residuals.tested]
+    for at, (square, dof) in zip(groups, chi_square(*left, groups)[0], strict=True):
+        # the new log fits worse than its noise whatever the parameters: so do they
+        if dof > LEAST_DOF and chi2.sf(square, dof) < MISFIT:
+            excess[at] = square / dof
+    size = np.sqrt(excess)
+    expected = residuals.noise * np.outer(size, size) + known
+    change, covariance, _ = _solve(residuals, basis, expected)
     if not np.all(np.diag(covariance) > 0):
         raise LinAlgError("rounding leaves a covariance indefinite")
-    misfits = [square / dof if dof > LEAST_DOF else None for square, dof in found]
-    return change, covariance, expected, dict(zip(residuals.tested, misfits, strict=True))
+    return change, covariance, expected
 
 
 def _solve(residuals, basis, expected):
@@ -275,22 +264,3 @@ def holm(p_values):
     adjusted = np.empty(len(p))
     adjusted[order] = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1))
     return np.minimum(adjusted, 1.0)
-
-
-def _judged(sensors, level):
-    """Return the tests of both sensors with what they say of each other's chance."""
-    tested = [name for name, s in sensors.items() if s.changes]
-    single = iter(holm([c.p_value for name in tested for c in sensors[name].changes]).tolist())
-    joint = dict(zip(tested, holm([sensors[n].p_value for n in tested]).tolist(), strict=True))
-    for name in tested:
-        changes = [
-            replace(change, p_holm=p, drifted=p < level / 2)
-            for change, p in zip(sensors[name].changes, single, strict=False)
-        ]
-        sensors[name] = replace(
-            sensors[name],
-            changes=tuple(sorted(changes, key=lambda c: c.p_value)),
-            p_holm=joint[name],
-            drifted=joint[name] < level / 2 or any(c.drifted for c in changes),
-        )
-    return sensors

@@ -1,23 +1,14 @@
 """The biases of a new log: those of a calibration, replaced; all else in it stays."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from imuloop.calibrate.raw_units import si_factor
 from imuloop.core.errors import ImuloopError
-from imuloop.core.model import Calibration
 from imuloop.core.samples import SENSORS
 from imuloop.validate.drift import fit_change
 from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
-
-
-@dataclass(frozen=True)
-class BiasUpdate:
-    """A calibration with new biases, and by sensor why one kept its own."""
-
-    calibration: Calibration
-    kept: dict[str, str]
 
 
 def update_biases(calibration, recording, noise, log, *, gravity=None):
@@ -40,7 +31,8 @@ def update_biases(calibration, recording, noise, log, *, gravity=None):
 
     Returns
     -------
-    BiasUpdate
+    Calibration, dict of str to str
+        That with the new biases, and by sensor why one kept its own.
 
     Raises
     ------
@@ -67,7 +59,7 @@ def update_biases(calibration, recording, noise, log, *, gravity=None):
         for name in updated
     }
     logs = calibration.updated | dict.fromkeys(updated, log)
-    return BiasUpdate(replace(calibration, **sensors, updated=logs), kept)
+    return replace(calibration, **sensors, updated=logs), kept
 
 
 def _new_biases(residuals, updated):
@@ -76,7 +68,7 @@ def _new_biases(residuals, updated):
     biases = np.concatenate([residuals.places(name, BIASES) for name in updated])
     prior, change = old.covariance.copy(), np.zeros(len(old.x))
     prior[biases], prior[:, biases] = 0.0, 0.0
-    found, own, expected, _ = fit_change(residuals, np.eye(len(old.x))[:, biases], prior)
+    found, own, expected = fit_change(residuals, np.eye(len(old.x))[:, biases], prior)
     _, jacobian = residuals.at(old.x)
     across = -own @ jacobian[:, biases].T @ np.linalg.solve(expected, jacobian @ prior)
     change[biases] = found
