@@ -19,8 +19,14 @@ from imuloop.core.samples import SENSORS
 from imuloop.diagnose.diagnose import Diagnosed
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.truth import example_truth
-from imuloop.validate.attitude import blocks, held_out_models, validate_attitude
-from imuloop.validate.attitude_errors import METHODS, Stretch, stretches
+from imuloop.validate.attitude import (
+    METHODS,
+    Stretch,
+    blocks,
+    held_out_models,
+    stretches,
+    validate_attitude,
+)
 
 SETTINGS = DiagnoseSettings()
 
