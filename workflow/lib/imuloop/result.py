@@ -20,6 +20,7 @@ from imuloop import chain
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, refuse_overwriting, replaced
 from imuloop.core.model import Calibration
+from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
@@ -54,9 +55,7 @@ class Result:
     @cached_property
     def noise(self) -> dict:
         """Noise of each channel, ``ax`` to ``gz``, an `AxisNoise` in SI units."""
-        from imuloop.report.results import axes_of
-
-        return axes_of(read_json(self.device.file("noise.json"))["axes"])
+        return NoiseModel.from_json(self.device.file("noise.json")).axes
 
     @cached_property
     def diagnosis(self) -> dict:
