@@ -231,8 +231,6 @@ class FittedEffect:
         ranges = {key: tuple(map(float, ends)) for key, ends in content.get("range", {}).items()}
         if not {*ranges, *std} <= {*values}:
             raise ImuloopError(f"effect {name}: range or std of what is no parameter of it")
-        if not np.isfinite([*values.values(), *std.values()]).all():
-            raise ImuloopError(f"effect {name}: a parameter or its std is no finite number")
         for ends in ranges.values():
             if not (len(ends) == 2 and -np.inf < ends[0] <= ends[1] < np.inf):
                 raise ImuloopError(f"effect {name}: range is no least and largest value")

@@ -81,7 +81,7 @@ def apply_file(calibration, source, target, rows=ROWS):
             begin, end = max(first - more, 0), min(last + more, len(samples))
             piece = slice(first - begin, last - begin)
             t, *values = samples.read((TIME, *CHANNELS), begin, end)
-            f, w = np.transpose(values[:3]), np.transpose(values[3:])
+            f, w = np.split(np.transpose(values), 2, axis=1)
             temperature, clamped = None if warm is None else warm[begin:end], ({}, {})
             f, w = calibration.calibrated(f, w, t, temperature, pasts, step, clamped)
             for sensor, effects in zip(SENSORS, clamped, strict=True):
@@ -91,8 +91,11 @@ def apply_file(calibration, source, target, rows=ROWS):
             for name, column in zip(CHANNELS, np.hstack([f, w])[piece].T, strict=True):
                 table = table.set_column(table.column_names.index(name), name, pa.array(column))
             table = _as_text(table) if is_text else table.replace_schema_metadata(metadata)
-            if writer is None:
-                writer = stack.enter_context((_csv if is_text else _parquet)(temporary, table))
+            if writer is None and is_text:
+                writer = stack.enter_context(_csv(temporary, table))
+            elif writer is None:
+                parquet = pq.ParquetWriter(temporary, table.schema, compression="zstd")
+                writer = stack.enter_context(parquet)
             writer.write_table(table)
             first = last
     return dict(+counts)
@@ -125,7 +128,3 @@ def _csv(path, table):
         pa.csv.CSVWriter(file, table.schema, write_options=options) as out,
     ):
         yield out
-
-
-def _parquet(path, table):
-    return pq.ParquetWriter(path, table.schema, compression="zstd")
