@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.diagnose.choice import Choice, Choices
@@ -52,7 +51,6 @@ class FormulaSearch:
     def content(self):
         """What diagnosis.json holds of the search."""
         found, space, selection = self.discovery, self.discovery.space, self.discovery.selection
-        margin = min(selection.margin, found.lead)
         status = "structure" if selection.candidates else "nothing"
         formula = self.choices.base[-1] if self.choices else space.effect(selection.columns)
         return {
@@ -60,10 +58,6 @@ class FormulaSearch:
             "searched": len(space.candidates),
             "chance": selection.chance,
             "formula": formula.formula,
-            "margin": margin if np.isfinite(margin) else None,
-            "left": found.noise_chance,
-            "agreed": found.agreed,
-            "constant": found.constant,
             "imitators": [effect.formula for effect in self.imitators[:LISTED]],
             "residuals": found.kinds,
             "points": found.points,
