@@ -76,7 +76,7 @@ def diagnosis(weight=0.5, gain=0.5, **blocks):
         parameters = {
             n: {"unit": units[n[0]], "std": 3.1e-4, "weight": weights[n[0]]} for n in names
         }
-        entry = {"name": "poses", "poses": 20, "turns": 0, "axis": None, "duration_s": 180.0}
+        entry = {"name": "poses", "poses": 20, "duration_s": 180.0}
         entry |= {"up": [0, 0, -1.0], "std": {n: 3.1e-4 * (1 - gain) for n in names}}
         content[sensor] = {"parameters": parameters, "candidates": [entry]}
     turns = {"axis": "z", "std": 3.1e-4, "std_after": 3.1e-4, "level": 1e-3}

@@ -43,10 +43,10 @@ def next_recording(diagnosed):
     Returns
     -------
     dict
-        ``sensors`` {sensor: {``parameters`` {name: {unit, std, weight}}, ``candidates``,
-        ``excess``, the reduced chi square of the poses}}, ``turns``, and ``motion`` as of
-        `turns_in_motion`. A candidate holds its ``name``, ``poses``, ``turns``, ``axis``,
-        ``duration_s``, ``up`` of its first pose and ``std`` {name: number or null} after it.
+        ``sensors`` {sensor: {``parameters`` {name: {unit, std, weight}}, ``candidates``}},
+        ``turns``, and ``motion`` as of `turns_in_motion`. A candidate holds its ``name``,
+        ``poses``, ``duration_s``, ``up`` of its first pose and ``std`` {name: number or null} after
+        it.
         ``weight`` is the error of a sensor's output at 1 g or 100 deg/s that one standard error
         makes, over the noise of a mean of one second. Empty where the noise is not known.
     """
@@ -76,7 +76,7 @@ def next_recording(diagnosed):
         # each session has its own clock
         each = [poses.session == session for session in np.unique(poses.session)]
         seconds = sum(np.ptp([poses.start_s[at], poses.end_s[at]]) for at in each)
-        entry = _entry("again", seconds, poses=len(poses))
+        entry = _entry("again", seconds, len(poses))
         after.append((entry, known.std(known.recorded)))
     weights = _weights(known, recording, floor)
     content = {sensor: _sensor(known, sensor, after, weights) for sensor in SENSORS}
@@ -92,10 +92,9 @@ def next_recording(diagnosed):
     return {"sensors": content, "turns": turns, "motion": in_motion}
 
 
-def _entry(name, duration_s, poses=0, turns=0, axis=None, up=None):
+def _entry(name, duration_s, poses=0, up=None):
     """Return what the results hold of a candidate."""
-    entry = {"name": name, "poses": poses, "turns": turns, "axis": axis}
-    return entry | {"duration_s": float(duration_s), "up": up}
+    return {"name": name, "poses": poses, "duration_s": float(duration_s), "up": up}
 
 
 def _habits(recording):
@@ -120,7 +119,7 @@ def candidate_plans(recording, calibration, known):
     def spread(name, n, **course):
         up = holes(directions, n)
         plan = Plan(up[0], turns_between(up), **habits | course)
-        return _entry(name, plan.duration_s, n, up=up[0].tolist()), plan
+        return _entry(name, plan.duration_s, n, up[0].tolist()), plan
 
     if not len(poses):
         return [spread("multi_position", POSES)]
@@ -128,8 +127,7 @@ def candidate_plans(recording, calibration, known):
     axis, up = weakest_axis(known), holes(directions, BEFORE_TURNS)
     for n in TURNS[1:3]:
         plan = full_turns(axis, n, up, **habits)
-        first = len(up), n, "xyz"[axis], up[0].tolist()
-        plans.append((_entry("turns", plan.duration_s, *first), plan))
+        plans.append((_entry("turns", plan.duration_s, len(up), up[0].tolist()), plan))
     warm = any("temperature" in effect.needs for effect in known.about.effects)
     if "temperature" in habits and warm:
         low, high = poses.temperature.min(), poses.temperature.max()
@@ -165,8 +163,7 @@ def _sensor(known, sensor, after, weights):
     candidates = [
         entry | {"std": {own: std[name] for name, own in names.items()}} for entry, std in after
     ]
-    excess = known.excess.get(sensor, 1.0)
-    return {"excess": excess, "parameters": parameters, "candidates": candidates}
+    return {"parameters": parameters, "candidates": candidates}
 
 
 def _weights(known, recording, floor):
