@@ -67,7 +67,7 @@ def first():
     log = simulate_session(TRUTH, "multi_position", 4)
     recording = recorded(log)
     found = fitted(recording)
-    known = Information.of(found, found.poses.pair, found.poses.solution)
+    known = Information.of(found)
     plans = candidate_plans(recording, found.calibration, known)
     return log, next_recording(found), plans, known.excess
 
@@ -253,6 +253,6 @@ def test_poses_without_specific_force_know_nothing(first):
     calibration = fitted(recording).calibration
     lacking = replace(calibration, accelerometer=SensorCalibration.nominal(ACCELERATION_UNIT, ""))
     for poses, known in ((deaf, False), (recording, True)):
-        found = Information.of(diagnosed_as(poses, lacking), None, None).std()
+        found = Information.of(diagnosed_as(poses, lacking)).std()
         assert (None in found.values()) != known
     assert len(directions_of(deaf, lacking)) == len(deaf.poses) - 4

@@ -11,9 +11,8 @@ from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.report.advice import what_next
 from imuloop.report.figures.arms import arm_pictures
-from imuloop.report.recording import turns_in_motion
 from imuloop.report.results import DeviceResults
-from imuloop.report.verdict import BOTH, UNTESTED, answers, motion_of, sentence
+from imuloop.report.verdict import BOTH, answers, motion_of, sentence
 from report.plausible_diagnosis import residual
 
 RESIDUAL = residual("m/s", 20e-3, 6e-3, 4e-3, 20)
@@ -98,36 +97,3 @@ def test_the_arms_are_drawn_with_their_sigma(with_arms):
     found = [[float(row[f"{axis}_std_mm"]) for axis in "xyz"] for row in rows[:2]]
     np.testing.assert_allclose(found, std.reshape(2, 3))
     assert arm_pictures(with_arms, motion_of(diagnosis("explained"))) == []
-
-
-def advice(undersampled=None, **turns):
-    found = {
-        "parameter": "lever_arm.rxy", "unit": "m", "std": 4e-3, "level": 3e-4, "std_after": 2e-4,
-        "axes": ["x", "z"], "turns": 8, "seconds": 1.0,
-    }  # fmt: skip
-    block = diagnosis("not_testable")
-    for own in block["sensors"].values():
-        own["motion"]["why"] = "a knock"
-    block["next_recording"] = {"motion": found | turns}
-    lost = {"rotation": {"undersampled": undersampled}}
-    block["sensors"]["gyroscope"]["poses"] = UNTESTED | {"residuals": lost}
-    return [
-        text.replace("\u202f", " ")
-        for _, text in turns_in_motion(DeviceResults("a", "A", None, diagnosis=block))
-    ]
-
-
-def test_about_which_axes_to_turn_and_how_fast_is_said():
-    [text] = advice()
-    assert text == (
-        "Motion could not be tested: a knock. Turn about x and z: 8 quarter and half turns about "
-        "each, level, there and back, in 1.0 s each (90° at 90 °/s) with rests between, would "
-        "lower σ of the accelerometer's lever_arm rxy from 4.0 to 0.20 mm; 0.30 mm are, at 100 "
-        "°/s, the noise of a mean of 1 s."
-    )
-    lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 25.0, "enough_hz": 60.0}
-    slower = "Raise the rate of the log first: it is too low for the turns at hand."
-    assert advice(lost) == [f"{text} {slower}"]
-    [text] = advice(axes=["z"])
-    assert "Turn about z: 8 quarter and half turns about it, level" in text
-    assert advice(std=5e-4) == advice(std_after=3.8e-3) == []

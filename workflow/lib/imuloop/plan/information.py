@@ -32,8 +32,8 @@ class Information:
     matrix : ndarray, shape (p, p)
         The information.
     excess : dict of str to float
-        Reduced chi square of each sensor's residuals, and of the motion's, at least 1: the
-        variances of a recording are so many times those of the noise.
+        Reduced chi square of each sensor's residuals at the poses, at least 1: the variances of a
+        recording are so many times those of the noise.
     recorded : ndarray, shape (p, p), or None
         What the recording at hand says alone.
     """
@@ -44,19 +44,14 @@ class Information:
     recorded: np.ndarray | None = None
 
     @classmethod
-    def of(cls, diagnosed, pair, solution, sought=()):
-        """Return what a Diagnosed knows.
-
-        Takes the SensorPair and Solution of the recording at hand, None where this determines no
-        sensor, and further OfSensor effects.
-        """
+    def of(cls, diagnosed):
+        """Return what a Diagnosed knows."""
         calibration, recording = diagnosed.calibration, diagnosed.recording
+        solution = diagnosed.poses.solution
         held = {OfSensor(e.effect, s) for s in SENSORS for e in getattr(calibration, s).effects}
         # effects from elsewhere may need channels that a plan has not
         effects = [e for e in solution.effects if e in held] if solution else []
-        effects += [e for e in sought if e not in effects]
-        quiet = pair.quiet if pair else None
-        about = CalibratedPair.of(calibration, diagnosed.noise, calibration.gravity, effects, quiet)
+        about = CalibratedPair.of(calibration, diagnosed.noise, calibration.gravity, effects)
         reduced = solution.reduced_chi2 if solution else {}
         excess = {owner: max(1.0, chi2 or 1.0) for owner, chi2 in reduced.items()}
         known, recorded = cls(about, np.zeros((len(about.names),) * 2), excess), None
@@ -66,12 +61,6 @@ class Information:
             recorded = known.of_recording(recording)
         matrix = combined(about.covariance, known.matrix if recorded is None else recorded)
         return replace(known, matrix=matrix, recorded=recorded)
-
-    @property
-    def held(self):
-        """Standard errors of what the calibration holds, by name."""
-        std = np.sqrt(np.diag(self.about.covariance)).tolist()
-        return {name: s for name, s in zip(self.about.names, std, strict=True) if s > 0}
 
     def std(self, more=None):
         """Return standard errors by name, with more information; None where unknown."""
@@ -84,10 +73,12 @@ class Information:
         unknown = (axes[:, ~shown] ** 2).sum(axis=1) > UNKNOWN
         after = np.sqrt((axes[:, shown] ** 2 / values[shown]).sum(axis=1)) / size
         found = dict(zip(names, np.where(unknown, None, after).tolist(), strict=True))
-        held = self.held
-        if more is None:
-            return found | held
-        return found | {name: s for name, s in held.items() if found[name] is None}
+        # of what the calibration holds, now the same to the last digit
+        held = np.sqrt(np.diag(self.about.covariance)).tolist()
+        for name, size in zip(names, held, strict=True):
+            if size > 0 and (more is None or found[name] is None):
+                found[name] = size
+        return found
 
     def of_recording(self, recording):
         """Return ``Jᵀ Σ⁻¹ J`` of another recording, (p, p), its noise with the excess."""

@@ -6,7 +6,6 @@ from imuloop.calibrate.sensor_pair import BASES
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.units import DEGREE, HOUR
 from imuloop.plan.information import RATE_IN_USE, Information
-from imuloop.plan.motion import turns_in_motion
 from imuloop.plan.session import (
     INITIAL_REST_S,
     MOVE_S,
@@ -15,7 +14,6 @@ from imuloop.plan.session import (
     Plan,
     full_turns,
     holes,
-    level_turns,
     planned_recording,
     turns_between,
 )
@@ -43,10 +41,9 @@ def next_recording(diagnosed):
     Returns
     -------
     dict
-        ``sensors`` {sensor: {``parameters`` {name: {unit, std, weight}}, ``candidates``}},
-        ``turns``, and ``motion`` as of `turns_in_motion`. A candidate holds its ``name``,
-        ``poses``, ``duration_s``, ``up`` of its first pose and ``std`` {name: number or null} after
-        it.
+        ``sensors`` {sensor: {``parameters`` {name: {unit, std, weight}}, ``candidates``}}, and
+        ``turns``. A candidate holds its ``name``, ``poses``, ``duration_s``, ``up`` of its first
+        pose and ``std`` {name: number or null} after it.
         ``weight`` is the error of a sensor's output at 1 g or 100 deg/s that one standard error
         makes, over the noise of a mean of one second. Empty where the noise is not known.
     """
@@ -67,7 +64,7 @@ def next_recording(diagnosed):
     def planned(plan):
         return planned_recording(plan, calibration, variance, rate, hasty)
 
-    known = Information.of(diagnosed, diagnosed.poses.pair, diagnosed.poses.solution)
+    known = Information.of(diagnosed)
     made = [(e, planned(plan)) for e, plan in candidate_plans(recording, calibration, known)]
     if any(recorded.poses.unknown_noise(noise, CHANNELS) for _, recorded in made):
         return {}
@@ -81,15 +78,8 @@ def next_recording(diagnosed):
     weights = _weights(known, recording, floor)
     content = {sensor: _sensor(known, sensor, after, weights) for sensor in SENSORS}
     content["gyroscope"]["candidates"] += _rests(calibration.gyroscope, noise)
-    turns, in_motion = {}, {}
-    if len(poses):
-        turns = _turns(known, recording, calibration, floor[3:], planned)
-    if diagnosed.motion:
-        habits = _habits(recording)
-        in_motion = turns_in_motion(
-            diagnosed, floor[:3], lambda *turn: planned(level_turns(*turn, **habits))
-        )
-    return {"sensors": content, "turns": turns, "motion": in_motion}
+    turns = _turns(known, recording, calibration, floor[3:], planned) if len(poses) else {}
+    return {"sensors": content, "turns": turns}
 
 
 def _entry(name, duration_s, poses=0, up=None):

@@ -16,9 +16,6 @@ from imuloop.simulate.motion import Piece, chain, rest, shortest_turn
 INITIAL_REST_S, POSES, REST_S, MOVE_S = 50.0, 40, 4.0, 2.0
 # a turn of 360 degrees by hand, s
 FULL_TURN_S = 5.0
-# turns about an axis, there and back, in quarters: of two lengths, for what goes with the square of
-# a rate to differ from what goes with the rate
-QUARTERS = (1, 2, 1, -1, -2, -1, 2, -2)
 # samples per second of a plan: enough to follow a hand that turns
 RATE = 25.0
 _CANDIDATES = fibonacci_lattice(500)
@@ -76,13 +73,6 @@ def full_turns(axis, n, poses, *, move_s=MOVE_S, **habits):
     turns[:, axis] = 2 * np.pi * (-1.0) ** np.arange(n)
     seconds = np.repeat([move_s, max(FULL_TURN_S, move_s)], [len(poses), n])
     return Plan(up[0], np.concatenate([turns_between(up), turns]), move_s=seconds, **habits)
-
-
-def level_turns(axis, seconds, **habits):
-    """Return the Plan of quarter and half turns about a level body axis, there and back."""
-    turns = np.zeros((len(QUARTERS), 3))
-    turns[:, axis] = np.pi / 2 * np.array(QUARTERS)
-    return Plan(np.roll(np.eye(3)[axis], 1), turns, **habits | {"move_s": seconds})
 
 
 def planned_recording(plan, calibration, variance, rate, aliased=0.0):

@@ -16,7 +16,6 @@ from imuloop.report.recording import (
     hole,
     initial_rest,
     static_record,
-    turns_in_motion,
     turns_needed,
 )
 from imuloop.report.verdict import (
@@ -134,7 +133,6 @@ def next_steps(device):
         best_recording,
         hole,
         turns_needed,
-        turns_in_motion,
         initial_rest,
         static_record,
         _heat_and_cool,

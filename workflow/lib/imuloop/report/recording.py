@@ -13,7 +13,7 @@ from imuloop.report.figures.poses import pose_directions
 from imuloop.report.numbers import duration, joined, number, percent
 from imuloop.report.results import SENSORS, XYZ
 from imuloop.report.units import MILLIRADIAN, data_sheet, quantities
-from imuloop.report.verdict import ABOVE, block_of, undersampled
+from imuloop.report.verdict import ABOVE, block_of
 
 # poses that determine an accelerometer's parameters and check them
 ENOUGH_POSES = len(NAMES) + 1
@@ -199,31 +199,6 @@ def turns_needed(device):
         f"poses in the largest holes of the sphere, then {turns['turns']} turns of 360° about "
         f"{axis}, both ways, with {axis} level, would bring σ to {sigma_words('1', after)}; "
         f"{sigma_words('1', level)} are, at 100\u202f°/s, the noise of a mean of 1\u202fs.",
-    )
-
-
-def turns_in_motion(device):
-    """Yield about which axes to turn, and how fast, to see what that does to the accelerometer."""
-    turns = device.diagnosis.get("next_recording", {}).get("motion")
-    if not turns or turns["std"] <= MATTERS * turns["level"]:
-        return
-    now, after, level, unit, axes, seconds = (
-        turns[key] for key in ("std", "std_after", "level", "unit", "axes", "seconds")
-    )
-    if (gain := 1 - after / now) < NOTICEABLE:
-        return
-    why = block_of(device.diagnosis, "accelerometer", "motion").get("why")
-    reason = f"Motion could not be tested: {why}. " if why else ""
-    few, _ = undersampled(block_of(device.diagnosis, "gyroscope"))
-    first = " Raise the rate of the log first: it is too low for the turns at hand." if few else ""
-    about, name = "each" if axes[1:] else "it", parameter_words("accelerometer", turns["parameter"])
-    yield (
-        gain,
-        f"{reason}Turn about {joined(axes)}: {turns['turns']} quarter and half turns about "
-        f"{about}, level, there and back, in {number(seconds, 2)}\u202fs each (90° at "
-        f"{number(90 / seconds, 2)}\u202f°/s) with rests between, would lower σ of {name} "
-        f"from {sigma_words(unit, now, after)}; {sigma_words(unit, level)} are, at 100\u202f°/s, "
-        f"the noise of a mean of 1\u202fs.{first}",
     )
 
 
