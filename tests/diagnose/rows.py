@@ -54,7 +54,7 @@ class Rows:
         return self.evidence.training(out)
 
     def left(self, search, base):
-        return search.training(base).left(search.columns(base, 0), 0)[0][:, None]
+        return search.training(base).left(base, 0)[:, None]
 
     measure, enough = 1.0, 1.0
 

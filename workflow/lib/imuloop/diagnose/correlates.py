@@ -24,9 +24,8 @@ def correlates(search, base, probes):
             continue
         (pattern,) = training.evidence.patterns(((name, kind),))
         squares = np.zeros(2)
-        for axis, own in enumerate(pattern.columns):
-            before = search.columns(base, axis)
-            fits = (training.fit(c, axis) for c in (before, (*before, *own)))
+        for axis in range(training.evidence.axes):
+            fits = (training.fit(e, axis) for e in (base, (*base, (name, kind))))
             squares += [f.square[0] / f.dof for f in fits]
         found.append(
             {

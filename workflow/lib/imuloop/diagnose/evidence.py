@@ -1,5 +1,6 @@
 """Evidence: products of residuals and patterns under every hypothesis about the noise."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,35 +62,30 @@ class Pattern:
         return zip(self.columns, self.parameters, self.scale, strict=True)
 
 
+@dataclass(eq=False)
 class Evidence:
-    """Rows of all blocks with the patterns that may explain them.
+    """Rows of all blocks with the patterns that may explain them."""
 
-    Parameters
-    ----------
-    blocks : sequence of Block
-        Rows.
-    prior : ndarray, shape (h,)
-        Logarithm of each hypothesis' probability before the data.
-    design : callable
-        Gives the derivative of all rows with respect to an effect's parameters, (N, a, q).
-    least : float or ndarray, shape (h,)
-        Least share of a hypothesis' variance that noise can have: 1 where its size is known.
-    still, plain : ndarray of bool, shape (h,)
-        Hypotheses at which parameters are estimated, all by default; and those of the noise as it
-        was seen, no slower, those of `still` by default.
-    even : int, optional
-        Hypothesis at which nuisances are estimated; that of the parameters by default.
-    """
+    blocks: list[Block]
+    prior: np.ndarray  # (h,): logarithm of each hypothesis' probability before the data
+    # gives the derivative of all rows with respect to an effect's parameters, (N, a, q)
+    design: Callable
+    # least share of a hypothesis' variance that noise can have: 1 where its size is known
+    least: float = 0.0
+    # (h,): hypotheses at which parameters are estimated, all by default; and those of the noise as
+    # it was seen, no slower, those of `still` by default
+    still: np.ndarray | None = None
+    plain: np.ndarray | None = None
+    # hypothesis at which nuisances are estimated; that of the parameters by default
+    even: int | None = None
 
-    def __init__(self, blocks, prior, design, least=0.0, still=None, plain=None, even=None):
-        self.blocks, self.prior, self.design = tuple(blocks), prior, design
-        self.least = np.broadcast_to(least, prior.shape)
-        self.still = np.ones(len(prior), dtype=bool) if still is None else still
-        self.plain = self.still if plain is None else plain
-        self.even = even
+    def __post_init__(self):
+        """Enter the residuals of each axis."""
+        self.still = np.ones(len(self.prior), dtype=bool) if self.still is None else self.still
+        self.plain = self.still if self.plain is None else self.plain
         self.axes = self.blocks[0].values.shape[1]
-        # of each block: columns, and their products with the precision, (h, n)
-        self.columns, self.weighted = [[] for _ in self.blocks], [[] for _ in self.blocks]
+        # columns, (N,) each, and of each block their products with the precision, (h, n)
+        self.columns, self.weighted = [], [[] for _ in self.blocks]
         self._known, self._patterns, self._trainings = {}, {}, {}
         self._ends = np.cumsum([len(b.values) for b in self.blocks])[:-1]
         self.sides = [b.noise.precision @ b.nuisance for b in self.blocks]
@@ -105,11 +101,17 @@ class Evidence:
                 new.append(vector)
             numbers.append(self._known[key])
         if new:
-            for i, part in enumerate(np.split(np.array(new), self._ends, axis=1)):
-                self.columns[i] += list(part)
-                weighted = self.blocks[i].noise.precision @ part.T
-                self.weighted[i] += list(np.moveaxis(weighted, 2, 0))
+            self.columns += new
+            for block, weighted, part in zip(
+                self.blocks, self.weighted, self.split(np.array(new).T), strict=True
+            ):
+                weighted += list(np.moveaxis(block.noise.precision @ part, 2, 0))
         return tuple(numbers)
+
+    def matrix(self, numbers):
+        """Return columns by their numbers, (N, k)."""
+        columns = [self.columns[c] for c in numbers]
+        return np.reshape(columns, (len(numbers), len(self.columns[0]))).T
 
     def patterns(self, effects):
         """Return the patterns of effects, their columns entered."""
@@ -137,28 +139,20 @@ class Evidence:
         For drawn records: noise that was fitted makes data likelier than these, by its parameters.
         """
         blocks = [replace(b, noise=n) for b, n in zip(self.blocks, noise, strict=True)]
-        return self._of(blocks, self.prior + sum(n.fitted for n in noise))
+        return replace(self, blocks=blocks, prior=self.prior + sum(n.fitted for n in noise))
 
     def parted(self, folds):
         """Return the same evidence with other parts, (N, 2), as of `Block`."""
         each = zip(self.blocks, self.split(folds), strict=True)
-        return self._of([replace(b, folds=own) for b, own in each], self.prior)
+        return replace(self, blocks=[replace(b, folds=own) for b, own in each])
 
-    def _of(self, blocks, prior):
-        return Evidence(blocks, prior, self.design, self.least, self.still, self.plain, self.even)
-
-    def training(self, out=frozenset(), only=None):
-        """Return the Training rows: those that touch no part of `out`, of some blocks or of all."""
-        key = out, only
-        if key not in self._trainings:
-            held = tuple(
-                np.flatnonzero(np.isin(b.folds, list(out)).any(axis=1))
-                if only is None or i in only
-                else None
-                for i, b in enumerate(self.blocks)
-            )
-            self._trainings[key] = Training(self, held, self.values)
-        return self._trainings[key]
+    def training(self, out=frozenset()):
+        """Return the Training rows: those that touch no part of `out`."""
+        if out not in self._trainings:
+            touch = (np.isin(b.folds, list(out)).any(axis=1) for b in self.blocks)
+            held = tuple(np.flatnonzero(rows) for rows in touch)
+            self._trainings[out] = Training(self, held, self.values)
+        return self._trainings[out]
 
     def split(self, rows):
         """Return an array of all rows, shape (N, …), block by block."""

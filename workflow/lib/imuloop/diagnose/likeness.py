@@ -9,15 +9,16 @@ SHARE = 8 / 9
 ONE = 0.999
 
 
-def imitated_share(training, base, first, second):
+def imitated_share(training, base, first, second, axis=0):
     """Return which share of a pattern another takes, and which share of that the first takes.
 
     ``cos²`` of the largest principal angle between the columns that nuisances and base leave:
     whatever its parameters, the other takes that share of its square at least. At the likeliest
-    noise of the base model. `base`, `first` and `second` are columns of the evidence.
+    noise of the base model.
     """
-    columns = (*base, *first, *second)
-    k, m = len(base), len(base) + len(first)
+    columns_of = training.evidence.columns_of
+    known, own, other = (columns_of(e, axis) for e in (base, (first,), (second,)))
+    columns, k, m = (*known, *own, *other), len(known), len(known) + len(own)
     gram = training.gram(columns)[training.point(training.fit(base, 0))]
     if k:
         gram = gram - gram[:, :k] @ np.linalg.solve(gram[:k, :k], gram[:k])
@@ -25,7 +26,7 @@ def imitated_share(training, base, first, second):
     if any(r is None for r in roots):
         return 0.0, 0.0
     cosines = np.linalg.svd(roots[0] @ gram[k:m, m:] @ roots[1].T, compute_uv=False)
-    least, more = float(cosines[-1] ** 2), len(first) - len(second)
+    least, more = float(cosines[-1] ** 2), len(own) - len(other)
     return (least if more <= 0 else 0.0), (least if more >= 0 else 0.0)
 
 
@@ -52,7 +53,7 @@ def imitated(search, kinds):
         tried = search.tests((), own)
         seen = [s for s, t in zip(own, tried, strict=True) if t]
         if seen:
-            shapes[cls] = training.evidence.patterns(seen)
+            shapes[cls] = seen
     found = []
     for cls, own in shapes.items():
         for other, theirs in shapes.items():
@@ -66,11 +67,12 @@ def imitated(search, kinds):
 
 
 def share_on_axes(training, a, b):
-    """Return the share of one pattern that another takes on the axis where it takes least."""
-    own = [axis for axis, columns in enumerate(a.columns) if columns]
-    if not all(b.columns[axis] for axis in own):
+    """Return the share of one effect that another takes on the axis where it takes least."""
+    own, other = (pattern.columns for pattern in training.evidence.patterns((a, b)))
+    axes = [axis for axis, columns in enumerate(own) if columns]
+    if not all(other[axis] for axis in axes):
         return 0.0
-    return min(imitated_share(training, (), a.columns[x], b.columns[x])[0] for x in own)
+    return min(imitated_share(training, (), a, b, axis)[0] for axis in axes)
 
 
 def twin(search, base, cls):

@@ -49,7 +49,7 @@ def detection_limits(search, base, trial, power, kept=True):
     threshold = search.threshold(len(base)) - trial.tries
     rules = {"axes": trial.axes, "threshold": threshold, "kept": kept}
     for axis, own in enumerate(pattern.columns):
-        fit = training.fit((*search.columns(base, axis), *own), axis) if own else None
+        fit = training.fit((*base, *trial.effects), axis) if own else None
         if fit is None:
             continue
         records = _records(training, fit, search.problem.settings.seed)
@@ -91,20 +91,15 @@ class _Drawn:
         """Return them for effects of a base model, of its pattern and of what is added."""
         evidence, (values, variance) = training.evidence, records
         columns, own, added = each = [evidence.columns_of(e, axis) for e in effects]
-        fits = training.fit(columns, axis), training.fit((*columns, *own), axis)
+        fits = training.fit(effects[0], axis), training.fit((*effects[0], *effects[1]), axis)
         product, square = 0.0, 0.0
-        for i, own_values in enumerate(values):
-            z = np.column_stack([evidence.columns[i][c] for c in (*columns, *own, *added)])
+        every = evidence.split(evidence.matrix((*columns, *own, *added)))
+        for i, (z, own_values) in enumerate(zip(every, values, strict=True)):
             weighted = [training.precision(i, h) @ own_values for h in range(len(evidence.prior))]
             product = product + np.array([z.T @ w for w in weighted])
             square = square + np.array([(own_values * w).sum(axis=0) for w in weighted])
         folds = np.concatenate([b.folds for b in evidence.blocks])
-        known, pattern, more = (
-            np.array([np.concatenate([e[c] for e in evidence.columns]) for c in numbers])
-            .reshape(-1, len(folds))
-            .T
-            for numbers in each
-        )
+        known, pattern, more = map(evidence.matrix, each)
         known = np.column_stack([block_diag(*(b.nuisance for b in evidence.blocks)), known])
         estimated = training.point(fits[1])
         weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
@@ -180,12 +175,8 @@ def _with_pattern(search, effects, axis, records, one, size, **rules):
     """Return the share that is found where the noise is what data with the pattern let expect."""
     training, (base, own, added) = search.training(effects[0]), effects
     evidence = training.evidence
-    left = training.left(evidence.columns_of((*base, *own), axis), axis)
-    more = evidence.columns_of(added, axis)
-    values = [
-        v + size * one @ [each[c] for c in more]
-        for v, each in zip(left, evidence.columns, strict=True)
-    ]
+    values = training.left((*base, *own), axis)
+    values = values + evidence.matrix(evidence.columns_of(added, axis)) @ (size * one)
     other = evidence.under(search.problem.noise_with(base, values))
     return _Drawn.of(search, other.training(), effects, axis, records).found(one, size, **rules)
 

@@ -38,7 +38,7 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[points]
     total = np.logaddexp.reduce
     weight = fit.log_weight[points] - total(fit.log_weight[points])
-    if fit.least.any():
+    if fit.least > 0:
         known = without.log_weight[points] - total(without.log_weight[points])
         gain = total(known + (without.spent - fit.spent)[points])
         share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))

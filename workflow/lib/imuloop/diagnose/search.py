@@ -85,10 +85,6 @@ class Search:
         """Return the Training rows, about the solution with some effects."""
         return self.problem.training(base, self.out)
 
-    def columns(self, base, axis):
-        """Return the columns of effects on an axis."""
-        return self.training(base).evidence.columns_of(base, axis)
-
     def test(self, base, effect):
         """Return the Trial of one shape beside others; None where an axis cannot show it."""
         return self.tests(base, (effect,))[0]
@@ -104,9 +100,8 @@ class Search:
         log_p = [{} for _ in patterns]
         for axis in range(training.evidence.axes):
             own = [k for k, p in enumerate(patterns) if p.columns[axis] and log_p[k] is not None]
-            columns = self.columns(base, axis)
-            without = training.fit(columns, axis)
-            fits = training.fits(columns, [patterns[k].columns[axis] for k in own], axis)
+            without = training.fit(base, axis)
+            fits = training.fits(base, [(effects[k],) for k in own], axis)
             for k, fit in zip(own, fits, strict=True):
                 if fit and without:
                     log_p[k][axis] = log_p_value(without, fit, points)
@@ -174,7 +169,7 @@ class Search:
         (pattern,) = training.evidence.patterns((effect,))
         estimates = []
         for axis, (own, at, scale) in enumerate(pattern.on_axes):
-            fit = training.fit((*self.columns(base, axis), *own), axis) if own else None
+            fit = training.fit((*base, effect), axis) if own else None
             if fit is not None:
                 found, spread = fit.averaged(fit.weight)
                 spread = spread[-len(own) :, -len(own) :] / np.outer(scale, scale)
@@ -205,12 +200,12 @@ class Search:
     def _first_alike(self, base, best, passing):
         """Return the first trial that does all that the best does: a bias in one attitude."""
         training = self.training(base)
-        (pattern,) = training.evidence.patterns(best.effects)
         for trial in passing:
-            (other,) = training.evidence.patterns(trial.effects)
+            patterns = training.evidence.patterns((best.effect, trial.effect))
             # what has more columns does more
-            alike = list(map(len, other.columns)) == list(map(len, pattern.columns))
-            if trial is best or (alike and share_on_axes(training, pattern, other) > ONE):
+            alike, own = ([*map(len, pattern.columns)] for pattern in patterns)
+            share = share_on_axes(training, best.effect, trial.effect) if alike == own else 0.0
+            if trial is best or share > ONE:
                 return trial
 
     def best_pair(self, base, banned):
@@ -231,29 +226,27 @@ class Search:
             return []
         kinds = [c for c in self.problem.shapes if c not in used and np.isinf(c.limit)]
         shapes = [s for cls in kinds for s in self.problem.shapes[cls]]
-        columns = self.columns(base, 0)
-        own = [p.columns[0] for p in training.evidence.patterns(shapes)]
-        alone = training.fits(columns, own, 0)
+        alone = training.fits(base, [(shape,) for shape in shapes], 0)
         seen = [k for k, fit in enumerate(alone) if fit]
         pairs = [(i, j) for i, j in combinations(seen, 2) if shapes[i].kind != shapes[j].kind]
-        both = training.fits(columns, [(*own[i], *own[j]) for i, j in pairs], 0)
+        both = training.fits(base, [(shapes[i], shapes[j]) for i, j in pairs], 0)
         tries, threshold, found = np.log(max(len(pairs), 1)), self.threshold(len(base)), []
         for (i, j), fit in zip(pairs, both, strict=True):
             if not fit:
                 continue
-            joint = log_p_value(training.fit(columns, 0), fit) + tries
+            joint = log_p_value(training.fit(base, 0), fit) + tries
             if max(joint, *(log_p_value(alone[k], fit) for k in (i, j))) >= threshold:
                 continue
-            if max(imitated_share(training, columns, own[i], own[j])) < SHARE:
+            if max(imitated_share(training, base, shapes[i], shapes[j])) < SHARE:
                 found.append(Trial((shapes[i], shapes[j]), joint, 0, 1, tries))
         return found
 
     def _above(self, base):
         """Return whether what effects leave is more than the noise, whatever it is."""
         training = self.training(base)
-        fit, known = training.fit(self.columns(base, 0), 0), np.exp(training.evidence.prior)
-        chance = np.where(fit.least > 0, chdtrc(fit.dof, fit.square), 0.0)
-        return known @ chance < self.problem.settings.significance * known.sum()
+        fit, known = training.fit(base, 0), np.exp(training.evidence.prior)
+        chance = known @ chdtrc(fit.dof, fit.square) if fit.least > 0 else 0.0
+        return chance < self.problem.settings.significance * known.sum()
 
     def reshaped(self, base):
         """Return the same effects, all but the last in the shape that is best beside the others."""
@@ -270,25 +263,20 @@ class Search:
         for i, effect in enumerate(base):
             others = base[:i] + base[i + 1 :]
             # about one fit, and so by one noise, whatever the constants
-            fits = self._beside_on_axes(others, effect) if effect.moved(2.0) != effect else [None]
-            if not all(fits):
+            training = self.training(others)
+            axes = range(training.evidence.axes)
+            fits = [training.fit((*others, effect), axis) for axis in axes]
+            if not all(fits) or effect.moved(2.0) == effect:
                 continue
-            points = [self.training(others).point(fit) for fit in fits]
+            points = [training.point(fit) for fit in fits]
             for factor in FACTORS:
                 near = [effect.moved(f) for f in (1.0, 1 / factor, factor)]
-                each = [zip(self._beside_on_axes(others, e), points, strict=True) for e in near]
+                each = ([training.fit((*others, e), axis) for axis in axes] for e in near)
+                each = [zip(own, points, strict=True) for own in each]
                 spent = [sum(f.spent[h] if f else np.inf for f, h in own) for own in each]
                 effect = near[int(np.argmin(np.round(spent, 6)))]
             base = (*base[:i], effect, *base[i + 1 :])
         return base
-
-    def _beside_on_axes(self, base, effect):
-        """Return the fit of each axis with an effect beside others, about a fit without it."""
-        training, both = self.training(base), (*base, effect)
-        evidence = training.evidence
-        return [
-            training.fit(evidence.columns_of(both, axis), axis) for axis in range(evidence.axes)
-        ]
 
     def following(self, classes):
         """Return effects of given classes, one after the other in the shape that is best here."""

@@ -20,12 +20,12 @@ class Fit:
     square: np.ndarray  # (h,): χ² of the residual; (h, m) of m records at once
     log_weight: np.ndarray  # (h,) or (h, m): logarithm of restricted likelihood times prior
     dof: int  # degrees of freedom
-    least: np.ndarray  # (h,): least size of the noise's variance
+    least: float  # least size of the noise's variance, relative to that of a hypothesis
 
     @property
     def scale(self):
         """Variance of the noise, relative to that of each hypothesis, shape (h,) or (h, m)."""
-        return np.maximum(self.least, self.square.T / self.dof).T
+        return np.maximum(self.least, self.square / self.dof)
 
     @property
     def spent(self):
@@ -52,71 +52,53 @@ class Fit:
 
 @dataclass
 class Training:
-    """What a fit sees: the rows outside some parts, or those of some blocks."""
+    """What a fit sees: the rows outside some parts."""
 
     evidence: object  # all rows
-    # rows of each block that are held out; None for a block that is not seen at all
-    held: tuple
+    held: tuple  # rows of each block that are held out
     values: tuple  # columns of the residuals of each axis
     _place: dict = field(default_factory=dict)
     _sides: dict = field(default_factory=dict)
-    _ahead: dict = field(default_factory=dict)
     _gram: np.ndarray | None = None
     _whole: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _fits: dict = field(default_factory=dict)
 
     @cached_property
-    def _seen(self):
-        """The blocks that are seen, each with what its held rows know of each other."""
-        return {
-            i: np.linalg.inv(self.evidence.blocks[i].noise.precision[:, held][:, :, held])
-            for i, held in enumerate(self.held)
-            if held is not None
-        }
+    def _roots(self):
+        """Of each block a root R of the covariance of what is taken out of it, ``(Uᵀ P U)⁻¹``.
 
-    @cached_property
-    def _nuisances(self):
-        """Of each block that is seen a root of the nuisances' covariance, (h, p, p): ``R Rᵀ``."""
-        found = {}
-        for i, covariance in self._seen.items():
-            block, side, held = self.evidence.blocks[i], self.evidence.sides[i], self.held[i]
-            own = np.swapaxes(side, 1, 2) @ block.nuisance
-            if len(held):
-                ahead = side[:, held]
-                own = own - np.swapaxes(ahead, 1, 2) @ covariance @ ahead
-            square = np.einsum("hpp->hp", own)
-            if not np.all(square > 0):
+        U has the unit vectors of the rows that are held out, each as if it had a parameter of its
+        own, then the nuisances; R, (h, u, u), is upper triangular: the first are not of the last.
+        """
+        found = []
+        for block, side, held in zip(
+            self.evidence.blocks, self.evidence.sides, self.held, strict=True
+        ):
+            if not np.all(np.any(np.delete(block.nuisance, held, axis=0), axis=0)):
                 raise np.linalg.LinAlgError("a parameter that nothing seen depends on")
-            size = np.sqrt(square)
+            weighted = np.concatenate([block.noise.precision[:, :, held], side], axis=2)
+            own = np.concatenate([weighted[:, held], block.nuisance.T @ weighted], axis=1)
+            size = np.sqrt(np.einsum("huu->hu", own))
             root = np.linalg.inv(np.linalg.cholesky(own / size[:, :, None] / size[:, None]))
-            found[i] = np.swapaxes(root, 1, 2) / size[:, :, None]
+            found.append(np.swapaxes(root, 1, 2) / size[:, :, None])
         return found
 
     @cached_property
     def rows(self):
         """Number of rows less nuisances."""
-        blocks = self.evidence.blocks
-        return sum(
-            len(blocks[i].values) - len(self.held[i]) - blocks[i].nuisance.shape[1]
-            for i in self._seen
-        )
+        blocks = zip(self.evidence.blocks, self.held, strict=True)
+        return sum(len(b.values) - len(held) - b.nuisance.shape[1] for b, held in blocks)
 
     @cached_property
     def log_det(self):
         """``log det`` of the covariance and of the nuisances' information, shape (h,)."""
-        total = 0.0
-        for i, covariance in self._seen.items():
-            root = self._nuisances[i]
-            total = total + self.evidence.blocks[i].noise.log_det
-            total = total - np.linalg.slogdet(covariance)[1] - 2 * np.linalg.slogdet(root)[1]
-        return total
+        blocks = zip(self.evidence.blocks, self._roots, strict=True)
+        return sum(b.noise.log_det - 2 * np.linalg.slogdet(root)[1] for b, root in blocks)
 
     def gram(self, columns):
         """Return products of columns, nuisances taken out, summed over the blocks, (h, k, k).
 
-        Seen rows alone have the precision ``P_ss - P_sh P_hh⁻¹ P_hs``, so the products of the
-        columns Z are ``Zᵀ P Z - (P Z)_hᵀ P_hh⁻¹ (P Z)_h``. Nuisances B are taken out likewise:
-        less ``(Bᵀ P Z)ᵀ (Bᵀ P B)⁻¹ (Bᵀ P Z)``.
+        Of columns Z, with U as of `_roots`: ``Zᵀ P Z - (Uᵀ P Z)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
         """
         new = [c for c in dict.fromkeys(columns) if c not in self._place]
         if new:
@@ -127,70 +109,64 @@ class Training:
     def _enter(self, new):
         """Add the products of columns that nobody asked for before."""
         # they may not be determined: then no column has a place
-        first, points, nuisances = len(self._place), len(self.evidence.prior), self._nuisances
+        first, points, roots = len(self._place), len(self.evidence.prior), self._roots
         self._place |= {c: first + k for k, c in enumerate(new)}
         known, total = list(self._place), len(self._place)
         grown, added, whole = np.zeros((points, total, total)), 0.0, 0.0
         if first:
             grown[:, :first, :first] = self._gram
-        for i, covariance in self._seen.items():
-            held, columns = self.held[i], self.evidence.columns[i]
-            z = np.column_stack([columns[c] for c in known])
+        parts = self.evidence.split(self.evidence.matrix(known))
+        for i, (block, held, z) in enumerate(
+            zip(self.evidence.blocks, self.held, parts, strict=True)
+        ):
             # (h, new, known)
             more = np.stack([self.evidence.weighted[i][c] for c in new], axis=1)
-            cross, side = more @ z, more @ self.evidence.blocks[i].nuisance
-            if len(held):
-                ahead = more[:, :, held]
-                before = ahead @ covariance
-                side = side - before @ self.evidence.sides[i][:, held]
-                if first:
-                    ahead = np.concatenate([self._ahead[i], ahead], axis=1)
-                self._ahead[i] = ahead
-                cross = cross - before @ np.swapaxes(ahead, 1, 2)
-            side = side @ nuisances[i]
+            cross = more @ z
+            side = np.concatenate([more[:, :, held], more @ block.nuisance], axis=2) @ roots[i]
             if first:
                 side = np.concatenate([self._sides[i], side], axis=1)
-            self._sides[i] = side
-            # of the first hypothesis alone
-            whole = whole + np.einsum("kk->k", cross[0, :, first:])
-            added = added + cross - side[:, first:] @ np.swapaxes(side, 1, 2)
+            self._sides[i], own = side, side[:, first:]
+            # of the first hypothesis alone, the nuisances not taken out
+            whole = whole + np.diag(cross[0, :, first:])
+            whole = whole - (own[0, :, : len(held)] ** 2).sum(axis=1)
+            added = added + cross - own @ np.swapaxes(side, 1, 2)
         grown[:, first:], grown[:, :, first:] = added, np.swapaxes(added, 1, 2)
         self._gram, self._whole = grown, np.append(self._whole, whole)
 
     def release(self):
         """Let go of all products, 40 MB for each part of the data; they are made again if asked."""
         self._gram, self._whole = None, np.zeros(0)
-        for kept in (self._place, self._sides, self._ahead, self._fits):
+        for kept in (self._place, self._sides, self._fits):
             kept.clear()
 
     def precision(self, i, point):
         """Return the precision of the rows that are seen of a block, its nuisances taken out."""
-        block, held = self.evidence.blocks[i], self.held[i]
-        whole = block.noise.precision[point]
+        whole, held = self.evidence.blocks[i].noise.precision[point], self.held[i]
         seen = np.delete(np.arange(len(whole)), held)
-        cross = whole[np.ix_(held, seen)]
-        found = whole[np.ix_(seen, seen)] - cross.T @ self._seen[i][point] @ cross
-        side = found @ block.nuisance[seen] @ self._nuisances[i][point]
-        return found - side @ side.T
+        side = np.column_stack([whole[:, held], self.evidence.sides[i][point]])[seen]
+        side = side @ self._roots[i][point]
+        return whole[np.ix_(seen, seen)] - side @ side.T
 
-    def fit(self, columns, axis):
-        """Return the Fit of an axis to columns; None where they are not independent."""
-        key = tuple(columns), axis
+    def fit(self, effects, axis):
+        """Return the Fit of an axis to effects; None where they are not independent."""
+        key = tuple(effects), axis
         if key not in self._fits:
-            (self._fits[key],) = self.fits((), (key[0],), axis)
+            (self._fits[key],) = self.fits(effects, [()], axis)
         return self._fits[key]
 
     def fits(self, base, more, axis):
-        """Return the Fits of an axis to base columns with each of several sets of further ones.
+        """Return the Fits of an axis to base effects with each of several tuples of further ones.
 
-        None where the columns are not independent, or as many as rows.
+        None where their columns are not independent, or as many as rows.
         """
-        value, found = self.values[axis], [None] * len(more)
-        self.gram((value, *base, *(c for columns in more for c in columns)))
-        for width in {len(columns) for columns in more}:
-            at = [k for k, columns in enumerate(more) if len(columns) == width]
-            sets = np.array([(*base, *more[k]) for k in at], dtype=int).reshape(len(at), -1)
-            for k, fit in zip(at, self._fit(value, sets), strict=True):
+        columns_of, value, found = self.evidence.columns_of, self.values[axis], [None] * len(more)
+        known = columns_of(base, axis)
+        sets = [(*known, *columns_of(effects, axis)) for effects in more]
+        self.gram((value, *(c for columns in sets for c in columns)))
+        for width in set(map(len, sets)):
+            at = [k for k, columns in enumerate(sets) if len(columns) == width]
+            own = np.array([sets[k] for k in at], dtype=int)
+            for k, fit in zip(at, self._fit(value, own), strict=True):
                 found[k] = fit
         return found
 
@@ -200,29 +176,22 @@ class Training:
         dof, least = self.rows - k, self.evidence.least
         if dof < 1:
             return [None] * count
-        place = np.vectorize(self._place.get, otypes=[int])(sets) if k else sets
-        at = self._place[value]
-        square = np.repeat(self._gram[:, at, at][:, None], count, axis=1)
-        product = self._gram[:, at, :][:, place]
+        place, at = np.vectorize(self._place.get, otypes=[int])(sets), self._place[value]
+        product, total = self._gram[:, at, :][:, place], self._gram[:, at, at][:, None]
         own = self._gram[:, place[:, :, None], place[:, None]]
-        theta, inverse, log_det = product, own, np.repeat(self.log_det[:, None], count, axis=1)
-        independent = np.ones(count, dtype=bool)
-        if k:
-            size = np.sqrt(np.maximum(np.einsum("hskk->hsk", own), 0.0))
-            independent = np.all(size[0] ** 2 > ABSORBED * self._whole[place], axis=1)
-            size = np.where(size > 0, size, 1.0)
-            own = own / size[..., :, None] / size[..., None, :]
-            independent &= np.linalg.eigvalsh(own[0])[:, 0] > ABSORBED
-            # what is not independent is not inverted
-            own[:, ~independent] = np.eye(k)
-            inverse, product = np.linalg.inv(own), product / size
-            theta = (inverse @ product[..., None])[..., 0]
-            square, total = square - (theta * product).sum(axis=2), square
-            square = np.maximum(square, 1e-12 * total)
-            log_det = log_det + np.linalg.slogdet(own)[1] + 2 * np.log(size).sum(axis=2)
-            theta = theta / size
-            inverse = inverse / size[..., :, None] / size[..., None, :]
-        scale = np.maximum(least[:, None], square / dof)
+        size = np.sqrt(np.maximum(np.einsum("hskk->hsk", own), 0.0))
+        independent = np.all(size[0] ** 2 > ABSORBED * self._whole[place], axis=1)
+        size = np.where(size > 0, size, 1.0)
+        own, product = own / size[..., :, None] / size[..., None, :], product / size
+        independent &= np.linalg.eigvalsh(own[0]).min(axis=1, initial=1.0) > ABSORBED
+        # what is not independent is not inverted
+        own[:, ~independent] = np.eye(k)
+        inverse = np.linalg.inv(own)
+        theta = (inverse @ product[..., None])[..., 0]
+        square = np.maximum(total - (theta * product).sum(axis=2), 1e-12 * total)
+        log_det = self.log_det[:, None] + np.linalg.slogdet(own)[1] + 2 * np.log(size).sum(axis=2)
+        theta, inverse = theta / size, inverse / size[..., :, None] / size[..., None, :]
+        scale = np.maximum(least, square / dof)
         log_weight = self.evidence.prior[:, None] - log_det / 2
         log_weight = log_weight - (dof * np.log(scale) + square / scale) / 2
         return [
@@ -236,9 +205,9 @@ class Training:
         """Return the hypothesis at which parameters are estimated: the likeliest of the still."""
         return int(np.argmax(np.where(self.evidence.still, fit.log_weight, -np.inf)))
 
-    def solved(self, columns, axis):
-        """Return nuisances of each block that is seen, (p,), and coefficients of columns, (k,)."""
-        fit = self.fit(columns, axis)
+    def solved(self, effects, axis):
+        """Return nuisances of each block, (p,), and coefficients of effects' columns, (k,)."""
+        fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None and columns:
             return self.solved((), axis)[0], np.zeros(len(columns))
         if fit is None:
@@ -246,18 +215,18 @@ class Training:
         point = self.point(fit)
         even = point if self.evidence.even is None else self.evidence.even
         theta, at = fit.theta[point], [self._place[c] for c in (self.values[axis], *columns)]
-        found = {}
-        for i, side in self._sides.items():
+        found = []
+        for root, side, held in zip(self._roots, self._sides.values(), self.held, strict=True):
             own = side[even][at]
-            found[i] = self._nuisances[i][even] @ (own[0] - theta @ own[1:])
+            found.append((root[even] @ (own[0] - theta @ own[1:]))[len(held) :])
         return found, theta
 
     def parameters(self, effects, axis):
-        """Return nuisances, (p,) by block, and parameters, (q,) SI by effect, of an axis.
+        """Return nuisances, (p,) of each block, and parameters, (q,) SI by effect, of an axis.
 
         Zero for the parameters that the axis does not have.
         """
-        nuisances, theta = self.solved(self.evidence.columns_of(effects, axis), axis)
+        nuisances, theta = self.solved(effects, axis)
         found = {}
         for pattern in self.evidence.patterns(effects):
             used = pattern.parameters[axis]
@@ -266,49 +235,43 @@ class Training:
             theta = theta[len(used) :]
         return nuisances, found
 
-    def left(self, columns, axis):
-        """Return what columns and nuisances, fitted to what is seen, leave of all rows, by block.
+    def left(self, effects, axis):
+        """Return what effects and nuisances, fitted to what is seen, leave of all rows, (N,)."""
+        nuisances, theta = self.solved(effects, axis)
+        blocks = zip(self.evidence.blocks, nuisances, strict=True)
+        taken = np.concatenate([b.nuisance @ nuisance for b, nuisance in blocks])
+        taken = taken + self.evidence.matrix(self.evidence.columns_of(effects, axis)) @ theta
+        return self.evidence.columns[self.values[axis]] - taken
 
-        None for a block that is not seen.
-        """
-        nuisances, theta = self.solved(columns, axis)
-        found = [None] * len(self.held)
-        for i, nuisance in nuisances.items():
-            own = self.evidence.columns[i]
-            left = own[self.values[axis]] - self.evidence.blocks[i].nuisance @ nuisance
-            found[i] = left - sum((t * own[c] for t, c in zip(theta, columns, strict=True)), 0.0)
-        return found
-
-    def estimate(self, columns, axis):
-        """Return coefficients of columns, (k,), and their covariance; None, None without a fit.
+    def estimate(self, effects, axis):
+        """Return coefficients of effects' columns, (k,), and covariance; None, None without a fit.
 
         At the likeliest still hypothesis. The noise that is there is not known better than the
         restricted likelihood tells: with the information A, ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``.
         """
-        fit = self.fit(columns, axis)
+        fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None:
             return None, None
         if not fit.scale.any():
             # a silent axis shows nothing, and that for certain
             return np.zeros(len(columns)), np.zeros((len(columns), len(columns)))
-        rows = [np.column_stack([own[c] for c in columns]) for own in self.evidence.columns]
-        information, spread = self.moments(fit, rows)
+        information, spread = self.moments(fit, self.evidence.matrix(columns))
         size = np.sqrt(np.diag(information))
         inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
         return fit.theta[self.point(fit)], inverse @ spread @ inverse
 
     def moments(self, fit, rows):
-        """Return ``A = Zᵀ P̃ Z`` and ``Zᵀ P̃ Σ P̃ Z`` of columns Z, given by block, (n, k).
+        """Return ``A = Zᵀ P̃ Z`` and ``Zᵀ P̃ Σ P̃ Z`` of columns Z, (N, k).
 
         By the precision P̃ of what is seen at the likeliest still hypothesis of a fit, and the noise
         Σ, averaged over all.
         """
         point, information, spread = self.point(fit), 0.0, 0.0
-        for i in self._seen:
-            seen = np.delete(np.arange(len(rows[i])), self.held[i])
-            weighted = self.precision(i, point) @ rows[i][seen]
+        for i, (held, own) in enumerate(zip(self.held, self.evidence.split(rows), strict=True)):
+            seen = np.delete(np.arange(len(own)), held)
+            weighted = self.precision(i, point) @ own[seen]
             noise = self.evidence.blocks[i].noise.mean(fit.weight * fit.scale)
-            information = information + rows[i][seen].T @ weighted
+            information = information + own[seen].T @ weighted
             spread = spread + weighted.T @ noise[np.ix_(seen, seen)] @ weighted
         return information, spread
 

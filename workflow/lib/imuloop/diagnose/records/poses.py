@@ -109,7 +109,7 @@ class PoseProblem:
 
     def left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1)."""
-        return search.training(base).left(search.columns(base, 0), 0)[0][:, None]
+        return search.training(base).left(base, 0)[:, None]
 
     def of_kind(self, kind):
         """Return the rows, shape (N,), of one kind of residual."""
@@ -148,7 +148,7 @@ class PoseProblem:
         effects, count = (*self.found, *base), len(self.sensor.names)
         start = self.linearized(base[:-1]).solution.fit.x if base else None
         _, z = self.prior_rows
-        known = np.hstack([self._base_rows(count), self._prior(effects)])
+        known = self._known(effects)
         solution = self.sensor.fit(self.recording, effects, start, (known, z))
         x = solution.fit.x
         model = self.sensor.model(solution, self.recording)
@@ -192,16 +192,13 @@ class PoseProblem:
             solution, model, values, jacobian, alternatives, noise, evidence, hypotheses
         )
 
-    def _base_rows(self, count):
-        """Return the rows of other data for the base parameters, as many as `prior_rows` has."""
-        own = self.base_rows[0].reshape(-1, count)
-        return np.pad(own, ((0, len(self.prior_rows[1]) - len(own)), (0, 0)))
-
-    def _prior(self, effects):
-        """Return the rows of other records, shape (k, q), for the parameters of effects."""
+    def _known(self, effects):
+        """Return what other records say of the base parameters and of effects, rows R as above."""
         of_effects, z = self.prior_rows
-        rows = [of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects]
-        return np.hstack([np.zeros((len(z), 0)), *rows])
+        base = self.base_rows[0].reshape(-1, len(self.sensor.names))
+        base = np.pad(base, ((0, len(z) - len(base)), (0, 0)))
+        rows = (of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects)
+        return np.hstack([base, *rows])
 
     def added(self, effect):
         """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
@@ -212,7 +209,8 @@ class PoseProblem:
             count = sum(len(e.parameters) for e in shapes)
             model = self.sensor.model(solution, self.recording, shapes)
             _, jacobian = model.residuals(np.append(solution.fit.x, np.zeros(count)))
-            columns = np.concatenate([jacobian[:, -count:], self._prior(shapes)])
+            known = self._known(shapes)[:, -count:]
+            columns = np.concatenate([jacobian[:, -count:], known])
             self._columns.update(by_effect(columns[:, None], shapes))
         return self._columns[effect]
 
@@ -224,7 +222,7 @@ class PoseProblem:
         made = [b for b in self._linearized if set(b) <= set(base)]
         return self.linearized(max(made, key=len, default=()))
 
-    def training(self, base, out, only=None):
+    def training(self, base, out):
         """Return the Training rows, about a fit of all poses with some of the effects."""
         return self.nearest(base).evidence.training(out)
 
@@ -239,7 +237,7 @@ class PoseProblem:
 
     def noise_with(self, base, values):
         """Return what the noise of each block may be, were its residuals these."""
-        return [self.nearest(base).noise_with(-values[0])]
+        return [self.nearest(base).noise_with(-values)]
 
     def lost(self, base, out=frozenset()):
         """Return why the fit with some effects, chosen without some parts, is none, or None."""
@@ -247,9 +245,8 @@ class PoseProblem:
 
     def shows(self, search, base, trial):
         """Return kind and rows in which a trial changes most, in standard deviations."""
-        training, columns = search.training(base), search.columns(base, 0)
-        wide = (*columns, *training.evidence.columns_of(trial.effects, 0))
-        change = training.left(columns, 0)[0] - training.left(wide, 0)[0]
+        training = search.training(base)
+        change = training.left(base, 0) - training.left((*base, *trial.effects), 0)
         variance = np.diag(self.nearest(base).alternatives[0][1])
         groups = [rows & (self.fold >= 0) for rows in self.groups()]
         size = [(change[rows] ** 2 / variance[rows]).sum() for rows in groups]
@@ -264,7 +261,7 @@ class PoseProblem:
         Fitted constants of the effects are parameters too, known to a factor of e beforehand.
         """
         about = self.linearized(base)
-        fit = about.evidence.training().fit(about.evidence.columns_of(base, 0), 0)
+        fit = about.evidence.training().fit(base, 0)
         count, more = about.jacobian.shape[1], self._by_constants(base, about.solution.fit.x)
         total, design = 0.0, np.column_stack([about.jacobian, *more])
         size = np.linalg.norm(design, axis=0)

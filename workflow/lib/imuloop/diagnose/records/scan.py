@@ -24,14 +24,14 @@ def whitened(search, base, axis):
     Of each record the windows that are seen, (m,), their precision for the likeliest noise without
     the pattern, the level taken out, (m, m), and the residual in units of the noise's N, (m,).
     """
-    training, columns = search.training(base), search.columns(base, axis)
-    fit = training.fit(columns, axis)
+    training = search.training(base)
+    fit, columns = training.fit(base, axis), training.evidence.columns_of(base, axis)
     point, found = int(np.argmax(fit.log_weight)), []
-    for i, (held, own) in enumerate(zip(training.held, training.evidence.columns, strict=True)):
-        taken = sum(t * own[c] for t, c in zip(fit.theta[point], columns, strict=True))
-        left = (own[training.values[axis]] - taken) / np.sqrt(fit.scale[point])
-        seen = np.delete(np.arange(len(left)), held)
-        found.append((seen, training.precision(i, point), left[seen]))
+    left = training.evidence.matrix((training.values[axis], *columns))
+    left = left @ np.append(1.0, -fit.theta[point]) / np.sqrt(fit.scale[point])
+    for i, (own, held) in enumerate(zip(training.evidence.split(left), training.held, strict=True)):
+        seen = np.delete(np.arange(len(own)), held)
+        found.append((seen, training.precision(i, point), own[seen]))
     return found, fit.dof
 
 

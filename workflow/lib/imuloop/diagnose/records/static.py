@@ -1,6 +1,6 @@
 """Static records: means at rest, whose slow noise nobody knows beforehand."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -48,6 +48,11 @@ class StaticProblem:
     def scans(self):
         """What looks for patterns whose shapes cannot be listed, by effect."""
         return {Sinusoid: _line, Steps: _steps}
+
+    def of_session(self, session):
+        """Return the problem of the records of one session."""
+        own = tuple(r for r in self.records if r.session == session)
+        return replace(self, records=own, _derivatives={})
 
     @cached_property
     def merged(self):
@@ -118,9 +123,9 @@ class StaticProblem:
             self._derivatives[effect] = [r.derivative(effect) for r in self.records]
         return self._derivatives[effect]
 
-    def training(self, base, out, only=None):
+    def training(self, base, out):
         """Return the Training rows: means at rest are straight in every effect."""
-        return self.evidence.training(out, only)
+        return self.evidence.training(out)
 
     def lost(self, base, out=frozenset()):
         """Return why a fit with some effects is none: here it always is one."""
@@ -172,19 +177,15 @@ def fold_of(record, problem):
     return found
 
 
-def fitted_effects(search, base, only=None):
-    """Return a FittedEffect of each effect; None where an axis does not determine them.
-
-    From some records alone where `only`, a frozenset of their numbers, is given.
-    """
-    training = search.problem.training(base, search.out, only)
+def fitted_effects(search, base):
+    """Return a FittedEffect of each effect; None where an axis does not determine them."""
+    training = search.training(base)
     patterns = training.evidence.patterns(base)
     ends, estimates = np.cumsum([0, *(len(e.parameters) for e in base)]), []
     for axis in range(training.evidence.axes):
-        columns = search.columns(base, axis)
-        if not columns:
+        if not training.evidence.columns_of(base, axis):
             continue
-        found, covariance = training.estimate(columns, axis)
+        found, covariance = training.estimate(base, axis)
         if found is None:
             return None
         each = zip(ends, patterns, strict=False)
@@ -219,9 +220,9 @@ def information(search, base, effects):
     precision, moment = np.zeros((len(size),) * 2), np.zeros(len(size))
     values = np.concatenate([b.values for b in evidence.blocks])
     for axis in range(evidence.axes):
-        fit = training.fit(search.columns(base, axis), axis)
+        fit = training.fit(base, axis)
         rows = np.column_stack([design[:, axis] / size, values[:, axis]])
-        plain, spread = training.moments(fit, evidence.split(rows))
+        plain, spread = training.moments(fit, rows)
         own, spread = np.diag(plain)[:-1], np.diag(spread)[:-1]
         seen = own > ABSORBED * own.max()
         if seen.any():

@@ -10,6 +10,7 @@ from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.content import residual_entry, search_content, untried
 from imuloop.diagnose.records.static import fitted_effects
 from imuloop.diagnose.residuals import held_out_covariance, size
+from imuloop.diagnose.search import Search
 from imuloop.diagnose.verdict import MARGIN, RESIDUALS, judge, verdict
 from imuloop.effects.axes import on_each_axis
 from imuloop.effects.drifts import GaussMarkov
@@ -190,15 +191,19 @@ def _by_axis(axes, finding, floor):
 
 
 def _by_session(choices):
-    """Return the effects fitted to each session alone, together if it tells them apart."""
-    problem, search = choices.problem, choices.search()
+    """Return the parameters of each effect, with standard errors, fitted to each session alone.
+
+    All together; one by one in a session where they are not told apart. Lines and steps are of
+    their sessions anyway.
+    """
+    problem = choices.problem
     base = tuple(e for e in choices.choice().base if e.kind not in problem.scans)
     found = {e.name: {} for e in base}
-    for session in dict.fromkeys(r.session for r in problem.records):
-        only = frozenset(i for i, r in enumerate(problem.records) if r.session == session)
-        own = fitted_effects(search, base, only)
+    for session in dict.fromkeys(r.session for r in problem.records if base):
+        alone = Search(problem.of_session(session), frozenset())
+        own = fitted_effects(alone, base)
         if own is None:
-            own = sum((fitted_effects(search, (e,), only) or () for e in base), ())
+            own = sum((fitted_effects(alone, (e,)) or () for e in base), ())
         for effect in own:
             found[effect.name][session] = {
                 name: {"value": value, "std": effect.std[name]}
