@@ -8,7 +8,7 @@ import pytest
 from calibrate.devices import planned, recording
 from diagnose.models import diagnosed
 from imuloop.core.sphere import fibonacci_lattice
-from imuloop.diagnose.records.pose_diagnosis import harmonics
+from imuloop.diagnose.records.probes import harmonics
 from imuloop.simulate.truth import example_truth
 
 

@@ -6,19 +6,18 @@ from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import holder, imitated, twin
 from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.residuals import size
-from imuloop.diagnose.verdict import above_floor, unseen
+from imuloop.diagnose.verdict import above_floor, leaves, unseen
 
 
-def search_content(choices, fitted, others, probes, sensor, kinds=None):
+def search_content(choices, fitted, others, probes, sensor):
     """Return the contract's fields on what was looked for and found of a sensor.
 
     `fitted` are the effects that the choices added, `others` status and reason of what cannot be
-    tried, `probes` as of `correlates`; `kinds` of effects are those of the sensor, or all of them.
+    tried, `probes` as of `correlates`.
     """
     problem, choice = choices.problem, choices.choice()
-    if kinds is None:
-        every = (*problem.shapes, *problem.scans)
-        kinds = [kind for kind in every if getattr(kind, "sensor", sensor) == sensor]
+    every = (*problem.shapes, *problem.scans)
+    kinds = [kind for kind in every if getattr(kind, "sensor", sensor) == sensor]
     return {
         "effects": [
             {
@@ -40,6 +39,22 @@ def search_content(choices, fitted, others, probes, sensor, kinds=None):
         "confounded": imitated(choices.search(), kinds),
         "correlates": correlates(choices.search(), choice.base, probes),
     }
+
+
+def searched_beyond(beyond, record, contents, choices):
+    """Return a FormulaSearch that names a formula in a record, and its sensor; None without one.
+
+    `beyond` is `search_formulas` of `imuloop.discover`, None where nothing is to be looked for.
+    What an accelerometer lacks turns the direction by which a gyroscope is judged: where the first
+    sensor of `contents` has structure, the next is not searched.
+    """
+    for sensor, content in contents.items() if beyond else ():
+        more = beyond(record, sensor, choices) if leaves(content) else None
+        if more:
+            content["discovered"] = more.content
+            if more.content["status"] != "nothing":
+                return (more, sensor) if more.choices else (None, None)
+    return None, None
 
 
 def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chosen):

@@ -160,7 +160,7 @@ def diagnose_device(
             "moves": moves_table(recording, names, turned, seen_force[1], residuals),
             "reference": windows_table(beside),
         },
-        motion.fit,
+        (motion.pair, motion.solution) if motion.solution else (),
     )
 
 

@@ -5,8 +5,6 @@ from scipy.special import chdtrc
 
 from imuloop.core.precision import precision
 
-# probability of an alternative of the noise that a range does not hold
-NEGLIGIBLE = 0.025
 # of its largest, below which a direction is no parameter's own
 SINGULAR = 1e-12
 
@@ -66,12 +64,6 @@ def chance(square, covariances):
         moments += np.trace(own), np.trace(twice), np.sum(twice * own)
     dof = moments[1] ** 3 / moments[2] ** 2
     return float(chdtrc(dof, max(dof + (square - moments[0]) * np.sqrt(dof / moments[1]), 0.0)))
-
-
-def floor_range(weights, floors, floor):
-    """Return the least and the largest floor of the alternatives that are likely enough."""
-    kept = [floor, *(f for w, f in zip(weights, floors, strict=True) if w >= NEGLIGIBLE)]
-    return [min(kept), max(kept)]
 
 
 def size(values):

@@ -1,6 +1,6 @@
 """The motion between the poses: velocity that a model of both sensors leaves at its end."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -14,15 +14,12 @@ from imuloop.core.errors import plural
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.content import search_content, untried
-from imuloop.diagnose.records.pose_diagnosis import (
-    final_solution,
-    fitted_effects,
-    judged_residuals,
-)
+from imuloop.diagnose.content import untried
+from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnosed
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.records.probes import of_moves
 from imuloop.diagnose.search import kinds_of
-from imuloop.diagnose.verdict import leaves, not_testable
+from imuloop.diagnose.verdict import not_testable
 
 # moves of which the velocity counts, at least
 LEAST_MOVES = 10
@@ -33,18 +30,6 @@ SOFTER = (
     "down softly"
 )
 BOTH = "motion shows how late one sensor is after the other: it is given to the accelerometer"
-
-
-@dataclass(frozen=True)
-class MotionResult:
-    """The diagnosis of both sensors in motion."""
-
-    contents: dict  # the contract's fields by sensor
-    # SensorCalibration of each sensor with the effects that motion shows; empty without any
-    calibrations: dict = field(default_factory=dict)
-    residuals: dict = field(default_factory=dict)  # columns of the moves, as of `residual_columns`
-    # SensorPair and the Solution with what was found; empty where the poses determine no start
-    fit: tuple = ()
 
 
 class MotionProblem(PoseProblem):
@@ -90,11 +75,11 @@ def candidates_in_motion(known):
 
 
 def diagnose_motion(pair, solution, recording, settings, tests, information=None, beyond=None):
-    """Return the MotionResult of a device.
+    """Return the PoseResult of a device in motion; calibrations where motion shows an effect.
 
     Takes the SensorPair and its Solution at the poses, effects included, None where these determine
     none; the number of tests of the other records, which share the significance; `information` of
-    PoseProblem, and `beyond` as of `pose_diagnosis.diagnose_poses`.
+    PoseProblem, and `beyond` as of `content.searched_beyond`.
     """
     if solution is None or set(pair.estimated) != set(SENSORS):
         return untestable("the poses do not determine both sensors")
@@ -113,7 +98,7 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
         if np.isnan(knock).any():
             why += " and within the accelerometer's range"
         why += f", at least {LEAST_MOVES} needed{recording.lost.reason}"
-        return replace(untestable(f"{why}: {SOFTER}", columns), fit=(pair, solution))
+        return replace(untestable(f"{why}: {SOFTER}", columns), pair=pair, solution=solution)
     pair = pair.given_rotation(recording, found, x)
     shapes = candidates_in_motion(kinds_of(found))
     problem = MotionProblem(
@@ -128,15 +113,27 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
         information,
         pair.prior_rows(),
     )
+    # the same moves judge both
+    parts, probes = {tuple(SENSORS): VELOCITY}, dict.fromkeys(SENSORS, of_moves(problem, knock))
     try:
-        return _diagnosed(Choices(problem), columns, beyond)
+        result = diagnosed("motion", Choices(problem), parts, {}, probes, beyond)
     except LinAlgError as error:
         return untestable(why_no_fit(error), columns)
+    result.contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))
+    for content in result.contents.values():
+        content["moves"] = {"all": len(quiet), "left_out": int((~quiet).sum())}
+    for name, values in result.residuals.items():
+        columns[name] = np.full(len(quiet), np.nan)
+        columns[name][quiet] = values
+    added = len(result.solution.effects) > len(found)
+    calibrations = result.calibrations if added else {}
+    return replace(result, calibrations=calibrations, residuals=columns)
 
 
 def untestable(why, columns=None):
-    """Return the MotionResult where nothing could be tested, with the reason."""
-    return MotionResult({sensor: not_testable(why) for sensor in SENSORS}, {}, columns or {})
+    """Return the PoseResult where nothing could be tested, with the reason."""
+    contents = {sensor: not_testable(why) for sensor in SENSORS}
+    return PoseResult(contents, residuals=columns or {})
 
 
 def knocks(recording, gyroscope_bias):
@@ -152,68 +149,3 @@ def knocks(recording, gyroscope_bias):
     change = np.diff(f, axis=1) + np.cross(midpoints(w), midpoints(f)) * steps
     lost = (np.linalg.norm(change, axis=2) * steps[..., 0]).max(axis=1)
     return np.where(rotations.force_clipped, np.nan, lost)
-
-
-def _diagnosed(choices, columns, beyond):
-    """Return the MotionResult of moves that can be tested."""
-    problem, added = choices.problem, choices.choice().base
-    kinds = {s: [k for k in problem.shapes if k.sensor == s] for s in SENSORS}
-    probes = _probes(problem, columns)
-
-    def judged_by(choices):
-        """Return judgement, residuals, calibrations and FittedEffects with what was found."""
-        errors, base = choices.errors(choices.nested), choices.choice().base
-        _, calibrations = final_solution(choices.problem, base)
-        fitted = fitted_effects(calibrations, base)
-        return *judged_residuals(choices, VELOCITY, errors), calibrations, fitted
-
-    judged, residuals, calibrations, fitted = judged_by(choices)
-    contents = {
-        s: judged | search_content(choices, fitted, {}, probes, s, kinds[s]) for s in SENSORS
-    }
-    contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))
-    for sensor in SENSORS if beyond and leaves(judged) else ():
-        more = beyond("motion", sensor, choices)
-        if more is None:
-            break
-        content = contents[sensor]
-        content["discovered"] = more.content
-        if more.choices:
-            problem, added = more.choices.problem, more.choices.base
-            judged, residuals, calibrations, fitted = judged_by(more.choices)
-            for each in contents.values():
-                each |= judged
-            own = [f for f, e in zip(fitted, added, strict=True) if e.sensor == sensor]
-            content |= more.joined(content["effects"], content["candidates"], own)
-        if more.content["status"] != "nothing":
-            break
-    quiet = problem.sensor.quiet
-    for own in contents.values():
-        own["moves"] = {"all": len(quiet), "left_out": int((~quiet).sum())}
-    for name, values in residuals.items():
-        columns[name] = np.full(len(quiet), np.nan)
-        columns[name][quiet] = values
-    fit = problem.sensor, problem.linearized(added).solution
-    return MotionResult(contents, calibrations if added else {}, columns, fit)
-
-
-def _probes(problem, columns):
-    """Return name, kind and columns of what velocities may go with: signposts."""
-    recording, quiet = problem.recording, problem.sensor.quiet
-    rotations = recording.rotations
-    mid = (rotations.start_s + rotations.end_s)[:, None] / 2
-    turned = np.einsum("mki,mk->mi", rotations.w[:, 1:], rotations.steps)
-    seconds = rotations.steps.sum(axis=1)[:, None]
-    values = {
-        "time": mid,
-        "duration": seconds,
-        "rotation_angle": turned,
-        "rotation_speed": turned / seconds,
-        "previous_pose": recording.poses.f[rotations.first],
-        "knock": columns["knock_m_s"][:, None],
-    }
-    return [
-        (name, kind, problem.probe(kind, each[quiet]))
-        for kind in VELOCITY
-        for name, each in values.items()
-    ]

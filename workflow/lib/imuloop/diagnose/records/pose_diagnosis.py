@@ -1,11 +1,10 @@
-"""The poses of a device: what is missing in its model, what it is, and what remains with it."""
+"""Both sensors of a device: what is missing in their model, what it is, and what remains."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from scipy.linalg import LinAlgError
-from scipy.special import sph_harm_y
 
 from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, Kind, OfSensor, SensorPair
@@ -13,26 +12,33 @@ from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
+from imuloop.diagnose.content import (
+    residual_entry,
+    search_content,
+    searched_beyond,
+    size_of,
+    untried,
+)
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.records.probes import of_poses
 from imuloop.diagnose.records.scan import pose_step
-from imuloop.diagnose.residuals import floor_range, held_out_covariance
+from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.search import kinds_of
-from imuloop.diagnose.verdict import RESIDUALS, judge, leaves, not_testable, verdict
+from imuloop.diagnose.verdict import RESIDUALS, judge, not_testable, verdict
 from imuloop.effects.steps import Steps
 
 # kinds of residuals that a device leaves which does not lie still, and the share of its rests from
 # which on what is left of them may be that
 MOVED, MOVED_RESTS = {"pose_rate", "rotation", *VELOCITY}, 0.1
 STILL = "left may be that: wait 3 s after putting it down, or lay it on a table"
-# attitude patterns below degree 3 are those of bias, scale factor and misalignment
-DEGREES = (3, 4, 5)
+# probability of an alternative of the noise that a range does not hold
+NEGLIGIBLE = 0.025
 
 
 @dataclass(frozen=True)
 class PoseResult:
-    """The diagnosis of both sensors at the poses."""
+    """The diagnosis of both sensors at the poses, or in motion."""
 
     contents: dict  # the contract's fields, by sensor
     pair: SensorPair | None = None  # None where the poses determine no sensor
@@ -80,8 +86,8 @@ def diagnose_poses(
     """Return the PoseResult of a device.
 
     Takes what `calibrate.calibrate.sensor_pair` gives, the number of tests that share the
-    significance, and `found` and `information` of PoseProblem. `beyond`, if any, is
-    `search_formulas` of `imuloop.discover`: it looks for what the library leaves.
+    significance, and `found` and `information` of PoseProblem; `beyond` as of
+    `content.searched_beyond`.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
     if pair is None:
@@ -102,88 +108,91 @@ def diagnose_poses(
         if not tested:
             return PoseResult(contents, pair, *final_solution(problem, ()))
         problem = pose_problem(pair, recording, settings, tests, found, information, tested)
-        return _diagnosed(Choices(problem), tested, contents, beyond)
+        parts = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
+        probes, shown = {s: of_poses(problem, s) for s in tested}, kinds_of(found)
+        others = {
+            s: {
+                cls: why
+                for cls, why in pose_candidates(s, recording)[1].items()
+                if Kind(cls, s) not in shown
+            }
+            for s in tested
+        }
+        result = diagnosed("poses", Choices(problem), parts, others, probes, beyond)
     except LinAlgError as error:
         why = why_no_fit(error)
         return PoseResult(contents | {s: not_testable(why) for s in tested}, pair)
+    for effect in (e for e in found if e.sensor in tested):
+        entry = untried(effect.name, "added", "found in the static record")
+        result.contents[effect.sensor]["candidates"].append(entry)
+    return replace(result, contents=contents | result.contents)
 
 
-def _diagnosed(choices, tested, contents, beyond):
-    """Return the PoseResult of poses whose fit without effects is one."""
-    problem, added = choices.problem, choices.choice().base
-    solution, calibrations = final_solution(problem, added)
-    errors, residuals = choices.errors(choices.nested), {}
-    contents = dict(contents)
-    for sensor in tested:
-        judged, columns = judged_residuals(choices, OF_SENSOR[sensor], errors, sensor)
-        residuals |= columns
-        others = pose_candidates(sensor, problem.recording)[1]
-        others = {
-            c: why for c, why in others.items() if Kind(c, sensor) not in kinds_of(problem.found)
-        }
-        fitted = fitted_effects(calibrations, added)
-        content = judged | search_content(choices, fitted, others, _probes(problem, sensor), sensor)
-        content["candidates"] += [
-            untried(e.name, "added", "found in the static record")
-            for e in problem.found
-            if e.sensor == sensor
-        ]
-        contents[sensor] = content
-    for sensor in tested if beyond else ():
-        content = contents[sensor]
-        more = beyond("poses", sensor, choices) if leaves(content) else None
-        if not more:
-            continue
-        content["discovered"] = more.content
-        if more.choices:
-            about, base = more.choices.problem, more.choices.base
-            solution, calibrations = final_solution(about, base)
-            errors, fitted = (
-                more.choices.errors(more.choices.nested),
-                fitted_effects(calibrations, base),
-            )
-            for each in tested:
-                judged, columns = judged_residuals(more.choices, OF_SENSOR[each], errors, each)
-                residuals |= columns
-                contents[each] |= judged
-            own = [f for f, e in zip(fitted, base, strict=True) if e.sensor == sensor]
-            content |= more.joined(content["effects"], content["candidates"], own)
-            break
-        # what an accelerometer lacks turns the direction by which a gyroscope is judged
-        if more.content["status"] != "nothing":
-            break
-    return PoseResult(contents, problem.sensor, solution, calibrations, choices, residuals)
+def diagnosed(record, choices, parts, others, probes, beyond):
+    """Return the PoseResult of a record that can be tested, of the sensors that are.
+
+    `parts` are kinds of residuals by the sensors, a tuple, that they judge; `others` and `probes`
+    by sensor as of `search_content`, `beyond` as of `searched_beyond`.
+    """
+    result, contents = judged(choices, parts), {}
+    fitted = fitted_effects(result)
+    for sensor, own in result.contents.items():
+        why_not = others.get(sensor, {})
+        contents[sensor] = own | search_content(choices, fitted, why_not, probes[sensor], sensor)
+    more, sensor = searched_beyond(beyond, record, contents, choices)
+    if more:
+        result = judged(more.choices, parts)
+        for each, content in contents.items():
+            content |= result.contents[each]
+        base, content = more.choices.choice().base, contents[sensor]
+        fitted = zip(fitted_effects(result), base, strict=True)
+        own = [effect for effect, of in fitted if of.sensor == sensor]
+        content |= more.joined(content["effects"], content["candidates"], own)
+    return replace(result, contents=contents, pair=choices.problem.sensor, choices=choices)
 
 
-def fitted_effects(calibrations, base):
-    """Return the FittedEffects of effects of a base, in its order, that calibrations hold."""
-    every = {
-        (sensor, fitted.effect): fitted
-        for sensor, calibration in calibrations.items()
-        for fitted in calibration.effects
-    }
-    return [every[effect.sensor, effect.effect] for effect in base]
+def judged(choices, parts):
+    """Return the PoseResult of Choices, its contents verdict and residuals; arguments as above."""
+    problem, errors = choices.problem, choices.errors(choices.nested)
+    contents, columns = {}, {}
+    for sensors, kinds in parts.items():
+        content, more = judged_residuals(choices, kinds, errors, sensors)
+        contents |= dict.fromkeys(sensors, content)
+        columns |= more
+    fit = final_solution(problem, choices.choice().base)
+    return PoseResult(contents, problem.sensor, *fit, choices, columns)
 
 
-def judged_residuals(choices, kinds, errors, sensor=None, before=None):
+def fitted_effects(result):
+    """Return the FittedEffects that the Choices of a PoseResult add, in their order."""
+    every = {(s, f.effect): f for s, c in result.calibrations.items() for f in c.effects}
+    return [every[e.sensor, e.effect] for e in result.choices.choice().base]
+
+
+def judged_residuals(choices, kinds, errors, sensors=(), before=None):
     """Return verdict and residuals of a PoseProblem, and what is left of them, pose by pose.
 
     Of some kinds of residual: the contract's fields, and the columns of `residual_columns`. Before
-    is without the effects of a `sensor`, of all if none is named, or, if given, as other Choices of
-    the same rows have it. `errors` are those held out with all effects.
+    is without the effects of some sensors, of all if none is named, or, if given, as other Choices
+    of the same rows have it. `errors` are those held out with all effects.
     """
     problem, added = choices.problem, choices.choice().base
     pair, settings = problem.sensor, problem.settings
-    others = tuple(e for e in added if sensor and e.sensor != sensor)
+    others = tuple(e for e in added if sensors and e.sensor not in sensors)
     start = before or choices
     more = len(others) < len(added) or start is not choices
     errors = (start.following(kinds_of(others)) if more else errors), errors
     base = start.problem.linearized(others if more else added)
     final = problem.linearized(added)
+    groups, both = [problem.of_kind(kind) for kind in kinds], []
+    for about, own in zip((base, final), errors, strict=True):
+        alternatives = [
+            (prior, [(about.values, covariance, about.jacobian, problem.ends, groups)])
+            for prior, covariance in about.alternatives
+        ]
+        both.append(judge(alternatives, [(own[rows] ** 2).sum() for rows in groups]))
     # the noise is as likely as the fit with the effects has it
-    (_, judged_base), (weights, judged_final) = (
-        _judged(problem, kinds, *side) for side in zip((base, final), errors, strict=True)
-    )
+    (_, judged_base), (weights, judged_final) = both
     floors = [
         np.diag(held_out_covariance(c, base.jacobian, problem.ends))[:, None]
         for _, c in final.alternatives
@@ -191,16 +200,18 @@ def judged_residuals(choices, kinds, errors, sensor=None, before=None):
     floor = np.tensordot(weights, floors, 1)
     share = settings.significance / RESIDUALS / settings.family
     residuals, above, slow = {}, (False, False), False
-    for k, kind in enumerate(kinds):
-        unit, rows = pair.kinds[kind][0], problem.of_kind(kind)
+    for k, (kind, rows) in enumerate(zip(kinds, groups, strict=True)):
+        unit = pair.kinds[kind][0]
         judged = judged_base[k], judged_final[k]
         entry, found = residual_entry(problem, kind, unit, rows, judged, errors, floor, share, more)
         above = np.logical_or(above, found)
         if kind != "rotation" or not problem.recording.rotations.aliased.any():
             slow |= judged[1].estimated < share
-        each = [size_of(problem, kind, np.sqrt(v[rows])) for v in floors]
+        sizes = (size_of(problem, kind, np.sqrt(v[rows])) for v in floors)
+        likely = [s for s, weight in zip(sizes, weights, strict=True) if weight >= NEGLIGIBLE]
+        likely.append(entry["floor"])
         residuals[kind] = entry | {
-            "floor_range": floor_range(weights, each, entry["floor"]),
+            "floor_range": [min(likely), max(likely)],
             "in_sample_before": size_of(problem, kind, base.values[rows][:, None]),
             "in_sample_after": size_of(problem, kind, final.values[rows][:, None]),
         }
@@ -252,50 +263,3 @@ def final_solution(problem, base):
     """
     solution = problem.linearized(base).solution
     return solution, problem.sensor.calibrations(solution, problem.covariance(base))
-
-
-def _judged(problem, kinds, about, errors):
-    """Return what `judge` does of some kinds of residuals about a fit and of held-out errors."""
-    groups = [problem.of_kind(kind) for kind in kinds]
-    alternatives = [
-        (prior, [(about.values, covariance, about.jacobian, problem.ends, groups)])
-        for prior, covariance in about.alternatives
-    ]
-    return judge(alternatives, [(errors[rows] ** 2).sum() for rows in groups])
-
-
-def harmonics(directions, degree):
-    """Return the real spherical harmonics of one degree, shape (n, 2 degree + 1)."""
-    x, y, z = (directions / np.linalg.norm(directions, axis=1, keepdims=True)).T
-    theta, phi = np.arccos(np.clip(z, -1, 1)), np.arctan2(y, x)
-    values = [sph_harm_y(degree, m, theta, phi) for m in range(degree + 1)]
-    return np.column_stack([v.real for v in values] + [v.imag for v in values[1:]])
-
-
-def _probes(problem, sensor):
-    """Return name, kind and columns of what the residual may go with: no effects, but signposts."""
-    recording, found = problem.recording, []
-    poses, rotations = recording.poses, recording.rotations
-    time = (poses.mid_s / (poses.mid_s.max() - poses.mid_s.min()))[:, None] ** [1, 2]
-    own = slice(0, 3) if sensor == "accelerometer" else slice(3, 6)
-    previous = np.vstack([np.zeros((1, 3)), poses.f[:-1]])
-    previous[np.diff(poses.session, prepend=-1) != 0] = 0
-    at_pose = {f"harmonics_{d}": harmonics(poses.f, d) for d in DEGREES}
-    at_pose |= {"time": time, "pose_variance": poses.variance[:, own], "previous_pose": previous}
-    # the mean rate over a rotation, with its sign
-    turned = np.einsum("mki,mk->mi", rotations.w[:, 1:], rotations.steps)
-    speed = turned / (rotations.end_s - rotations.start_s)[:, None]
-    in_turn = {
-        "time": time[rotations.first],
-        "previous_pose": poses.f[rotations.first],
-        "rotation_speed": speed,
-    }
-    if poses.temperature is not None:
-        rate = np.gradient(poses.temperature, poses.mid_s) if len(poses) > 1 else time[:, 0]
-        for name, values in (("temperature", poses.temperature), ("temperature_rate", rate)):
-            at_pose[name] = values[:, None]
-            in_turn[name] = values[rotations.first, None]
-    for kind in OF_SENSOR[sensor]:
-        probes = in_turn if kind == "rotation" else at_pose
-        found += [(name, kind, problem.probe(kind, values)) for name, values in probes.items()]
-    return found

@@ -64,14 +64,14 @@ def rests_to_use(kinds, segments):
     rest of all others if it lasts. Kind and segments are by session; returned are ``start_s``,
     ``end_s``, ``kind`` and ``tilt_rad`` of the segments to use.
     """
-    static, longest, chosen = {}, LONG_REST, {}
-    for name, table in segments.items():
-        columns = {column: np.asarray(table[column]) for column in COLUMNS}
-        still = np.flatnonzero(columns["kind"] == STATIC)
-        seconds = (columns["end_s"] - columns["start_s"])[still]
-        if kinds[name] == "static" and len(still):
-            static[name] = columns
-        if len(still) and seconds.max() >= longest and (not chosen or seconds.max() > longest):
-            at, longest = [still[seconds.argmax()]], seconds.max()
-            chosen = {name: {column: values[at] for column, values in columns.items()}}
-    return static or chosen
+    tables = {n: {c: np.asarray(t[c]) for c in COLUMNS} for n, t in segments.items()}
+    rests = [
+        (table["end_s"][at] - table["start_s"][at], name, at)
+        for name, table in tables.items()
+        for at in np.flatnonzero(table["kind"] == STATIC)
+    ]
+    static = {name: tables[name] for _, name, _ in rests if kinds[name] == "static"}
+    seconds, name, at = max(rests, key=lambda rest: rest[0], default=(0.0, "", 0))
+    if static or seconds < LONG_REST:
+        return static
+    return {name: {column: values[[at]] for column, values in tables[name].items()}}

@@ -4,15 +4,14 @@ import numpy as np
 
 from imuloop.calibrate.noise_components import FARTHEST
 from imuloop.core.effect import Effect
-from imuloop.core.memory import in_pieces
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.content import residual_entry, search_content, untried
+from imuloop.diagnose.records.probes import of_means
 from imuloop.diagnose.records.static import fitted_effects
 from imuloop.diagnose.residuals import held_out_covariance, size
 from imuloop.diagnose.search import Search
 from imuloop.diagnose.verdict import MARGIN, RESIDUALS, judge, verdict
-from imuloop.effects.axes import on_each_axis
 from imuloop.effects.drifts import GaussMarkov
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -42,7 +41,7 @@ def static_content(sensor, finding, noise, change, processes):
         problem, kind, UNITS[sensor], slice(None), judged, errors, floor, share, bool(added)
     )
     library = finding.effects[: len(choices.choice().added)]
-    found = search_content(choices, library, finding.others, _probes(problem), sensor)
+    found = search_content(choices, library, finding.others, of_means(problem), sensor)
     for entry, own in zip(found["effects"], choices.choice().added, strict=True):
         entry["axis"] = axes[own.trial.axis] if own.before.shape[1] == 1 else None
     if finding.further:
@@ -210,30 +209,6 @@ def _by_session(choices):
                 for name, value in effect.values.items()
             }
     return found
-
-
-def _probes(problem):
-    """Return name, kind and columns of what the residual may go with."""
-    records, found = problem.merged, {}
-    span = max(np.ptp(r.channels.t) for r in records)
-    found["time"] = [on_each_axis(r.channels.t / span, (r.channels.t / span) ** 2) for r in records]
-    moments = (np.split(r.channels.remembered(_moments), 2, axis=1) for r in records)
-    found["pose_variance"] = [on_each_axis(square - mean**2) for mean, square in moments]
-    if all(r.channels.temperature is not None for r in records):
-        warmth = [(r.channels.t, r.channels.temperature) for r in records]
-        found["temperature"] = [on_each_axis(w, w**2) for _, w in warmth]
-        found["temperature_rate"] = [on_each_axis(np.gradient(w, t)) for t, w in warmth]
-    return [(name, problem.residual, np.concatenate(parts)) for name, parts in found.items()]
-
-
-@in_pieces
-def _moments(channels):
-    """Return the output of each axis and its square, shape (n, 6)."""
-    values = channels.output
-    # about a mean, so that the difference of squares keeps its digits
-    centre = {} if channels.past is None else channels.past
-    values = values - centre.setdefault("mean", values.mean(axis=0))
-    return np.hstack([values, values**2])
 
 
 def _points(finding, floor):
