@@ -71,7 +71,7 @@ def test_each_effect_is_found_by_its_name(name):
     assert name in names(finding)
     at = names(finding).index(name)
     assert finding.choices.choice().added[at].ratio[1] < 1
-    assert np.mean(finding.after**2) < 0.5 * np.mean(finding.before**2)
+    assert np.mean(finding.errors[1] ** 2) < 0.5 * np.mean(finding.errors[0] ** 2)
     if name == "steps":
         assert abs(finding.effects[at].effect.times[0] - shape.times[0]) <= LENGTH
     if name == "sinusoid":
@@ -119,7 +119,7 @@ def test_sessions_share_the_parameters_and_have_their_own_levels():
     for name, value in finding.effects[0].values.items():
         if name.startswith("c1"):
             assert abs(value - 1) < 4 * finding.effects[0].std[name]
-    assert np.isfinite(finding.after).all()
+    assert np.isfinite(finding.errors[1]).all()
 
 
 @pytest.mark.parametrize(
@@ -163,7 +163,7 @@ def test_a_step_within_a_held_out_block_has_no_time():
     assert unseen.spans == (15 * LENGTH,)
     assert abs(unseen.times[0] - time) < 7.5 * LENGTH
     # a tenth and more of the step's square is left in the block, nothing beside it
-    squares = [np.mean(finding.after[fold == f] ** 2) for f in range(8)]
+    squares = [np.mean(finding.errors[1][fold == f] ** 2) for f in range(8)]
     assert np.argmax(squares) == block and 0.1 * 9 < squares[block] < 0.5 * 9
     assert np.delete(squares, block).max() < 0.1 * 9
 

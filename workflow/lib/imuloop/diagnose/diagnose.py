@@ -17,7 +17,6 @@ from imuloop.calibrate.calibrate import (
 )
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.recording import Recording
-from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
@@ -92,18 +91,17 @@ def diagnose_device(
         *(data, records, base, model, read_json(noise)["curve_fit"]),
         *(settings, noise_settings, tests, beyond),
     )
-    of_own_session = "static" in data.kinds.values()
+    has_static_session = "static" in data.kinds.values()
     found, information = (), None
-    if of_own_session:
-        found, information = of_static_records(still, recording.poses.temperature is not None)
+    if has_static_session:
+        found, information = still.at_poses(recording.poses.temperature is not None)
     # without a ramp too, which the poses do not have, but which would count as slow noise there
     noise = still.noise
-    units = {sensor: getattr(multi, sensor).raw_unit for sensor in SENSORS}
     pair, reasons = sensor_pair(
         recording,
         noise,
         gravity,
-        units,
+        {sensor: getattr(multi, sensor).raw_unit for sensor in SENSORS},
         replace(calibrate_settings, gyroscope_bias="rests"),
         base.accelerometer if base.accelerometer.method == "six_position" else None,
         read_turns(sessions, base.accelerometer),
@@ -113,26 +111,24 @@ def diagnose_device(
     poses = diagnose_poses(pair, reasons, *how, found, information, beyond)
     motion = diagnose_motion(pair, poses.solution, *how, information, beyond)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
-    force = poses.calibrations.get("accelerometer")
-    anew = bool(force and force.effects) or calibrate_settings.gyroscope_bias != "initial_rest"
-    final = replace(
-        base,
-        **{
-            sensor: final_calibration(
-                getattr(base, sensor),
-                own,
-                still.effects[sensor] if of_own_session or not own else (),
-                records[sensor],
-                anew,
-            )
-            for sensor in SENSORS
-            for own in [poses.calibrations.get(sensor)]
-        },
-    )
-    final = replace(final, **motion.calibrations)
-    final = as_seen(final, poses.calibrations, recording, (records, still.effects))
+    force = poses.calibrations.get("accelerometer", base.accelerometer)
+    by_new_force = "accelerometer" in poses.calibrations and force.effects
+    bias_refitted = by_new_force or calibrate_settings.gyroscope_bias != "initial_rest"
+    final = {}
+    for sensor in SENSORS:
+        own = poses.calibrations.get(sensor)
+        effects = still.effects[sensor] if has_static_session or not own else ()
+        given = getattr(base, sensor), own, effects, records[sensor]
+        final[sensor] = final_calibration(*given, bias_refitted)
+    final = replace(base, **final | motion.calibrations)
+    final = with_validity_ranges(final, poses.calibrations, recording, records, still.effects)
     beside = diagnose_references(sessions, noise, gravity, settings, tests, final, beyond)
     final = with_reference(final, beside)
+    content = _content(device, poses.contents, still.content, motion.contents)
+    for sensor, own in content["sensors"].items():
+        own |= {"reference": beside[sensor].content} if beside else {}
+        verdict = of_calibration(own, has_static_session)
+        final = replace(final, **{sensor: replace(getattr(final, sensor), verdict=verdict)})
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, *kinds)]
         for kinds in (POSED, ("six_position",))
@@ -140,43 +136,27 @@ def diagnose_device(
     residuals = poses.residuals | motion.residuals
     # with the effects of the rotations alone: those at rest may need what is not logged here
     turned = poses.calibrations.get("gyroscope", base.gyroscope)
-    seen_force = recording.calibrated_force(force or base.accelerometer)
+    _, seen_force = recording.calibrated_force(force)
     # the six faces are not diagnosed
     six = poses_table(read_poses(sessions, "six_position"), faces, {})
-    blocks = {s: (poses.contents[s], still.content[s], motion.contents[s]) for s in SENSORS}
-    content = _content(device, blocks, beside)
-    verdicts = {s: of_calibration(content["sensors"][s], of_own_session) for s in SENSORS}
-    final = replace(final, **{s: replace(getattr(final, s), verdict=verdicts[s]) for s in verdicts})
-    return Diagnosed(
-        content,
-        final,
-        still.allan,
-        noise,
-        poses,
-        recording,
-        names,
-        {
-            "poses": joined([poses_table(recording.poses, names, residuals), six]),
-            "moves": moves_table(recording, names, turned, seen_force[1], residuals),
-            "reference": windows_table(beside),
-        },
-        (motion.pair, motion.solution) if motion.solution else (),
-    )
+    tables = {
+        "poses": joined([poses_table(recording.poses, names, residuals), six]),
+        "moves": moves_table(recording, names, turned, seen_force, residuals),
+        "reference": windows_table(beside),
+    }
+    in_motion = (motion.pair, motion.solution) if motion.solution else ()
+    of_poses = poses, recording, names
+    return Diagnosed(content, final, still.allan, noise, *of_poses, tables, in_motion)
 
 
 def undiagnosed(device, why):
     """Return the content of diagnosis.json where nothing could be tested, with the reason."""
-    return _content(device, dict.fromkeys(SENSORS, (not_testable(why),) * len(RECORDS)))
+    return _content(device, *[dict.fromkeys(SENSORS, not_testable(why))] * len(RECORDS))
 
 
-def _content(device, blocks, beside=()):
-    """Return the content of diagnosis.json, of each sensor's records in the order of `RECORDS`.
-
-    `beside` are ReferenceResults by sensor.
-    """
-    sensors = {sensor: dict(zip(RECORDS, own, strict=True)) for sensor, own in blocks.items()}
-    for sensor in beside:
-        sensors[sensor]["reference"] = beside[sensor].content
+def _content(device, *records):
+    """Return the content of diagnosis.json: by sensor that of each of the `RECORDS`."""
+    sensors = {s: {r: c[s] for r, c in zip(RECORDS, records, strict=True)} for s in SENSORS}
     return {"format": FORMAT, "device": device, "sensors": sensors}
 
 
@@ -190,44 +170,15 @@ def calibrated(six_position, multi_position):
     )
 
 
-def of_static_records(still, warm):
-    """Return what static records say of a device's poses: effects, and what PoseProblem takes.
-
-    Takes the StaticResult, and whether the poses have a temperature.
-    """
-    shown = {sensor: still.shown(sensor, warm) for sensor in SENSORS}
-    found = tuple(OfSensor(e, s) for s, (effects, _) in shown.items() for e in effects)
-
-    def information(effects):
-        """Return A and b as of `static.information`; zero for what a static record cannot show."""
-        ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
-        whole, moment = np.zeros((ends[-1],) * 2), np.zeros(ends[-1])
-        for sensor, (known, of_record) in shown.items():
-            own = [
-                k
-                for k, e in enumerate(effects)
-                if e.sensor == sensor
-                and (e.effect in known or ("temperature" in e.needs and not e.timed))
-            ]
-            if of_record and own:
-                at = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in own])
-                own, right = of_record(tuple(effects[k].effect for k in own))
-                whole[np.ix_(at, at)], moment[at] = own, right
-        return whole, moment
-
-    shows = any(of_record for _, of_record in shown.values())
-    return found, information if shows else None
-
-
-def final_calibration(base, found, effects, records, anew):
+def final_calibration(base, found, effects, records, bias_refitted):
     """Return the calibration of a sensor with every effect that was found.
 
     The model that was diagnosed, its covariance too: `found`, by the poses; one without effects
-    counts only if `anew`, not where the bias is held at the first rest. Where the poses determine
-    none, the static records' effects are added to the base calibration; the bias of a gyroscope
-    that only rested then is its level without them.
+    counts only if `bias_refitted`, not where the bias is held at the first rest. Where the poses
+    determine none, the static records' effects are added to the base calibration; the bias of a
+    gyroscope that only rested then is its level without them.
     """
-    if found and (anew or found.effects):
+    if found and (bias_refitted or found.effects):
         return found
     if not effects:
         return base
@@ -239,39 +190,33 @@ def final_calibration(base, found, effects, records, anew):
     return replace(base, b=b, effects=effects)
 
 
-def as_seen(calibration, found, recording, static):
+def with_validity_ranges(calibration, found, recording, records, static_effects):
     """Return the calibration with every effect held to what the data show.
 
     Those of a sensor that the poses determine, by `found`, were seen there, the gyroscope's along
-    the rotations too; `static` are by sensor the static records, and the effects that they show.
+    the rotations too; the others in `records`, by sensor the static records.
     """
     force, turn = calibration.accelerometer, calibration.gyroscope
-    poses, rate = {sensor: [] for sensor in SENSORS}, recording.poses.w
+    at_poses, moving, sensors = {sensor: [] for sensor in SENSORS}, [], {}
     if "accelerometer" in found and force.effects:
-        poses["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
+        rate, aligned = recording.poses.w, turn.aligned(recording.rotations.w)
+        at_poses["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
+        how = force.output, aligned, turn.aligned
+        moving = [recording.rotation_channels("accelerometer", *how)]
     if "gyroscope" in found and turn.effects:
         at_rest, along = recording.calibrated_force(force)
-        poses["gyroscope"] = [
+        at_poses["gyroscope"] = [
             recording.pose_channels("gyroscope", turn.output, at_rest),
             recording.rotation_channels("gyroscope", turn.output, along),
         ]
-
-    along = []
-    if any("motion" in e.effect.records for e in force.effects):
-        rate = turn.aligned(recording.rotations.w)
-        along = [recording.rotation_channels("accelerometer", force.output, rate, turn.aligned)]
-
-    def held(sensor, effect):
-        if sensor == "accelerometer" and "motion" in effect.effect.records:
-            return effect.with_ranges(along)
-        at_rest = effect.name in [each.name for each in static[1][sensor]]
-        records = [r.channels for r in static[0][sensor]] if at_rest else []
-        return effect.with_ranges(poses[sensor] + records)
-
-    return replace(
-        calibration,
-        **{
-            sensor: replace(own, effects=tuple(held(sensor, e) for e in own.effects))
-            for sensor, own in zip(SENSORS, (force, turn), strict=True)
-        },
-    )
+    for sensor, own in zip(SENSORS, (force, turn), strict=True):
+        effects, resting = [], [effect.name for effect in static_effects[sensor]]
+        for effect in own.effects:
+            seen = at_poses[sensor]
+            if sensor == "accelerometer" and "motion" in effect.effect.records:
+                seen = moving
+            elif effect.name in resting:
+                seen = seen + [r.channels for r in records[sensor]]
+            effects.append(effect.with_ranges(seen))
+        sensors[sensor] = replace(own, effects=tuple(effects))
+    return replace(calibration, **sensors)

@@ -170,7 +170,7 @@ def of_static(problem, base, sensor):
     space = space_of(sensor, channels, added, "f" if len(records) > 1 else "")
     fold = np.tile(np.concatenate(merged.folds), 3)
     fold = np.column_stack([fold, np.full(len(fold), -1)])
-    kinds = {problem.residual: (np.ones(len(fold), dtype=bool), 3)}
+    kinds = {"bias": (np.ones(len(fold), dtype=bool), 3)}
     scalars = scalars_of(np.zeros((count, 0)), channels.temperature)
     numbers = range(len(space.candidates))
     for k in numbers:

@@ -5,12 +5,14 @@ import numpy as np
 from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.diagnose.p_values import log_f_tail
 from imuloop.effects.sinusoid import Sinusoid
-from imuloop.effects.steps import Steps, share_after
+from imuloop.effects.steps import Steps, joined, share_after
 
 # periods of a line that a record must hold, and frequencies that are tried in a period's width
 LEAST_PERIODS, FINENESS = 2, 4
 # windows on either side of a step, and times that are tried within one
 BESIDE, WITHIN = 3, 4
+# steps in one record or another; logarithm of a p-value at which a second is not looked for
+MOST_STEPS, HOPELESS = 6, 6.0
 
 # poses on either side of a step, without which it would be an outlier's second name
 POSES_BESIDE = 3
@@ -43,40 +45,60 @@ def frequencies(records):
     return steps / (FINENESS * span)
 
 
-def line_scan(search, base):
-    """Return the most promising line of each axis with its log p, and how many were tried."""
-    records = search.problem.merged
+def best_line(search, base, hopeful=False):
+    """Return the Trial of the most promising line, of all that an axis shows best, or None.
+
+    `hopeful` leaves out what is no more than chance.
+    """
+    records, shapes, waves = search.problem.merged, {}, []
     tried = frequencies(records)
-    if not len(tried):
-        return (), 0
-    sessions, best, waves = tuple(dict.fromkeys(r.session for r in records)), [], []
+    tries, sessions = np.log(max(len(tried), 1)), tuple(dict.fromkeys(r.session for r in records))
     for record, held in zip(records, search.training(base).held, strict=True):
         phase = 2 * np.pi * np.outer(np.delete(record.channels.t, held), tried)
         waves.append(np.stack([np.cos(phase), np.sin(phase)]))
-    for axis in range(3):
+    for axis in range(3) if len(tried) else ():
         parts, dof = whitened(search, base, axis)
-        total, q = np.zeros(len(tried)), 2 * len(parts)
-        for (_, precision, left), wave in zip(parts, waves, strict=True):
-            weighted = precision @ wave
-            score = np.einsum("kmf,m->fk", weighted, left)
-            information = np.einsum("kmf,lmf->fkl", wave, weighted)
-            total += np.einsum("fk,fk->f", score, _solved(information, score))
-        log_p = log_f_tail(total / q, q, dof - q)
-        at = int(np.argmin(log_p))
-        best.append((log_p[at], Sinusoid(float(tried[at]), sessions)))
-    return _distinct(best), len(tried)
+        gain = sum(_gain(*own, wave) for (_, *own), wave in zip(parts, waves, strict=True))
+        q = 2 * len(parts)
+        log_p = log_f_tail(gain / q, q, dof - q)
+        least, line = log_p.min(), Sinusoid(float(tried[log_p.argmin()]), sessions)
+        if not hopeful or least + np.log(3) + tries < 0:
+            shapes[line] = min(least, shapes.get(line, 0.0))
+    return search.shaped(base, sorted(shapes, key=shapes.get), tries)
 
 
-def step_scan(search, base, taken=()):
-    """Return the most promising step of each axis with its log p, and how many were tried.
+def best_steps(search, base, hopeful=False):
+    """Return the best Trial of one step, or of several, each the best beside those before, or None.
 
-    A few windows about each of the steps that are `taken` already are left out.
+    One step of two may show nothing: the other looks like a walk. So one more is always tried,
+    unless, `hopeful`, the first is hopeless.
     """
-    records, best, count = search.problem.merged, [], 0
+    best, taken, tries, beside = None, (), 0.0, ()
+    for number in range(1, MOST_STEPS + 1):
+        promise, step, count = most_promising_step(search, base + beside, taken)
+        tries += np.log(max(count, 1) / number)
+        if not step or (hopeful and number == 1 and promise + np.log(3) + tries > HOPELESS):
+            break
+        taken = (*taken, step)
+        beside = (joined(taken),)
+        trial = search.shaped(base, beside, tries)
+        if best is not None and (trial is None or trial.log_p >= best.log_p):
+            break
+        best = trial or best
+    return best
+
+
+def most_promising_step(search, base, taken=()):
+    """Return log p of the step that an axis shows most clearly, the step, and how many were tried.
+
+    A few windows about each of the steps that are `taken` already are left out. No step, None,
+    where none is left to try.
+    """
+    found, count = [(0.0, 3, None)], 0
     for axis in range(3):
         parts, dof = whitened(search, base, axis)
-        count, found = 0, []
-        for (seen, *part), record in zip(parts, records, strict=True):
+        count = 0
+        for (seen, *part), record in zip(parts, search.problem.merged, strict=True):
             if len(seen) <= 2 * BESIDE:
                 continue
             windows, length = record.windows[seen], np.median(record.length)
@@ -87,17 +109,16 @@ def step_scan(search, base, taken=()):
                     starts = starts[apart > (BESIDE - 0.5) * length]
             if not len(starts):
                 continue
-            gain = _gain(*part, windows, starts)
+            gain = _gain(*part, share_after(windows, starts)[None])
             # within the windows beside the best start a step may lie anywhere
             within = starts[np.argmax(gain)] + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
-            gains = _gain(*part, windows, within)
+            gains = _gain(*part, share_after(windows, within)[None])
             count += WITHIN * len(starts)
             time, span = unseen(within[np.argmax(gains)], windows)
-            step = Steps((time,), (record.session,), (span,))
-            found.append((log_f_tail(gains.max(), 1, dof - 1), step))
-        if found:
-            best.append(min(found, key=lambda f: f[0]))
-    return _distinct(best), count
+            log_p = log_f_tail(gains.max(), 1, dof - 1)
+            found.append((log_p, axis, Steps((time,), (record.session,), (span,))))
+    log_p, _, step = min(found, key=lambda f: f[:2])
+    return log_p, step, count
 
 
 def pose_step(sensor, search, base, hopeful=False):
@@ -134,27 +155,14 @@ def unseen(time, windows):
     return float(time), 0.0
 
 
-def _gain(precision, left, windows, times):
-    """Return by how much χ² falls with a step at each time."""
-    after = share_after(windows, times)
-    weighted = precision @ after
-    information = np.einsum("mk,mk->k", after, weighted)
-    known = information > 1e-9 * information.max()
-    score = weighted.T @ left
-    return np.where(known, score**2 / np.where(known, information, 1.0), 0.0)
-
-
-def _solved(matrices, vectors):
-    """Return the solutions of small systems, zero where one is singular."""
-    size = np.sqrt(np.maximum(np.einsum("fkk->fk", matrices), 1e-300))
-    scaled = matrices / size[:, :, None] / size[:, None, :]
+def _gain(precision, left, patterns):
+    """Return by how much χ² falls with each of f patterns of k columns, (k, m, f)."""
+    weighted = precision @ patterns
+    score = np.einsum("kmf,m->fk", weighted, left)
+    information = np.einsum("kmf,lmf->fkl", patterns, weighted)
+    own = np.einsum("fkk->fk", information)
+    # what a level takes up is no column
+    size = np.sqrt(np.where(own > 1e-9 * own.max(), own, np.inf))
+    scaled, score = information / size[:, :, None] / size[:, None, :], score / size
     inverse = np.linalg.pinv(scaled, rcond=1e-6, hermitian=True)
-    return np.einsum("fkl,fl->fk", inverse, vectors / size) / size
-
-
-def _distinct(best):
-    """Return (log p, effect), the best first, each effect once."""
-    smallest = {}
-    for log_p, effect in sorted(best, key=lambda f: f[0]):
-        smallest.setdefault(effect, log_p)
-    return tuple((log_p, effect) for effect, log_p in smallest.items())
+    return np.einsum("fk,fkl,fl->f", score, inverse, score)

@@ -3,22 +3,21 @@
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 
 from imuloop.core.effect import FittedEffect
 from imuloop.diagnose.evidence import Block, Evidence
-from imuloop.diagnose.records.scan import line_scan, step_scan
+from imuloop.diagnose.records.scan import best_line, best_steps
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.training import ABSORBED, pooled
 from imuloop.effects.sinusoid import Sinusoid
-from imuloop.effects.steps import Steps, joined
+from imuloop.effects.steps import Steps
 
 # more means than this are merged for the fit; held-out errors are those of all means
 MERGED = 200
-# steps in one record or another; logarithm of a p-value at which a second is not looked for
-MOST_STEPS, HOPELESS = 6, 6.0
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,8 @@ class StaticProblem:
     tests: int  # number of tests of the family
     noise: tuple | None = None  # Hypotheses of each record; a grid of white and slow noise without
     _derivatives: dict = field(default_factory=dict, repr=False)
-    residual = "bias"
+    # what looks for patterns whose shapes cannot be listed, by effect
+    scans: ClassVar = {Sinusoid: best_line, Steps: best_steps}
     # both as of PoseProblem
     measure, enough = 1.0, 0.95
 
@@ -43,11 +43,6 @@ class StaticProblem:
     def parts(self):
         """Number of parts that are held out in turn."""
         return self.settings.blocks
-
-    @cached_property
-    def scans(self):
-        """What looks for patterns whose shapes cannot be listed, by effect."""
-        return {Sinusoid: _line, Steps: _steps}
 
     def of_session(self, session):
         """Return the problem of the records of one session."""
@@ -73,13 +68,28 @@ class StaticProblem:
         ]
 
     @cached_property
-    def fold(self):
-        """The part that each mean is held out with, shape (M,)."""
-        return np.concatenate([fold_of(r, self) for r in self.records])
+    def window(self):
+        """The window of the fit that each mean lies in, shape (M,)."""
+        before, found = 0, []
+        for record, merged in zip(self.records, self.merged, strict=True):
+            starts = merged.windows[:, 0], record.windows[:, 0]
+            found.append(before + np.searchsorted(*starts, side="right") - 1)
+            before += len(merged.windows)
+        return np.concatenate(found)
 
     @cached_property
+    def fold(self):
+        """The part that each mean is held out with, shape (M,)."""
+        return np.concatenate(self.folds)[self.window]
+
+    @cached_property
+    def session(self):
+        """The session of each mean, shape (M,)."""
+        return np.concatenate([np.repeat(r.session, len(r.windows)) for r in self.records])
+
+    @property
     def ends(self):
-        """The same, and the other part that it touches: none, (M, 2)."""
+        """The same as `fold`, and the other part that it touches: none, (M, 2)."""
         return _alone(self.fold)
 
     @cached_property
@@ -104,23 +114,26 @@ class StaticProblem:
 
     def left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all means, shape (M, 3)."""
-        training = search.training(base)
-        found = [
-            r.values - f.values.mean(axis=0) for r, f in zip(self.records, self.merged, strict=True)
-        ]
+        training, left = search.training(base), self.values.copy()
+        record = np.repeat(np.arange(len(self.records)), [len(r.windows) for r in self.records])
         for axis in range(3):
             levels, vectors = training.parameters(base, axis)
-            for i, values in enumerate(found):
-                values[:, axis] -= levels[i][0]
+            left[:, axis] -= np.concatenate(levels)[record]
             for effect, vector in vectors.items():
-                for values, design in zip(found, self.derivatives(effect), strict=True):
-                    values[:, axis] -= design[:, axis] @ vector
-        return np.concatenate(found)
+                left[:, axis] -= self.derivative(effect)[:, axis] @ vector
+        return left
 
-    def derivatives(self, effect):
-        """Return the derivative at all means of each record, (n, 3, p)."""
+    @cached_property
+    def values(self):
+        """All means about those of their record's windows of the fit, (M, 3), SI."""
+        each = zip(self.records, self.merged, strict=True)
+        return np.concatenate([r.values - f.values.mean(axis=0) for r, f in each])
+
+    def derivative(self, effect):
+        """Return the derivative at all means, (M, 3, p)."""
         if effect not in self._derivatives:
-            self._derivatives[effect] = [r.derivative(effect) for r in self.records]
+            own = [r.derivative(effect) for r in self.records]
+            self._derivatives[effect] = np.concatenate(own)
         return self._derivatives[effect]
 
     def training(self, base, out):
@@ -133,7 +146,7 @@ class StaticProblem:
 
     def shows(self, search, base, trial):
         """Return kind and rows in which a trial shows most."""
-        return self.residual, slice(None)
+        return "bias", slice(None)
 
     def slow(self, effect):
         """Return False: the hypotheses are a grid, which holds the noise that looks like it."""
@@ -233,34 +246,3 @@ def information(search, base, effects):
     own = precision[:count, :count] - beside @ precision[count:, :count]
     left = moment[:count] - beside @ moment[count:]
     return own * np.outer(size[:count], size[:count]), left * size[:count]
-
-
-def _line(search, base, hopeful):
-    """Return the best trial of a line."""
-    found, count = line_scan(search, base)
-    tries = np.log(max(count, 1))
-    shapes = tuple(e for log_p, e in found if not hopeful or log_p + np.log(3) + tries < 0)
-    return search.shaped(base, shapes, tries)
-
-
-def _steps(search, base, hopeful):
-    """Return the best trial of one step, or of several, each the best beside those before.
-
-    One step of two may show nothing: the other looks like a walk. So one more is always tried.
-    """
-    best, taken, tries, beside = None, (), 0.0, ()
-    for number in range(1, MOST_STEPS + 1):
-        found, count = step_scan(search, base + beside, taken)
-        if not found:
-            break
-        promise, step = found[0]
-        tries += np.log(count / number)
-        if hopeful and number == 1 and promise + np.log(3) + tries > HOPELESS:
-            break
-        taken = (*taken, step)
-        beside = (joined(taken),)
-        trial = search.shaped(base, beside, tries)
-        if best is not None and (trial is None or trial.log_p >= best.log_p):
-            break
-        best = trial or best
-    return best

@@ -7,22 +7,17 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import why_no_fit
+from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.core.effect import Channels
-from imuloop.core.noise_model import (
-    AxisNoise,
-    Coefficient,
-    GaussMarkovTerm,
-    NoiseModel,
-    without_weight,
-)
+from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.moves import separated
+from imuloop.diagnose.records.processes import process_entry
 from imuloop.diagnose.records.rests import LONG_REST
-from imuloop.diagnose.records.slow_noise import prediction_errors
-from imuloop.diagnose.records.static import StaticProblem, fitted_effects, fold_of, information
-from imuloop.diagnose.records.static_content import static_content
+from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
+from imuloop.diagnose.records.static_content import searched_content, static_content
 from imuloop.diagnose.verdict import leaves, not_testable
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.noise.correction import noise_again, with_lines
@@ -41,27 +36,45 @@ class StaticResult:
     noise: NoiseModel
     # Allan table without the effects, by session; empty where nothing was taken out
     allan: dict = field(default_factory=dict)
-    # Finding of each sensor that could be tested
+    # StaticFinding of each sensor that could be tested
     findings: dict = field(default_factory=dict)
 
-    def shown(self, sensor, with_temperature):
-        """Return the effects of a sensor that the poses have too, and `information` of any effect.
+    def at_poses(self, warm):
+        """Return the effects that poses have too, and `information` for PoseProblem.
 
-        `with_temperature` is whether the poses have a temperature.
+        `warm` is whether the poses have a temperature.
         """
-        if sensor not in self.findings:
-            return (), None
-        shown = tuple(
-            e.effect
-            for e in self.effects[sensor]
-            if with_temperature or "temperature" not in e.effect.needs
+        found = tuple(
+            OfSensor(e.effect, sensor)
+            for sensor, effects in self.effects.items()
+            for e in effects
+            if warm or "temperature" not in e.effect.needs
         )
-        found = self.findings[sensor]
-        return shown, partial(information, found.choices.search(), found.base)
+        return found, partial(self.information, found) if self.findings else None
+
+    def information(self, found, effects):
+        """Return A, (q, q), and b, (q,), as of `static.information`, of effects of both sensors.
+
+        Zero for what static records cannot show: what is not `found` there needs a temperature.
+        """
+        ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
+        whole, moment = np.zeros((ends[-1],) * 2), np.zeros(ends[-1])
+        for sensor, finding in self.findings.items():
+            own = [
+                k
+                for k, e in enumerate(effects)
+                if e.sensor == sensor and (e in found or ("temperature" in e.needs and not e.timed))
+            ]
+            if own:
+                at = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in own])
+                shapes, base = (effects[k].effect for k in own), (e.effect for e in finding.effects)
+                known = information(finding.choices.search(), tuple(base), tuple(shapes))
+                whole[np.ix_(at, at)], moment[at] = known
+        return whole, moment
 
 
 @dataclass(frozen=True)
-class Finding:
+class StaticFinding:
     """What was found in the static records of a sensor."""
 
     choices: Choices  # the searches, and what they added
@@ -69,25 +82,14 @@ class Finding:
     effects: tuple  # FittedEffects that were added, a formula of no library last
     # the same with the best that passes the test, but that no held-out part confirms
     doubtful: tuple
-    # (N, 3): held-out errors, the whole search made again without each block
-    before: np.ndarray
-    after: np.ndarray
-    further: object = None  # FormulaSearch of a search of what the library leaves
+    # held out, without effects and with them, (M, 3) each: the search repeated without each block
+    errors: tuple
 
-    def with_formula(self, further):
-        """Return the same with what a search beyond the library found."""
-        if not further.choices:
-            return replace(self, further=further)
-        effects = fitted_effects(self.choices.search(), further.choices.base)
-        if effects is None:
-            return replace(self, further=replace(further, choices=None))
-        errors = further.choices.errors(further.choices.nested)
-        return replace(self, further=further, effects=effects, doubtful=effects, after=errors)
-
-    @property
-    def base(self):
-        """The effects that were added, in their shapes."""
-        return tuple(e.effect for e in self.effects)
+    def with_formula(self, choices):
+        """Return the same with those of a FormulaModel; None where they are not determined."""
+        effects = fitted_effects(self.choices.search(), choices.base)
+        errors = self.errors[0], choices.errors(choices.nested)
+        return effects and replace(self, effects=effects, doubtful=effects, errors=errors)
 
 
 def static_tests(records, settings):
@@ -122,7 +124,7 @@ def diagnose_static(
     Takes StaticData, the StaticRecords of each sensor, the base calibration, to whose
     ``K (raw - b)`` effects add, the device's noise and, as of `NoiseResult`, its plain fits, both
     estimated again by the settings of their stage where effects are taken out; `tests` is the
-    number of tests that share the significance, `beyond` as of `pose_diagnosis.diagnose_poses`.
+    number of tests that share the significance, `beyond` as of `content.searched_beyond`.
     """
     findings, reasons = {}, {}
     for sensor, axes in SENSORS.items():
@@ -130,64 +132,65 @@ def diagnose_static(
         if sensor == "accelerometer" and own:
             own = separated(own, 2 * settings.blocks)
         reason = untestable(own, [noise.axes[name] for name in axes], settings)
-        if reason:
-            reasons[sensor] = not_testable(reason)
-            continue
         try:
-            findings[sensor] = find(sensor, own, settings, tests)
+            if not reason:
+                findings[sensor] = find(sensor, own, settings, tests)
         except LinAlgError as error:
-            reasons[sensor] = not_testable(why_no_fit(error))
+            reason = why_no_fit(error)
+        reasons[sensor] = reason
+    searched = {sensor: searched_content(sensor, own) for sensor, own in findings.items()}
 
-    def result():
-        return _result(findings, reasons, data, calibration, (noise, curve_fit), noise_settings)
-
-    made = result()
-    for sensor, finding in findings.items() if beyond else ():
-        own = made.content[sensor]
-        if leaves(own) and (further := beyond("static_record", sensor, finding.choices)):
-            findings[sensor] = finding.with_formula(further)
-            own["discovered"] = findings[sensor].further.content
-    # a formula changes the noise of both sensors
-    named = any(f.further and f.further.choices for f in findings.values())
-    return result() if named else made
-
-
-def _result(findings, reasons, data, calibration, logged, noise_settings):
-    """Return the StaticResult of Findings, and of the reasons why there are none, by sensor.
-
-    `logged` is the noise with its plain fits, as of `diagnose_static`.
-    """
-    content = dict(reasons)
-    found = {sensor: finding.effects for sensor, finding in findings.items()}
-    allan, (noise, _), (floor, curve_fit) = {}, logged, logged
-    if any(found.values()):
+    def without(found):
+        """Return noise, its plain fits and Allan tables of the records less FittedEffects."""
+        if not any(found.values()):
+            return noise, curve_fit, {}
         again, allan = noise_again(noise.device, data, calibration, found, noise_settings)
-        floor, curve_fit = again.model, again.curve_fit
-    whole = with_lines(floor, found)
-    for sensor, finding in findings.items():
-        change = {
-            name: {"before": asdict(noise.axes[name]), "after": asdict(whole.axes[name])}
-            for name in (SENSORS[sensor] if finding.effects else ())
-        }
-        fine = data.records(sensor, calibration, 0.0)
-        processes = find_processes(sensor, finding, fine, floor, curve_fit)
-        content[sensor] = static_content(sensor, finding, floor, change, processes)
-    names = {e.name for own in found.values() for e in own}
+        return again.model, again.curve_fit, allan
+
+    def judged():
+        """Return the noise without what was found, its Allan tables, and the content by sensor."""
+        found = {sensor: finding.effects for sensor, finding in findings.items()}
+        floor, plain, allan = without(found)
+        whole, made = with_lines(floor, found), {}
+        for sensor, finding in findings.items():
+            change = {
+                name: {"before": asdict(noise.axes[name]), "after": asdict(whole.axes[name])}
+                for name in (SENSORS[sensor] if finding.effects else ())
+            }
+            fine = data.records(sensor, calibration, 0.0)
+            problem = finding.choices.problem
+            process = process_entry(sensor, problem, finding.effects, fine, floor, plain)
+            how = searched[sensor], floor, change, process
+            made[sensor] = static_content(sensor, finding, *how)
+        return whole, allan, made
+
+    whole, allan, made = judged()
+    named = False
+    for sensor, finding in findings.items() if beyond else ():
+        own = searched[sensor]
+        more = beyond("static_record", sensor, finding.choices) if leaves(made[sensor]) else None
+        wide = finding.with_formula(more.choices) if more and more.choices else None
+        if more:
+            # what the records do not determine is not named
+            more = more if wide else replace(more, choices=None)
+            own["discovered"] = made[sensor]["discovered"] = more.content
+        if wide:
+            findings[sensor], named = wide, True
+            own |= more.joined(own["effects"], own["candidates"], wide.effects)
+    if named:
+        # a formula changes the noise of both sensors
+        whole, allan, made = judged()
+    found = {sensor: finding.effects for sensor, finding in findings.items()}
     doubtful = {sensor: finding.doubtful for sensor, finding in findings.items()}
     if doubtful != found:
         # a warm-up that no second start confirms is no random walk either
-        without, _ = noise_again(noise.device, data, calibration, doubtful, noise_settings)
-        rest = with_lines(without.model, found)
-    else:
+        whole = with_lines(without(doubtful)[0], found)
+    elif {e.name for own in found.values() for e in own} <= {Sinusoid.name}:
         # a line is noise elsewhere, and the noise as logged has it
-        rest = noise if names <= {Sinusoid.name} else whole
-    return StaticResult(
-        {sensor: content[sensor] for sensor in SENSORS},
-        {s: tuple(e for e in found.get(s, ()) if e.effect.lasting) for s in SENSORS},
-        rest,
-        allan,
-        findings,
-    )
+        whole = noise
+    lasting = {s: tuple(e for e in found.get(s, ()) if e.effect.lasting) for s in SENSORS}
+    content = {s: made.get(s) or not_testable(reasons[s]) for s in SENSORS}
+    return StaticResult(content, lasting, whole, allan, findings)
 
 
 def untestable(records, axes, settings):
@@ -209,54 +212,14 @@ def untestable(records, axes, settings):
 
 
 def find(sensor, records, settings, tests):
-    """Return the Finding of a sensor in its means."""
+    """Return the StaticFinding of a sensor in its means."""
     available, others = static_candidates(sensor, records)
     shapes = {cls: s for cls, s in available.items() if s}
     choices = Choices(StaticProblem(tuple(records), shapes, settings, tests))
     choice, search = choices.choice(), choices.search()
-    before, after = choices.following(()), choices.errors(choices.nested)
+    errors = choices.following(()), choices.errors(choices.nested)
     unconfirmed = [cls for cls in choice.failed if isinstance(cls, type) and cls.lasting]
     trial = search.trial(choice.base, unconfirmed[0]) if unconfirmed else None
     effects = fitted_effects(search, choice.base)
     doubtful = fitted_effects(search, (*choice.base, *trial.effects)) if trial else effects
-    return Finding(choices, others, effects, doubtful or effects, before, after)
-
-
-@dataclass(frozen=True)
-class AxisProcess:
-    """Noise with a correlation time that the noise stage found on an axis, and what it foretells.
-
-    `before` and `after`, shape (n,), SI, are errors of means that are foretold without it and with
-    it, as of `slow_noise.prediction_errors`, each block of time from its own beginning on.
-    """
-
-    term: GaussMarkovTerm
-    fold: np.ndarray  # (n,): the block of time of each mean
-    before: np.ndarray
-    after: np.ndarray
-
-
-def find_processes(sensor, finding, fine, noise, curve_fit):
-    """Return the AxisProcess of each axis of a sensor that has one, by axis.
-
-    Takes the StaticRecords of means over the shortest windows, from which the effects that were
-    found are taken out here, the NoiseModel of what is left, and its plain fits without processes.
-    """
-    problem, found = finding.choices.problem, {}
-    for place, axis in enumerate(SENSORS[sensor]):
-        own = noise.axes[axis]
-        if not own.gauss_markov:
-            continue
-        plain = {term: Coefficient(curve_fit[axis][term]) for term in "QNBK"}
-        models, parts = (AxisNoise(**plain, sinusoid=own.sinusoid), own), []
-        for record in fine:
-            taken = sum((record.derivative(e.effect) @ e.vector for e in finding.effects), 0.0)
-            values, fold = (record.values - taken)[:, place], fold_of(record, problem)
-            for block in set(fold.tolist()) - {-1}:
-                seen = fold == block
-                errors = [prediction_errors(values[seen], record.windows[seen], m) for m in models]
-                parts.append((np.repeat(block, seen.sum()), *errors))
-        if parts:
-            largest = max(own.gauss_markov, key=lambda p: p.q.square * p.tc.value)
-            found[axis] = AxisProcess(largest, *map(np.concatenate, zip(*parts, strict=True)))
-    return found
+    return StaticFinding(choices, others, effects, doubtful or effects, errors)
