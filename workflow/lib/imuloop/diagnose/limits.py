@@ -75,10 +75,9 @@ class _Drawn:
     """Drawn records of noise, and what a pattern like that of the model adds to them."""
 
     fits: tuple  # Fits to the data, without the pattern and with it
-    # (h, k, k): products of the columns of base model, its pattern and, last, the added one
-    gram: np.ndarray
-    product: np.ndarray  # (h, k, m): of the columns with the records
-    square: np.ndarray  # (h, m): of the records
+    # of what either leaves: squares of the records, (h, m), their products with the added columns,
+    # (h, q, m), and the products of these, (h, q, q)
+    left: tuple
     # held-out errors of the records, (N, m), and of the added columns, (N, q): two pairs, without
     # the pattern in the model and with it
     errors: tuple
@@ -98,6 +97,14 @@ class _Drawn:
             weighted = [training.precision(i, h) @ own_values for h in range(len(evidence.prior))]
             product = product + np.array([z.T @ w for w in weighted])
             square = square + np.array([(own_values * w).sum(axis=0) for w in weighted])
+        whole = np.concatenate([training.gram((*columns, *own, *added)), product], axis=2)
+        k, q, left = whole.shape[1], len(added), []
+        for n in (len(columns), len(columns) + len(own)):
+            side = whole[:, :n, k - q :]
+            taken = np.linalg.solve(whole[:, :n, :n], side)
+            rest = whole[:, k - q :, k - q :] - np.swapaxes(side[:, :, :q], 1, 2) @ taken
+            less = (side * taken)[:, :, q:].sum(axis=1)
+            left.append((square - less, rest[:, :, q:], rest[:, :, :q]))
         folds = np.concatenate([b.folds for b in evidence.blocks])
         known, pattern, more = map(evidence.matrix, each)
         known = np.column_stack([block_diag(*(b.nuisance for b in evidence.blocks)), known])
@@ -112,9 +119,7 @@ class _Drawn:
         errors = held_out_errors(everything, weights, design, folds, counts)
         return cls(
             fits,
-            training.gram((*columns, *own, *added)),
-            product,
-            square,
+            tuple(left),
             tuple(np.split(e / measure, [RECORDS], axis=1) for e in errors),
             np.array([rows & of_part for rows in search.problem.groups()]),
             variance / measure[:, 0] ** 2,
@@ -132,20 +137,14 @@ class _Drawn:
 
     def found(self, one, size, axes, threshold, kept=True):
         """Return the share of the records in which a size along a direction is found."""
-        q, added = len(one), size * one
-        base = self.gram.shape[1] - 2 * q
-        gram = self.gram[:, :, -q:] @ added
-        square = self.square + 2 * np.einsum("k,hkm->hm", added, self.product[:, -q:])
-        square = square + (gram[:, -q:] @ added)[:, None]
-        product = self.product + gram[:, :, None]
-        fits = []
-        for fit, n in zip(self.fits, (base, base + q), strict=True):
-            taken = np.linalg.solve(self.gram[:, :n, :n], product[:, :n]) * product[:, :n]
-            drawn = replace(fit, square=square - taken.sum(1))
+        added, fits = size * one, []
+        for fit, (square, product, gram) in zip(self.fits, self.left, strict=True):
+            change = 2 * np.einsum("k,hkm->hm", added, product)
+            drawn = replace(fit, square=square + change + (gram @ added @ added)[:, None])
             # what the weight holds beside the residuals stays
             rest = (fit.log_weight + fit.spent)[:, None]
             fits.append(replace(drawn, log_weight=rest - drawn.spent))
-        log_p = averaged_log_p(*fits, q)
+        log_p = averaged_log_p(*fits, len(one))
         joint = fisher([log_p] + [np.full(len(log_p), CHANCE)] * (axes - 1))
         passed = ndtr((threshold - joint) / SOFT)
         near = passed > 1e-6
