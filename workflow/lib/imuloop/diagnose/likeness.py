@@ -1,5 +1,7 @@
 """Effects that these data cannot tell apart: before the data are seen, and after."""
 
+from itertools import permutations
+
 import numpy as np
 
 # an effect of three detection limits has nine times the noncentrality of one; what a twin leaves of
@@ -55,14 +57,11 @@ def imitated(search, kinds):
         if seen:
             shapes[cls] = seen
     found = []
-    for cls, own in shapes.items():
-        for other, theirs in shapes.items():
-            if other is cls:
-                continue
-            shares = [max(share_on_axes(training, a, b) for b in theirs) for a in own]
-            share = float(np.median(shares))
-            if share >= SHARE:
-                found.append({"effect": cls.name, "with": other.name, "share": share})
+    for cls, other in permutations(shapes, 2):
+        shares = [max(share_on_axes(training, a, b) for b in shapes[other]) for a in shapes[cls]]
+        share = float(np.median(shares))
+        if share >= SHARE:
+            found.append({"effect": cls.name, "with": other.name, "share": share})
     return found
 
 

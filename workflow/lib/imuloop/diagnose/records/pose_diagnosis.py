@@ -50,8 +50,11 @@ class PoseResult:
     residuals: dict = field(default_factory=dict)
 
 
-def pose_candidates(sensor, recording):
-    """Return what `candidates` does for a sensor at the poses; nothing to try without poses."""
+def pose_candidates(sensor, recording, found=()):
+    """Return what `candidates` does for a sensor at the poses, but of effects `found` already.
+
+    Nothing to try without poses.
+    """
     poses = recording.poses
     if not len(poses):
         return {}, {}
@@ -61,6 +64,9 @@ def pose_candidates(sensor, recording):
     if np.ptp(poses.session):
         del available[Steps]
         others[Steps] = ("not_available", "a step is looked for in poses of one session")
+    for cls in [e.kind.cls for e in found if e.sensor == sensor]:
+        available.pop(cls, None)
+        others.pop(cls, None)
     return available, others
 
 
@@ -68,10 +74,10 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
     """Return the PoseProblem of a device, parts interleaved; effects are tried on some sensors."""
     shapes, scans = {}, {}
     for sensor in pair.estimated if sensors is None else sensors:
-        for cls, own in pose_candidates(sensor, recording)[0].items():
+        for cls, own in pose_candidates(sensor, recording, found)[0].items():
             if cls is Steps:
                 scans[Kind(cls, sensor)] = partial(pose_step, sensor)
-            elif Kind(cls, sensor) not in kinds_of(found):
+            else:
                 shapes[Kind(cls, sensor)] = tuple(OfSensor(shape, sensor) for shape in own)
     fold = interleaved(len(recording.poses), settings.folds)
     rows = pair.prior_rows()
@@ -95,13 +101,10 @@ def diagnose_poses(
     found = [e for e in found if e.sensor in pair.estimated]
     problem = pose_problem(pair, recording, settings, tests, found, information)
     keeps = [problem.fold_of_pose != k for k in range(problem.parts)]
-    tested = []
-    for sensor in pair.estimated:
-        if any(pair.undetermined(sensor, recording, keeps)):
-            why = f"{len(recording.poses)} poses do not determine the model with a part held out"
-            contents[sensor] = not_testable(why)
-        else:
-            tested.append(sensor)
+    lost = [s for s in pair.estimated if any(pair.undetermined(s, recording, keeps))]
+    tested = [sensor for sensor in pair.estimated if sensor not in lost]
+    why = f"{len(recording.poses)} poses do not determine the model with a part held out"
+    contents |= {sensor: not_testable(why) for sensor in lost}
     try:
         if reason := problem.lost(()):
             return PoseResult(contents | {s: not_testable(reason) for s in tested}, pair)
@@ -109,15 +112,8 @@ def diagnose_poses(
             return PoseResult(contents, pair, *final_solution(problem, ()))
         problem = pose_problem(pair, recording, settings, tests, found, information, tested)
         parts = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
-        probes, shown = {s: of_poses(problem, s) for s in tested}, kinds_of(found)
-        others = {
-            s: {
-                cls: why
-                for cls, why in pose_candidates(s, recording)[1].items()
-                if Kind(cls, s) not in shown
-            }
-            for s in tested
-        }
+        probes = {s: of_poses(problem, s) for s in tested}
+        others = {s: pose_candidates(s, recording, found)[1] for s in tested}
         result = diagnosed("poses", Choices(problem), parts, others, probes, beyond)
     except LinAlgError as error:
         why = why_no_fit(error)
