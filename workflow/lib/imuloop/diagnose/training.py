@@ -71,9 +71,8 @@ class Training:
         own, then the nuisances; R, (h, u, u), is upper triangular: the first are not of the last.
         """
         found = []
-        for block, side, held in zip(
-            self.evidence.blocks, self.evidence.sides, self.held, strict=True
-        ):
+        parts = zip(self.evidence.blocks, self.evidence.sides, self.held, strict=True)
+        for block, side, held in parts:
             if not np.all(np.any(np.delete(block.nuisance, held, axis=0), axis=0)):
                 raise np.linalg.LinAlgError("a parameter that nothing seen depends on")
             weighted = np.concatenate([block.noise.precision[:, :, held], side], axis=2)
@@ -116,9 +115,8 @@ class Training:
         if first:
             grown[:, :first, :first] = self._gram
         parts = self.evidence.split(self.evidence.matrix(known))
-        for i, (block, held, z) in enumerate(
-            zip(self.evidence.blocks, self.held, parts, strict=True)
-        ):
+        blocks = zip(self.evidence.blocks, self.held, parts, strict=True)
+        for i, (block, held, z) in enumerate(blocks):
             # (h, new, known)
             more = np.stack([self.evidence.weighted[i][c] for c in new], axis=1)
             cross = more @ z

@@ -13,12 +13,13 @@ from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.content import searched_beyond
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.processes import process_entry
 from imuloop.diagnose.records.rests import LONG_REST
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
 from imuloop.diagnose.records.static_content import searched_content, static_content
-from imuloop.diagnose.verdict import leaves, not_testable
+from imuloop.diagnose.verdict import not_testable
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.noise.correction import noise_again, with_lines
 
@@ -166,17 +167,17 @@ def diagnose_static(
 
     whole, allan, made = judged()
     named = False
-    for sensor, finding in findings.items() if beyond else ():
-        own = searched[sensor]
-        more = beyond("static_record", sensor, finding.choices) if leaves(made[sensor]) else None
-        wide = finding.with_formula(more.choices) if more and more.choices else None
-        if more:
+    for sensor, finding in findings.items():
+        own, known = made[sensor], searched[sensor]
+        more, _ = searched_beyond(beyond, "static_record", {sensor: own}, finding.choices)
+        wide = more and finding.with_formula(more.choices)
+        if more and not wide:
             # what the records do not determine is not named
-            more = more if wide else replace(more, choices=None)
-            own["discovered"] = made[sensor]["discovered"] = more.content
+            own["discovered"] = replace(more, choices=None).content
+        known |= {"discovered": own["discovered"]} if "discovered" in own else {}
         if wide:
             findings[sensor], named = wide, True
-            own |= more.joined(own["effects"], own["candidates"], wide.effects)
+            known |= more.joined(known["effects"], known["candidates"], wide.effects)
     if named:
         # a formula changes the noise of both sensors
         whole, allan, made = judged()
