@@ -147,7 +147,7 @@ class Choices:
             return "", np.zeros((0, 1)), np.zeros((0, 1)), [np.inf, np.inf]
         kind, rows = self.problem.shows(self.search(out), base, trial)
         errors = [e[rows] for e in errors]
-        known = np.isfinite(errors[0][:, 0])
+        known = np.isfinite(errors[0][:, 0]) & np.isfinite(errors[1][:, 0])
         fold, errors = self.problem.fold[rows][known], [e[known] for e in errors]
         before, after = (e[:, [trial.axis]] for e in errors)
         measure = np.broadcast_to(self.problem.measure, len(self.problem.fold))[rows][known, None]

@@ -72,7 +72,7 @@ def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chos
     ]
     entry = {
         "unit": unit,
-        "n": len(noise) // problem.components(kind),
+        "n": int(np.isfinite(noise).sum()) // problem.components(kind),
         "floor": least,
         "before": sizes[0],
         "after": sizes[1],

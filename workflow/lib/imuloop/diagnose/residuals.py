@@ -67,5 +67,5 @@ def chance(square, covariances):
 
 
 def size(values):
-    """Return the root mean square of the norms of residuals, shape (n, k)."""
-    return float(np.sqrt((values**2).sum(axis=1).mean()))
+    """Return the root mean square of the norms of residuals, shape (n, k), that are known."""
+    return float(np.sqrt(np.nanmean((values**2).sum(axis=1))))

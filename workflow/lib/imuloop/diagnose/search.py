@@ -251,11 +251,13 @@ class Search:
     def reshaped(self, base):
         """Return the same effects, all but the last in the shape that is best beside the others."""
         for i, effect in enumerate(base[:-1]):
-            shapes = self.problem.shapes.get(effect.kind, ())
+            shapes, others = self.problem.shapes.get(effect.kind, ()), base[:i] + base[i + 1 :]
+            best = None
             if len(shapes) > 1:
-                others = base[:i] + base[i + 1 :]
                 best = self.shaped(others, shapes, 0.0)
-                base = (*base[:i], best.effect, *base[i + 1 :]) if best else base
+            elif effect.kind in self.problem.scans:
+                best = self.trial(others, effect.kind)
+            base = (*base[:i], best.effect, *base[i + 1 :]) if best else base
         return base
 
     def finer(self, base):

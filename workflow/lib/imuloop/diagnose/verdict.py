@@ -35,14 +35,19 @@ class Judged:
     reduced_chi2: float  # by the noise as estimated
 
 
-def judge(alternatives, squares, fitted=0):
+def judge(alternatives, squares, fitted=0, foretold=True):
     """Return the probability of each alternative of the noise, and the Judged of each kind.
 
     Of an alternative it takes the logarithm of its probability beforehand, and of independent
     blocks of residuals values, covariance, derivative, folds and the rows of each kind, as of
     `chi_square` and `held_out_covariance`; further the sum of the squares of the held-out errors of
-    each kind, and how many parameters beside those of the derivative were fitted.
+    each kind, how many parameters beside those of the derivative were fitted, and, of one block,
+    which rows have held-out errors.
     """
+
+    def part(covariance, rows):
+        return covariance[np.ix_(rows & foretold, rows & foretold)]
+
     found, heldout, logs = [], [], []
     for prior, blocks in alternatives:
         each = [chi_square(values, c, jacobian, kinds) for values, c, jacobian, _, kinds in blocks]
@@ -51,7 +56,7 @@ def judge(alternatives, squares, fitted=0):
         spreads = [(held_out_covariance(*b[1:4]), b[4]) for b in blocks]
         heldout.append(
             [
-                chance(square, [spread[np.ix_(g[k], g[k])] for spread, g in spreads])
+                chance(square, [part(spread, g[k]) for spread, g in spreads])
                 for k, square in enumerate(squares)
             ]
         )

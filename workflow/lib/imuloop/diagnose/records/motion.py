@@ -20,6 +20,7 @@ from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.records.probes import of_moves
 from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import not_testable
+from imuloop.effects.steps import Steps
 
 # moves of which the velocity counts, at least
 LEAST_MOVES = 10
@@ -90,7 +91,7 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
     # where it tilts at either end the velocity there is not zero
     first, tilt = recording.rotations.first, recording.poses.tilt
     tilts = (tilt[first] > 0) | (tilt[first + 1] > 0)
-    quiet, columns = (knock <= SPOILED) & ~tilts, {"knock_m_s": knock}
+    quiet, columns = (knock <= SPOILED) & ~tilts & ~_jumps(recording, found), {"knock_m_s": knock}
     pair = replace(pair, quiet=quiet, base=every)
     if quiet.sum() < LEAST_MOVES:
         why = f"{quiet.sum()} of {plural(len(quiet), 'move')} without a knock"
@@ -128,6 +129,14 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
     added = len(result.solution.effects) > len(found)
     calibrations = result.calibrations if added else {}
     return replace(result, calibrations=calibrations, residuals=columns)
+
+
+def _jumps(recording, effects):
+    """Return in which moves a bias jumps, (m,): the poses do not tell when."""
+    mid, first = recording.poses.mid_s, recording.rotations.first
+    times = [effect.times[0] for effect in effects if effect.name == Steps.name]
+    found = [(mid[first] <= time) & (time <= mid[first + 1]) for time in times]
+    return np.any([np.zeros(len(first), dtype=bool), *found], axis=0)
 
 
 def untestable(why, columns=None):

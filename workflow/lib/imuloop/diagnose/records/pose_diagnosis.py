@@ -177,7 +177,9 @@ def judged_residuals(choices, kinds, errors, sensors=(), before=None):
     others = tuple(e for e in added if sensors and e.sensor not in sensors)
     start = before or choices
     more = len(others) < len(added) or start is not choices
-    errors = (start.following(kinds_of(others)) if more else errors), errors
+    plain = start.following(kinds_of(others)) if more else errors
+    foretold = np.isfinite(plain) & np.isfinite(errors)
+    errors = [np.where(foretold, each, np.nan) for each in (plain, errors)]
     base = start.problem.linearized(others if more else added)
     final = problem.linearized(added)
     groups, both = [problem.of_kind(kind) for kind in kinds], []
@@ -186,13 +188,12 @@ def judged_residuals(choices, kinds, errors, sensors=(), before=None):
             (prior, [(about.values, covariance, about.jacobian, problem.ends, groups)])
             for prior, covariance in about.alternatives
         ]
-        both.append(judge(alternatives, [(own[rows] ** 2).sum() for rows in groups]))
+        squares = [np.nansum(own[rows] ** 2) for rows in groups]
+        both.append(judge(alternatives, squares, foretold=foretold[:, 0]))
     # the noise is as likely as the fit with the effects has it
     (_, judged_base), (weights, judged_final) = both
-    floors = [
-        np.diag(held_out_covariance(c, base.jacobian, problem.ends))[:, None]
-        for _, c in final.alternatives
-    ]
+    spreads = (held_out_covariance(c, base.jacobian, problem.ends) for _, c in final.alternatives)
+    floors = [np.where(foretold, np.diag(spread)[:, None], np.nan) for spread in spreads]
     floor = np.tensordot(weights, floors, 1)
     share = settings.significance / RESIDUALS / settings.family
     residuals, above, slow = {}, (False, False), False

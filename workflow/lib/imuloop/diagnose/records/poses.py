@@ -8,9 +8,11 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from imuloop.calibrate.noise_components import likely_sizes, total
+from imuloop.calibrate.sensor_pair import OF_SENSOR
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.training import ABSORBED
+from imuloop.effects.steps import Steps
 
 # from the noise as estimated to what the residuals make of it
 PATH = (0.0, 0.3, 0.6, 1.0)
@@ -108,8 +110,29 @@ class PoseProblem:
         return self.ends[:, 0]
 
     def left(self, search, base):
-        """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1)."""
-        return search.training(base).left(base, 0)[:, None]
+        """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1).
+
+        Not a number about a step: what is seen tells its time between two poses at best.
+        """
+        left = search.training(base).left(base, 0)
+        for effect in base:
+            if effect.name == Steps.name:
+                left[self._about_step(effect, search.out)] = np.nan
+        return left[:, None]
+
+    def _about_step(self, effect, out):
+        """Return which rows are of poses that lie on either side of a step, for all that is seen.
+
+        Between the last pose before it and the first after it that are in no part of `out`.
+        """
+        held, ends = np.isin(self.fold_of_pose, list(out)), self.rows[0]
+        after = self.recording.poses.mid_s > effect.times[0]
+        number = np.arange(len(held))
+        last = number[~held & ~after].max(initial=-1)
+        first = number[~held & after].min(initial=len(held))
+        poses = number[held & (number > last) & (number < first)]
+        shown = sum(self.of_kind(kind) for kind in ("rotation", *OF_SENSOR[effect.sensor]))
+        return np.flatnonzero(shown[: len(ends)] & np.isin(ends, poses).any(axis=1))
 
     def of_kind(self, kind):
         """Return the rows, shape (N,), of one kind of residual."""

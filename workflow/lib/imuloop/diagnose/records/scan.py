@@ -14,10 +14,11 @@ BESIDE, WITHIN = 3, 4
 # steps in one record or another; logarithm of a p-value at which a second is not looked for
 MOST_STEPS, HOPELESS = 6, 6.0
 
-# poses on either side of a step, without which it would be an outlier's second name
-POSES_BESIDE = 3
+# poses on either side of a step, without which it would be an outlier's second name: each shows one
+# number of an accelerometer, three of a gyroscope
+POSES_BESIDE = {"accelerometer": 3, "gyroscope": 2}
 # times that are tried first among poses at most, and how close the best is found, s
-MOST_TIMES, CLOSE = 100, 0.05
+MOST_TIMES, CLOSE = 100, 0.01
 
 
 def whitened(search, base, axis):
@@ -125,18 +126,25 @@ def pose_step(sensor, search, base, hopeful=False):
     """Return the Trial of the step of a sensor's bias that poses show most clearly, or None.
 
     Amid the poses and amid the gaps first, then, where one shows more than chance, ever closer
-    about the best: it may lie within a pose. The first are cheap, so all have them, hopeful or not.
+    about the best: it may lie within a pose. By the noise as estimated: what a jump leaves of the
+    turns would pass for their noise otherwise. The first are cheap, so all have them, hopeful or
+    not.
     """
-    middle = search.problem.recording.poses.mid_s
-    if len(middle) < 2 * POSES_BESIDE:
+    middle, beside = search.problem.recording.poses.mid_s, POSES_BESIDE[sensor]
+    if len(middle) < 2 * beside:
         return None
-    inner = middle[POSES_BESIDE - 1 : len(middle) - POSES_BESIDE + 1]
+    inner = middle[beside - 1 : len(middle) - beside + 1]
     number = np.linspace(0, len(inner) - 1, min(2 * len(inner) - 1, MOST_TIMES))
     times = np.interp(number, np.arange(len(inner)), inner)
     apart, tries = np.diff(times).max() / 2, np.log(WITHIN * len(times))
+    estimated = search.training(base).evidence.plain
     while True:
         shapes = [OfSensor(Steps((float(t),)), sensor) for t in times]
-        best = search.shaped(base, shapes, tries)
+        tried = [t for t in search.tests(base, shapes, estimated) if t]
+        if not tried:
+            return None
+        clearest = min(tried, key=lambda t: t.log_p)
+        best = search.shaped(base, clearest.effects, tries)
         if best is None or apart < CLOSE or best.log_p > 0:
             return best
         (found,) = best.effect.times
