@@ -80,8 +80,9 @@ def steps_table(sensor, part, block):
             "Ratio after/before, 95 %",
         ),
         rows,
-        "An effect is added only if it is no chance in the fit and lowers the error on data that "
-        "the fit never saw: the interval of the ratio lies below 1. Then the rest is tested again.",
+        "An effect is added only if it is no chance in the fit (its p-value is averaged over what "
+        "is known of the noise) and lowers the error on data that the fit never saw: the interval "
+        "of the ratio lies below 1. Then the rest is tested again.",
     )
 
 
