@@ -102,3 +102,17 @@ def test_the_report_and_the_comparison_name_the_failed_first(results):
         assert rows[f"bad_{stage}"]["status"] == "failed"
         assert f"{stage} failed: forced in {stage}" in rows[f"bad_{stage}"]["why"]
     assert rows["good"]["status"] == "ok" and not rows["good"]["why"]
+
+
+def test_curves_that_were_cut_fail_their_stage_alone(results, tmp_path):
+    folder = shutil.copytree(results / "good", tmp_path / "cut")
+    raw = folder / "allan_raw.parquet"
+    raw.write_bytes(raw.read_bytes()[:-100])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        (failure,) = chain.allan(chain.Device("cut", folder, {"faces": "six_position"}))
+    assert "allan_raw.parquet: no whole Parquet file" in failure.why
+    curves, whole = (
+        pq.read_table(path / "faces/allan.parquet") for path in (folder, results / "good")
+    )
+    assert (len(curves), curves.schema) == (0, whole.schema)

@@ -203,6 +203,7 @@ def diagnose(device):
 def allan(device):
     """Write the Allan curves of each session, those as logged first, then the corrected."""
     from imuloop.core.tables import joined, read_session, write_table
+    from imuloop.noise.allan import allan_table
 
     raw, corrected = (device.file(f"allan_{which}.parquet") for which in ("raw", "corrected"))
 
@@ -211,7 +212,7 @@ def allan(device):
         write_table(files["allan"], joined(parts))
 
     def instead(files, reason, failed):
-        write_table(files["allan"], read_session(raw, ""))
+        write_table(files["allan"], allan_table("", [], [], []))
 
     return _of_each_session(device, "allan", work, instead)
 
