@@ -82,7 +82,11 @@ def validate_attitude(device, diagnosed, settings):
     methods = {m: _summary(errors, m, settings) for m in METHODS}
     floor = _rotation_floor(problem, poses.solution)
     methods["rotation"]["floor_deg"] = float(np.degrees(floor))
-    return {"format": FORMAT, "device": device, "status": "ok", "methods": methods}, errors
+    effects = [
+        {s: [e.name for e in getattr(each["final"], s).effects] for s in SENSORS} for each in models
+    ]
+    content = {"format": FORMAT, "device": device, "status": "ok", "effects": effects}
+    return content | {"methods": methods}, errors
 
 
 def no_attitude(device, why):
