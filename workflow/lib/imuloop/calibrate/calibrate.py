@@ -16,7 +16,7 @@ from imuloop.calibrate.determined import (
 )
 from imuloop.calibrate.gyroscope import NAMES as OF_GYROSCOPE
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.calibrate.least_squares import NotConverged, condition_number, fit, why_no_fit
+from imuloop.calibrate.least_squares import NotConverged, condition_number, known_rows, fit, why_no_fit
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.raw_units import as_logged, in_raw_units, si_factor
 from imuloop.calibrate.recording import record
@@ -164,7 +164,7 @@ def sensor_pair(recording, noise, gravity, units, settings, given=None, turns=No
             if given.names[:FORCE] == accelerometer.NAMES:
                 factor = si_factor(accelerometer.NAMES, given.raw_unit)
                 own = given.covariance[:FORCE, :FORCE] * np.outer(factor, factor)
-                root = np.linalg.inv(np.linalg.cholesky(own))
+                root = known_rows(own)
                 pair = pair.knowing("accelerometer", root, root @ pair.base[:FORCE])
             pair = replace(pair, given=given)
     if not len(poses):

@@ -12,6 +12,8 @@ _STEPS, _DAMPING = 100, 1e-3
 _INEXACT = 1e-6
 # singular value over the largest, columns of length one, that rounding alone may leave
 _SMALLEST = 1e-10
+# variance over the largest, of parameters divided by their standard errors, that counts as none
+_CERTAIN = 1e-12
 # why there is no fit where numpy.linalg.LinAlgError says so
 SINGULAR = (
     "rounding leaves a covariance or the derivative of the residuals singular: is the noise or the "
@@ -80,8 +82,8 @@ def fit(residuals, x0, covariance, prior=None):
         Gives the residuals, shape (n,), and their derivative, shape (n, p), at x.
     x0 : array_like, shape (p,)
         Start.
-    covariance : array_like, shape (n, n)
-        Covariance Σ of the residuals, positive definite.
+    covariance : array_like, shape (n, n) or (n,)
+        Covariance Σ of the residuals, positive definite, or the variances of independent ones.
     prior : (ndarray, ndarray), optional
         R, shape (k, p), and z, shape (k,), from other data; χ² and degrees of freedom count it too.
 
@@ -100,7 +102,9 @@ def fit(residuals, x0, covariance, prior=None):
     Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", J. SIAM 11
     (1963).
     """
-    whiten = np.linalg.inv(np.linalg.cholesky(covariance))
+    one_each = np.ndim(covariance) == 1
+    root = np.sqrt(covariance) if one_each else np.linalg.cholesky(covariance)
+    whiten = np.diag(1 / root) if one_each else np.linalg.inv(root)
     x, damping = np.array(x0, dtype=float), 0.0
 
     def evaluate(x):
@@ -173,6 +177,17 @@ def covariance_of(white):
         raise LinAlgError("singular derivative of the residuals")
     root = axes / values[:, None] / length
     return root.T @ root
+
+
+def known_rows(covariance):
+    """Return rows R, (p, p), with ``Rᵀ R = C⁻¹``: ``R x - z`` has variance one, z of known x.
+
+    What is known for certain is known to a millionth of what is known least.
+    """
+    size = np.sqrt(np.diag(covariance))
+    size = np.where(size > 0, size, 1.0)
+    values, axes = np.linalg.eigh(covariance / np.outer(size, size))
+    return axes.T / np.sqrt(np.maximum(values, _CERTAIN * values[-1]))[:, None] / size
 
 
 def condition_number(jacobian, scales):
