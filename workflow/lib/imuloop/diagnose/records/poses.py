@@ -290,12 +290,14 @@ class PoseProblem:
         size = np.linalg.norm(design, axis=0)
         size[size == 0] = 1.0
         design, prior = design / size, np.diag(size**-2.0 * (np.arange(len(size)) >= count))
-        counted = fit.weight > 1e-6
+        counted, known = fit.weight > 1e-6, self.rows[1] < 0
         for h in np.flatnonzero(counted):
-            weighted = design.T @ about.evidence.blocks[0].noise.precision[h]
-            inverse = np.linalg.inv(weighted @ design + prior)
+            # what other records say is as good as they have it, whatever is left here
+            scale = np.where(known, 1.0, fit.scale[h])
+            weighted = (design.T / scale) @ about.evidence.blocks[0].noise.precision[h]
+            inverse = np.linalg.inv(weighted @ design + prior / fit.scale[h])
             off = inverse @ (weighted @ about.values)
-            total = total + fit.weight[h] * (inverse * fit.scale[h] + np.outer(off, off))
+            total = total + fit.weight[h] * (inverse + np.outer(off, off))
         found = total / fit.weight[counted].sum() / np.outer(size, size)
         return found[:count, :count]
 
