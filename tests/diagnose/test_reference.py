@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 from bench.study.reference import base, diagnosed
 from imuloop.calibrate.accelerometer import NAMES
 from imuloop.calibrate.least_squares import FitResult, Solution
+from imuloop.calibrate.reference.sensors import Accelerometer
 from imuloop.core.effect import Channels, find_effect
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit
@@ -133,18 +134,18 @@ def test_axes_that_predict_nothing_better_stay_nominal():
 @pytest.mark.parametrize(("sigmas", "written"), [(1.2, False), (4.0, True)])
 def test_a_bias_that_chance_gives_is_not_written(axes, sigmas, written):
     """Protects the bias as it is known otherwise from one of 1.2 standard errors."""
-    std, x = 0.01, np.array([0.001, 0.0, 0.0, 1.002, 1.0, 1.0])
-    fit = FitResult(x, np.eye(6) * 1e-8, 0.0, 1, np.zeros((0, 6)), np.zeros(0))
+    std, x = 0.01, np.array([0.001, 0.0, 0.0, 1.002, 1.0, 1.0, 0.0, 0.0, 0.0])
+    fit = FitResult(x, np.eye(9) * 1e-8, 0.0, 1, np.zeros((0, 9)), np.zeros(0))
+    known = SensorCalibration.nominal(RawUnit("g", 9.81, 0.0), "nothing else was recorded")
     result = ReferenceResult(
         {"verdict": "explained"},
-        Solution((), fit),
+        sensor=Accelerometer(None, 9.81, known),
+        solution=Solution((), fit),
         covariance=fit.covariance,
         no_axes=axes,
-        bias=np.array([[sigmas * std, 0.0, 0.0]]),
-        frame=np.zeros((1, 3)),
+        sessions=np.array([[sigmas * std, 0.0, 0.0, 0.0, 0.0, 0.0]]),
         variance=np.full(6, std**2),
     )
-    known = SensorCalibration.nominal(RawUnit("g", 9.81, 0.0), "nothing else was recorded")
     calibration = Calibration("imu", 9.81, known, known)
     own = with_reference(calibration, {"accelerometer": result}).accelerometer
     assert own.b[0] == pytest.approx(written * sigmas * std / 9.81, abs=1e-12)

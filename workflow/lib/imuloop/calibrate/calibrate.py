@@ -16,7 +16,13 @@ from imuloop.calibrate.determined import (
 )
 from imuloop.calibrate.gyroscope import NAMES as OF_GYROSCOPE
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.calibrate.least_squares import NotConverged, condition_number, known_rows, fit, why_no_fit
+from imuloop.calibrate.least_squares import (
+    NotConverged,
+    condition_number,
+    fit,
+    known_rows,
+    why_no_fit,
+)
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.raw_units import as_logged, in_raw_units, si_factor
 from imuloop.calibrate.recording import record

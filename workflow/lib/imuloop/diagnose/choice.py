@@ -33,8 +33,10 @@ class Choice:
 class Choices:
     """The searches of all data of a problem and without some parts, and what each adds."""
 
-    def __init__(self, problem):
-        self.problem, self._searches, self._choices, self._errors = problem, {}, {}, {}
+    def __init__(self, problem, effects_of=None):
+        """Of a problem, its effects those of other Choices where these are given."""
+        self.problem, self._effects_of = problem, effects_of
+        self._searches, self._choices, self._errors = {}, {}, {}
 
     def search(self, out=frozenset()):
         """Return the search that lacks some parts."""
@@ -75,6 +77,8 @@ class Choices:
         then everything is tested again, until nothing passes. What then no longer lowers it beside
         all others goes again. Constants of what stays are then fitted between those of the shapes.
         """
+        if self._effects_of:
+            return self._effects_of.choice(out)
         if out not in self._choices:
             self._choices[out] = self._choice(out)
         return self._choices[out]

@@ -86,15 +86,13 @@ def of_poses(problem, base, sensor):
 
 def of_reference(problem, base, sensor):
     """Return the SearchInput of a ReferenceProblem, which is of one sensor."""
-    logs, log = problem.recording.logs, problem.recording.logs[0]
-    session, first, *_ = problem.sensor.windows(problem.recording)
-    begin = list(zip(session, first, strict=True))
+    windows, log = problem.sensor.windows(problem.recording), problem.recording.logs[0]
     pair = (log.f, log.w) if sensor == "accelerometer" else (log.w, log.f)
     channels = Channels(log.t, *pair, log.temperature)
     # an axis of the reference's world, on those of the body
-    up = np.nan_to_num([logs[s].attitude[i][2] for s, i in begin])
-    missing = any(own.temperature is None for own in logs)
-    warmth = None if missing else np.array([logs[s].temperature[i] for s, i in begin])
+    up = np.nan_to_num(windows.of_logs("attitude", windows.first)[:, 2])
+    missing = any(own.temperature is None for own in windows.logs)
+    warmth = None if missing else windows.of_logs("temperature", windows.first)
     what = scalars_of(up, warmth), problem.sensor.kinds
     return _of_problem(problem, base, sensor, channels, "fw", *what, of_pair=False)
 

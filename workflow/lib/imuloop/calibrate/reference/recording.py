@@ -1,6 +1,7 @@
 """The sessions with a reference, and the windows in which sensor and reference are compared."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -52,28 +53,95 @@ def read_reference(sessions):
 
 
 @dataclass(frozen=True)
+class Windows:
+    """Windows in which sensor and reference are compared: number of the log, and rows, (m,)."""
+
+    logs: tuple[ReferenceLog, ...]
+    session: np.ndarray
+    first: np.ndarray
+    middle: np.ndarray
+    last: np.ndarray
+
+    def __len__(self):
+        return len(self.session)
+
+    @cached_property
+    def rows(self):
+        """Rows of all samples of each window, (m, k); the last is repeated."""
+        length = np.max(self.last - self.first, initial=-1) + 1
+        return np.minimum(self.first[:, None] + np.arange(length), self.last[:, None])
+
+    def of_logs(self, values, rows=None):
+        """Return what the logs hold at some rows of each window, or at all, (m, …).
+
+        Takes the name of a channel, or an array for each log.
+        """
+        if isinstance(values, str):
+            values = [getattr(log, values) for log in self.logs]
+        rows = self.rows if rows is None else rows
+        return np.array([values[s][i] for s, i in zip(self.session, rows, strict=True)])
+
+
+class Places(Windows):
+    """Windows of position: a second difference, and the mean of force that it is compared to."""
+
+    @cached_property
+    def weights(self):
+        """Weight of each sample in a mean that falls linearly from the middle, (m, k)."""
+        t, middle = self.of_logs("t"), self.of_logs("t", self.middle)[:, None]
+        steps = np.diff(t, axis=1)
+        trapezoid = (np.pad(steps, ((0, 0), (1, 0))) + np.pad(steps, ((0, 0), (0, 1)))) / 2
+        half = np.ptp(t, axis=1)[:, None] / 2
+        found = np.maximum(half - np.abs(t - middle), 0) * trapezoid
+        return found / found.sum(axis=1, keepdims=True)
+
+    @cached_property
+    def attitudes(self):
+        """Attitude of each sample times its weight, (m, k, 3, 3)."""
+        return self.of_logs("attitude") * self.weights[..., None, None]
+
+    @cached_property
+    def acceleration(self):
+        """Second difference of the place, m/s^2, (m, 3)."""
+        rows = np.column_stack([self.first, self.middle, self.last])
+        half = np.ptp(self.of_logs("t", rows), axis=1)[:, None] / 2
+        return np.diff(self.of_logs("place", rows), 2, axis=1)[:, 0] / half**2
+
+    @cached_property
+    def up(self):
+        """Up, by the median of the force as logged in the session, (m, 3)."""
+        mean = np.einsum("mkij,mkj->mi", self.attitudes, self.of_logs("f")) - self.acceleration
+        sessions = range(len(self.logs))
+        up = np.array([np.median(mean[self.session == s], axis=0) for s in sessions])
+        return (up / np.linalg.norm(up, axis=1, keepdims=True))[self.session]
+
+
+@dataclass(frozen=True)
 class ReferenceRecording:
     """The usable reference sessions of a device."""
 
     names: tuple[str, ...]
     logs: tuple[ReferenceLog, ...]
-    _designs: dict = field(default_factory=dict, repr=False)
 
-    def windows(self, kind):
+    @cached_property
+    def turns(self):
+        """The Windows of rotation, of `TURN` s and one soon after the other."""
+        return Windows(self.logs, *self._windows("rotation", TURN))
+
+    @cached_property
+    def places(self):
+        """The Places, windows of twice `HALF` s."""
+        return Places(self.logs, *self._windows("position", 2 * HALF))
+
+    def _windows(self, kind, length):
         """Return session, first, middle and last row of each window, (m,) each.
 
-        Of `kind` rotation, of `TURN` s and one soon after the other, or position, of twice `HALF`
-        s. No sample is missing in them; where there are too many, they lie farther apart.
+        No sample is missing in them; where there are too many, they lie farther apart.
         """
-        if kind not in self._designs:
-            length = TURN if kind == "rotation" else 2 * HALF
-            total = sum(np.ptp(log.t) for log in self.logs)
-            apart = max(length, total / MOST_WINDOWS / np.clip(len(self.logs), 1, 1.5))
-            self._designs[kind] = np.concatenate(
-                [np.zeros((0, 4), int)]
-                + [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]
-            ).T
-        return self._designs[kind]
+        total = sum(np.ptp(log.t) for log in self.logs)
+        apart = max(length, total / MOST_WINDOWS / np.clip(len(self.logs), 1, 1.5))
+        found = [_windows(log, s, kind, length, apart) for s, log in enumerate(self.logs)]
+        return np.concatenate([np.zeros((0, 4), int), *found]).T
 
 
 def _windows(log, session, kind, length, apart):

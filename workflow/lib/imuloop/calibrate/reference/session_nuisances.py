@@ -26,33 +26,32 @@ class ReferenceModel:
     x: np.ndarray
 
     @cached_property
+    def _both(self):
+        """Residuals and derivative, (m, 3, 1 + p)."""
+        return np.concatenate([self.values[..., None], self.derivative], axis=2)
+
+    @cached_property
+    def _solved(self):
+        """Covariance of each session's nuisances, (s, q, q), and they by `_both`, (s, q, 1 + p)."""
+        found, root = [], np.sqrt(self.weight)[:, None, None]
+        for s in range(self.session.max() + 1):
+            own = self.session == s
+            B, both = (np.concatenate((root * a)[own]) for a in (self.nuisance, self._both))
+            found.append((np.linalg.pinv(B.T @ B), -np.linalg.lstsq(B, both, rcond=1e-12)[0]))
+        return tuple(map(np.array, zip(*found, strict=True)))
+
+    @property
     def nuisances(self):
         """What each session's nuisances are, (s, q)."""
-        return np.array([self._solved(s)[:, 0] for s in range(self.session.max() + 1)])
+        return self._solved[1][:, :, 0]
 
     def mean_covariance(self, covariance):
         """Return the covariance of the sessions' mean nuisances, (q, q), by that of x, (p, p)."""
-        count = self.session.max() + 1
-        slope = sum(self._solved(s)[:, 1:] for s in range(count)) / count
-        own = sum(np.linalg.pinv(b.T @ b) for b in map(self._white, range(count)))
-        return own / count**2 + slope @ covariance @ slope.T
-
-    def _white(self, s):
-        own = self.session == s
-        root = np.sqrt(self.weight[own])[:, None, None]
-        return (root * self.nuisance[own]).reshape(-1, self.nuisance.shape[2])
-
-    def _solved(self, s):
-        own, b = self.session == s, self._white(s)
-        root = np.sqrt(self.weight[own])[:, None, None]
-        both = np.concatenate([self.values[own, :, None], self.derivative[own]], axis=2)
-        return np.linalg.lstsq(b, -(root * both).reshape(len(b), -1), rcond=1e-12)[0]
+        own, solved = self._solved
+        slope = solved[:, :, 1:].mean(axis=0)
+        return own.mean(axis=0) / len(own) + slope @ covariance @ slope.T
 
     def residuals(self, x=None):
         """Return the residuals, (3 m,), and their derivative, (3 m, p), at the model's own x."""
-        both = np.concatenate([self.values[..., None], self.derivative], axis=2)
-        for s in range(self.session.max(initial=-1) + 1):
-            own = self.session == s
-            both[own] += self.nuisance[own] @ self._solved(s)
-        both = both.reshape(-1, both.shape[2])
-        return both[:, 0], both[:, 1:]
+        left = np.concatenate(self._both + self.nuisance @ self._solved[1][self.session])
+        return left[:, 0], left[:, 1:]

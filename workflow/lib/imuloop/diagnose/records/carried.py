@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
+from imuloop.core.samples import ANGULAR_RATE
 
 # s; over which attitudes are integrated for the report
 DURATIONS = (0.1, 0.3, 1.0, 3.0, 10.0)
@@ -22,7 +23,6 @@ class Carried:
     t: np.ndarray  # s
     attitude: np.ndarray  # of the reference, not-a-number where lost
     up: np.ndarray  # in the reference's world
-    rate: np.ndarray  # of the last of `attitudes`, rad/s
     # from the start, one for each of `STAGES`: as logged; with T, K and its session's bias; with
     # the set-up and the effects that the search chooses without the part
     attitudes: tuple
@@ -39,28 +39,20 @@ def carried(choices, before):
     """Return each part of the data as `Carried`; `before` as of `judged_residuals`."""
     problem, found = choices.problem, []
     sensor, recording, parts = problem.sensor, problem.recording, problem.fold_of_pose
-    session, first, _, last = sensor.windows(recording)
-    white = np.mean([sensor.noise.axes[a].N.square for a in ("gx", "gy", "gz")])
-    starts = {(p, s) for p, s in zip(parts.tolist(), session.tolist(), strict=True)}
-    for part, s in sorted(starts):
-        own, log, out = (parts == part) & (session == s), recording.logs[s], frozenset({part})
-        rows = slice(first[own].min(), last[own].max() + 1)
-        rates = [log.w]
-        for model_of, base in ((before.problem, ()), (problem, choices.nested(out))):
-            solution = model_of.fitted(base, out)
-            model = sensor.model(solution, recording)
-            bias, x = sensor.bias[s] + model.nuisances[s, :3], solution.fit.x
-            T, K = sensor.unpack(x)
-            e = sensor.design(recording, solution.effects, x[6:], K)[s] @ x[6:]
-            rates.append((K * (log.w - bias) - e) @ T.T)
+    windows, white = sensor.windows(recording), sensor.white(ANGULAR_RATE)
+    for part, s in np.unique(np.column_stack([parts, windows.session]), axis=0).tolist():
+        own, out = (parts == part) & (windows.session == s), frozenset({part})
+        rows = slice(windows.first[own].min(), windows.last[own].max() + 1)
+        models = (before.problem, ()), (problem, choices.nested(out))
+        rates = [sensor.rates(m.fitted(base, out), recording)[s] for m, base in models]
+        log, attitudes = recording.logs[s], []
         t, C = log.t[rows], log.attitude[rows]
-        up = np.nanmean(np.einsum("nij,nj->ni", C, log.f[rows]), axis=0)
-        attitudes = []
-        for w in rates:
+        for w in (log.w, *rates):
             q = prefix_product(exponential(step_vectors(w[rows], np.diff(t))))
             attitudes.append(np.concatenate([np.eye(3)[None], matrix(q)]))
+        up = np.nanmean(np.einsum("nij,nj->ni", C, log.f[rows]), axis=0)
         up, floor = up / np.linalg.norm(up), (2 * log.noise[0] ** 2, white)
-        found.append(Carried(s, t, C, up, w[rows], tuple(attitudes), floor))
+        found.append(Carried(s, t, C, up, tuple(attitudes), floor))
     return found
 
 
@@ -101,20 +93,21 @@ def series(parts, names):
     Of those in which the reference is lost least; `names` are those of the sessions. None where no
     part is so long.
     """
-    best = None
+    stretches = []
     for part in parts:
         t, known = part.t, np.isfinite(part.attitude[:, 0, 0])
-        turned = np.append(0, np.cumsum(np.linalg.norm(part.rate[1:], axis=1) * np.diff(t)))
-        starts = np.flatnonzero(known & (t <= t[-1] - SHOWN))[:: max(1, len(t) // 1000)]
-        ends = np.minimum(np.searchsorted(t, t[starts] + SHOWN), len(t) - 1)
+        steps = part.attitudes[-1][:-1].swapaxes(1, 2) @ part.attitudes[-1][1:]
+        turned = np.append(0, np.cumsum(Rotation.from_matrix(steps).magnitude()))
+        i = np.flatnonzero(known & (t <= t[-1] - SHOWN))[:: max(1, len(t) // 1000)]
+        j = np.minimum(np.searchsorted(t, t[i] + SHOWN), len(t) - 1)
         seen = np.append(0, np.cumsum(known))
-        for i, j in zip(starts.tolist(), ends.tolist(), strict=True):
-            merit = round((seen[j] - seen[i]) / (j - i), 2), turned[j] - turned[i]
-            if best is None or merit > best[0]:
-                best = merit, part, i, j
-    if best is None:
+        share = ((seen[j] - seen[i]) / (j - i)).round(2)
+        if len(i):
+            k = np.lexsort((turned[j] - turned[i], share))[-1]
+            stretches.append((share[k], turned[j[k]] - turned[i[k]], part, i[k], j[k]))
+    if not stretches:
         return None
-    _, part, i, j = best
+    *_, part, i, j = max(stretches, key=lambda s: s[:2])
     at = np.arange(i, j + 1, max(1, -(-(j - i) // POINTS)))
     at = at[np.isfinite(part.attitude[at, 0, 0])]
     start, up = part.attitude[i] @ part.attitudes[-1][i].T, part.up

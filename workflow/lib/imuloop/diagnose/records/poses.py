@@ -171,7 +171,7 @@ class PoseProblem:
         effects, count = (*self.found, *base), len(self.sensor.names)
         start = self.linearized(base[:-1]).solution.fit.x if base else None
         _, z = self.prior_rows
-        known = self._known(effects)
+        known = np.hstack([self._known_base(), self._known_effects(effects)])
         solution = self.sensor.fit(self.recording, effects, start, (known, z))
         x = solution.fit.x
         model = self.sensor.model(solution, self.recording)
@@ -215,13 +215,16 @@ class PoseProblem:
             solution, model, values, jacobian, alternatives, noise, evidence, hypotheses
         )
 
-    def _known(self, effects):
-        """Return what other records say of the base parameters and of effects, rows R as above."""
+    def _known_base(self):
+        """Return what other records say of the base parameters, rows R as above."""
+        own = self.base_rows[0].reshape(-1, len(self.sensor.names))
+        return np.pad(own, ((0, len(self.prior_rows[1]) - len(own)), (0, 0)))
+
+    def _known_effects(self, effects):
+        """Return what other records say of the parameters of effects, rows R as above."""
         of_effects, z = self.prior_rows
-        base = self.base_rows[0].reshape(-1, len(self.sensor.names))
-        base = np.pad(base, ((0, len(z) - len(base)), (0, 0)))
         rows = (of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects)
-        return np.hstack([base, *rows])
+        return np.hstack([np.zeros((len(z), 0)), *rows])
 
     def added(self, effect):
         """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
@@ -232,8 +235,7 @@ class PoseProblem:
             count = sum(len(e.parameters) for e in shapes)
             model = self.sensor.model(solution, self.recording, shapes)
             _, jacobian = model.residuals(np.append(solution.fit.x, np.zeros(count)))
-            known = self._known(shapes)[:, -count:]
-            columns = np.concatenate([jacobian[:, -count:], known])
+            columns = np.concatenate([jacobian[:, -count:], self._known_effects(shapes)])
             self._columns.update(by_effect(columns[:, None], shapes))
         return self._columns[effect]
 

@@ -9,8 +9,9 @@ from scipy.stats import chi2
 
 from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.noise_components import Component
+from imuloop.calibrate.recording import OWN
 from imuloop.calibrate.reference.recording import read_reference
-from imuloop.calibrate.reference.sensors import Accelerometer, Gyroscope, started
+from imuloop.calibrate.reference.sensors import SENSORS, ReferenceSensor, started
 from imuloop.calibrate.reference.tails import spread
 from imuloop.core.effect import Channels, Effect, FittedEffect
 from imuloop.diagnose.candidates import candidates
@@ -18,11 +19,11 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.records.carried import carried, errors_over, series
-from imuloop.diagnose.records.one_solution import WHOLE, of_records
+from imuloop.diagnose.records.one_solution import WHOLE
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.diagnose.records.poses import Linearized, PoseProblem, by_effect
-from imuloop.diagnose.records.set_up import Adopted, clamped, loose, set_up, set_up_content
+from imuloop.diagnose.records.set_up import fixed, prior_rows, set_up, set_up_content
 from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import leaves, not_testable
 from imuloop.effects.steps import Steps
@@ -49,20 +50,19 @@ class ReferenceResult:
     """The diagnosis of a sensor beside a reference."""
 
     content: dict  # the contract's fields
+    windows: dict = field(default_factory=dict)  # by column: a row per window
+    sensor: ReferenceSensor | None = None
+    # of the sensor's state, the set-up and what the search adds; None where nothing was tested
     solution: Solution | None = None
-    choices: Choices | None = None
-    effects: tuple = ()  # FittedEffect each
-    columns: tuple = ()  # of each effect the places of its parameters in the solution
-    covariance: np.ndarray | None = None  # of the solution's parameters
+    covariance: np.ndarray | None = None
     # why nothing of it is of the sensor alone; None if it is
     within: str | None = None
     # why T and K beside the reference are no better than those that are known; None if they are
     no_axes: str | None = None
-    # of each session, (s, 3): SI as logged, and what is left of the rotation between both bodies
-    bias: np.ndarray | None = None
-    frame: np.ndarray | None = None
-    variance: np.ndarray | None = None  # of the mean of both, (6,)
-    windows: dict = field(default_factory=dict)  # by column: a row per window
+    # of each session bias, SI as logged, and rotation between both bodies, (s, 6), and variance of
+    # the mean, (6,)
+    sessions: np.ndarray | None = None
+    variance: np.ndarray | None = None
 
 
 class ReferenceProblem(PoseProblem):
@@ -95,20 +95,20 @@ class ReferenceProblem(PoseProblem):
         return np.sqrt(1 / np.diag(self.linearized().evidence.blocks[0].noise.precision[0]))
 
     def _made(self, base):
-        effects, sensor, model = (*self.found, *base), self.sensor, None
+        effects, sensor, x = (*self.found, *base), self.sensor, self.sensor.state
         if base:
-            before = self.linearized(base[:-1])
-            sensor = replace(sensor, weight=before.model.weight)
-            model = sensor.model_at(before.solution.fit.x, self.recording, effects)
+            before = self.linearized(base[:-1]).model
+            sensor, x = replace(sensor, weight=before.weight), before.x
         rows, z = self.base_rows
         count, more = rows.shape[1], sum(len(e.parameters) for e in base)
-        known = np.hstack([rows, np.zeros((len(z), more))])
+        known, x = np.pad(rows, ((0, 0), (0, more))), np.append(x, np.zeros(count + more - len(x)))
         for _ in range(2 if base else 3):
-            solution, model = sensor.fit(self.recording, effects, model, (known, z))
+            solution = sensor.fit(self.recording, effects, x, (known, z))
+            x, model = solution.fit.x, sensor.model(solution, self.recording)
             values, jacobian = model.residuals()
             variance = spread(values.reshape(-1, 3), self.floor[: len(values) : 3])
             sensor = replace(sensor, weight=1 / variance)
-        values = np.append(values, known @ model.x - z)
+        values = np.append(values, known @ x - z)
         jacobian = np.concatenate([jacobian, known])
         own = by_effect(jacobian[:, None, count:], base)
 
@@ -128,16 +128,6 @@ class ReferenceProblem(PoseProblem):
         known = [(0.0, np.diag(self.floor))]
         noise = white, [Component(common)]
         return Linearized(solution, model, values, jacobian, known, noise, evidence, hypotheses)
-
-    def added(self, effect):
-        """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
-        if effect not in self._columns:
-            solution = self.linearized(()).solution
-            model = self.sensor.model(solution, self.recording, (effect,))
-            own = model.residuals()[1][:, -len(effect.parameters) :]
-            none = np.zeros((len(self.base_rows[1]), own.shape[1]))
-            self._columns[effect] = np.concatenate([own, none])[:, None]
-        return self._columns[effect]
 
     def nearest(self, base):
         """Return the residuals about the fit with these very effects.
@@ -169,17 +159,11 @@ class ReferenceProblem(PoseProblem):
         """Return whether noise could be larger for an effect: it is known by what is left."""
         return False
 
-    def shows(self, search, base, trial):
-        """Return kind and rows in which a trial changes most: there is one kind."""
-        (kind,) = self.sensor.kinds
-        return kind, self.of_kind(kind)
-
 
 def shapes_beside(sensor, recording):
     """Return the shapes of each effect to try on a sensor beside a reference, and the others."""
     log = recording.logs[0]
-    own, other = (log.f, log.w) if sensor == "accelerometer" else (log.w, log.f)
-    channels = Channels(log.t, own, other, log.temperature)
+    channels = Channels(log.t, *(getattr(log, n) for n in OWN[sensor]), log.temperature)
     found, others = candidates(sensor, "poses", channels)
     # a scan of the poses finds its time
     found.pop(Steps)
@@ -194,141 +178,105 @@ def shapes_beside(sensor, recording):
     return found, others
 
 
-def diagnose_reference(sensor, recording, settings, tests, own, beyond=None):
+def diagnose_reference(sensor, recording, settings, tests, beyond=None):
     """Return the ReferenceResult of a sensor, a `calibrate.reference.sensors.ReferenceSensor`.
 
-    `tests` is the number of tests of the device's other records, which share the significance,
-    `own` the SensorCalibration by these; `beyond` as of `pose_diagnosis.diagnose_poses`.
+    `tests` is the number of tests of the device's other records, which share the significance;
+    `beyond` as of `pose_diagnosis.diagnose_poses`.
     """
-    session, first, _, last = sensor.windows(recording)
-    if len(session) < LEAST_WINDOWS:
-        why = f"{len(session)} windows with a reference, at least {LEAST_WINDOWS} needed"
+    windows = sensor.windows(recording)
+    if len(windows) < LEAST_WINDOWS:
+        why = f"{len(windows)} windows with a reference, at least {LEAST_WINDOWS} needed"
         return ReferenceResult(not_testable(why))
     shapes, others = shapes_beside(sensor.sensor, recording)
-    known, beside = of_records(sensor, own), set_up(sensor.sensor, recording)
-    fitted = set(kinds_of((*known.effects, *beside)))
+    beside, known = set_up(sensor.sensor, recording), [e.effect for e in sensor.shown]
+    fitted = set(kinds_of((*known, *beside)))
     shapes = {c: s for c, s in shapes.items() if c not in fitted}
-    others |= {e.kind: ("added", "found in other records") for e in known.effects}
-    parts = _parts(recording, session, first, settings.folds)
+    others |= {e.kind: ("added", "found in other records") for e in known}
     problem = ReferenceProblem(
         started(sensor, recording),
         recording,
         shapes,
         settings,
         tests + settings.family * (len(shapes) + len(beside)),
-        parts,
-        (*known.effects, *beside),
-        base_rows=loose(known.rows(), beside),
+        _parts(windows, settings.folds),
+        beside,
+        base_rows=prior_rows(sensor, beside),
     )
     try:
         if reason := problem.lost(()):
             return ReferenceResult(not_testable(reason))
-        axes = sensor.first if known.seen is None else known.seen
-        return _diagnosed(Choices(problem), axes, others, (session, first, last), beyond)
+        return _diagnosed(Choices(problem), others, beyond)
     except LinAlgError as error:
         return ReferenceResult(not_testable(why_no_fit(error)))
 
 
-def _parts(recording, session, first, count):
+def _parts(windows, count):
     """Return the part of each window: its session, or one of few sessions' blocks of time."""
-    number = len(recording.logs)
+    number = len(windows.logs)
     if number >= WHOLE:
-        return session
+        return windows.session
     blocks = count // number
-    length = [len(log.t) for log in recording.logs]
-    return session * blocks + np.minimum(blocks * first // np.array(length)[session], blocks - 1)
+    length = np.array([len(log.t) for log in windows.logs])[windows.session]
+    return windows.session * blocks + np.minimum(blocks * windows.first // length, blocks - 1)
 
 
-def _diagnosed(choices, axes, others, windows, beyond):
-    """Return the ReferenceResult of a problem that can be tested.
-
-    `axes` are T, K and effects as they are known without the reference.
-    """
-    (kind,), sensor = choices.problem.sensor.kinds, choices.problem.sensor.sensor
-    final = _Final.of(choices, axes)
-    content = final.judged | search_content(choices, final.fitted, others, [], sensor)
-    if beyond and leaves(final.judged) and (more := beyond("reference", sensor, choices)):
-        content["discovered"] = more.content
+def _diagnosed(choices, others, beyond):
+    """Return the ReferenceResult of a problem that can be tested."""
+    sensor, (result, added) = choices.problem.sensor.sensor, _result(choices)
+    found = search_content(choices, added, others, [], sensor)
+    if beyond and leaves(result.content) and (more := beyond("reference", sensor, choices)):
+        found["discovered"] = more.content
         if more.choices:
-            final = _Final.of(more.choices, axes)
-            content |= final.judged
-            content |= more.joined(content["effects"], content["candidates"], final.fitted)
-    choices, columns, covariance = final.choices, final.columns, final.covariance
-    content["effects"] = [*final.beside["effects"], *content["effects"]]
-    content["candidates"] = [*content["candidates"], *final.beside["candidates"]]
-    problem, added = choices.problem, choices.choice().base
-    content["sessions"] = len(problem.recording.logs)
-    if problem.sensor.sensor == "gyroscope":
-        parts = carried(choices, final.before)
-        content["by_duration"] = errors_over(parts)
-        if shown := series(parts, problem.recording.names):
-            content["series"] = shown
-    session, first, last = windows
-    names, logs = np.array(problem.recording.names, dtype=object), problem.recording.logs
-    place = {
-        "session": names[session],
-        "start_s": np.array([logs[s].t[i] for s, i in zip(session, first, strict=True)]),
-        "end_s": np.array([logs[s].t[i] for s, i in zip(session, last, strict=True)]),
+            result, added = _result(more.choices)
+            found |= more.joined(found["effects"], found["candidates"], added)
+    of_set_up = {key: result.content[key] + found[key] for key in ("effects", "candidates")}
+    return replace(result, content=result.content | found | of_set_up)
+
+
+def _result(choices):
+    """Return the ReferenceResult by Choices, of effects those of the set-up, and FittedEffects.
+
+    T and K are as they are known without the reference where they predict no worse so; they are
+    free where nobody can tell.
+    """
+    problem, base, no_axes = choices.problem, choices.choice().base, None
+    sensor, names = problem.sensor, problem.recording.names
+    windows, count = sensor.windows(problem.recording), len(sensor.state)
+    within = problem.within(base)
+    if not within:
+        known = Choices(fixed(problem, np.arange(count), sensor.state), choices)
+        if no_axes := _no_better(choices, known):
+            choices, problem = known, known.problem
+    solution, model = problem.linearized(base).solution, problem.linearized(base).model
+    covariance = problem.covariance(base)
+    pairs = np.array([solution.fit.x, np.sqrt(np.diag(covariance))])[:, count:]
+    fitted = {
+        e: FittedEffect(e, *(dict(zip(e.parameters, v.tolist(), strict=True)) for v in pair))
+        for e, pair in by_effect(pairs, solution.effects).items()
     }
-    about = problem.linearized(added)
-    solution, model = about.solution, about.model
-    bias = problem.sensor.bias + model.nuisances[:, :3]
+    errors = choices.errors(choices.nested)
+    beside, before = set_up_content(choices, covariance, fitted, errors)
+    content, columns = judged_residuals(choices, tuple(sensor.kinds), errors, before=before)
+    content |= beside | {"sessions": len(names)}
+    if sensor.sensor == "gyroscope":
+        parts = carried(choices, before)
+        content["by_duration"] = errors_over(parts)
+        if shown := series(parts, names):
+            content["series"] = shown
+    table = {
+        "session": np.array(names, dtype=object)[windows.session],
+        "start_s": windows.of_logs("t", windows.first),
+        "end_s": windows.of_logs("t", windows.last),
+        "residual": np.full(len(windows), *sensor.kinds, object),
+    }
+    sessions = model.nuisances[:, :6] + np.pad(sensor.bias, ((0, 0), (0, 3)))
     # as the windows show, and as sessions differ
     variance = np.diag(model.mean_covariance(covariance))[:6]
-    if len(bias) > 1:
-        found = np.hstack([bias, model.nuisances[:, 3:6]])
-        variance = np.maximum(variance, found.var(axis=0, ddof=1) / len(bias))
-    return ReferenceResult(
-        content,
-        solution,
-        choices,
-        tuple(final.fitted),
-        tuple(final.places),
-        covariance,
-        final.within,
-        final.no_axes,
-        bias,
-        model.nuisances[:, 3:6],
-        variance,
-        place | {"residual": np.full(len(session), kind, object)} | columns,
-    )
-
-
-@dataclass(frozen=True)
-class _Final:
-    """A model as it is reported and written."""
-
-    choices: Choices
-    before: Choices  # without what was found of the set-up
-    within: str | None  # both as of ReferenceResult
-    no_axes: str | None
-    beside: dict  # effects and candidates of the set-up
-    judged: dict
-    columns: dict
-    covariance: np.ndarray
-    fitted: list
-    places: list
-
-    @classmethod
-    def of(cls, choices, axes):
-        """Return the model with the effects of Choices.
-
-        T and K are as they are known without the reference where they predict no worse so; they are
-        free where nobody can tell.
-        """
-        why, within = None, choices.problem.within(choices.choice().base)
-        if not within:
-            known = Adopted(clamped(choices.problem, np.arange(len(axes)), axes), choices)
-            if why := _no_better(choices, known):
-                choices = known
-        covariance, fitted, places = _fitted(choices)
-        beside, before = set_up_content(choices, covariance)
-        kinds = tuple(choices.problem.sensor.kinds)
-        errors = choices.errors(choices.nested)
-        judged, columns = judged_residuals(choices, kinds, errors, before=before)
-        return cls(
-            choices, before, within, why, beside, judged, columns, covariance, fitted, places
-        )
+    if len(sessions) > 1:
+        variance = np.maximum(variance, sessions.var(axis=0, ddof=1) / len(sessions))
+    fit = sensor, solution, covariance, within, no_axes, sessions, variance
+    return ReferenceResult(content, table | columns, *fit), [fitted[e] for e in base]
 
 
 def _no_better(choices, known):
@@ -336,27 +284,11 @@ def _no_better(choices, known):
 
     Effects are the same; held-out errors are compared in the deviations of the windows by both.
     """
-    problem, count = choices.problem, choices.problem.of_kind(*choices.problem.sensor.kinds).sum()
-    each = known, choices
+    count, each = 3 * len(choices.problem.fold_of_pose), (known, choices)
     size = np.sqrt(sum(c.problem.measure[:count] ** 2 for c in each) / 2)[:, None]
     errors = (c.errors(c.nested)[:count] / size for c in each)
-    ratio = choices.ratio(problem.fold[:count], *errors)
+    ratio = choices.ratio(choices.problem.fold[:count], *errors)
     return None if ratio[1] < 1 else f"{NO_BETTER}: ratio {ratio[0]:.3f} to {ratio[1]:.3f}"
-
-
-def _fitted(choices):
-    """Return covariance of the parameters, FittedEffects, and the places of their parameters."""
-    problem, added = choices.problem, choices.choice().base
-    x, covariance = problem.linearized(added).solution.fit.x, problem.covariance(added)
-    std, fitted, columns = np.sqrt(np.diag(covariance)), [], []
-    at = len(x) - sum(len(e.parameters) for e in added)
-    for effect in added:
-        own = [*range(at, at + len(effect.parameters))]
-        pair = (dict(zip(effect.parameters, map(float, v[own]), strict=True)) for v in (x, std))
-        fitted.append(FittedEffect(effect, *pair))
-        columns.append(own)
-        at += len(own)
-    return covariance, fitted, columns
 
 
 def diagnose_references(sessions, noise, gravity, settings, tests, calibration, beyond=None):
@@ -370,11 +302,8 @@ def diagnose_references(sessions, noise, gravity, settings, tests, calibration, 
     if "reference_motion" not in kinds:
         return {}
     recording = read_reference(sessions)
-    found = {}
-    for sensor in (Accelerometer(noise, gravity), Gyroscope(noise, gravity)):
-        own = getattr(calibration, sensor.sensor)
-        found[sensor.sensor] = diagnose_reference(sensor, recording, settings, tests, own, beyond)
-    return found
+    each = (cls(noise, gravity, getattr(calibration, name)) for name, cls in SENSORS.items())
+    return {s.sensor: diagnose_reference(s, recording, settings, tests, beyond) for s in each}
 
 
 def windows_table(results):

@@ -10,7 +10,6 @@ from scipy.stats import chi2
 from imuloop.core.effect import Channels
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import size_of
-from imuloop.diagnose.records.one_solution import BESIDE
 from imuloop.diagnose.records.poses import by_effect
 from imuloop.effects.delays import ClockDrift, TimeOffset
 from imuloop.effects.other_sensor import LeverArm
@@ -18,23 +17,7 @@ from imuloop.effects.other_sensor import LeverArm
 # standard deviation beforehand of each parameter, s, s per s and m: next to nothing is known
 LOOSE = {"time_offset": 0.1, "clock_drift": 0.02, "lever_arm": 1.0}
 # standard deviation of a parameter that is not fitted
-CLAMPED = 1e-7
-
-
-class Adopted(Choices):
-    """Choices of a problem with the effects that those of another one add."""
-
-    def __init__(self, problem, library):
-        super().__init__(problem)
-        self.library = library
-
-    def choice(self, out=frozenset()):
-        """Return the Choice of the other search."""
-        return self.library.choice(out)
-
-    def nested(self, out):
-        """Return the effects that the other search adds without some parts."""
-        return self.library.nested(out)
+FIXED = 1e-7
 
 
 def set_up(sensor, recording):
@@ -50,49 +33,42 @@ def set_up(sensor, recording):
     return (TimeOffset(), LeverArm(marker=1)) if turns else (TimeOffset(),)
 
 
-def loose(rows, effects):
-    """Return base rows as of PoseProblem with those of the set-up after them."""
+def prior_rows(sensor, effects):
+    """Return base rows as of PoseProblem: of a ReferenceSensor's state, and of the set-up."""
     deviations = np.array([LOOSE[e.name] for e in effects for _ in e.parameters])
-    known, z = rows
+    known, z = sensor.prior_rows()
     return block_diag(known, np.diag(1 / deviations)), np.append(z, np.zeros(len(deviations)))
 
 
-def clamped(problem, columns, values=0.0):
+def fixed(problem, columns, values=0.0):
     """Return a problem whose parameters in some columns are fixed to values."""
     rows, z = problem.base_rows
     kept = ~rows[:, columns].any(axis=1)
-    fixed = np.eye(rows.shape[1])[columns] / CLAMPED
-    z = np.append(np.broadcast_to(values, len(columns)) / CLAMPED, z[kept])
-    rows = np.vstack([fixed, rows[kept]]), z
+    own = np.eye(rows.shape[1])[columns] / FIXED
+    z = np.append(np.broadcast_to(values, len(columns)) / FIXED, z[kept])
+    rows = np.vstack([own, rows[kept]]), z
     return replace(problem, base_rows=rows, _linearized={}, _columns={})
 
 
-def set_up_content(choices, covariance):
+def set_up_content(choices, covariance, fitted, errors):
     """Return the contract's effects and candidates of a set-up, and Choices without those found.
 
     Found is what differs from zero by the test of Wald and lowers held-out errors, beside all that
-    is fitted; takes the covariance of the parameters of all data.
+    is fitted; takes the covariance of the parameters of all data, FittedEffects by effect, and the
+    held-out errors with all.
     """
-    problem, base, search = choices.problem, choices.choice().base, choices.search()
-    (kind,), first = problem.sensor.kinds, len(problem.sensor.names)
-    rows, x = problem.of_kind(kind), problem.linearized(base).solution.fit.x
-    places = by_effect(np.arange(first, len(x)), (*problem.found, *base))
+    problem, search = choices.problem, choices.search()
+    (kind,), first = problem.sensor.kinds, len(problem.sensor.state)
+    rows, count = problem.of_kind(kind), len(covariance)
+    places = by_effect(np.arange(first, count), fitted)
     chance, power = np.exp(search.threshold(0)), problem.settings.power
     fold, measure = problem.fold[rows], problem.measure[rows][:, None]
-    errors, effects, candidates, found = choices.errors(choices.nested)[rows], [], [], []
-    for effect in (e for e in problem.found if e.name in BESIDE):
-        at = places[effect]
-        own, values = np.linalg.inv(covariance[np.ix_(at, at)]), x[at]
+    errors, effects, candidates, found = errors[rows], [], [], []
+    for effect in problem.found:
+        at, values = places[effect], fitted[effect].vector
+        own = np.linalg.inv(covariance[np.ix_(at, at)])
         p_value = float(chi2.sf(values @ own @ values, len(at)))
-        parameters, std = (
-            dict(zip(effect.parameters, map(float, v), strict=True))
-            for v in (values, np.sqrt(np.diag(covariance)[at]))
-        )
-        entry = {
-            "name": effect.name,
-            "constants": effect.constants,
-            "parameters": parameters,
-            "std": std,
+        entry = fitted[effect].to_dict() | {
             "units": effect.units(problem.sensor.sensor),
             "p_value": p_value,
             "residual": kind,
@@ -100,15 +76,14 @@ def set_up_content(choices, covariance):
         }
         status, why = "rejected", "of the set-up: fitted, and zero but for chance"
         if p_value < chance:
-            without = Adopted(clamped(problem, at), choices)
-            before = without.errors(without.nested)[rows]
+            before = Choices(fixed(problem, at)).errors(choices.nested)[rows]
             ratio = choices.ratio(fold, before / measure, errors / measure)
             why = "held-out error does not fall for certain: ratio {:.3f} to {:.3f}".format(*ratio)
             if ratio[1] < 1:
                 status, why = "added", "of the set-up: fitted, and lowers held-out errors"
                 before = size_of(problem, kind, before)
                 effects.append(entry | {"heldout_before": before, "ratio_ci95": ratio})
-                found.append(at)
+                found += [*at]
         # the test asks for χ² of so much; held-out errors fall by χ² ± 2 χ, for certain 1.96 times
         square = max(
             chndtrinc(chi2.isf(chance, len(at)), len(at), 1 - power),
@@ -118,5 +93,5 @@ def set_up_content(choices, covariance):
         limits = dict(zip(effect.parameters, limits.tolist(), strict=True))
         entry |= {"status": status, "why": why, "confounded_with": None, "detection_limit": limits}
         candidates.append(entry)
-    before = Adopted(clamped(problem, np.concatenate(found)), choices) if found else choices
+    before = Choices(fixed(problem, np.array(found))) if found else choices
     return {"effects": effects, "candidates": candidates}, before
