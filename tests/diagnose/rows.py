@@ -50,13 +50,13 @@ class Rows:
     def ends(self):
         return self.fold[:, None]
 
-    def training(self, base, out):
-        return self.evidence.training(out)
+    def fold_fit(self, base, out):
+        return self.evidence.fold_fit(out)
 
-    def left(self, search, base):
-        return search.training(base).left(base, 0)[:, None]
+    def residuals_left(self, search, base):
+        return search.fold_fit(base).residuals(base, 0)[:, None]
 
-    measure, enough = 1.0, 1.0
+    error_scale, limit_correction = 1.0, 1.0
 
     def slow(self, effect):
         return False
@@ -67,7 +67,7 @@ class Rows:
     def shows(self, search, base, trial):
         return "kind", slice(None)
 
-    def lost(self, base, out=frozenset()):
+    def rejection_reason(self, base, out=frozenset()):
         return None
 
 
@@ -96,7 +96,7 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     for effect in columns:
         shapes[type(effect)] = (*shapes.get(type(effect), ()), effect)
     evidence = Evidence(
-        [block], prior, lambda e: columns[e].reshape(n, 1, -1), least=1.0, plain=plain
+        [block], prior, lambda e: columns[e].reshape(n, 1, -1), least=1.0, as_estimated_mask=plain
     )
     return Rows(evidence, shapes, DiagnoseSettings(significance=threshold), fold)
 

@@ -23,8 +23,8 @@ def test_a_fit_is_that_of_generalised_least_squares(held):
     effects = [Ramp(), BiasTemperature(2, 20.0)]
     problem = search(records, effects).problem
     out = frozenset(held)
-    training, patterns = problem.training((), out), problem.evidence.patterns(effects)
-    found = training.fit(effects, 1)
+    fold_fit, patterns = problem.fold_fit((), out), problem.evidence.patterns(effects)
+    found = fold_fit.fit(effects, 1)
     scale = np.concatenate([p.scale[1] for p in patterns])
     used = [
         (rec, np.flatnonzero(~np.isin(fold, list(out))))
@@ -69,11 +69,11 @@ def test_columns_that_are_not_independent_give_no_fit():
     shapes = [Steps((600.0,), ("s",)), Steps((-5.0,), ("s",))]
     problem = search([record(np.random.default_rng(2).normal(size=(50, 3)))], shapes).problem
     one, two = shapes
-    training = problem.training((), frozenset())
-    assert training.fit((one,), 0)
+    fold_fit = problem.fold_fit((), frozenset())
+    assert fold_fit.fit((one,), 0)
     # a step before the record is a level, and a column twice is one
-    assert training.fit((two,), 0) is None
-    assert training.fit((one, one), 0) is None
+    assert fold_fit.fit((two,), 0) is None
+    assert fold_fit.fit((one, one), 0) is None
 
 
 def test_tail_of_f_against_scipy_and_below_the_smallest_double():

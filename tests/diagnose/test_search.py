@@ -153,7 +153,7 @@ def test_a_fit_of_a_part_is_that_of_the_poses_that_are_kept(effects, monkeypatch
         assert solution.effects == effects
         # the residuals of all poses, those that were held out too
         values, _ = pair.model(alone, made).residuals(alone.fit.x)
-        left = problem.left(Choices(problem).search(out), effects)[:, 0]
+        left = problem.residuals_left(Choices(problem).search(out), effects)[:, 0]
         std = np.sqrt(np.diag(problem.linearized(effects).alternatives[0][1]))
         assert np.abs((left + values) / std).max() < 2e-3
 

@@ -143,7 +143,7 @@ def test_what_a_held_out_block_holds_touches_nothing_that_predicts_it(kind):
     np.testing.assert_allclose(*ratios, rtol=1e-6)
     foreseen = [
         np.concatenate([r.values for r in c.problem.records])
-        - c.problem.left(c.search(out), one.base)
+        - c.problem.residuals_left(c.search(out), one.base)
         for c, one in zip(both, chosen, strict=True)
     ]
     np.testing.assert_allclose(*foreseen, rtol=1e-5, atol=1e-7)

@@ -72,7 +72,7 @@ def test_a_nuisance_that_one_part_alone_shows_is_an_error_each_time_that_part_is
     made = Choices(rows(T * 0, alone, WAVE)).search(frozenset({0}))
     for _ in range(2):
         with pytest.raises(np.linalg.LinAlgError):
-            made.training(()).left((), 0)
+            made.fold_fit(()).residuals((), 0)
 
 
 def test_p_values_are_uniform_without_an_effect():

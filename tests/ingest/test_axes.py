@@ -6,7 +6,7 @@ import pytest
 
 from calibrate.devices import planned
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
-from imuloop.ingest.axes import KEPT, Axes, Thinned
+from imuloop.ingest.axes import KEPT, Axes, EvenSubsample
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 
@@ -103,7 +103,7 @@ def test_turns_about_one_axis_tell_that_axis_alone(run):
 
 
 def test_rows_of_a_long_log_are_thinned_evenly():
-    thinned = Thinned(KEPT)
+    thinned = EvenSubsample(KEPT)
     for start in range(0, 100_000, 777):
         thinned.add(np.arange(start, min(start + 777, 100_000))[:, None])
     rows = thinned.rows()[:, 0]

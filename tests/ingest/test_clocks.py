@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imuloop.ingest.clocks import RESET_STEPS, Clock, ahead
+from imuloop.ingest.clocks import RESET_STEPS, Clock, with_lookahead
 
 STEP = 10_000
 
@@ -15,7 +15,7 @@ def mended(stamps, size=None, tick=1000, valid=None):
     size = size or len(x)
     parts = [(x[i : i + size], valid[i : i + size]) for i in range(0, len(x), size)]
     clock = Clock()
-    done = [clock.mended(*part, after, tick) for part, after in ahead(parts)]
+    done = [clock.mended(*part, after, tick) for part, after in with_lookahead(parts)]
     return *(np.concatenate(each) for each in zip(*done, strict=True)), clock
 
 

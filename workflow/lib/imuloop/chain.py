@@ -87,11 +87,11 @@ def segment(device):
         rails = read_metadata(files["samples"]).get("rails")
         write_table(files["segments"], *segment_session(samples, files["kind"], settings, rails))
 
-    def instead(files, reason, failed):
+    def write_placeholder(files, reason, failed):
         segments, metadata = no_segments(files["kind"])
         write_table(files["segments"], segments, metadata | {"failed": failed})
 
-    return _of_each_session(device, "segment", work, instead)
+    return _of_each_session(device, "segment", work, write_placeholder)
 
 
 def noise(device):
@@ -116,10 +116,10 @@ def noise(device):
         ]
         write(estimate_noise(device.name, sessions, NoiseSettings(**device.noise)))
 
-    def instead(reason, failed):
+    def write_placeholder(reason, failed):
         write(no_noise(device.name, device.kinds, reason), failed)
 
-    return attempt(device, "noise", work, instead)
+    return attempt(device, "noise", work, write_placeholder)
 
 
 def calibrate(device):
@@ -181,7 +181,7 @@ def diagnose(device):
             calibrate_settings=CalibrateSettings(**device.calibrate),
             settings=settings,
             noise_settings=NoiseSettings(**device.noise),
-            beyond=search_formulas,
+            search_formulas=search_formulas,
         )
         diagnosis = found.content | {"next_recording": next_recording(found)}
         attitude, series = validate_attitude(device.name, found, settings)
@@ -190,14 +190,16 @@ def diagnose(device):
         tables = {"attitude": series, **found.tables}
         write(diagnosis, found.calibration, found.allan, attitude, tables)
 
-    def instead(reason, failed):
+    def write_placeholder(reason, failed):
         diagnosis = undiagnosed(device.name, reason) | {"next_recording": {}}
         diagnosis |= {"failed": failed} if failed else {}
         attitude, series = no_attitude(device.name, reason)
         tables = {"attitude": series, **no_tables()}
         write(diagnosis, calibrated(**given), {}, attitude, tables)
 
-    return attempt(device, "diagnose", work, instead, [noise_path, given["multi_position"]])
+    return attempt(
+        device, "diagnose", work, write_placeholder, [noise_path, given["multi_position"]]
+    )
 
 
 def allan(device):
@@ -211,10 +213,10 @@ def allan(device):
         parts = [read_session(path, files["name"]) for path in (raw, corrected)]
         write_table(files["allan"], joined(parts))
 
-    def instead(files, reason, failed):
+    def write_placeholder(files, reason, failed):
         write_table(files["allan"], allan_table("", [], [], []))
 
-    return _of_each_session(device, "allan", work, instead)
+    return _of_each_session(device, "allan", work, write_placeholder)
 
 
 def export(device):
@@ -232,11 +234,11 @@ def export(device):
         exported = read_exported(*names, calibration, noise_path, qualities, given[2])
         write_exports(folder, export_files(exported))
 
-    def instead(reason, failed):
+    def write_placeholder(reason, failed):
         line = one_line(f"No file for other tools of {device.name}: {reason}")
         write_exports(folder, {README: f"{line}\n"}, failed)
 
-    return attempt(device, "export", work, instead, given)
+    return attempt(device, "export", work, write_placeholder, given)
 
 
 def report_device(device):
@@ -262,10 +264,10 @@ def run(device):
     return [failure for stage in (*stages(), export, report_device) for failure in stage(device)]
 
 
-def _of_each_session(device, stage, work, instead):
+def _of_each_session(device, stage, work, write_placeholder):
     """Attempt a stage with the files of each session; return what went wrong."""
     failures = []
     for name, files in device.sessions.items():
         files = files | {"name": name}
-        failures += attempt(device, stage, partial(work, files), partial(instead, files))
+        failures += attempt(device, stage, partial(work, files), partial(write_placeholder, files))
     return failures

@@ -354,7 +354,7 @@ class SensorPair:
             for sensor in self.estimated
         }
 
-    def lost(self, solution, recording):
+    def rejection_reason(self, solution, recording):
         """Return why a fit is none, or None if it is one, by the first sensor that has none."""
         reasons = (self.lost_by(sensor, solution, recording) for sensor in self.estimated)
         return next(filter(None, reasons), None)

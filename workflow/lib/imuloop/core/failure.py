@@ -28,17 +28,17 @@ class Failure:
         return f"{self.stage} failed: {self.why}"
 
 
-def attempt(device, stage, work, instead, before=()):
+def attempt(device, stage, work, write_placeholder, before=()):
     """Do the work of a stage; where it fails, or one before it did, write what stands instead.
 
-    ``work()`` writes the stage's results; ``instead(reason, failed)`` writes some that say why
-    there are none, with the content of their key of that name, None where a stage before failed, as
-    one of the JSON results `before` may say. Gives the Failures, empty where nothing went wrong.
-    What the machine lacks, room, rights or memory, is raised.
+    ``work()`` writes the stage's results; ``write_placeholder(reason, failed)`` writes some that
+    say why there are none, with the content of their key of that name, None where a stage before
+    failed, as one of the JSON results `before` may say. Gives the Failures, empty where nothing
+    went wrong. What the machine lacks, room, rights or memory, is raised.
     """
     for path in before:
         if earlier := read_json(path).get("failed"):
-            instead(str(Failure(**earlier)), None)
+            write_placeholder(str(Failure(**earlier)), None)
             return []
     try:
         work()
@@ -52,7 +52,7 @@ def attempt(device, stage, work, instead, before=()):
             logging.exception("%s: %s failed", device.name, stage)
         log = device.log and str(device.log)
         failure = Failure(stage, one_line(error) or type(error).__name__, log)
-        instead(str(failure), asdict(failure))
+        write_placeholder(str(failure), asdict(failure))
         return [failure]
     return []
 

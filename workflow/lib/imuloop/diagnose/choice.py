@@ -55,11 +55,11 @@ class Choices:
             unseen = out | {part}
             search, base = self.search(unseen), chosen(unseen)
             held = (problem.fold == part) & ~np.isin(problem.ends, list(out)).any(axis=1)
-            left = problem.left(search, base)
+            left = problem.residuals_left(search, base)
             if found is None:
                 found = np.full(left.shape, np.nan)
             found[held] = left[held]
-            search.training(base).release()
+            search.fold_fit(base).release()
         return found
 
     def following(self, classes, out=frozenset()):
@@ -136,7 +136,8 @@ class Choices:
         """Return effects with those of a trial, None where errors do not fall, and the ratio."""
         wide = self.search(out).reshaped((*base, *trial.effects))
         ratio = self._gate(base, trial, wide, out)[-1]
-        return (wide if ratio[1] < 1 and not self.problem.lost(wide, out) else None), ratio
+        lower = ratio[1] < 1 and not self.problem.rejection_reason(wide, out)
+        return (wide if lower else None), ratio
 
     def _gate(self, base, trial, wide, out):
         """Return kind, errors without and with, and ratio of a trial, as `Added` has them.
@@ -154,8 +155,9 @@ class Choices:
         known = np.isfinite(errors[0][:, 0]) & np.isfinite(errors[1][:, 0])
         fold, errors = self.problem.fold[rows][known], [e[known] for e in errors]
         before, after = (e[:, [trial.axis]] for e in errors)
-        measure = np.broadcast_to(self.problem.measure, len(self.problem.fold))[rows][known, None]
-        ratio = self.ratio(fold, before / measure, after / measure)
+        scale = np.broadcast_to(self.problem.error_scale, len(self.problem.fold))
+        scale = scale[rows][known, None]
+        ratio = self.ratio(fold, before / scale, after / scale)
         if ratio[1] >= 1 and errors[0].shape[1] > 1:
             size = np.sqrt((errors[0] ** 2).mean(axis=0))
             of_all = self.ratio(fold, *(e / np.where(size > 0, size, 1.0) for e in errors))

@@ -41,15 +41,15 @@ def search_content(choices, fitted, others, probes, sensor):
     }
 
 
-def searched_beyond(beyond, record, contents, choices):
+def searched_beyond(search_formulas, record, contents, choices):
     """Return a FormulaSearch that names a formula in a record, and its sensor; None without one.
 
-    `beyond` is `search_formulas` of `imuloop.discover`, None where nothing is to be looked for.
-    What an accelerometer lacks turns the direction by which a gyroscope is judged: where the first
-    sensor of `contents` has structure, the next is not searched.
+    `search_formulas` is that of `imuloop.discover`, None where nothing is to be looked for. What an
+    accelerometer lacks turns the direction by which a gyroscope is judged: where the first sensor
+    of `contents` has structure, the next is not searched.
     """
-    for sensor, content in contents.items() if beyond else ():
-        more = beyond(record, sensor, choices) if leaves(content) else None
+    for sensor, content in contents.items() if search_formulas else ():
+        more = search_formulas(record, sensor, choices) if leaves(content) else None
         if more:
             content["discovered"] = more.content
             if more.content["status"] != "nothing":
@@ -105,7 +105,8 @@ def _candidate(sensor, choices, cls):
         low, high = choice.failed[cls]
         why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"
         if high < 1:
-            why = problem.lost((*choice.base, trial.effect)) or "the fit with it is none"
+            why = problem.rejection_reason((*choice.base, trial.effect))
+            why = why or "the fit with it is none"
     elif trial.impossible:
         why = f"it would have to be larger than {cls.limit:g}, the most that is possible"
     elif name := twin(search, choice.base, cls):
@@ -143,7 +144,7 @@ def _by_slow_noise(search, base, trial):
     """Return whether nothing but noise slower than what was estimated speaks against a trial."""
     if trial.log_p < search.threshold(len(base)):
         return False
-    (plain,) = search.tests(base, trial.effects, search.training(base).evidence.plain)
+    (plain,) = search.tests(base, trial.effects, search.fold_fit(base).evidence.as_estimated_mask)
     return bool(plain and plain.log_p + trial.tries < search.threshold(len(base)))
 
 

@@ -67,13 +67,13 @@ def diagnose_device(
     calibrate_settings,
     settings,
     noise_settings,
-    beyond=None,
+    search_formulas=None,
 ):
     """Return the Diagnosed of a device, by its name.
 
     Takes local gravity, m/s^2, ``kind``, ``samples`` and ``segments`` (paths) of each session by
     name, paths of the results of the stages before, and settings: of the calibration, repeated with
-    effects, of the diagnosis, and of the noise stage, repeated without them. `beyond` is
+    effects, of the diagnosis, and of the noise stage, repeated without them. `search_formulas` is
     `search_formulas` of `imuloop.discover`, where effects are to be looked for that no library has.
     """
     model = NoiseModel.from_json(noise)
@@ -89,7 +89,7 @@ def diagnose_device(
     # a rest of the poses' own log is one attitude and a start, and they judge for themselves
     still = diagnose_static(
         *(data, records, base, model, read_json(noise)["curve_fit"]),
-        *(settings, noise_settings, tests, beyond),
+        *(settings, noise_settings, tests, search_formulas),
     )
     has_static_session = "static" in data.kinds.values()
     found, information = (), None
@@ -108,8 +108,8 @@ def diagnose_device(
     )
     reasons = {sensor: with_sessions(reason, sessions) for sensor, reason in reasons.items()}
     how = recording, settings, tests
-    poses = diagnose_poses(pair, reasons, *how, found, information, beyond)
-    motion = diagnose_motion(pair, poses.solution, *how, information, beyond)
+    poses = diagnose_poses(pair, reasons, *how, found, information, search_formulas)
+    motion = diagnose_motion(pair, poses.solution, *how, information, search_formulas)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     force = poses.calibrations.get("accelerometer", base.accelerometer)
     by_new_force = "accelerometer" in poses.calibrations and force.effects
@@ -122,7 +122,7 @@ def diagnose_device(
         final[sensor] = final_calibration(*given, bias_refitted)
     final = replace(base, **final | motion.calibrations)
     final = with_validity_ranges(final, poses.calibrations, recording, records, still.effects)
-    beside = diagnose_references(sessions, noise, gravity, settings, tests, final, beyond)
+    beside = diagnose_references(sessions, noise, gravity, settings, tests, final, search_formulas)
     final = with_reference(final, beside)
     content = _content(device, poses.contents, still.content, motion.contents)
     for sensor, own in content["sensors"].items():

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.core.precision import precision
-from imuloop.diagnose.training import Training
+from imuloop.diagnose.fold_fit import FoldFit
 
 
 @dataclass(frozen=True)
@@ -73,25 +73,27 @@ class Evidence:
     # least share of a hypothesis' variance that noise can have: 1 where its size is known
     least: float = 0.0
     # (h,): hypotheses at which parameters are estimated, all by default; and those of the noise as
-    # it was seen, no slower, those of `still` by default
-    still: np.ndarray | None = None
-    plain: np.ndarray | None = None
+    # it was seen, no slower, the same by default
+    estimation_mask: np.ndarray | None = None
+    as_estimated_mask: np.ndarray | None = None
     # hypothesis at which nuisances are estimated; that of the parameters by default
-    even: int | None = None
+    nuisance_index: int | None = None
 
     def __post_init__(self):
         """Enter the residuals of each axis."""
-        self.still = np.ones(len(self.prior), dtype=bool) if self.still is None else self.still
-        self.plain = self.still if self.plain is None else self.plain
+        if self.estimation_mask is None:
+            self.estimation_mask = np.ones(len(self.prior), dtype=bool)
+        if self.as_estimated_mask is None:
+            self.as_estimated_mask = self.estimation_mask
         self.axes = self.blocks[0].values.shape[1]
         # columns, (N,) each, and of each block their products with the precision, (h, n)
         self.columns, self.weighted = [], [[] for _ in self.blocks]
-        self._known, self._patterns, self._trainings = {}, {}, {}
+        self._known, self._patterns, self._fold_fits = {}, {}, {}
         self._ends = np.cumsum([len(b.values) for b in self.blocks])[:-1]
         self.sides = [b.noise.precision @ b.nuisance for b in self.blocks]
-        self.values = self.enter(np.concatenate([b.values for b in self.blocks]).T)
+        self.values = self.add_columns(np.concatenate([b.values for b in self.blocks]).T)
 
-    def enter(self, vectors):
+    def add_columns(self, vectors):
         """Return the numbers of columns, shape (k, N); one that is known is entered once."""
         new, numbers = [], []
         for vector in vectors:
@@ -117,23 +119,23 @@ class Evidence:
         """Return the patterns of effects, their columns entered."""
         for effect in effects:
             if effect not in self._patterns:
-                self.know(effect, self.design(effect))
+                self.add_pattern(effect, self.design(effect))
         return tuple(self._patterns[effect] for effect in effects)
 
-    def know(self, key, design):
+    def add_pattern(self, key, design):
         """Enter a pattern of any kind, (N, a, q), under a key that is, or stands for, an effect."""
         found = []
         for own in design.swapaxes(0, 1):
             used = np.flatnonzero(np.any(own != 0, axis=0))
             scale = np.linalg.norm(own[:, used], axis=0)
-            found.append((self.enter((own[:, used] / scale).T), used.tolist(), scale))
+            found.append((self.add_columns((own[:, used] / scale).T), used.tolist(), scale))
         self._patterns[key] = Pattern(key, design, *zip(*found, strict=True))
 
     def columns_of(self, effects, axis):
         """Return the columns of effects on an axis."""
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
-    def under(self, noise):
+    def with_noise(self, noise):
         """Return the same evidence under other Hypotheses about the noise of each block.
 
         For drawn records: noise that was fitted makes data likelier than these, by its parameters.
@@ -141,18 +143,18 @@ class Evidence:
         blocks = [replace(b, noise=n) for b, n in zip(self.blocks, noise, strict=True)]
         return replace(self, blocks=blocks, prior=self.prior + sum(n.fitted for n in noise))
 
-    def parted(self, folds):
+    def with_folds(self, folds):
         """Return the same evidence with other parts, (N, 2), as of `Block`."""
         each = zip(self.blocks, self.split(folds), strict=True)
         return replace(self, blocks=[replace(b, folds=own) for b, own in each])
 
-    def training(self, out=frozenset()):
-        """Return the Training rows: those that touch no part of `out`."""
-        if out not in self._trainings:
+    def fold_fit(self, out=frozenset()):
+        """Return the FoldFit of the rows that touch no part of `out`."""
+        if out not in self._fold_fits:
             touch = (np.isin(b.folds, list(out)).any(axis=1) for b in self.blocks)
             held = tuple(np.flatnonzero(rows) for rows in touch)
-            self._trainings[out] = Training(self, held, self.values)
-        return self._trainings[out]
+            self._fold_fits[out] = FoldFit(self, held, self.values)
+        return self._fold_fits[out]
 
     def split(self, rows):
         """Return an array of all rows, shape (N, …), block by block."""

@@ -43,17 +43,17 @@ def detection_limits(search, base, trial, power, kept=True):
     probability of finding it, `kept` whether held-out parts have to confirm it. The sizes are by
     parameter; those that no axis shows, or at no size, are left out.
     """
-    training, limits, names = search.training(base), {}, list(trial.effect.parameters)
+    fold_fit, limits, names = search.fold_fit(base), {}, list(trial.effect.parameters)
     effects = base, trial.effects, (trial.effect.moved(BETWEEN),)
-    pattern, added = training.evidence.patterns((*effects[1], *effects[2]))
+    pattern, added = fold_fit.evidence.patterns((*effects[1], *effects[2]))
     threshold = search.threshold(len(base)) - trial.tries
     rules = {"axes": trial.axes, "threshold": threshold, "kept": kept}
     for axis, own in enumerate(pattern.columns):
-        fit = training.fit((*base, *trial.effects), axis) if own else None
+        fit = fold_fit.fit((*base, *trial.effects), axis) if own else None
         if fit is None:
             continue
-        records = _records(training, fit, search.problem.settings.seed)
-        drawn = _Drawn.of(search, training, effects, axis, records)
+        records = _records(fold_fit, fit, search.problem.settings.seed)
+        drawn = _Drawn.of(search, fold_fit, effects, axis, records)
         shown = [names[p] for p in pattern.parameters[axis]]
         for together in dict.fromkeys(map(trial.effect.together, shown)):
             one = np.isin(shown, together) * added.scale[axis]
@@ -66,7 +66,7 @@ def detection_limits(search, base, trial, power, kept=True):
                 if size and search.problem.own_rest and trial.effect.timed:
                     size *= OWN_REST
             if size is not None:
-                limits |= dict.fromkeys(together, search.problem.enough * size / scale)
+                limits |= dict.fromkeys(together, search.problem.limit_correction * size / scale)
     return {name: limits[name] for name in names if name in limits}
 
 
@@ -86,18 +86,18 @@ class _Drawn:
     counts: np.ndarray  # (d, parts): how often each part is drawn
 
     @classmethod
-    def of(cls, search, training, effects, axis, records):
+    def of(cls, search, fold_fit, effects, axis, records):
         """Return them for effects of a base model, of its pattern and of what is added."""
-        evidence, (values, variance) = training.evidence, records
+        evidence, (values, variance) = fold_fit.evidence, records
         columns, own, added = each = [evidence.columns_of(e, axis) for e in effects]
-        fits = training.fit(effects[0], axis), training.fit((*effects[0], *effects[1]), axis)
+        fits = fold_fit.fit(effects[0], axis), fold_fit.fit((*effects[0], *effects[1]), axis)
         product, square = 0.0, 0.0
         every = evidence.split(evidence.matrix((*columns, *own, *added)))
         for i, (z, own_values) in enumerate(zip(every, values, strict=True)):
-            weighted = [training.precision(i, h) @ own_values for h in range(len(evidence.prior))]
+            weighted = [fold_fit.precision(i, h) @ own_values for h in range(len(evidence.prior))]
             product = product + np.array([z.T @ w for w in weighted])
             square = square + np.array([(own_values * w).sum(axis=0) for w in weighted])
-        whole = np.concatenate([training.gram((*columns, *own, *added)), product], axis=2)
+        whole = np.concatenate([fold_fit.gram((*columns, *own, *added)), product], axis=2)
         k, q, left = whole.shape[1], len(added), []
         for n in (len(columns), len(columns) + len(own)):
             side = whole[:, :n, k - q :]
@@ -108,12 +108,12 @@ class _Drawn:
         folds = np.concatenate([b.folds for b in evidence.blocks])
         known, pattern, more = map(evidence.matrix, each)
         known = np.column_stack([block_diag(*(b.nuisance for b in evidence.blocks)), known])
-        estimated = training.point(fits[1])
+        estimated = fold_fit.point(fits[1])
         weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
         parts = sorted(set(folds[:, 0].tolist()) - {-1})
         of_part = folds[:, 0] == np.array(parts)[:, None]
         everything = np.column_stack([np.concatenate(values), more])
-        measure = np.broadcast_to(search.problem.measure, len(folds))[:, None]
+        measure = np.broadcast_to(search.problem.error_scale, len(folds))[:, None]
         design = np.column_stack([known, pattern])
         counts = known.shape[1], design.shape[1]
         errors = held_out_errors(everything, weights, design, folds, counts)
@@ -172,12 +172,12 @@ class _Drawn:
 
 def _with_pattern(search, effects, axis, records, one, size, **rules):
     """Return the share that is found where the noise is what data with the pattern let expect."""
-    training, (base, own, added) = search.training(effects[0]), effects
-    evidence = training.evidence
-    values = training.left((*base, *own), axis)
+    fold_fit, (base, own, added) = search.fold_fit(effects[0]), effects
+    evidence = fold_fit.evidence
+    values = fold_fit.residuals((*base, *own), axis)
     values = values + evidence.matrix(evidence.columns_of(added, axis)) @ (size * one)
-    other = evidence.under(search.problem.noise_with(base, values))
-    return _Drawn.of(search, other.training(), effects, axis, records).found(one, size, **rules)
+    other = evidence.with_noise(search.problem.noise_with(base, values))
+    return _Drawn.of(search, other.fold_fit(), effects, axis, records).found(one, size, **rules)
 
 
 def _least(share, smallest, power):
@@ -205,13 +205,13 @@ def _least(share, smallest, power):
     return low * (high / low) ** (lacking / (lacking - excess))
 
 
-def _records(training, fit, seed):
+def _records(fold_fit, fit, seed):
     """Return drawn noise, (n, m) of each block, and its variance, shape (N,)."""
     rng, values, variance = np.random.default_rng(seed), [], []
     # each hypothesis as often as it is likely, by numbers that rounding does not move
     share = np.cumsum(np.round(fit.weight, 6))
     drawn = np.searchsorted(share / share[-1], (np.arange(RECORDS) + 0.5) / RECORDS)
-    for block in training.evidence.blocks:
+    for block in fold_fit.evidence.blocks:
         white, spread = rng.standard_normal((len(block.values), RECORDS)), 0.0
         for h in np.unique(drawn):
             precision = block.noise.precision[h] / fit.scale[h]

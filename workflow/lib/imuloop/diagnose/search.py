@@ -1,4 +1,4 @@
-"""The search: test every shape of every effect beside those found, by the training rows."""
+"""The search: test every shape of every effect beside those found, by the rows that a fold sees."""
 
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -8,9 +8,9 @@ from scipy.special import chdtrc
 
 from imuloop.core.effect import Effect
 from imuloop.core.fisher import fisher
+from imuloop.diagnose.fold_fit import pooled
 from imuloop.diagnose.likeness import ONE, SHARE, imitated_share, share_on_axes
 from imuloop.diagnose.p_values import log_p_value
-from imuloop.diagnose.training import pooled
 
 # share of log p by which shapes may differ and count as equally significant
 ALIKE = 0.05
@@ -81,9 +81,9 @@ class Search:
         settings = self.problem.settings
         return np.log(settings.significance / max(1, self.problem.tests - count))
 
-    def training(self, base):
-        """Return the Training rows, about the solution with some effects."""
-        return self.problem.training(base, self.out)
+    def fold_fit(self, base):
+        """Return the FoldFit, about the solution with some effects."""
+        return self.problem.fold_fit(base, self.out)
 
     def test(self, base, effect):
         """Return the Trial of one shape beside others; None where an axis cannot show it."""
@@ -95,13 +95,13 @@ class Search:
         Each axis has its own parameters and its own noise; their p-values are combined by Fisher's
         method. With `points`, by some hypotheses alone.
         """
-        training = self.training(base)
-        patterns = training.evidence.patterns(effects)
+        fold_fit = self.fold_fit(base)
+        patterns = fold_fit.evidence.patterns(effects)
         log_p = [{} for _ in patterns]
-        for axis in range(training.evidence.axes):
+        for axis in range(fold_fit.evidence.axes):
             own = [k for k, p in enumerate(patterns) if p.columns[axis] and log_p[k] is not None]
-            without = training.fit(base, axis)
-            fits = training.fits(base, [(effects[k],) for k in own], axis)
+            without = fold_fit.fit(base, axis)
+            fits = fold_fit.fits(base, [(effects[k],) for k in own], axis)
             for k, fit in zip(own, fits, strict=True):
                 if fit and without:
                     log_p[k][axis] = log_p_value(without, fit, points)
@@ -147,7 +147,7 @@ class Search:
         best = alike[0]
         if len(alike) > 1:
             # shapes that say the same in these data differ by rounding alone: the first counts
-            still = self.training(base).evidence.still
+            still = self.fold_fit(base).evidence.estimation_mask
             still = self.tests(base, [t.effect for t in alike], still)
             best = alike[int(np.argmin([round(_priced(base, t).log_p, 6) for t in still]))]
         impossible, price = self._impossible(base, best.effect), _price(base, best.effect)
@@ -165,11 +165,11 @@ class Search:
 
         Averaged over the noise; zero on an axis that does not have them.
         """
-        training, count = self.training(base), len(effect.parameters)
-        (pattern,) = training.evidence.patterns((effect,))
+        fold_fit, count = self.fold_fit(base), len(effect.parameters)
+        (pattern,) = fold_fit.evidence.patterns((effect,))
         estimates = []
         for axis, (own, at, scale) in enumerate(pattern.on_axes):
-            fit = training.fit((*base, effect), axis) if own else None
+            fit = fold_fit.fit((*base, effect), axis) if own else None
             if fit is not None:
                 found, spread = fit.averaged(fit.weight)
                 spread = spread[-len(own) :, -len(own) :] / np.outer(scale, scale)
@@ -199,12 +199,12 @@ class Search:
 
     def _first_alike(self, base, best, passing):
         """Return the first trial that does all that the best does: a bias in one attitude."""
-        training = self.training(base)
+        fold_fit = self.fold_fit(base)
         for trial in passing:
-            patterns = training.evidence.patterns((best.effect, trial.effect))
+            patterns = fold_fit.evidence.patterns((best.effect, trial.effect))
             # what has more columns does more
             alike, own = ([*map(len, pattern.columns)] for pattern in patterns)
-            share = share_on_axes(training, best.effect, trial.effect) if alike == own else 0.0
+            share = share_on_axes(fold_fit, best.effect, trial.effect) if alike == own else 0.0
             if trial is best or share > ONE:
                 return trial
 
@@ -221,30 +221,30 @@ class Search:
         return min(allowed, key=lambda t: t.log_p, default=None)
 
     def _passing_pairs(self, base):
-        training, used = self.training(base), kinds_of(base)
-        if training.evidence.axes > 1 or not self._above(base):
+        fold_fit, used = self.fold_fit(base), kinds_of(base)
+        if fold_fit.evidence.axes > 1 or not self._above(base):
             return []
         kinds = [c for c in self.problem.shapes if c not in used and np.isinf(c.limit)]
         shapes = [s for cls in kinds for s in self.problem.shapes[cls]]
-        alone = training.fits(base, [(shape,) for shape in shapes], 0)
+        alone = fold_fit.fits(base, [(shape,) for shape in shapes], 0)
         seen = [k for k, fit in enumerate(alone) if fit]
         pairs = [(i, j) for i, j in combinations(seen, 2) if shapes[i].kind != shapes[j].kind]
-        both = training.fits(base, [(shapes[i], shapes[j]) for i, j in pairs], 0)
+        both = fold_fit.fits(base, [(shapes[i], shapes[j]) for i, j in pairs], 0)
         tries, threshold, found = np.log(max(len(pairs), 1)), self.threshold(len(base)), []
         for (i, j), fit in zip(pairs, both, strict=True):
             if not fit:
                 continue
-            joint = log_p_value(training.fit(base, 0), fit) + tries
+            joint = log_p_value(fold_fit.fit(base, 0), fit) + tries
             if max(joint, *(log_p_value(alone[k], fit) for k in (i, j))) >= threshold:
                 continue
-            if max(imitated_share(training, base, shapes[i], shapes[j])) < SHARE:
+            if max(imitated_share(fold_fit, base, shapes[i], shapes[j])) < SHARE:
                 found.append(Trial((shapes[i], shapes[j]), joint, 0, 1, tries))
         return found
 
     def _above(self, base):
         """Return whether what effects leave is more than the noise, whatever it is."""
-        training = self.training(base)
-        fit, known = training.fit(base, 0), np.exp(training.evidence.prior)
+        fold_fit = self.fold_fit(base)
+        fit, known = fold_fit.fit(base, 0), np.exp(fold_fit.evidence.prior)
         chance = known @ chdtrc(fit.dof, fit.square) if fit.least > 0 else 0.0
         return chance < self.problem.settings.significance * known.sum()
 
@@ -265,15 +265,15 @@ class Search:
         for i, effect in enumerate(base):
             others = base[:i] + base[i + 1 :]
             # about one fit, and so by one noise, whatever the constants
-            training = self.training(others)
-            axes = range(training.evidence.axes)
-            fits = [training.fit((*others, effect), axis) for axis in axes]
+            fold_fit = self.fold_fit(others)
+            axes = range(fold_fit.evidence.axes)
+            fits = [fold_fit.fit((*others, effect), axis) for axis in axes]
             if not all(fits) or effect.moved(2.0) == effect:
                 continue
-            points = [training.point(fit) for fit in fits]
+            points = [fold_fit.point(fit) for fit in fits]
             for factor in FACTORS:
                 near = [effect.moved(f) for f in (1.0, 1 / factor, factor)]
-                each = ([training.fit((*others, e), axis) for axis in axes] for e in near)
+                each = ([fold_fit.fit((*others, e), axis) for axis in axes] for e in near)
                 each = [zip(own, points, strict=True) for own in each]
                 spent = [sum(f.spent[h] if f else np.inf for f, h in own) for own in each]
                 effect = near[int(np.argmin(np.round(spent, 6)))]

@@ -99,7 +99,7 @@ def search_formulas(record, sensor, choices):
         found, problem = discover(searched), searched.problem
         effect, space = found.effect and searched.named(found.effect), found.space
         imitators = tuple(space.effect(space.candidates[k]) for k in found.selection.imitators)
-        if effect is None or problem.lost((*base, effect)):
+        if effect is None or problem.rejection_reason((*base, effect)):
             return FormulaSearch(found, None, imitators)
         # errors of other rows are not those of the record
         heldout = None if searched.test else found.heldout

@@ -80,7 +80,7 @@ def of_poses(problem, base, sensor):
     fold, folds = np.array(problem.fold_of_pose), problem.settings.folds
     held = np.flatnonzero(fold >= 0)
     fold[held] = np.arange(len(held)) * min(folds, len(held)) // len(held)
-    problem = problem.parted(fold)
+    problem = problem.with_folds(fold)
     return _of_problem(problem, base, sensor, channels, vectors, scalars, kinds, of_pair=True)
 
 
@@ -173,7 +173,7 @@ def of_static(problem, base, sensor):
     numbers = range(len(space.candidates))
     for k in numbers:
         own = space.columns[:, list(space.candidates[k])]
-        merged.evidence.know(k, own.reshape(3, count, -1).swapaxes(0, 1))
+        merged.evidence.add_pattern(k, own.reshape(3, count, -1).swapaxes(0, 1))
 
     def test(unseen, selected):
         others = [k for k in numbers if k not in selected]

@@ -50,7 +50,7 @@ class Axes:
         self.fine = max(round(WINDOW * rate / self.rows), 1)
         self.dt = self.rows / rate
         # du, ∫ w u, ∫ w u r of a step; rate of a rest
-        self.steps, self.rests = Thinned(KEPT), Thinned(KEPT)
+        self.steps, self.rests = EvenSubsample(KEPT), EvenSubsample(KEPT)
         self.gravity = None
 
     def add(self, x):
@@ -126,7 +126,7 @@ class Axes:
         return found
 
 
-class Thinned:
+class EvenSubsample:
     """Items evenly spread over all that were added, at most twice `kept`."""
 
     def __init__(self, kept):

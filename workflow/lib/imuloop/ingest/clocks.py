@@ -30,7 +30,7 @@ SPANS = sorted(
 )
 
 
-def ahead(parts, rows=AHEAD):
+def with_lookahead(parts, rows=AHEAD):
     """Give each part with the stamps of at least the next `rows` rows, fewer at the end.
 
     Parts are tuples of stamps, which of them are readable, and anything else; what follows is

@@ -10,9 +10,9 @@ from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, TEMPERATUR
 from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
-from imuloop.ingest.axes import Thinned
+from imuloop.ingest.axes import EvenSubsample
 from imuloop.ingest.bursts import POINTS
-from imuloop.ingest.clocks import Clock, ahead
+from imuloop.ingest.clocks import Clock, with_lookahead
 from imuloop.ingest.columns import STAMP, unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
@@ -55,7 +55,7 @@ class Counts:
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
     outside_marks: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=int))
-    points: Thinned = field(default_factory=lambda: Thinned(POINTS))
+    points: EvenSubsample = field(default_factory=lambda: EvenSubsample(POINTS))
 
     def add(self, **rows):
         """Count rows, a mask each."""
@@ -84,7 +84,7 @@ def si_batches(
             "interpolated onto the clock of another sensor"
         )
     origin = zero = None
-    for (x, readable, absolute, scale, batch), after in ahead(_clocked(log, units, rate)):
+    for (x, readable, absolute, scale, batch), after in with_lookahead(_clocked(log, units, rate)):
         raw = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in channels}
         rows = np.arange(counts.read, counts.read + batch.num_rows)
         counts.read += batch.num_rows
@@ -194,7 +194,7 @@ def counter_batches(log, units, clock):
     """Give the counter of a log, mended, which can be used, and the raw batch."""
     if "time" not in log.found:
         raise ImuloopError("pps: the log has no time column, which is to be the local counter")
-    for (x, readable, absolute, _, batch), after in ahead(_clocked(log, units, None)):
+    for (x, readable, absolute, _, batch), after in with_lookahead(_clocked(log, units, None)):
         if absolute:
             raise ImuloopError("pps: the log's stamps are dates, not a local counter")
         yield *clock.mended(x, readable, after, NANOSECONDS[units["time"]]), batch

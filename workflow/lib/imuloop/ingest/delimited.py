@@ -14,7 +14,7 @@ from imuloop.core.errors import RejectedLog
 from imuloop.core.samples import CHANNELS, refuse_calibrated
 from imuloop.ingest.columns import guess, listed, resolve, unit_of
 from imuloop.ingest.guarded import check_unpacked
-from imuloop.ingest.in_order import in_order
+from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.raw_log import RawLog, doubles, table_log
 from imuloop.ingest.stamps import stamp_array, stamp_values
 from imuloop.ingest.text_layout import (
@@ -102,7 +102,7 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
             # any row must fit
             size = max(batch_rows * _ROW_BYTES, LONGEST_LINE)
             pieces = _pieces(stream, path and file, size, layout.separator == BLANKS)
-            for batch, bad_lines, lost, taken in in_order(work, pieces, log.threads):
+            for batch, bad_lines, lost, taken in ordered_map(work, pieces, log.threads):
                 log.bad_lines += bad_lines
                 log.lost_bytes += lost
                 log.text_bytes += taken

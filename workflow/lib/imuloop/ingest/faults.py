@@ -17,8 +17,8 @@ from imuloop.core.samples import (
     TIME,
 )
 from imuloop.ingest.axes import AGREEMENT, Axes
-from imuloop.ingest.in_order import in_order
 from imuloop.ingest.increments import SENSORS
+from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.rest_means import RestMeans
 from imuloop.ingest.runs import Runs, held_lengths, rows_a_value
 from imuloop.ingest.stops import Stops
@@ -116,7 +116,7 @@ def measure(samples, metadata, figures, threads=1):
         quiet = sum(blocks[name].var(axis=1) for name in ACCELERATION)
         return counts, np.array([_bands(blocks[name]) for name in CHANNELS]), quiet
 
-    counts, spectra, quiet = zip(*in_order(counted, groups(), threads), strict=True)
+    counts, spectra, quiet = zip(*ordered_map(counted, groups(), threads), strict=True)
     common, lengths, limits, spikes, wraps = (sum(each) for each in zip(*counts, strict=True))
     quiet, spectra = np.concatenate(quiet), np.concatenate(spectra, axis=2)
     spectra = dict(zip(CHANNELS, spectra, strict=True))

@@ -99,7 +99,7 @@ def ingest(
         log.threads = threads
         return log
 
-    def written(log, counts, batches, rebuilt=False):
+    def write_and_measure(log, counts, batches, rebuilt=False):
         _write(temporary, batches, log, counts, origin, rebuilt)
         return quality.measure(temporary, full_scale, threads)
 
@@ -131,7 +131,7 @@ def ingest(
                     # the usual step has to be known before gaps are
                     usual = increments.usual_step(si_batches(log, **declared, counts=Counts()))
                     declared["usual"], log = usual, opened()
-                figures = written(log, counts, si_batches(log, **declared, counts=counts))
+                figures = write_and_measure(log, counts, si_batches(log, **declared, counts=counts))
                 step = bursts.line_step(counts, figures, rate, bool(increments.factors(units)))
                 if step and bursts.follows_stamps(temporary, step):
                     step = None
@@ -140,10 +140,10 @@ def ingest(
                     counts, logged, log = Counts(), figures, opened()
                     declared |= {"step": step, "usual": None}
                     batches = si_batches(log, **declared, counts=counts)
-                    figures = written(log, counts, batches, rebuilt=True)
+                    figures = write_and_measure(log, counts, batches, rebuilt=True)
             except RejectedLog as error:
                 reasons, logged = [str(error)], None
-                figures = written(log, counts, ())
+                figures = write_and_measure(log, counts, ())
             fault = bursts.broken(figures, rate)
             many = figures["gaps"]["count"] > bursts.MOST_BURSTS
             dropped, at = spikes.find(Samples(temporary), figures["quantisation_step"], threads)

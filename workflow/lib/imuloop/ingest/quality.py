@@ -16,8 +16,8 @@ from imuloop.core.samples import (
 )
 from imuloop.ingest import fault_lines, faults
 from imuloop.ingest.convert import BEYOND
-from imuloop.ingest.in_order import in_order
 from imuloop.ingest.increments import SENSORS
+from imuloop.ingest.ordered_map import ordered_map
 
 # at most so many gaps are listed; all are counted
 LISTED_GAPS = 50
@@ -60,7 +60,7 @@ def measure(path, full_scale=None, threads=1):
     def part(piece):
         return _part(dict(zip(names, piece[1], strict=True)), scales)
 
-    parts = in_order(part, samples.pieces(names), threads)
+    parts = ordered_map(part, samples.pieces(names), threads)
     parts = list(zip(*parts, strict=True)) or [[]] * 3
     figures = _time_figures(samples)
     figures |= _channel_figures(len(samples), names, scales, *parts)

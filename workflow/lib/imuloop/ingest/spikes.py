@@ -7,7 +7,7 @@ neighbours agree with each other, it is far from them, and no other channel move
 import numpy as np
 
 from imuloop.core.samples import CHANNELS, ROWS
-from imuloop.ingest.in_order import in_order
+from imuloop.ingest.ordered_map import ordered_map
 
 # samples each side that a cubic is laid through, and that the local noise is of
 NEAR, REACH = 4, 16
@@ -44,7 +44,7 @@ def find(samples, steps, threads=1):
         channel, row = np.nonzero(isolated(x, steps)[:, first - low : end - low])
         return np.array([row + first, channel])
 
-    found = [np.zeros((2, 0), int), *in_order(of_piece, range(0, len(samples), ROWS), threads)]
+    found = [np.zeros((2, 0), int), *ordered_map(of_piece, range(0, len(samples), ROWS), threads)]
     return np.hstack(found)
 
 

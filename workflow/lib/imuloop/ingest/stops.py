@@ -16,7 +16,7 @@ import numpy as np
 
 from imuloop.core.rotation import exponential, matrix, prefix_product
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.ingest.axes import Thinned, means
+from imuloop.ingest.axes import EvenSubsample, means
 
 # windows of so long (s), of averages over at least so long
 WINDOW, FINE = 0.5, 0.04
@@ -41,7 +41,7 @@ MAD, MEDIAN = 1.4826, 1.2533
 APART = 0.17
 # windows between two stops at most, and how much farther the force moves, of gravity, than what
 # the angular rate turns it, to be a jump
-NEXT, UNTURNED = 3, 5.0
+MAX_WINDOWS_BETWEEN_STOPS, UNTURNED = 3, 5.0
 
 
 class Stops:
@@ -53,8 +53,8 @@ class Stops:
         self.dt = self.rows / rate
         # per stop: first row, windows, force, rate; per window: change of the mean rate to the next
         # one and of the fine means, squared
-        self.stops, self.changes = Thinned(KEPT_STOPS), Thinned(KEPT_WINDOWS)
-        self.moves = Thinned(KEPT_MOVES)
+        self.stops, self.changes = EvenSubsample(KEPT_STOPS), EvenSubsample(KEPT_WINDOWS)
+        self.moves = EvenSubsample(KEPT_MOVES)
         # largest change of the force without a turn, m/s^2, its row, and the angle that the rate
         # turns meanwhile, rad
         self.jump = (0.0, 0, 0.0)
@@ -114,7 +114,7 @@ class Stops:
         """Keep the largest change of the force from a stop to the next that nothing turned."""
         start = ((stops[:, 0] - first) / width).astype(int)
         end = start + stops[:, 1].astype(int)
-        for k in np.flatnonzero(start[1:] - end[:-1] <= NEXT):
+        for k in np.flatnonzero(start[1:] - end[:-1] <= MAX_WINDOWS_BETWEEN_STOPS):
             # of the last window and the first one: within a stop a hand may turn slowly
             i, j = end[k] - 1, start[k + 1]
             change = np.sqrt(((centre[:, j] - centre[:, i]) ** 2).sum())

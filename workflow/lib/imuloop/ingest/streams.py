@@ -74,7 +74,7 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
         # in a unit of its own
         stamps, units = own.fields[name], {}
     for quantity, (names, stream, fields) in wanted.items():
-        values, merged = _onto(clock, stream, fields, quantity)
+        values, merged = _interpolate_to(clock, stream, fields, quantity)
         notes += merged
         if merged:
             interpolated.append(quantity)
@@ -251,7 +251,7 @@ def _one_time(clock, stream):
 
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def _onto(clock, stream, fields, quantity):
+def _interpolate_to(clock, stream, fields, quantity):
     """Return fields of a stream at the stamps of the clock, not-a-number elsewhere, and notes."""
     values = [np.asarray(stream.fields[name], dtype=float) for name in fields]
     if stream is clock or np.array_equal(stream.stamps, clock.stamps):

@@ -72,7 +72,7 @@ def validate_attitude(device, diagnosed, settings):
         return no_attitude(device, why)
     if poses.choices is None:
         return no_attitude(device, poses.contents["gyroscope"]["why"])
-    problem = poses.choices.problem.parted(block)
+    problem = poses.choices.problem.with_folds(block)
     try:
         models = held_out_models(diagnosed, problem)
     except LinAlgError as error:

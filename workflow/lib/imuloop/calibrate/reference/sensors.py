@@ -136,7 +136,7 @@ class ReferenceSensor:
 
         return Solution(effects, fit(residuals, start, np.repeat(1 / self.weight, 3), prior))
 
-    def lost(self, solution, recording):
+    def rejection_reason(self, solution, recording):
         """Return why a fit is none, or None if it is one."""
         T, K, _ = self.unpack(solution.fit.x)
         if np.all(np.abs(T - np.eye(3)) < 0.3) and np.all(np.abs(K - 1) < 0.3):

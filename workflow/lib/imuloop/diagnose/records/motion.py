@@ -41,7 +41,7 @@ class MotionProblem(PoseProblem):
     """
 
     # of 0.95 times as large effects 82 of 100 were found
-    enough = 1.0
+    limit_correction = 1.0
 
     @cached_property
     def rows(self):
@@ -54,12 +54,12 @@ class MotionProblem(PoseProblem):
         return np.where(moving[kind[: len(ends)], None], move, -1).repeat(2, axis=1), kind
 
     @cached_property
-    def measure(self):
+    def error_scale(self):
         """What a held-out error is compared in: the noise as residuals without effects have it."""
         likeliest = self.linearized().evidence.blocks[0].noise.precision[-1]
         return np.sqrt(np.diag(precision(likeliest)[0]))
 
-    def lost(self, base, out=frozenset()):
+    def rejection_reason(self, base, out=frozenset()):
         """Return None; what all data choose is fitted, for what is tested beside it."""
         if not out:
             self.linearized(base)
@@ -75,12 +75,14 @@ def candidates_in_motion(known):
     return found
 
 
-def diagnose_motion(pair, solution, recording, settings, tests, information=None, beyond=None):
+def diagnose_motion(
+    pair, solution, recording, settings, tests, information=None, search_formulas=None
+):
     """Return the PoseResult of a device in motion; calibrations where motion shows an effect.
 
     Takes the SensorPair and its Solution at the poses, effects included, None where these determine
     none; the number of tests of the other records, which share the significance; `information` of
-    PoseProblem, and `beyond` as of `content.searched_beyond`.
+    PoseProblem, and `search_formulas` as of `content.searched_beyond`.
     """
     if solution is None or set(pair.estimated) != set(SENSORS):
         return untestable("the poses do not determine both sensors")
@@ -117,7 +119,7 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
     # the same moves judge both
     parts, probes = {tuple(SENSORS): VELOCITY}, dict.fromkeys(SENSORS, of_moves(problem, knock))
     try:
-        result = diagnosed("motion", Choices(problem), parts, {}, probes, beyond)
+        result = diagnosed("motion", Choices(problem), parts, {}, probes, search_formulas)
     except LinAlgError as error:
         return untestable(why_no_fit(error), columns)
     result.contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))

@@ -87,12 +87,12 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
 
 
 def diagnose_poses(
-    pair, reasons, recording, settings, tests, found=(), information=None, beyond=None
+    pair, reasons, recording, settings, tests, found=(), information=None, search_formulas=None
 ):
     """Return the PoseResult of a device.
 
     Takes what `calibrate.calibrate.sensor_pair` gives, the number of tests that share the
-    significance, and `found` and `information` of PoseProblem; `beyond` as of
+    significance, and `found` and `information` of PoseProblem; `search_formulas` as of
     `content.searched_beyond`.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
@@ -106,7 +106,7 @@ def diagnose_poses(
     why = f"{len(recording.poses)} poses do not determine the model with a part held out"
     contents |= {sensor: not_testable(why) for sensor in lost}
     try:
-        if reason := problem.lost(()):
+        if reason := problem.rejection_reason(()):
             return PoseResult(contents | {s: not_testable(reason) for s in tested}, pair)
         if not tested:
             return PoseResult(contents, pair, *final_solution(problem, ()))
@@ -114,7 +114,7 @@ def diagnose_poses(
         parts = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
         probes = {s: of_poses(problem, s) for s in tested}
         others = {s: pose_candidates(s, recording, found)[1] for s in tested}
-        result = diagnosed("poses", Choices(problem), parts, others, probes, beyond)
+        result = diagnosed("poses", Choices(problem), parts, others, probes, search_formulas)
     except LinAlgError as error:
         why = why_no_fit(error)
         return PoseResult(contents | {s: not_testable(why) for s in tested}, pair)
@@ -124,18 +124,18 @@ def diagnose_poses(
     return replace(result, contents=contents | result.contents)
 
 
-def diagnosed(record, choices, parts, others, probes, beyond):
+def diagnosed(record, choices, parts, others, probes, search_formulas):
     """Return the PoseResult of a record that can be tested, of the sensors that are.
 
     `parts` are kinds of residuals by the sensors, a tuple, that they judge; `others` and `probes`
-    by sensor as of `search_content`, `beyond` as of `searched_beyond`.
+    by sensor as of `search_content`, `search_formulas` as of `searched_beyond`.
     """
     result, contents = judged(choices, parts), {}
     fitted = fitted_effects(result)
     for sensor, own in result.contents.items():
         why_not = others.get(sensor, {})
         contents[sensor] = own | search_content(choices, fitted, why_not, probes[sensor], sensor)
-    more, sensor = searched_beyond(beyond, record, contents, choices)
+    more, sensor = searched_beyond(search_formulas, record, contents, choices)
     if more:
         result = judged(more.choices, parts)
         for each, content in contents.items():

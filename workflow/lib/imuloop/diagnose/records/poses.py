@@ -10,8 +10,8 @@ from scipy.linalg import block_diag
 from imuloop.calibrate.noise_components import likely_sizes, total
 from imuloop.calibrate.sensor_pair import OF_SENSOR
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
+from imuloop.diagnose.fold_fit import ABSORBED
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.training import ABSORBED
 from imuloop.effects.steps import Steps
 
 # from the noise as estimated to what the residuals make of it
@@ -57,10 +57,10 @@ class PoseProblem:
     _linearized: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
     # in what held-out errors are compared: they are all alike
-    measure = 1.0
+    error_scale = 1.0
     # share of the size that drawn records ask for which is a detection limit: their noise is as
     # large as data let expect, and effects of that size were found 95 times of 100, not 90
-    enough = 0.95
+    limit_correction = 0.95
 
     @cached_property
     def parts(self):
@@ -109,12 +109,12 @@ class PoseProblem:
         """The part that each row is held out with: that of its first pose, shape (N,)."""
         return self.ends[:, 0]
 
-    def left(self, search, base):
+    def residuals_left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1).
 
         Not a number about a step: what is seen tells its time between two poses at best.
         """
-        left = search.training(base).left(base, 0)
+        left = search.fold_fit(base).residuals(base, 0)
         for effect in base:
             if effect.name == Steps.name:
                 left[self._about_step(effect, search.out)] = np.nan
@@ -159,11 +159,11 @@ class PoseProblem:
             self._linearized[base] = self._made(base)
         return self._linearized[base]
 
-    def parted(self, fold):
+    def with_folds(self, fold):
         """Return the problem with another part of each pose, (n,)."""
         problem = replace(self, fold_of_pose=fold, _linearized={})
         for base, about in self._linearized.items():
-            evidence = about.evidence.parted(problem.ends)
+            evidence = about.evidence.with_folds(problem.ends)
             problem._linearized[base] = replace(about, evidence=evidence)
         return problem
 
@@ -209,7 +209,9 @@ class PoseProblem:
             return own[effect] if effect in own else self.added(effect)
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
-        evidence = Evidence([block], prior, design, least=1.0, plain=np.array(PATH) == 0)
+        evidence = Evidence(
+            [block], prior, design, least=1.0, as_estimated_mask=np.array(PATH) == 0
+        )
         noise = covariance, components
         return Linearized(
             solution, model, values, jacobian, alternatives, noise, evidence, hypotheses
@@ -247,9 +249,9 @@ class PoseProblem:
         made = [b for b in self._linearized if set(b) <= set(base)]
         return self.linearized(max(made, key=len, default=()))
 
-    def training(self, base, out):
-        """Return the Training rows, about a fit of all poses with some of the effects."""
-        return self.nearest(base).evidence.training(out)
+    def fold_fit(self, base, out):
+        """Return the FoldFit, about a fit of all poses with some of the effects."""
+        return self.nearest(base).evidence.fold_fit(out)
 
     def slow(self, effect):
         """Return whether noise could be larger for an effect: it changes as slow noise does."""
@@ -264,14 +266,14 @@ class PoseProblem:
         """Return what the noise of each block may be, were its residuals these."""
         return [self.nearest(base).noise_with(-values)]
 
-    def lost(self, base, out=frozenset()):
+    def rejection_reason(self, base, out=frozenset()):
         """Return why the fit with some effects, chosen without some parts, is none, or None."""
-        return self.sensor.lost(self.linearized(base).solution, self.recording)
+        return self.sensor.rejection_reason(self.linearized(base).solution, self.recording)
 
     def shows(self, search, base, trial):
         """Return kind and rows in which a trial changes most, in standard deviations."""
-        training = search.training(base)
-        change = training.left(base, 0) - training.left((*base, *trial.effects), 0)
+        fold_fit = search.fold_fit(base)
+        change = fold_fit.residuals(base, 0) - fold_fit.residuals((*base, *trial.effects), 0)
         variance = np.diag(self.nearest(base).alternatives[0][1])
         groups = [rows & (self.fold >= 0) for rows in self.groups()]
         size = [(change[rows] ** 2 / variance[rows]).sum() for rows in groups]
@@ -286,7 +288,7 @@ class PoseProblem:
         Fitted constants of the effects are parameters too, known to a factor of e beforehand.
         """
         about = self.linearized(base)
-        fit = about.evidence.training().fit(base, 0)
+        fit = about.evidence.fold_fit().fit(base, 0)
         count, more = about.jacobian.shape[1], self._by_constants(base, about.solution.fit.x)
         total, design = 0.0, np.column_stack([about.jacobian, *more])
         size = np.linalg.norm(design, axis=0)
@@ -314,7 +316,7 @@ class PoseProblem:
 
     def unseen(self, search, cls):
         """Return why an effect has no trial."""
-        rows = search.training(()).rows
+        rows = search.fold_fit(()).rows
         shapes = self.shapes.get(cls) or (cls.cls(),)
         least = min(len(shape.parameters) for shape in shapes)
         if rows <= least:
@@ -324,7 +326,7 @@ class PoseProblem:
     def fitted(self, base, out=frozenset()):
         """Return the Solution with some effects that does not see some parts."""
         solution, count = self.nearest(base).solution, len(self.sensor.names)
-        nuisance, vectors = self.training(base, out).parameters(base, 0)
+        nuisance, vectors = self.fold_fit(base, out).parameters(base, 0)
         start = solution.fit.x.copy()
         # the nuisances: the base model, and what other records show
         start[: len(nuisance[0])] += nuisance[0]

@@ -75,7 +75,7 @@ class ReferenceProblem(PoseProblem):
 
     # the tails, found again beside an effect, hide some of it, as they do not in drawn records:
     # effects as large as these ask for were found 82 times of 100
-    enough = 1.05
+    limit_correction = 1.05
 
     @cached_property
     def common(self):
@@ -90,7 +90,7 @@ class ReferenceProblem(PoseProblem):
         return np.append(own, np.ones(len(self.base_rows[1])))
 
     @cached_property
-    def measure(self):
+    def error_scale(self):
         """What a held-out error is compared in: windows with an outlier say little."""
         return np.sqrt(1 / np.diag(self.linearized().evidence.blocks[0].noise.precision[0]))
 
@@ -137,7 +137,7 @@ class ReferenceProblem(PoseProblem):
         """
         return self.linearized(base)
 
-    def lost(self, base, out=frozenset()):
+    def rejection_reason(self, base, out=frozenset()):
         """Return why effects do not count, or the fit of all data is none; None if they do.
 
         A reference that leaves more than its noise may err with attitude, as effects of the sensor
@@ -145,7 +145,7 @@ class ReferenceProblem(PoseProblem):
         """
         if base and (reason := self.within(base)):
             return reason
-        return None if out else super().lost(base)
+        return None if out else super().rejection_reason(base)
 
     def within(self, base):
         """Return why a reference in few sessions does not tell the sensor from itself, or None."""
@@ -178,11 +178,11 @@ def shapes_beside(sensor, recording):
     return found, others
 
 
-def diagnose_reference(sensor, recording, settings, tests, beyond=None):
+def diagnose_reference(sensor, recording, settings, tests, search_formulas=None):
     """Return the ReferenceResult of a sensor, a `calibrate.reference.sensors.ReferenceSensor`.
 
     `tests` is the number of tests of the device's other records, which share the significance;
-    `beyond` as of `pose_diagnosis.diagnose_poses`.
+    `search_formulas` as of `pose_diagnosis.diagnose_poses`.
     """
     windows = sensor.windows(recording)
     if len(windows) < LEAST_WINDOWS:
@@ -204,9 +204,9 @@ def diagnose_reference(sensor, recording, settings, tests, beyond=None):
         base_rows=prior_rows(sensor, beside),
     )
     try:
-        if reason := problem.lost(()):
+        if reason := problem.rejection_reason(()):
             return ReferenceResult(not_testable(reason))
-        return _diagnosed(Choices(problem), others, beyond)
+        return _diagnosed(Choices(problem), others, search_formulas)
     except LinAlgError as error:
         return ReferenceResult(not_testable(why_no_fit(error)))
 
@@ -221,11 +221,15 @@ def _parts(windows, count):
     return windows.session * blocks + np.minimum(blocks * windows.first // length, blocks - 1)
 
 
-def _diagnosed(choices, others, beyond):
+def _diagnosed(choices, others, search_formulas):
     """Return the ReferenceResult of a problem that can be tested."""
     sensor, (result, added) = choices.problem.sensor.sensor, _result(choices)
     found = search_content(choices, added, others, [], sensor)
-    if beyond and leaves(result.content) and (more := beyond("reference", sensor, choices)):
+    if (
+        search_formulas
+        and leaves(result.content)
+        and (more := search_formulas("reference", sensor, choices))
+    ):
         found["discovered"] = more.content
         if more.choices:
             result, added = _result(more.choices)
@@ -285,17 +289,19 @@ def _no_better(choices, known):
     Effects are the same; held-out errors are compared in the deviations of the windows by both.
     """
     count, each = 3 * len(choices.problem.fold_of_pose), (known, choices)
-    size = np.sqrt(sum(c.problem.measure[:count] ** 2 for c in each) / 2)[:, None]
+    size = np.sqrt(sum(c.problem.error_scale[:count] ** 2 for c in each) / 2)[:, None]
     errors = (c.errors(c.nested)[:count] / size for c in each)
     ratio = choices.ratio(choices.problem.fold[:count], *errors)
     return None if ratio[1] < 1 else f"{NO_BETTER}: ratio {ratio[0]:.3f} to {ratio[1]:.3f}"
 
 
-def diagnose_references(sessions, noise, gravity, settings, tests, calibration, beyond=None):
+def diagnose_references(
+    sessions, noise, gravity, settings, tests, calibration, search_formulas=None
+):
     """Return the ReferenceResult of each sensor, empty of a device without such a session.
 
     Takes sessions as `calibrate.calibrate.usable` does, the NoiseModel, local gravity, m/s^2, the
-    number of tests of the other records, the Calibration by these, and `beyond` as of
+    number of tests of the other records, the Calibration by these, and `search_formulas` as of
     `pose_diagnosis.diagnose_poses`.
     """
     kinds = [session["kind"] for session in sessions.values()]
@@ -303,7 +309,9 @@ def diagnose_references(sessions, noise, gravity, settings, tests, calibration, 
         return {}
     recording = read_reference(sessions)
     each = (cls(noise, gravity, getattr(calibration, name)) for name, cls in SENSORS.items())
-    return {s.sensor: diagnose_reference(s, recording, settings, tests, beyond) for s in each}
+    return {
+        s.sensor: diagnose_reference(s, recording, settings, tests, search_formulas) for s in each
+    }
 
 
 def windows_table(results):

@@ -27,14 +27,14 @@ def whitened(search, base, axis):
     Of each record the windows that are seen, (m,), their precision for the likeliest noise without
     the pattern, the level taken out, (m, m), and the residual in units of the noise's N, (m,).
     """
-    training = search.training(base)
-    fit, columns = training.fit(base, axis), training.evidence.columns_of(base, axis)
+    fold_fit = search.fold_fit(base)
+    fit, columns = fold_fit.fit(base, axis), fold_fit.evidence.columns_of(base, axis)
     point, found = int(np.argmax(fit.log_weight)), []
-    left = training.evidence.matrix((training.values[axis], *columns))
+    left = fold_fit.evidence.matrix((fold_fit.values[axis], *columns))
     left = left @ np.append(1.0, -fit.theta[point]) / np.sqrt(fit.scale[point])
-    for i, (own, held) in enumerate(zip(training.evidence.split(left), training.held, strict=True)):
+    for i, (own, held) in enumerate(zip(fold_fit.evidence.split(left), fold_fit.held, strict=True)):
         seen = np.delete(np.arange(len(own)), held)
-        found.append((seen, training.precision(i, point), own[seen]))
+        found.append((seen, fold_fit.precision(i, point), own[seen]))
     return found, fit.dof
 
 
@@ -54,7 +54,7 @@ def best_line(search, base, hopeful=False):
     records, shapes, waves = search.problem.merged, {}, []
     tried = frequencies(records)
     tries, sessions = np.log(max(len(tried), 1)), tuple(dict.fromkeys(r.session for r in records))
-    for record, held in zip(records, search.training(base).held, strict=True):
+    for record, held in zip(records, search.fold_fit(base).held, strict=True):
         phase = 2 * np.pi * np.outer(np.delete(record.channels.t, held), tried)
         waves.append(np.stack([np.cos(phase), np.sin(phase)]))
     for axis in range(3) if len(tried) else ():
@@ -137,7 +137,7 @@ def pose_step(sensor, search, base, hopeful=False):
     number = np.linspace(0, len(inner) - 1, min(2 * len(inner) - 1, MOST_TIMES))
     times = np.interp(number, np.arange(len(inner)), inner)
     apart, tries = np.diff(times).max() / 2, np.log(WITHIN * len(times))
-    estimated = search.training(base).evidence.plain
+    estimated = search.fold_fit(base).evidence.as_estimated_mask
     while True:
         shapes = [OfSensor(Steps((float(t),)), sensor) for t in times]
         tried = [t for t in search.tests(base, shapes, estimated) if t]

@@ -62,7 +62,7 @@ def set_up_content(choices, covariance, fitted, errors):
     rows, count = problem.of_kind(kind), len(covariance)
     places = by_effect(np.arange(first, count), fitted)
     chance, power = np.exp(search.threshold(0)), problem.settings.power
-    fold, measure = problem.fold[rows], problem.measure[rows][:, None]
+    fold, measure = problem.fold[rows], problem.error_scale[rows][:, None]
     errors, effects, candidates, found = errors[rows], [], [], []
     for effect in problem.found:
         at, values = places[effect], fitted[effect].vector
@@ -89,7 +89,7 @@ def set_up_content(choices, covariance, fitted, errors):
             chndtrinc(chi2.isf(chance, len(at)), len(at), 1 - power),
             4 * (ndtri(0.975) + ndtri(power)) ** 2,
         )
-        limits = problem.enough * np.sqrt(square / np.diag(own))
+        limits = problem.limit_correction * np.sqrt(square / np.diag(own))
         limits = dict(zip(effect.parameters, limits.tolist(), strict=True))
         entry |= {"status": status, "why": why, "confounded_with": None, "detection_limit": limits}
         candidates.append(entry)

@@ -9,10 +9,10 @@ import numpy as np
 
 from imuloop.core.effect import FittedEffect
 from imuloop.diagnose.evidence import Block, Evidence
+from imuloop.diagnose.fold_fit import ABSORBED, pooled
 from imuloop.diagnose.records.scan import best_line, best_steps
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.training import ABSORBED, pooled
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps
 
@@ -37,7 +37,7 @@ class StaticProblem:
     # what looks for patterns whose shapes cannot be listed, by effect
     scans: ClassVar = {Sinusoid: best_line, Steps: best_steps}
     # both as of PoseProblem
-    measure, enough = 1.0, 0.95
+    error_scale, limit_correction = 1.0, 0.95
 
     @property
     def parts(self):
@@ -106,18 +106,20 @@ class StaticProblem:
         # what a model lacks is rarely noise: the weights of a walk would take the parameters from
         # the fastest changes alone, where a lag that is not in the model counts most
         # the first point is white noise: the level is the mean, as who knows no effect takes it
-        return Evidence(blocks, prior, self.design, still=grid[:, 1] == 0, even=0)
+        return Evidence(
+            blocks, prior, self.design, estimation_mask=grid[:, 1] == 0, nuisance_index=0
+        )
 
     def design(self, effect):
         """Return the derivative of all rows with respect to an effect's parameters, (N, 3, p)."""
         return np.concatenate([r.derivative(effect) for r in self.merged])
 
-    def left(self, search, base):
+    def residuals_left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all means, shape (M, 3)."""
-        training, left = search.training(base), self.values.copy()
+        fold_fit, left = search.fold_fit(base), self.values.copy()
         record = np.repeat(np.arange(len(self.records)), [len(r.windows) for r in self.records])
         for axis in range(3):
-            levels, vectors = training.parameters(base, axis)
+            levels, vectors = fold_fit.parameters(base, axis)
             left[:, axis] -= np.concatenate(levels)[record]
             for effect, vector in vectors.items():
                 left[:, axis] -= self.derivative(effect)[:, axis] @ vector
@@ -136,11 +138,11 @@ class StaticProblem:
             self._derivatives[effect] = np.concatenate(own)
         return self._derivatives[effect]
 
-    def training(self, base, out):
-        """Return the Training rows: means at rest are straight in every effect."""
-        return self.evidence.training(out)
+    def fold_fit(self, base, out):
+        """Return the FoldFit: means at rest are straight in every effect."""
+        return self.evidence.fold_fit(out)
 
-    def lost(self, base, out=frozenset()):
+    def rejection_reason(self, base, out=frozenset()):
         """Return why a fit with some effects is none: here it always is one."""
         return None
 
@@ -192,13 +194,13 @@ def fold_of(record, problem):
 
 def fitted_effects(search, base):
     """Return a FittedEffect of each effect; None where an axis does not determine them."""
-    training = search.training(base)
-    patterns = training.evidence.patterns(base)
+    fold_fit = search.fold_fit(base)
+    patterns = fold_fit.evidence.patterns(base)
     ends, estimates = np.cumsum([0, *(len(e.parameters) for e in base)]), []
-    for axis in range(training.evidence.axes):
-        if not training.evidence.columns_of(base, axis):
+    for axis in range(fold_fit.evidence.axes):
+        if not fold_fit.evidence.columns_of(base, axis):
             continue
-        found, covariance = training.estimate(base, axis)
+        found, covariance = fold_fit.estimate(base, axis)
         if found is None:
             return None
         each = zip(ends, patterns, strict=False)
@@ -225,17 +227,17 @@ def information(search, base, effects):
     so that errors are those of `fitted_effects`. What else was found, `base`, is estimated beside.
     """
     others = tuple(e for e in base if e not in effects)
-    training, count = search.training(base), sum(len(e.parameters) for e in effects)
-    evidence = training.evidence
+    fold_fit, count = search.fold_fit(base), sum(len(e.parameters) for e in effects)
+    evidence = fold_fit.evidence
     design = np.concatenate([p.design for p in evidence.patterns((*effects, *others))], axis=2)
     size = np.linalg.norm(design.reshape(-1, design.shape[2]), axis=0)
     size[size == 0] = 1.0
     precision, moment = np.zeros((len(size),) * 2), np.zeros(len(size))
     values = np.concatenate([b.values for b in evidence.blocks])
     for axis in range(evidence.axes):
-        fit = training.fit(base, axis)
+        fit = fold_fit.fit(base, axis)
         rows = np.column_stack([design[:, axis] / size, values[:, axis]])
-        plain, spread = training.moments(fit, rows)
+        plain, spread = fold_fit.moments(fit, rows)
         own, spread = np.diag(plain)[:-1], np.diag(spread)[:-1]
         seen = own > ABSORBED * own.max()
         if seen.any():

@@ -118,14 +118,22 @@ def static_candidates(sensor, records):
 
 
 def diagnose_static(
-    data, records, calibration, noise, curve_fit, settings, noise_settings, tests, beyond=None
+    data,
+    records,
+    calibration,
+    noise,
+    curve_fit,
+    settings,
+    noise_settings,
+    tests,
+    search_formulas=None,
 ):
     """Return the StaticResult of both sensors of a device.
 
     Takes StaticData, the StaticRecords of each sensor, the base calibration, to whose
     ``K (raw - b)`` effects add, the device's noise and, as of `NoiseResult`, its plain fits, both
     estimated again by the settings of their stage where effects are taken out; `tests` is the
-    number of tests that share the significance, `beyond` as of `content.searched_beyond`.
+    number of tests that share the significance, `search_formulas` as of `content.searched_beyond`.
     """
     findings, reasons = {}, {}
     for sensor, axes in SENSORS.items():
@@ -169,7 +177,7 @@ def diagnose_static(
     named = False
     for sensor, finding in findings.items():
         own, known = made[sensor], searched[sensor]
-        more, _ = searched_beyond(beyond, "static_record", {sensor: own}, finding.choices)
+        more, _ = searched_beyond(search_formulas, "static_record", {sensor: own}, finding.choices)
         wide = more and finding.with_formula(more.choices)
         if more and not wide:
             # what the records do not determine is not named

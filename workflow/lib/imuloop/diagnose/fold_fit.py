@@ -1,4 +1,4 @@
-"""Training rows: those that a fit sees, and least squares of them under every hypothesis."""
+"""The fit of a fold: rows that are seen, and least squares of them under every hypothesis."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -51,7 +51,7 @@ class Fit:
 
 
 @dataclass
-class Training:
+class FoldFit:
     """What a fit sees: the rows outside some parts."""
 
     evidence: object  # all rows
@@ -201,7 +201,7 @@ class Training:
 
     def point(self, fit):
         """Return the hypothesis at which parameters are estimated: the likeliest of the still."""
-        return int(np.argmax(np.where(self.evidence.still, fit.log_weight, -np.inf)))
+        return int(np.argmax(np.where(self.evidence.estimation_mask, fit.log_weight, -np.inf)))
 
     def solved(self, effects, axis):
         """Return nuisances of each block, (p,), and coefficients of effects' columns, (k,)."""
@@ -211,7 +211,7 @@ class Training:
         if fit is None:
             raise np.linalg.LinAlgError("fewer rows are seen than parameters")
         point = self.point(fit)
-        even = point if self.evidence.even is None else self.evidence.even
+        even = point if self.evidence.nuisance_index is None else self.evidence.nuisance_index
         theta, at = fit.theta[point], [self._place[c] for c in (self.values[axis], *columns)]
         found = []
         for root, side, held in zip(self._roots, self._sides.values(), self.held, strict=True):
@@ -233,7 +233,7 @@ class Training:
             theta = theta[len(used) :]
         return nuisances, found
 
-    def left(self, effects, axis):
+    def residuals(self, effects, axis):
         """Return what effects and nuisances, fitted to what is seen, leave of all rows, (N,)."""
         nuisances, theta = self.solved(effects, axis)
         blocks = zip(self.evidence.blocks, nuisances, strict=True)

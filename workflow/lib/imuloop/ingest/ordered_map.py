@@ -4,7 +4,7 @@ from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 
 
-def in_order(function, items, threads=1):
+def ordered_map(function, items, threads=1):
     """Give `function` of each item in order; with several threads few items are taken ahead.
 
     `ThreadPoolExecutor.map` would take in all items, a whole log, at once.
