@@ -255,7 +255,7 @@ class Search:
             best = None
             if len(shapes) > 1:
                 best = self.shaped(others, shapes, 0.0)
-            elif effect.kind in self.problem.scans:
+            elif effect.kind in self.problem.scans and self.problem.scans_again:
                 best = self.trial(others, effect.kind)
             base = (*base[:i], best.effect, *base[i + 1 :]) if best else base
         return base

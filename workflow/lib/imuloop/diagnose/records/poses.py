@@ -56,6 +56,8 @@ class PoseProblem:
     scans: dict = field(default_factory=dict)
     _linearized: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
+    # whether a scan is made again beside what was found later: turns show the steps of both sensors
+    scans_again = True
     # in what held-out errors are compared: they are all alike
     error_scale = 1.0
     # share of the size that drawn records ask for which is a detection limit: their noise is as

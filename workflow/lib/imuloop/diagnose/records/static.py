@@ -36,8 +36,8 @@ class StaticProblem:
     _derivatives: dict = field(default_factory=dict, repr=False)
     # what looks for patterns whose shapes cannot be listed, by effect
     scans: ClassVar = {Sinusoid: best_line, Steps: best_steps}
-    # both as of PoseProblem
-    error_scale, limit_correction = 1.0, 0.95
+    # as of PoseProblem
+    scans_again, error_scale, limit_correction = False, 1.0, 0.95
 
     @property
     def parts(self):
