@@ -1,12 +1,16 @@
 """A cause that is logged goes before time, a thermometer may be late, and a bias may jump once."""
 
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from bench.realistic.device import stream
 from bench.realistic.judge import SENSORS, judged
+from imuloop.calibrate.sensor_pair import OfSensor
+from imuloop.diagnose.records.poses import PoseProblem
+from imuloop.effects.steps import Steps
 
 
 def diagnosed(seed, case, folder):
@@ -58,3 +62,21 @@ def test_a_bias_that_jumps_gets_its_step(no_limits, tmp_path):
     verdicts = [made["verdicts"][sensor]["poses"] for sensor in SENSORS]
     assert verdicts == ["explained", "consistent"]
     assert "unexplained" not in made["verdicts"]["accelerometer"]["motion"]
+
+
+@pytest.mark.parametrize(
+    ("out", "hidden"), [({3}, [3]), ({4}, [4]), ({2, 3}, [2, 3]), ({2}, []), ({3, 4}, [3, 4])]
+)
+def test_only_poses_between_what_is_seen_of_a_step_are_not_foretold(out, hidden):
+    """Of an accelerometer alone: its recording may have no turns that count."""
+    number = np.arange(8)
+    problem = SimpleNamespace(
+        fold_of_pose=number,
+        recording=SimpleNamespace(poses=SimpleNamespace(mid_s=10.0 * number)),
+        rows=(np.column_stack([number, number]), np.zeros(8, int)),
+        sensor=SimpleNamespace(kinds={"gravity_norm": ("m/s^2", 1)}),
+        of_kind=lambda kind: np.full(8, kind == "gravity_norm"),
+    )
+    step = OfSensor(Steps((34.0,)), "accelerometer")
+    found = PoseProblem._about_step(problem, step, frozenset(out))
+    assert found.tolist() == hidden

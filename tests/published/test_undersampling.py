@@ -51,7 +51,8 @@ def held_to(recording, ratio):
 def test_chips_with_a_filter_lose_less_than_samples_at_instants_would(measured, board):
     recording, *_ = measured.fit_of(f"mpu9150_{board}")
     assert 5e-4 < np.sqrt(recording.rotations.aliased.mean()) < 1.1e-3
-    held_to(recording, 1.49)
+    # of the 21 turns of each board, those between rests in the hand too
+    held_to(recording, {1: 1.47, 2: 1.25, 3: 1.64}[board])
 
 
 def test_the_array_loses_what_is_foreseen(recordings, monkeypatch, tmp_path):

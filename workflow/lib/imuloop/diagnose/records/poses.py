@@ -133,7 +133,8 @@ class PoseProblem:
         last = number[~held & ~after].max(initial=-1)
         first = number[~held & after].min(initial=len(held))
         poses = number[held & (number > last) & (number < first)]
-        shown = sum(self.of_kind(kind) for kind in ("rotation", *OF_SENSOR[effect.sensor]))
+        kinds = {"rotation", *OF_SENSOR[effect.sensor]}.intersection(self.sensor.kinds)
+        shown = sum(self.of_kind(kind) for kind in kinds)
         return np.flatnonzero(shown[: len(ends)] & np.isin(ends, poses).any(axis=1))
 
     def of_kind(self, kind):
