@@ -137,3 +137,8 @@ def test_a_long_rest_is_cut_where_it_becomes_steady():
     ranges = ranges + np.where(np.arange(2 * len(ranges)).reshape(-1, 2) > 0, n, 0)
     kept, left = steady_rests(f, w, ranges, bias, 0.01)
     assert 200 <= kept[0, 0] <= 900 and kept[0, 1] == ranges[0, 1] and left[0] == 0
+
+
+def test_rows_that_are_zero_have_no_direction_that_tilts():
+    samples = frame(np.arange(4000) * 0.05, np.zeros((4000, 3)), np.zeros((4000, 3)))
+    assert not len(tilts(Samples(samples), np.array([[0, 4000]]), 0.05))

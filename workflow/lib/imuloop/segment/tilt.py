@@ -51,8 +51,12 @@ def tilts(rows, ranges, step):
     for begin, x in rows.pieces(CHANNELS):
         sums += sums_over(x.T, np.column_stack([first, first + width]) - begin)
     means = sums / width
+    size = np.median(np.linalg.norm(means[:, :3], axis=1))
+    # of rows that are zero there is no direction
+    if not size > 0:
+        return np.empty((0, 2), dtype=int)
     # not its direction alone: a tilt leaves the magnitude as it is
-    u = means[:, :3] / np.median(np.linalg.norm(means[:, :3], axis=1))
+    u = means[:, :3] / size
     cuts = np.empty((0, 2), dtype=int)
     for taken in ("linear", "constant"):
         rests = without(stretches, cuts)
