@@ -21,7 +21,7 @@ ARROWS = {
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
     "discover": {"effects", "calibrate", "diagnose"},
     "validate": {"effects", "calibrate", "diagnose"},
-    "plan": {"segment", "noise", "calibrate", "diagnose", "simulate"},
+    "plan": {"segment", "noise", "calibrate", "diagnose"},
     "simulate": {"effects"},
     "export": {"effects", "noise", "diagnose"},
     "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "plan", "export"},

@@ -1,16 +1,14 @@
 """A multi-position session that is only planned: its poses and rotations as a sensor logs them."""
 
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
 from imuloop.calibrate.recording import record
-from imuloop.core.rotation import exponential
-from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME
+from imuloop.core.rotation import exponential, matrix
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.core.segments import MOTION, STATIC
 from imuloop.core.sphere import fibonacci_lattice
-from imuloop.simulate.motion import Piece, chain, rest, shortest_turn
 
 # what a first session should hold: seconds at rest before all, poses, seconds of a rest and a move
 INITIAL_REST_S, POSES, REST_S, MOVE_S = 50.0, 40, 4.0, 2.0
@@ -58,7 +56,14 @@ def turns_between(up):
 
     On body axes.
     """
-    return np.array([shortest_turn(*pair) for pair in pairwise(up)]).reshape(-1, 3)
+    before, after = np.asarray(up)[:-1], np.asarray(up)[1:]
+    axis = np.cross(after, before)
+    sine = np.linalg.norm(axis, axis=1, keepdims=True)
+    # opposite directions: about any axis square to them
+    any_axis = np.cross(before, np.eye(3)[np.abs(before).argmin(axis=1)])
+    axis = np.where(sine > 1e-9, axis, any_axis)
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    return axis * np.arctan2(sine, (before * after).sum(axis=1, keepdims=True))
 
 
 def full_turns(axis, n, poses, *, move_s=MOVE_S, **habits):
@@ -84,45 +89,47 @@ def planned_recording(plan, calibration, variance, rate, aliased=0.0):
     that this rate adds to each axis of a turn, rad².
     """
     moves = np.broadcast_to(plan.move_s, len(plan.turns))
-    pieces = [rest(_samples(plan.initial_rest_s), 0)]
-    for k, (turn, seconds) in enumerate(zip(plan.turns, moves, strict=True), 1):
-        pieces += [_by_hand(turn, _samples(seconds)), rest(_samples(plan.rest_s), k)]
-    motion = chain(pieces, plan.up, calibration.gravity, RATE)
-    log = {TIME: motion.t}
-    true = zip(SENSORS.items(), (motion.specific_force, motion.angular_rate), strict=True)
-    for (name, axes), values in true:
-        sensor = getattr(calibration, name)
+    # rest, move, rest, …, rest: the number of each sample's part, even at rest
+    seconds = np.full(2 * len(moves) + 1, plan.rest_s)
+    seconds[0], seconds[1::2] = plan.initial_rest_s, moves
+    n = np.maximum(np.round(seconds * RATE), 4).astype(int)
+    edges = np.concatenate([[0], np.cumsum(n)])
+    part = np.repeat(np.arange(len(n)), n)
+    turns = np.zeros((len(n), 3))
+    turns[1::2] = plan.turns
+    up = [np.asarray(plan.up, dtype=float)]
+    for whole in matrix(exponential(turns[1::2])):
+        up.append(whole.T @ up[-1])
+    share = (np.arange(len(part)) - edges[part]) / n[part]
+    turned = share - np.sin(2 * np.pi * share) / (2 * np.pi)
+    attitude = matrix(exponential(turned[:, None] * turns[part]))
+    directions = np.einsum("nji,nj->ni", attitude, np.array(up)[part // 2])
+    speed = (1 - np.cos(2 * np.pi * share)) / (n[part] / RATE)
+    log = {TIME: np.arange(len(part)) / RATE}
+    for sensor, names, values in (
+        (calibration.accelerometer, ACCELERATION, calibration.gravity * directions),
+        (calibration.gyroscope, ANGULAR_RATE, speed[:, None] * turns[part]),
+    ):
         raw = values @ np.linalg.inv(sensor.T).T / sensor.K + sensor.b
-        log |= dict(zip(axes, sensor.raw_unit.to_si(raw).T, strict=True))
+        log |= dict(zip(names, sensor.raw_unit.to_si(raw).T, strict=True))
     if plan.temperature:
-        at = np.arange(len(motion.t)) / len(motion.t)
+        at = np.arange(len(part)) / len(part)
         log[TEMPERATURE] = np.interp(at, *np.transpose(plan.temperature))
-    n, pose = np.array([(len(piece.rate), piece.pose) for piece in pieces]).T
-    first = np.cumsum(n) - n
+    rest = np.arange(len(n)) % 2 == 0
+    # what a rest of a plan shows does not change
+    means = {f"{name}_mean": log[name][edges[:-1]] for name in CHANNELS}
+    deviations = zip(CHANNELS, np.sqrt(variance), strict=True)
     segments = {
-        "start_s": first / RATE,
-        "end_s": (first + n) / RATE,
-        "kind": np.where(pose >= 0, STATIC, MOTION),
-        "pose": pose,
+        "start_s": edges[:-1] / RATE,
+        "end_s": edges[1:] / RATE,
+        "kind": np.where(rest, STATIC, MOTION),
+        "pose": np.where(rest, np.arange(len(n)) // 2, -1),
         "n": np.maximum(1, np.round(n / RATE * rate)),
         "tilt_rad": np.zeros(len(n)),
+        **means,
+        **{f"{name}_std": np.full(len(n), size) for name, size in deviations},
     }
-    for name, deviation in zip(CHANNELS, np.sqrt(variance), strict=True):
-        # what a rest of a plan shows does not change
-        segments |= {f"{name}_mean": log[name][first], f"{name}_std": np.full(len(n), deviation)}
     made = record([log], [segments], np.inf).without_aliasing().of_new_runs()
     at = np.zeros((len(made.rotations), 1), int)
     added = np.tile(aliased * np.eye(3), (*at.shape, 1, 1))
     return replace(made, rotations=replace(made.rotations, added_at=at, added=added))
-
-
-def _samples(seconds):
-    return max(round(seconds * RATE), 4)
-
-
-def _by_hand(turn, n):
-    """Return the Piece of a turn, rad, by n samples, its speed as of 1 - cos."""
-    share = 2 * np.pi * np.arange(n) / n
-    angle, speed = (share - np.sin(share)) / (2 * np.pi), (1 - np.cos(share)) / (n / RATE)
-    attitude = exponential(np.outer(angle, turn))
-    return Piece(attitude, np.outer(speed, turn), np.zeros((n, 3)), exponential(turn))
