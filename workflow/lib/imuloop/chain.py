@@ -84,8 +84,10 @@ def segment(device):
 
     def work(files):
         samples = Samples(files["samples"])
-        rails = read_metadata(files["samples"]).get("rails")
-        write_table(files["segments"], *segment_session(samples, files["kind"], settings, rails))
+        known = read_metadata(files["samples"])
+        unknown = {name: known[name] for name in ("rails", "stuck") if name in known}
+        found = segment_session(samples, files["kind"], settings, **unknown)
+        write_table(files["segments"], *found)
 
     def write_placeholder(files, reason, failed):
         segments, metadata = no_segments(files["kind"])

@@ -97,8 +97,9 @@ def run(arguments):
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         path, quality = log_samples(log, arguments, Path(folder), calibration=calibration)
         refuse_rejected(log, quality)
-        samples, rails = read_samples(path), read_metadata(path).get("rails", {})
-    kind, segments = segmented(samples, arguments.kind, rails)
+        samples, known = read_samples(path), read_metadata(path)
+    rails, stuck = known.get("rails", {}), known.get("stuck", ())
+    kind, segments = segmented(samples, arguments.kind, rails, stuck)
     recording = record([samples], [segments], CalibrateSettings().longest_rotation, [rails])
     noise, source = noise_of(arguments, calibration, kind, samples, segments)
     given, gravity = (calibration, recording, noise), arguments.gravity
@@ -121,13 +122,13 @@ def run(arguments):
     return DRIFTED if drift.drifted else 0
 
 
-def segmented(samples, kind, rails):
+def segmented(samples, kind, rails, stuck):
     """Return the kind of a log and its segments; poses if it has several and no kind is given."""
     how = kind or "multi_position"
-    segments, found = segment_session(samples, how, SegmentSettings(), rails=rails)
+    segments, found = segment_session(samples, how, SegmentSettings(), rails, stuck)
     if kind or found["poses"] > 1:
         return how, segments
-    return "static", segment_session(samples, "static", SegmentSettings())[0]
+    return "static", segment_session(samples, "static", SegmentSettings(), stuck=stuck)[0]
 
 
 def noise_of(arguments, calibration, kind, samples, segments):

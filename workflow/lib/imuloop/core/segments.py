@@ -3,6 +3,7 @@
 A pandas DataFrame, a row a stretch in order of time: `start_s`, `end_s` (half-open, on the
 samples' clock), `kind`, `pose` (number of the attitude held; -1 where none), `n` samples, and
 mean and standard deviation of every channel (SI units); values that are missing do not count.
+A gap has no samples, or such as a channel is stuck in.
 Of a session of attitudes a rest at which the accelerometer is at the end of its range is disturbed.
 `tilt_rad` of a rest is the root mean square of the tilt that both sensors show in it, of one in
 the hand that of all its turns.

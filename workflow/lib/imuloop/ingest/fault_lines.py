@@ -43,7 +43,7 @@ def warnings(figures):
             for name, f in found["stuck"].items()
             if f["stretches"]
         ],
-        "; crop them with time_range",
+        "; left out as a gap: look at the cable and the driver",
     )
     tell(
         "no noise at rest",

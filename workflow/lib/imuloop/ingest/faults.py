@@ -182,12 +182,15 @@ def measure(samples, metadata, figures, threads=1):
 
 
 def _stuck_figures(found, rate, samples):
-    """Return how often, for how many rows, how long at most and from when an axis was stuck."""
+    """Return how often, for how many rows, how long at most and when an axis was stuck."""
+    t = samples[TIME]
+    spans = sorted([float(t[i]), float(t[i + n - 1])] for n, i, _ in found)
     return {
         "stretches": len(found),
         "rows": sum(run[0] for run in found),
         "longest_s": max((run[0] for run in found), default=0) / rate,
-        "first_s": float(samples[TIME][min(run[1] for run in found)]) if found else None,
+        "first_s": spans[0][0] if found else None,
+        "spans_s": spans,
     }
 
 

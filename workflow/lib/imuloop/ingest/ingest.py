@@ -155,9 +155,10 @@ def ingest(
                 # the gaps that this leaves are counted as spikes
                 gaps = {"gaps": figures["gaps"]}
                 figures = quality.measure(temporary, full_scale, threads) | gaps
-            if rails := quality.rails(figures, full_scale):
-                origin["rails"] = rails
-                _rewrite(temporary, [], {"rails": rails})
+            known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
+            if known := {name: found for name, found in known.items() if found}:
+                origin |= known
+                _rewrite(temporary, [], known)
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
             wrong, doubted = judged(figures, raw_units, gravity, kind)

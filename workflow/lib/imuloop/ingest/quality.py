@@ -237,6 +237,12 @@ def rails(figures, full_scale=None):
     return {name: ends for name, ends in found.items() if ends}
 
 
+def stuck(figures):
+    """Return the spans in which a channel keeps one value, (n, 2), s: it shows nothing."""
+    each = figures["faults"].get("stuck", {}).values()
+    return sorted(span for channel in each for span in channel["spans_s"])
+
+
 def _spikes(counts):
     """Name the channels with spikes that were dropped, and how many; empty without."""
     return ", ".join(f"{name} {n}" for name, n in counts.spike_values.items() if n)

@@ -19,7 +19,7 @@ from imuloop.segment.static_detector import (
     widened,
 )
 from imuloop.segment.steady import unsteady_samples
-from imuloop.segment.stretches import lengths, unbroken, without
+from imuloop.segment.stretches import lengths, merged, unbroken, without
 from imuloop.segment.tilt import steady_rests, tilts
 
 # rests that are dropped as too short, at least so many and this share of those kept, make it worth
@@ -39,7 +39,7 @@ LEAST_RAILED = 0.01
 ATTITUDES = ("six_position", "multi_position", "reference_motion")
 
 
-def segment_session(samples, kind, settings, rails=None):
+def segment_session(samples, kind, settings, rails=None, stuck=()):
     """Return the segments of a session: static, motion, disturbed or gap.
 
     Every instant from the first sample to one step after the last belongs to exactly one row.
@@ -48,17 +48,22 @@ def segment_session(samples, kind, settings, rails=None):
     (`held`) join them where a calibration gains by it. Those of a static session are what the
     disturbance detector and slow tilts leave. A rest at which the accelerometer is at the end of
     its range is no attitude, but disturbed. A gap lasts from one step after the last sample before
-    it to the next sample. Of a file few row groups are held at once where the session is static,
-    else six columns.
+    it to the next sample, or as long as a channel is stuck at one value. Of a file few row groups
+    are held at once where the session is static, else six columns.
 
-    Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, and the `rails` of
-    `core.samples.at_rail`. Gives a `segment_table` and a dict of metadata: the number of poses; of
-    a static session that of slow tilts; of others the level of rest and how it was found, the
-    multiples, the rests dropped as too short, those at the end of the range and those that tilt,
-    whether some are in the hand, and what `shorter` settings would bring.
+    Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, the `rails` of
+    `core.samples.at_rail`, and the spans in which a channel is stuck, (n, 2), s. Gives a
+    `segment_table` and a dict of metadata: the number of poses; of a static session that of slow
+    tilts; of others the level of rest and how it was found, the multiples, the rests dropped as too
+    short, those at the end of the range and those that tilt, whether some are in the hand, and what
+    `shorter` settings would bring.
     """
     rows = Samples(samples)
-    stretches, step = unbroken(rows, settings.gap_factor)
+    whole, step = unbroken(rows, settings.gap_factor)
+    stretches = whole
+    if len(stuck):
+        first, last = np.searchsorted(rows[TIME], np.transpose(stuck))
+        stretches = without(whole, merged(np.column_stack([first, last + 1])))
     if kind == "static":
         rests = undisturbed(rows, stretches, step, settings)
         tilted = tilts(rows, rests, step)
@@ -74,13 +79,16 @@ def segment_session(samples, kind, settings, rails=None):
         railed = _at_rail(rows, rests, rails)
         metadata["railed_rests"] = int(railed.sum())
 
-    t, edges = rows[TIME], np.union1d(stretches, rests)
+    t, edges = rows[TIME], np.union1d(np.concatenate([whole, stretches]), rests)
     between = DISTURBED if kind == "static" else MOTION
     kinds = np.where(np.isin(edges[:-1], rests[:, 0]), STATIC, between)
     kinds = np.where(np.isin(edges[:-1], rests[railed, 0]), DISTURBED, kinds)
     rests, tilt = rests[~railed], tilt[~railed]
+    if len(stuck):
+        hung = without(whole, merged(stretches)) if len(stretches) else whole
+        kinds = np.where(np.isin(edges[:-1], hung[:, 0]), GAP, kinds)
     # a stretch ends one step after its last sample
-    first, last = edges[:-1], np.isin(edges[1:], stretches[:, 1])
+    first, last = edges[:-1], np.isin(edges[1:], whole[:, 1])
     end = np.where(last, t[edges[1:] - 1] + step, t[np.minimum(edges[1:], len(t) - 1)])
     # a gap is a row without samples, from there to the next one
     gaps = np.flatnonzero(last[:-1]) + 1
