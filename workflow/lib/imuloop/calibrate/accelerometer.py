@@ -40,4 +40,4 @@ class AccelerometerModel(SpecificForce):
         return self.summed(np.tile(np.eye(3), (len(self.y), 1, 1, 1)), x)
 
 
-UPPER, unpack = SpecificForce.entries, SpecificForce.unpack
+unpack = SpecificForce.unpack
