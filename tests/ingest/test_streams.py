@@ -23,11 +23,11 @@ def arrays(log):
     return {name: table[name].to_numpy() for name in table.column_names}
 
 
-def merged(at, known, values):
-    """Return gx of a gyroscope's `values` at stamps `known`, at the accelerometer's `at`."""
-    gyro = Stream("gyro", known, dict.fromkeys(GYRO, values))
-    log = raw_log([stream("acc", ACC, at), gyro])
-    return arrays(log)["gx"], log.notes
+def two_clocks(at, known, values):
+    """Return the table of a gyroscope with stamps `at`, and an accelerometer with `known`."""
+    acc = Stream("acc", known, dict.fromkeys(ACC, values))
+    log = raw_log([acc, stream("gyro", GYRO, at)])
+    return arrays(log), log
 
 
 def test_one_stream_is_given_as_it_is():
@@ -105,52 +105,65 @@ def test_streams_without_rows():
     assert log.found["acceleration"][0] == "imu1.acc.x"
 
 
-def test_a_straight_line_is_interpolated_exactly():
-    # binary fractions, so that a closed form holds to the last bit
-    at, known = np.arange(512) / 64 + 0.0078125, np.arange(1100) / 128
-    gx, notes = merged(at, known, 3 - 2 * known)
-    np.testing.assert_array_equal(gx, 3 - 2 * at)
-    assert notes == [
-        "angular_rate of gyro interpolated linearly onto the stamps of acc: "
-        "white noise keeps 100% of its variance"
+@pytest.mark.parametrize(
+    ("slow", "fast", "slower"),
+    [
+        *((1, fast, slower) for fast in (8, 6.4, 4 / 3) for slower in ("acc", "gyro")),
+        (1, 1.003, "acc"),
+    ],
+)
+def test_each_sample_of_the_slower_is_held_where_it_is_nearest(slow, fast, slower):
+    at, known = 0.3 / fast + np.arange(int(200 * fast)) / fast, np.arange(int(200 * slow)) / slow
+    value = np.arange(len(known), dtype=float)
+    own, other = (ACC, GYRO) if slower == "acc" else (GYRO, ACC)
+    log = raw_log([stream("fast", other, at), Stream("slow", known, dict.fromkeys(own, value))])
+    table = arrays(log)
+    held = table["ax" if slower == "acc" else "gx"]
+    np.testing.assert_array_equal(table["stamp"], at)
+    near = np.isfinite(held)
+    assert near[at <= known[-1]].all()
+    # by brute force; the samples of the slower are numbered
+    nearest = np.abs(at[near, None] - known).argmin(axis=1)
+    np.testing.assert_array_equal(held[near], nearest)
+    np.testing.assert_array_equal(table["held"][near], known[nearest])
+    assert set(held[near]) == set(value)
+    assert log.slower == {"acc": "accelerometer", "gyro": "gyroscope"}[slower]
+    assert log.notes == [
+        f"{'acceleration' if slower == 'acc' else 'angular_rate'} of slow has a clock of its own: "
+        "each row of fast holds its nearest sample"
     ]
-    gx, _ = merged(at + 0.001, known, 3 - 2 * known)
-    np.testing.assert_allclose(gx, 3 - 2 * (at + 0.001), rtol=1e-14)
 
 
-@pytest.mark.parametrize("share", [0.25, 0.5])
-def test_white_noise_keeps_the_share_of_its_variance_that_is_noted(share):
-    rows = 200_000
-    noise = np.random.default_rng(11).normal(size=rows)
-    gx, [note] = merged(np.arange(rows - 1) + share, np.arange(rows), noise)
-    kept = share**2 + (1 - share) ** 2
-    # the estimate's own standard deviation is below 0.4 %
-    np.testing.assert_allclose(gx.var(), kept, rtol=0.016)
-    assert note.endswith(f"white noise keeps {kept:.0%} of its variance")
+def test_of_clocks_as_fast_the_gyroscope_s_is_taken():
+    acc = Stream("acc", np.arange(ROWS) * 0.01 + 0.004, dict.fromkeys(ACC, np.zeros(ROWS)))
+    assert raw_log([acc, stream("gyro", GYRO)]).found["time"] == "gyro stamps"
 
 
-def test_nothing_is_interpolated_over_a_gap_or_beyond_the_ends():
+def test_nothing_is_held_over_a_gap_or_beyond_the_ends():
     known = np.delete(np.arange(1, 100.0), slice(39, 49))
     at = np.arange(0, 101, 0.5)
-    gx, _ = merged(at, known, known)
-    # stamps 40 to 49 are missing; those on the edge of the gap are there
-    inside = (at >= 1) & (at <= 99) & ~((at > 39) & (at < 50))
-    np.testing.assert_array_equal(np.isnan(gx), ~inside)
-    np.testing.assert_array_equal(gx[inside], at[inside])
+    table, _ = two_clocks(at, known, known)
+    # three quarters of a step is as far as half a gap goes
+    far = np.abs(at[:, None] - known).min(axis=1) > 0.75
+    np.testing.assert_array_equal(np.isnan(table["ax"]), far)
+    assert far.sum() == 2 * 9 + 1 + 1 + 2
 
 
 def test_rows_missing_repeated_or_out_of_order_are_left_out():
     known = np.arange(100.0)
     values = 2 * known
     values[10], values[20], known[30], known[40], known[50] = np.nan, np.inf, np.nan, 39, 45
-    at = np.arange(5.5, 95)
-    gx, [note] = merged(at, known, values)
-    lost = (at > 9) & (at < 11)
-    for row in (20, 30, 40, 50):
-        lost |= (at > row - 1) & (at < row + 1)
-    np.testing.assert_array_equal(np.isnan(gx), lost)
-    np.testing.assert_allclose(gx[~lost], 2 * at[~lost], rtol=1e-14)
-    assert note.endswith("; 5 of its rows missing, repeated or out of order are left out")
+    table, log = two_clocks(np.arange(5.5, 95, 0.5), known, values)
+    at, lost = table["stamp"], np.isnan(table["ax"])
+    assert set(at[lost]) == {10.0, 20.0, 30.0, 40.0, 50.0}
+    assert not set(table["held"][~lost]) & {10.0, 20.0, 45.5}
+    assert log.notes[0].endswith("; 5 of its rows missing, repeated or out of order are left out")
+
+
+def test_a_time_cannot_be_declared_of_two_clocks():
+    streams = [stream("acc", ACC, np.arange(ROWS) / 50), stream("gyro", [*GYRO, "clock"])]
+    with pytest.raises(ImuloopError, match=r"^columns\.time: each sensor has a clock of its own"):
+        raw_log(streams, {"time": "gyro.clock"})
 
 
 AWAY = np.arange(ROWS) + 1e9, np.full(ROWS, np.nan), np.full(ROWS, 0.005)
@@ -166,13 +179,11 @@ def test_whole_nanoseconds_keep_all_their_digits():
     start = 1_700_000_000_123_456_789
     at = start + 10_000_000 * np.arange(200)
     known = start - 5 + 10_000_000 * np.arange(201, dtype=np.uint64)
-    acc = stream("acc", ACC, at, time="ns")
-    gyro = Stream("gyro", known, dict.fromkeys(GYRO, 10_000_000.0 * np.arange(201)))
-    table = arrays(raw_log([acc, gyro]))
-    assert table["stamp"].dtype == np.int64
+    table, _ = two_clocks(at, known, np.arange(201.0))
+    assert table["stamp"].dtype == table["held"].dtype == np.int64
     np.testing.assert_array_equal(table["stamp"], at)
-    # five nanoseconds after each of the gyroscope's, of which a double would know nothing
-    np.testing.assert_array_equal(table["gx"], 10_000_000.0 * np.arange(200) + 5)
+    # five nanoseconds after each of the accelerometer's, of which a double would know nothing
+    np.testing.assert_array_equal(table["held"], at - 5)
 
 
 def test_temperature_of_a_slow_clock():
@@ -221,4 +232,4 @@ def test_a_clock_that_starts_again_beside_another_is_rejected(kind, width):
 def test_a_stray_stamp_of_one_stream_costs_its_row_alone(kind):
     far = 10**12 * (np.arange(8000) == 700)
     table = arrays(raw_log(clocks(kind, change=lambda stamps: stamps + far[: len(stamps)])))
-    assert 0 < (~np.isfinite(table["gx"])).sum() <= 4
+    assert 0 < (~np.isfinite(table["ax"])).sum() <= 4

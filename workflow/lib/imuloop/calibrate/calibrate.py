@@ -34,6 +34,7 @@ from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     CHANNELS,
+    OWN_TIME,
     SENSORS,
     TEMPERATURE,
     TIME,
@@ -95,7 +96,7 @@ def read_recording(sessions, longest_rotation):
     Takes sessions as `usable` does, and the longest rotation, s.
     """
     chosen = usable(sessions, *POSED)
-    columns = (TIME, *CHANNELS, TEMPERATURE)
+    columns = (TIME, *CHANNELS, TEMPERATURE, *OWN_TIME.values())
     samples = [read_columns(session["samples"], columns) for session, _ in chosen]
     rails = [read_metadata(session["samples"]).get("rails", {}) for session, _ in chosen]
     return record(samples, [table for _, table in chosen], longest_rotation, rails)

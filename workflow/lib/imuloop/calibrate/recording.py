@@ -16,7 +16,14 @@ from imuloop.calibrate.poses import (
 )
 from imuloop.core.effect import Channels
 from imuloop.core.memory import filled
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME, at_rail
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    TEMPERATURE,
+    TIME,
+    at_rail,
+    on_gyroscope_clock,
+)
 from imuloop.core.segments import DISTURBED
 
 
@@ -148,6 +155,7 @@ def record(samples, segments, longest_rotation, rails=None):
     Takes samples and segments of each session, DataFrames or dicts of arrays, the longest
     rotation, s, and the `rails` of each session that `core.samples.at_rail` takes.
     """
+    samples = [on_gyroscope_clock(s) for s in samples]
     logs = tuple(Log.of(s) for s in samples)
     poses = turns_within(rounded(gather_poses(segments), logs), logs)
     if len(poses) and all(log.temperature is not None for log in logs):

@@ -2,7 +2,9 @@
 
 A pandas DataFrame of float64 columns: `t` (s from the first sample), specific force `ax ay az`
 (m/s^2), angular rate `gx gy gz` (rad/s) and, where logged, `temperature` (degC). Where `t` was
-rebuilt, `t_logged` is the time as stamped.
+rebuilt, `t_logged` is the time as stamped. Of two sensors with clocks of their own `t` is that of
+the faster; each row holds the sample of the slower that is nearest in time, whose own stamp is in
+`t_accelerometer` or `t_gyroscope`.
 """
 
 import json
@@ -31,6 +33,8 @@ SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 TEMPERATURE = "temperature"
 # time as the log's stamps have it, s from the first sample; beside a `t` that was rebuilt
 LOGGED_TIME = "t_logged"
+# own stamp of the sample that a row holds of a sensor with a slower clock, s
+OWN_TIME = {"accelerometer": "t_accelerometer", "gyroscope": "t_gyroscope"}
 # of a reference beside the samples: quaternion, scalar first, body to world; place, m
 ORIENTATION, POSITION = ("qw", "qx", "qy", "qz"), ("px", "py", "pz")
 # a step of time longer than this many median steps is a gap: one sample lost makes it two
@@ -72,12 +76,12 @@ def at_rail(samples, rails, names):
     return clipped
 
 
-def schema(temperature, metadata, rebuilt=False):
+def schema(metadata, more=()):
     """Return the Parquet schema of a samples file, whose metadata are kept as JSON.
 
-    With a column of temperature, and one of the stamps where `t` was rebuilt.
+    `more` are the names of columns beside time and the six axes.
     """
-    names = [TIME, *CHANNELS, *[TEMPERATURE] * temperature, *[LOGGED_TIME] * rebuilt]
+    names = [TIME, *CHANNELS, *more]
     fields = [pa.field(name, pa.float64()) for name in names]
     return pa.schema(fields, metadata={METADATA_KEY: json.dumps(metadata).encode()})
 
@@ -195,6 +199,36 @@ class Samples:
         if len(self) < 2:
             return None
         return float(np.median(np.diff(self[TIME]), overwrite_input=True))
+
+
+def on_own_clock(source, sensor):
+    """Return the Samples of a sensor, each once, at its own stamps; of one clock all Samples."""
+    samples, own = Samples(source), OWN_TIME[sensor]
+    if own not in samples:
+        return samples
+    names = [name for name in (*SENSORS[sensor], TEMPERATURE) if name in samples]
+    t, *values = samples.read((own, *names), 0, len(samples))
+    new = np.diff(t, prepend=-np.inf) > 0
+    columns = {name: x[new] for name, x in zip(names, values, strict=True)}
+    return Samples({TIME: t[new], **columns})
+
+
+def on_gyroscope_clock(columns):
+    """Return columns of samples, dict of arrays, at the gyroscope's own stamps, for its turns.
+
+    The specific force of a slower clock is interpolated linearly, of a faster it is that nearest.
+    """
+    own_rate, own_force = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
+    if own_rate in columns:
+        new = np.diff(columns[own_rate], prepend=-np.inf) > 0
+        columns = {name: np.asarray(x)[new] for name, x in columns.items()}
+        return {**columns, TIME: columns[own_rate]}
+    if own_force in columns:
+        at, t = np.asarray(columns[own_force]), np.asarray(columns[TIME])
+        new = np.diff(at, prepend=-np.inf) > 0
+        force = {name: np.interp(t, at[new], columns[name][new]) for name in ACCELERATION}
+        return {**columns, **force}
+    return columns
 
 
 def sums_over(values, ranges):

@@ -12,6 +12,8 @@ from imuloop.core.units import TEMPERATURE as DEGREES
 AXES = ("x", "y", "z")
 # name of the stamps in raw batches; absent where the log has no time column
 STAMP = "stamp"
+# name there of the own stamps of a sensor with a slower clock
+HELD = "held"
 # usual names of a sensor's columns without their axis, words joined by "_": of the quantity itself,
 # and of its increments over the interval that ends at the stamp
 _SENSORS = {

@@ -6,14 +6,14 @@ import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, TEMPERATURE, TIME
+from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, OWN_TIME, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
 from imuloop.ingest.axes import EvenSubsample
 from imuloop.ingest.bursts import POINTS
 from imuloop.ingest.clocks import Clock, with_lookahead
-from imuloop.ingest.columns import STAMP, unknown_unit
+from imuloop.ingest.columns import HELD, STAMP, unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,
@@ -78,10 +78,9 @@ def si_batches(
     for kind in (counts.missing_values, counts.impossible_values):
         kind.update(dict.fromkeys(channels, 0))
     summed = increments.factors(units)
-    for quantity in summed.keys() & log.interpolated:
+    if log.slower and summed:
         raise ImuloopError(
-            f"units.{quantity}: {units[quantity]} is a unit of increments, which are not "
-            "interpolated onto the clock of another sensor"
+            f"units of {' and '.join(summed)}: increments of two sensors have to be on one clock"
         )
     origin = zero = None
     for (x, readable, absolute, scale, batch), after in with_lookahead(_clocked(log, units, rate)):
@@ -162,7 +161,18 @@ def si_batches(
         if log.temperature:
             values[TEMPERATURE][missing[TEMPERATURE] | beyond[TEMPERATURE]] = np.nan
         samples |= {name: values[name][keep] for name in channels}
+        if log.slower:
+            held = batch.column(HELD).to_numpy()[keep]
+            samples[OWN_TIME[log.slower]] = _own_time((held - zero) * scale, samples)
         yield pa.RecordBatch.from_pydict(samples)
+
+
+def _own_time(stamped, samples):
+    """Return the own time of the samples that rows hold, s; rebuilt with that of the rows."""
+    if LOGGED_TIME not in samples:
+        return stamped
+    _, first, which = np.unique(stamped, return_index=True, return_inverse=True)
+    return samples[TIME][first][which]
 
 
 # a count of 1e306 has no value in SI

@@ -9,13 +9,7 @@ from itertools import combinations
 
 import numpy as np
 
-from imuloop.core.samples import (
-    ACCELERATION,
-    ANGULAR_RATE,
-    CHANNELS,
-    LOGGED_TIME,
-    TIME,
-)
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
 from imuloop.ingest.axes import AGREEMENT, Axes
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.ordered_map import ordered_map
@@ -66,7 +60,7 @@ def measure(samples, metadata, figures, threads=1):
     # stamps of a damaged file may lie 1e-300 s apart: no block of a second holds the rows
     if not len(samples) or not 0 < (rate or 0) < MOST_RATE:
         return {}
-    names = [name for name in samples.names if name not in (TIME, LOGGED_TIME)]
+    names = [name for name in samples.names if name in (*CHANNELS, TEMPERATURE)]
     pairs = list(combinations(names, 2))
     units = metadata.get("raw_units", {})
     units = {name: units[s] for s, axes in SENSORS.items() if s in units for name in axes}

@@ -10,7 +10,16 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
-from imuloop.core.samples import CHANNELS, METADATA_KEY, Samples, parquet_file, schema
+from imuloop.core.samples import (
+    CHANNELS,
+    LOGGED_TIME,
+    METADATA_KEY,
+    OWN_TIME,
+    TEMPERATURE,
+    Samples,
+    parquet_file,
+    schema,
+)
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
 from imuloop.ingest import bursts, clocks, increments, quality, spikes
 from imuloop.ingest import pps as marks
@@ -261,7 +270,7 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in _SENSORS}
     origin = _origin(device, session, kind, units, raw_units, None, {})
     with replaced(samples_path) as temporary:
-        pq.write_table(schema(False, origin).empty_table(), temporary)
+        pq.write_table(schema(origin).empty_table(), temporary)
         figures = quality.measure(temporary)
     found = _quality([reason], figures, Counts(), RawLog()) | origin
     write_json(quality_path, found | {"failed": failed})
@@ -269,7 +278,9 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
 
 def _write(path, batches, log, counts, origin, rebuilt=False):
     """Write samples as Parquet; `origin` learns start and time unit on the way."""
-    plain = schema(log.temperature, {}, rebuilt).remove_metadata()
+    more = [*[TEMPERATURE] * log.temperature, *[LOGGED_TIME] * rebuilt]
+    more += [OWN_TIME[log.slower]] if log.slower else []
+    plain = schema({}, more).remove_metadata()
     # what is known at the end only cannot be in an Arrow schema; doubles need none
     with pq.ParquetWriter(path, plain, compression="zstd", store_schema=False) as writer:
         for table in rechunked(batches, ROW_GROUP):
@@ -278,7 +289,7 @@ def _write(path, batches, log, counts, origin, rebuilt=False):
             origin["start"] = iso_text(counts.start_ns)
         if counts.time_unit:
             origin["units"]["time"] = counts.time_unit
-        writer.add_key_value_metadata(schema(log.temperature, origin).metadata)
+        writer.add_key_value_metadata(schema(origin).metadata)
 
 
 def _rewrite(path, dropped, known=None):

@@ -8,7 +8,6 @@ from imuloop.core.samples import (
     ANGULAR_RATE,
     CHANNELS,
     GAP_STEPS,
-    LOGGED_TIME,
     TEMPERATURE,
     TIME,
     Samples,
@@ -54,7 +53,7 @@ def measure(path, full_scale=None, threads=1):
     rows cannot give is None.
     """
     samples = Samples(path)
-    names = [name for name in samples.names if name not in (TIME, LOGGED_TIME)]
+    names = [name for name in samples.names if name in (*CHANNELS, TEMPERATURE)]
     scales = {n: (full_scale or {}).get(s) for s, axes in SENSORS.items() for n in axes}
 
     def part(piece):

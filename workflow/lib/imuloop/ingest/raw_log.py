@@ -22,9 +22,10 @@ class RawLog:
     column), `ax ay az gx gy gz` and, where `temperature`, it too (float64, raw units). `found` and
     `units` map a quantity to its columns, and to the unit that the file states; `columns` lists all
     columns, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`, `text_bytes`
-    those in all lines, without blanks and unwritten memory; `interpolated` are sensors on the clock
-    of the other; `sensor_ids`, by sensor, number and slot of its own where the log's autopilot has
-    them. `threads`, set before the first batch is taken, changes no result.
+    those in all lines, without blanks and unwritten memory; `slower` is the sensor, of two with
+    clocks of their own, whose samples are put beside those of the other: its own stamps are the
+    column `held` then; `sensor_ids`, by sensor, number and slot of its own where the log's
+    autopilot has them. `threads`, set before the first batch is taken, changes no result.
     """
 
     batches: Iterable[pa.RecordBatch] = ()
@@ -35,7 +36,7 @@ class RawLog:
     bad_lines: int = 0
     lost_bytes: int = 0
     text_bytes: int = 0
-    interpolated: list[str] = field(default_factory=list)
+    slower: str | None = None
     columns: str = ""
     sensor_ids: dict = field(default_factory=dict)
     threads: int = 1

@@ -7,13 +7,15 @@ import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean, one_line
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, GAP_STEPS, TEMPERATURE
+from imuloop.core.samples import GAP_STEPS, SENSORS, TEMPERATURE
 from imuloop.ingest.clocks import Clock
-from imuloop.ingest.columns import AXES, STAMP, check_each_once, guess, listed
+from imuloop.ingest.columns import AXES, HELD, STAMP, check_each_once, guess, listed
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS
 
-_SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
+_SENSOR_OF = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
+# clocks whose steps agree to this share are as fast
+_AS_FAST = 0.05
 
 
 @dataclass(frozen=True)
@@ -29,14 +31,20 @@ class Stream:
     fields: dict
     units: dict = field(default_factory=dict)
 
+    def values(self, names):
+        """Return fields as numbers, (k, n)."""
+        return np.array([np.asarray(self.fields[name], dtype=float) for name in names])
+
 
 def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
-    r"""Return the RawLog of the streams that hold acceleration and angular rate.
+    """Return the RawLog of the streams that hold acceleration and angular rate.
 
-    The accelerometer's stamps are the log's. A quantity of another stream is interpolated
-    linearly onto them, between stamps at most `GAP_STEPS` median steps apart; elsewhere it is
-    missing. Between two stamps, a share u of the step after the first, white noise keeps
-    :math:`u^2 + (1 - u)^2` of its variance: a note says how much on average.
+    Two of one clock are put beside each other. Of two clocks the stamps are those of the faster
+    sensor, of the gyroscope's where both are as fast: its samples stay as they are. Each row holds
+    that sample of the slower one which is nearest in time, as far as half a gap (`GAP_STEPS`
+    median steps); elsewhere it is missing. So each sample of the slower one is held for as long as
+    it stands for: means and variances are its own. Its stamps are beside it (`RawLog.slower`). A
+    temperature of another stream is interpolated linearly.
 
     `columns` maps a quantity to ``STREAM.FIELD``, three of them for a sensor, or to a stream; what
     is left out is found by the usual names of fields, and a time or temperature of None is taken as
@@ -51,7 +59,7 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
         raise RejectedLog("the log has no rows")
     try:
         chosen = _chosen(columns, streams)
-        clock = chosen["acceleration"][0]
+        clock = _faster(chosen)
         stream, name, doubts = _temperature(columns, streams, clock)
         time = None
         if columns.get("time") is not None:
@@ -62,10 +70,7 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
         # the names of streams are enough
         lacks = re.sub(r" \([^()]*\)", "", str(error))
         raise RejectedLog(f"{lacks}; it may be lost to damage: {'; '.join(damage)}") from error
-    wanted = {quantity: (names, *chosen[quantity]) for quantity, names in _SENSORS.items()}
-    if stream:
-        wanted[TEMPERATURE] = (TEMPERATURE,), stream, [name]
-    arrays, interpolated, found, notes = {}, [], {}, [*notes, *doubts]
+    arrays, found, notes, slower = {}, {}, [*notes, *doubts], None
     stamps, units = clock.stamps, {q: unit for q, unit in clock.units.items() if q == "time"}
     if time:
         own, name = time
@@ -73,16 +78,25 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
             raise ImuloopError(f"columns.time: {columns['time']} is not in {clock.name}")
         # in a unit of its own
         stamps, units = own.fields[name], {}
-    for quantity, (names, stream, fields) in wanted.items():
-        values, merged = _interpolate_to(clock, stream, fields, quantity)
-        notes += merged
-        if merged:
-            interpolated.append(quantity)
-        arrays |= dict(zip(names, values, strict=True))
-        units |= {q: unit for q, unit in stream.units.items() if q == quantity}
-        found[quantity] = [f"{stream.name}.{field}" for field in fields]
-    if TEMPERATURE in found:
-        [found[TEMPERATURE]] = found[TEMPERATURE]
+    for quantity, (own, fields) in chosen.items():
+        values = own.values(fields)
+        if own is not clock and not np.array_equal(own.stamps, clock.stamps):
+            values, arrays[HELD], note = _nearest(clock, own, values)
+            slower, notes = _SENSOR_OF[quantity], [*notes, f"{quantity} of {own.name} {note}"]
+        arrays |= dict(zip(SENSORS[_SENSOR_OF[quantity]], values, strict=True))
+        units |= {q: unit for q, unit in own.units.items() if q == quantity}
+        found[quantity] = [f"{own.name}.{field}" for field in fields]
+    if stream:
+        arrays[TEMPERATURE] = stream.values([name])[0]
+        if stream is not clock and not np.array_equal(stream.stamps, clock.stamps):
+            arrays[TEMPERATURE] = _interpolated(clock, stream, arrays[TEMPERATURE])
+            notes.append(
+                f"temperature of {stream.name} interpolated linearly onto the stamps of {clock.name}"
+            )
+        units |= {q: unit for q, unit in stream.units.items() if q == TEMPERATURE}
+        found[TEMPERATURE] = f"{stream.name}.{name}"
+    if slower and "time" in columns:
+        raise ImuloopError("columns.time: each sensor has a clock of its own: leave it out")
     if columns.get("time", True) is not None:
         found["time"] = columns.get("time") or f"{clock.name} stamps"
         arrays[STAMP] = stamps
@@ -98,7 +112,7 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
         units=units,
         columns=f"{clock.name}: {listed([*clock.fields])}",
         notes=notes,
-        interpolated=interpolated,
+        slower=slower,
     )
 
 
@@ -124,8 +138,8 @@ def _signed(stream):
 
 def _chosen(columns, streams):
     """Return sensor -> (stream, its three fields)."""
-    chosen = {quantity: _declared(quantity, columns, streams) for quantity in _SENSORS}
-    candidates = {q: [chosen[q]] if chosen[q] else _guessed(q, streams) for q in _SENSORS}
+    chosen = {quantity: _declared(quantity, columns, streams) for quantity in _SENSOR_OF}
+    candidates = {q: [chosen[q]] if chosen[q] else _guessed(q, streams) for q in _SENSOR_OF}
     shared = {c[0].name for c in candidates["acceleration"]} & {
         c[0].name for c in candidates["angular_rate"]
     }
@@ -140,6 +154,19 @@ def _chosen(columns, streams):
         if not len(stream.stamps):
             raise RejectedLog(f"{stream.name} has no rows")
     return chosen
+
+
+# stamps of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore")
+def _faster(chosen):
+    """Return the stream of the faster clock; that of angular rate where they are as fast."""
+    steps = {}
+    for quantity, (stream, _) in chosen.items():
+        forward = np.diff(stream.stamps)
+        forward = forward[forward > 0]
+        steps[quantity] = np.median(forward) if len(forward) else np.inf
+    faster = steps["acceleration"] < (1 - _AS_FAST) * steps["angular_rate"]
+    return chosen["acceleration" if faster else "angular_rate"][0]
 
 
 def _declared(quantity, columns, streams):
@@ -249,35 +276,46 @@ def _one_time(clock, stream):
     return (np.where(ok, np.asarray(x - origin, dtype=float), np.nan) for x, ok in found)
 
 
-# stamps of a broken log can be of any size
-@np.errstate(over="ignore", invalid="ignore")
-def _interpolate_to(clock, stream, fields, quantity):
-    """Return fields of a stream at the stamps of the clock, not-a-number elsewhere, and notes."""
-    values = [np.asarray(stream.fields[name], dtype=float) for name in fields]
-    if stream is clock or np.array_equal(stream.stamps, clock.stamps):
-        return values, []
+def _usable(clock, stream, values):
+    """Return the stamps of a clock, and those of a stream with its values, (k, n), in order.
+
+    Rows of the stream that miss a value, repeat a stamp or come late are left out.
+    """
     at, known = _one_time(clock, stream)
     finite = np.isfinite(known) & np.all(np.isfinite(values), axis=0)
     later = np.maximum.accumulate(np.where(finite, known, -np.inf))
-    used = finite & np.r_[True, known[1:] > later[:-1]]
-    left_out = int((~used).sum())
-    known, values = known[used], [x[used] for x in values]
-    between = np.zeros(len(at), dtype=bool)
+    rows = np.flatnonzero(finite & np.r_[True, known[1:] > later[:-1]])
+    return at, known[rows], values[:, rows], rows
+
+
+# stamps of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore")
+def _nearest(clock, stream, values):
+    """Return the values of a stream nearest to each stamp of the clock, their stamps, and a note.
+
+    Values are not-a-number where none is near.
+    """
+    at, known, values, rows = _usable(clock, stream, values)
     if len(known) > 1:
-        after = np.clip(np.searchsorted(known, at, side="right"), 1, len(known) - 1)
-        step = known[after] - known[after - 1]
-        near = step <= GAP_STEPS * np.median(np.diff(known))
-        # on a stamp nothing is interpolated, however far the next one is
-        between = (near & (at >= known[0]) & (at <= known[-1])) | np.isin(at, known)
-    if not between.any():
-        if quantity == TEMPERATURE:
-            return [np.full(len(at), np.nan)], []
+        after = np.clip(np.searchsorted(known, at), 1, len(known) - 1)
+        before = known[after] - at > at - known[after - 1]
+        nearest = after - before
+        near = np.abs(known[nearest] - at) <= GAP_STEPS / 2 * np.median(np.diff(known))
+    if len(known) < 2 or len(np.unique(nearest[near])) < 2:
         raise RejectedLog(f"{stream.name} and {clock.name} share no time: their clocks differ")
-    note = f"{quantity} of {stream.name} interpolated linearly onto the stamps of {clock.name}"
-    if quantity != TEMPERATURE:
-        share = ((at - known[after - 1]) / step)[between]
-        kept = np.mean(share**2 + (1 - share) ** 2)
-        note += f": white noise keeps {kept:.0%} of its variance"
-    if left_out:
+    note = f"has a clock of its own: each row of {clock.name} holds its nearest sample"
+    if left_out := len(stream.stamps) - len(rows):
         note += f"; {left_out} of its rows missing, repeated or out of order are left out"
-    return [np.where(between, np.interp(at, known, x), np.nan) for x in values], [note]
+    return np.where(near, values[:, nearest], np.nan), stream.stamps[rows][nearest], note
+
+
+@np.errstate(over="ignore", invalid="ignore")
+def _interpolated(clock, stream, values):
+    """Return values of a stream, (n,), at the stamps of the clock, not-a-number over gaps."""
+    at, known, (values,), _ = _usable(clock, stream, values[None])
+    if len(known) < 2:
+        return np.full(len(at), np.nan)
+    after = np.clip(np.searchsorted(known, at), 1, len(known) - 1)
+    near = known[after] - known[after - 1] <= GAP_STEPS * np.median(np.diff(known))
+    between = (near & (at >= known[0]) & (at <= known[-1])) | np.isin(at, known)
+    return np.where(between, np.interp(at, known, values), np.nan)

@@ -7,7 +7,7 @@ import numpy as np
 from imuloop.core.effect import Channels
 from imuloop.core.noise_model import Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.rest_log import other_sensor
-from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME
+from imuloop.core.samples import CHANNELS, OWN_TIME, SENSORS, TEMPERATURE, TIME
 from imuloop.effects.sinusoid import Sinusoid as SinusoidEffect
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
@@ -43,7 +43,8 @@ def corrected(session, log, calibration, found):
             for name, values in zip(SENSORS[sensor], total.T, strict=True):
                 changed[name][part] -= values
     warmth = {} if log.temperature is None else {TEMPERATURE: log.temperature}
-    return {TIME: t, **changed, **warmth}
+    held = {name: log.column(name) for name in OWN_TIME.values() if name in log.samples}
+    return {TIME: t, **changed, **warmth, **held}
 
 
 def noise_again(device, data, calibration, found, noise_settings):

@@ -6,13 +6,13 @@ import numpy as np
 
 from imuloop.core.files import write_json
 from imuloop.core.noise_model import AxisNoise, NoiseModel
-from imuloop.core.samples import CHANNELS
+from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.tables import joined, table
 from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_factors
 from imuloop.noise.axis import AxisEstimate, estimate_axis
 from imuloop.noise.curve import TERMS, NoiseOfCurve, fit_curve
 from imuloop.noise.modes import modes
-from imuloop.noise.records import closed_up, record_of, used_records
+from imuloop.noise.records import closed_up, record_of, records_by_sensor
 from imuloop.noise.statistics import repeatability, summary
 from imuloop.noise.views import no_views, record_views
 
@@ -26,7 +26,9 @@ class NoiseResult:
     model : NoiseModel
         Coefficients of the six axes.
     rate_hz : float or None
-        Sampling rate of the sessions used, Hz.
+        Sampling rate of the sessions used, Hz; of two clocks that of the faster.
+    rates_hz : dict of str to float
+        That of each sensor that has a record.
     curve_fit, spectrum : dict of str to dict
         For each axis Q, N, B, K, R of the plain fit to the Allan curve, 0 where not in the fit; and
         ``misfit`` and ``band_hz`` of its `AxisEstimate`.
@@ -43,6 +45,7 @@ class NoiseResult:
 
     model: NoiseModel
     rate_hz: float | None = None
+    rates_hz: dict = field(default_factory=dict)
     curve_fit: dict = field(default_factory=dict)
     spectrum: dict = field(default_factory=dict)
     uncut: dict | None = None
@@ -84,43 +87,40 @@ def estimate_noise(device, sessions, settings, uncut=True):
     estimated with the disturbed stretches left in.
     """
     notes = []
-    records = used_records(sessions, notes)
+    by_sensor = records_by_sensor(sessions, notes)
     nothing = no_noise(device, [session.name for session in sessions])
-    if not records:
+    if not all(by_sensor.values()):
         notes.append("no session holds a rest: no coefficient can be estimated")
         return replace(nothing, notes=tuple(notes))
-    static, lengths = records[0].session.kind == "static", [record.lengths for record in records]
-    weights = [each.sum() for each in lengths]
-    rate = float(np.average([record.rate for record in records], weights=weights))
-    found = _estimates(records, settings, notes)
+    static = by_sensor["gyroscope"][0].session.kind == "static"
+    lengths = {s: [record.lengths for record in own] for s, own in by_sensor.items()}
+    rates = {s: _mean_rate(own) for s, own in by_sensor.items()}
+    found = _estimates(by_sensor, settings, notes)
     axes = {axis: estimate.noise for axis, estimate in found.items()}
     if unseen := [axis for axis, noise in axes.items() if not noise.K.identifiable]:
         # the walk weighs most in long integrals
-        longest = max(each.max() for each in lengths) / rate
+        longest = max(each.max() / rates[s] for s, own in lengths.items() for each in own)
         notes.append(
             f"random walk not supported by clean stretches of up to {longest:.4g} s: "
             f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
             "an upper limit only"
         )
-    whole = [record_of(r.session, disturbed=True) for r in records] if uncut and static else []
-    added, with_added = _seconds(whole) - _seconds(records), None
-    if added > 0.5 / rate:
-        every = _estimates(whole, settings, [])
-        noise = {axis: asdict(estimate.noise) for axis, estimate in every.items()}
-        with_added = {"seconds": added, "axes": noise}
-    factors, pooled = _curve(np.concatenate(lengths), rate, settings)
-    single = [_curve(n, r.rate, settings) for n, r in zip(lengths, records, strict=True)]
-    statistics = {record.session.name: {} for record in records}
+    with_added = _with_disturbed(by_sensor, settings) if uncut and static else None
+    pooled = {s: _curve(np.concatenate(lengths[s]), rates[s], settings) for s in SENSORS}
+    names = dict.fromkeys(record.session.name for own in by_sensor.values() for record in own)
+    statistics = {name: {} for name in names}
     allan = {name: [each] for name, each in nothing.allan.items()}
     views = {name: [each] for name, each in nothing.views.items()}
     curves = {}
-    for axis, noise in axes.items():
+    for sensor, axis in ((s, axis) for s, own in SENSORS.items() for axis in own):
         # curves and spectra take a few missing samples for none
-        closed = [closed_up(record.runs(axis)) for record in records]
+        closed = [closed_up(record.runs(axis)) for record in by_sensor[sensor]]
+        factors, curve = pooled[sensor]
         variance = allan_variance([x for each in closed for x in each], factors)
-        curves[axis] = dict(zip(TERMS, fit_curve(variance, pooled), strict=True))
-        squares = [getattr(noise, name).square for name in TERMS]
-        for record, (m, curve), x in zip(records, single, closed, strict=True):
+        curves[axis] = dict(zip(TERMS, fit_curve(variance, curve), strict=True))
+        squares = [getattr(axes[axis], name).square for name in TERMS]
+        for record, n, x in zip(by_sensor[sensor], lengths[sensor], closed, strict=True):
+            m, curve = _curve(n, record.rate, settings)
             name, edf = record.session.name, curve.degrees_of_freedom(squares)
             allan[name].append(allan_table(axis, m / record.rate, allan_variance(x, m), edf))
             # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
@@ -132,7 +132,8 @@ def estimate_noise(device, sessions, settings, uncut=True):
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
         model=NoiseModel(device, axes),
-        rate_hz=rate,
+        rate_hz=max(rates.values()),
+        rates_hz=rates,
         curve_fit=curves,
         spectrum={a: {"misfit": e.misfit, "band_hz": e.band_hz} for a, e in found.items()},
         uncut=with_added,
@@ -150,16 +151,47 @@ def _seconds(records):
     return float(sum(record.lengths.sum() / record.rate for record in records))
 
 
+def _mean_rate(records):
+    """Return the mean sampling rate of records, weighted by their samples, Hz."""
+    weights = [record.lengths.sum() for record in records]
+    return float(np.average([record.rate for record in records], weights=weights))
+
+
+def _with_disturbed(by_sensor, settings):
+    """Return the coefficients with the disturbed stretches left in, and how long these are, s.
+
+    None where there are none.
+    """
+    whole = _of_each(by_sensor, lambda own: [record_of(r.session, disturbed=True) for r in own])
+    added = _seconds(whole["gyroscope"]) - _seconds(by_sensor["gyroscope"])
+    if added <= 0.5 / _mean_rate(by_sensor["gyroscope"]):
+        return None
+    found = _estimates(whole, settings, [])
+    axes = {axis: asdict(estimate.noise) for axis, estimate in found.items()}
+    return {"seconds": added, "axes": axes}
+
+
 def _curve(lengths, rate, settings):
     """Return the averaging factors of stretches of such lengths, and the NoiseOfCurve."""
     factors = averaging_factors(lengths.max(), settings)
     return factors, NoiseOfCurve.of(factors, lengths, rate)
 
 
-def _estimates(records, settings, notes):
-    """Return the AxisEstimate of each axis by all records, with notes on its limits."""
-    basis = modes([sampling for record in records for sampling in record.samplings])
-    return {axis: _estimate(axis, records, basis, settings, notes) for axis in CHANNELS}
+def _estimates(by_sensor, settings, notes):
+    """Return the AxisEstimate of each axis by all records of its sensor, notes on its limits."""
+    bases = _of_each(by_sensor, lambda own: modes([s for r in own for s in r.samplings]))
+    return {
+        axis: _estimate(axis, by_sensor[sensor], bases[sensor], settings, notes)
+        for sensor, axes in SENSORS.items()
+        for axis in axes
+    }
+
+
+def _of_each(by_sensor, function):
+    """Return what a function gives of the records of each sensor, once where both share them."""
+    force, rate = by_sensor.values()
+    first = function(force)
+    return dict(zip(SENSORS, (first, first if rate is force else function(rate)), strict=True))
 
 
 def _estimate(axis, records, basis, settings, notes):

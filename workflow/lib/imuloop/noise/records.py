@@ -1,10 +1,17 @@
 """Clean stretches of a device's sessions, which its noise is estimated from."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imuloop.core.samples import TEMPERATURE, TIME, lost_samples
+from imuloop.core.samples import (
+    OWN_TIME,
+    SENSORS,
+    TEMPERATURE,
+    TIME,
+    lost_samples,
+    on_own_clock,
+)
 from imuloop.core.segments import DISTURBED, STATIC, runs
 from imuloop.noise.sampling import SPARSEST, Sampling
 
@@ -148,6 +155,23 @@ def _split_at_losses(t, first, last):
     mean, square = moments[1:] / moments[0]
     jitter = float(np.sqrt(max(square - mean**2, 0.0)) / (1 + mean))
     return starts, ends, stretch, lost, count, jitter
+
+
+def records_by_sensor(sessions, notes):
+    """Return the `used_records` of each sensor, on its own clock where it has one.
+
+    Arguments are as of `used_records`; where all logs have one clock, both sensors share them.
+    """
+    if not any(own in s.samples for s in sessions for own in OWN_TIME.values()):
+        return dict.fromkeys(SENSORS, used_records(sessions, notes))
+    found, said = {}, {sensor: [] for sensor in SENSORS}
+    for sensor in SENSORS:
+        own = [replace(s, samples=on_own_clock(s.samples, sensor)) for s in sessions]
+        found[sensor] = used_records(own, said[sensor])
+    both = [note for note in said["accelerometer"] if note in said["gyroscope"]]
+    notes += both
+    notes += [f"{s}: {note}" for s, own in said.items() for note in own if note not in both]
+    return found
 
 
 def used_records(sessions, notes):

@@ -4,7 +4,15 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TIME, Samples, at_rail
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    CHANNELS,
+    OWN_TIME,
+    TIME,
+    Samples,
+    at_rail,
+)
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.held import SWAYS, held_rests, sways, united
@@ -65,7 +73,7 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         first, last = np.searchsorted(rows[TIME], np.transpose(stuck))
         stretches = without(whole, merged(np.column_stack([first, last + 1])))
     if kind == "static":
-        rests = undisturbed(rows, stretches, step, settings)
+        rests = _between_disturbances(rows, stretches, step, settings)
         tilted = tilts(rows, rests, step)
         metadata = {"slow_tilts": len(tilted)}
         if len(tilted):
@@ -106,6 +114,22 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
 def no_segments(kind):
     """Return the segments of a session of a kind that has none, as `segment_session` does."""
     return segment_session({name: [] for name in (TIME, *CHANNELS)}, kind, SegmentSettings())
+
+
+def _between_disturbances(rows, stretches, step, settings):
+    """Return the ranges between disturbances; of two clocks in rows of the slower sensor's samples.
+
+    Beside each is the mean of the faster sensor meanwhile. Values that are held over several rows
+    would look like noise that comes and goes.
+    """
+    own = next((name for name in OWN_TIME.values() if name in rows), None)
+    if own is None:
+        return undisturbed(rows, stretches, step, settings)
+    first = np.flatnonzero(np.diff(rows[own], prepend=-np.inf) > 0)
+    edges = np.append(first, len(rows))
+    means = {name: np.add.reduceat(rows[name], first) / np.diff(edges) for name in CHANNELS}
+    slow = Samples({TIME: rows[TIME][first], **means})
+    return edges[undisturbed(slow, np.searchsorted(first, stretches), slow.interval, settings)]
 
 
 def _at_rail(rows, rests, rails):

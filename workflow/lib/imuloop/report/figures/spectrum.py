@@ -33,11 +33,11 @@ def density_pictures(device, session):
     found = _view(session, "psd")
     if found.empty:
         return []
-    rate = device.noise["rate_hz"] or session.quality["rate_hz"]
     found["model"] = np.nan
-    for channel, noise in device.axes.items():
-        at = found["axis"] == channel
+    for sensor, channel in ((s, axis) for s, axes in SENSORS.items() for axis in axes):
+        at, noise = found["axis"] == channel, device.axes[channel]
         if at.any():
+            rate = device.noise["rates_hz"].get(sensor) or session.quality["rate_hz"]
             f = found["x"][at].to_numpy()
             found.loc[at, "model"] = noise.density(f, rate) + noise.R.square * _ramp(f)
     table = found.rename(columns={"x": "frequency_hz", "value": "psd"})

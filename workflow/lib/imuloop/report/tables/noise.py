@@ -52,7 +52,7 @@ MEANS = {"std_10s": "10 s", "std_100s": "100 s"}
 
 def coefficient_table(device, sensor):
     """Return a sensor's noise coefficients, a group per coefficient, a row per axis."""
-    rate, fits = device.noise["rate_hz"], device.noise["curve_fit"]
+    rate, fits = device.noise["rates_hz"].get(sensor), device.noise["curve_fit"]
     fitted, known = dict(of_axes(fits, sensor)), quantities(sensor, rate)
     rows, heads = [], []
     for key, found in _groups(of_axes(device.axes, sensor), sensor):

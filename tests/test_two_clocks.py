@@ -1,0 +1,143 @@
+"""Two sensors on clocks of their own: noise, rests and turns are of each sensor's own samples."""
+
+import zipfile
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import imuloop
+from imuloop.core.files import read_json
+from imuloop.core.samples import Samples
+from imuloop.ingest.ingest import ingest
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import RecordedSession
+from imuloop.noise.settings import NoiseSettings
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
+
+# white noise, m/s^2/√Hz and rad/s/√Hz
+FORCE_NOISE, RATE_NOISE = 1e-3, 1.7e-4
+# acceleration and angular rate, Hz: eight times as fast to eight times as slow, and nearly alike
+RATES = [(50, 400), (62.5, 400), (100, 400), (200, 400), (100, 100.3), (400, 200), (400, 50)]
+
+
+def stamps(seconds, rate, start=0.0):
+    return start + np.arange(int(seconds * rate)) / rate
+
+
+def noisy(values, density, rate, rng):
+    return values + density * np.sqrt(rate) * rng.normal(size=(len(values), 3))
+
+
+@pytest.fixture
+def export(tmp_path):
+    """Return a function that writes a zip with a table a sensor, as a phone exports it."""
+
+    def write(t_force, force, t_rate, rate):
+        path = tmp_path / "log.zip"
+        with zipfile.ZipFile(path, "w") as archive:
+            for name, t, values in (("Accelerometer", t_force, force), ("Gyroscope", t_rate, rate)):
+                ns = 1_700_000_000_000_000_000 + np.rint(t * 1e9).astype(np.int64)
+                rows = zip(ns, t, *values.T, strict=True)
+                lines = [f"{n},{s:.6f},{x:.8f},{y:.8f},{z:.8f}" for n, s, x, y, z in rows]
+                table = "\n".join(["time,seconds_elapsed,x,y,z", *lines])
+                archive.writestr(f"{name}Uncalibrated.csv", table + "\n")
+            archive.writestr("Metadata.csv", "version,platform\n3,android\n")
+        return path
+
+    return write
+
+
+@pytest.fixture
+def read(tmp_path):
+    """Return a function that ingests a log and gives the path of its samples, and its quality."""
+
+    def call(path, kind):
+        samples, quality = tmp_path / "samples.parquet", tmp_path / "quality.json"
+        ingest(
+            device="imu",
+            session="log",
+            kind=kind,
+            paths=[path],
+            samples_path=samples,
+            quality_path=quality,
+        )
+        return samples, read_json(quality)
+
+    return call
+
+
+@pytest.mark.parametrize(("force_rate", "turn_rate"), RATES)
+def test_noise_is_that_of_each_sensor_s_own_samples(export, read, force_rate, turn_rate):
+    rng = np.random.default_rng(int(force_rate + 2 * turn_rate))
+    t_force, t_rate = stamps(150, force_rate), stamps(150, turn_rate, 0.0007)
+    force = noisy(np.tile([0.2, -0.1, 9.78], (len(t_force), 1)), FORCE_NOISE, force_rate, rng)
+    rate = noisy(np.tile([5e-3, -3e-3, 1e-3], (len(t_rate), 1)), RATE_NOISE, turn_rate, rng)
+    path, quality = read(export(t_force, force, t_rate, rate), "static")
+    samples = Samples(path)
+    segments, _ = segment_session(samples, "static", SegmentSettings())
+    # a log that rests is one rest, whatever the clocks
+    assert segments["kind"].tolist() == ["static"]
+    found = estimate_noise(
+        "imu", [RecordedSession("log", "static", samples, segments)], NoiseSettings(views=())
+    )
+    for sensor, axes, density in (
+        ("accelerometer", "ax ay az", FORCE_NOISE),
+        ("gyroscope", "gx gy gz", RATE_NOISE),
+    ):
+        own = {"accelerometer": force_rate, "gyroscope": turn_rate}[sensor]
+        np.testing.assert_allclose(found.rates_hz[sensor], own, rtol=1e-3)
+        for axis in axes.split():
+            np.testing.assert_allclose(found.model.axes[axis].N.value, density, rtol=0.05)
+    # nothing is said of what merging two clocks alone would do
+    assert not [line for line in quality["warnings"] if "power is lacking" in line]
+    assert not [line for line in quality["warnings"] if "a value is held" in line]
+
+
+def turned(t, rng):
+    """Return specific force and angular rate of a device that is turned from rest to rest."""
+    begin, length, rest = 20.0, 1.5, 4.0
+    attitude, force = Rotation.identity(), np.zeros((len(t), 3))
+    rate, start = np.zeros((len(t), 3)), 0.0
+    for number in range(25):
+        axis = rng.normal(size=3)
+        axis *= rng.uniform(1.2, 2.6) / np.linalg.norm(axis)
+        still = (t >= start) & (t < begin)
+        force[still] = attitude.inv().apply([0, 0, 9.80665])
+        # the turn about one axis begins and ends smoothly
+        moving = (t >= begin) & (t < begin + length)
+        phase = (t[moving] - begin) / length
+        angle = phase - np.sin(2 * np.pi * phase) / (2 * np.pi)
+        rate[moving] = axis * ((1 - np.cos(2 * np.pi * phase)) / length)[:, None]
+        along = attitude * Rotation.from_rotvec(axis * angle[:, None])
+        force[moving] = along.inv().apply([0, 0, 9.80665])
+        attitude = attitude * Rotation.from_rotvec(axis)
+        start, begin = begin + length, begin + length + rest
+        rest = 4.0 + number % 3
+    last = t >= start
+    force[last] = attitude.inv().apply([0, 0, 9.80665])
+    return force, rate
+
+
+@pytest.mark.parametrize(("force_rate", "turn_rate"), [(62.5, 400), (100, 100.3), (400, 100)])
+def test_a_calibration_is_as_good_as_of_one_clock(export, read, force_rate, turn_rate):
+    scale_force, scale_rate = np.array([1.01, 0.99, 1.005]), np.array([0.99, 1.012, 1.004])
+    t_force, t_rate = stamps(170, force_rate), stamps(170, turn_rate, 0.0031)
+    rng = np.random.default_rng(4)
+    force, _ = turned(t_force, np.random.default_rng(9))
+    _, rate = turned(t_rate, np.random.default_rng(9))
+    force = noisy(force / scale_force + [0.1, -0.05, 0.02], FORCE_NOISE, force_rate, rng)
+    rate = noisy(rate / scale_rate + [5e-3, -3e-3, 1e-3], RATE_NOISE, turn_rate, rng)
+    device = imuloop.calibrate(export(t_force, force, t_rate, rate))
+    made, verdicts = device.calibration, device.diagnosis["sensors"]
+    for sensor, scale, limit in (
+        ("accelerometer", scale_force, 3e-4),
+        ("gyroscope", scale_rate, 1e-3),
+    ):
+        own = getattr(made, sensor)
+        # within four of its own errors, and those are small
+        error = np.array([own.std[f"K{k}"] for k in range(3)])
+        assert (error < limit).all()
+        assert (np.abs(own.K - scale) < 4 * error).all(), (own.K - scale) / error
+        assert verdicts[sensor]["poses"]["verdict"] == "consistent"
