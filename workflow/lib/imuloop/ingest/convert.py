@@ -68,6 +68,7 @@ def si_batches(
 ):
     """Give the samples of a RawLog, batch by batch, `t` strictly increasing from 0.
 
+    Of a sensor that the log lacks they are zero.
     `units` and `raw_units` are the unit of each quantity and the `RawUnit` of each sensor; `rate`,
     Hz, stamps rows of a log without stamps; `time_range` is a half-open crop, seconds from the
     log's first stamp or ISO 8601, None is open; `counts` are filled on the way. With a `step`, s
@@ -84,7 +85,9 @@ def si_batches(
         )
     origin = zero = None
     for (x, readable, absolute, scale, batch), after in with_lookahead(_clocked(log, units, rate)):
-        raw = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in channels}
+        absent = dict.fromkeys({*CHANNELS} - {*batch.schema.names}, np.zeros(batch.num_rows))
+        logged = (name for name in channels if name not in absent)
+        raw = absent | {name: batch.column(name).to_numpy(zero_copy_only=False) for name in logged}
         rows = np.arange(counts.read, counts.read + batch.num_rows)
         counts.read += batch.num_rows
         stamped = STAMP in batch.schema.names
@@ -123,7 +126,7 @@ def si_batches(
             constant = 1.0 if "interval" in units else step if stamped else scale
             steps, starts, wide = increments.steps(x, before, origin, scale, usual, constant)
             raw |= increments.rates(raw, batch, units, steps)
-        values = {name: _si(name, raw[name], units, raw_units) for name in channels}
+        values = {name: _si(name, raw[name], units, raw_units) for name in channels} | absent
         missing = {name: ~np.isfinite(raw[name]) for name in channels}
         beyond = {name: ~missing[name] & (np.abs(values[name]) > BEYOND) for name in channels}
         finite = readable & ~np.any([missing[n] | beyond[n] for n in CHANNELS], axis=0)

@@ -90,9 +90,8 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
         arrays[TEMPERATURE] = stream.values([name])[0]
         if stream is not clock and not np.array_equal(stream.stamps, clock.stamps):
             arrays[TEMPERATURE] = _interpolated(clock, stream, arrays[TEMPERATURE])
-            notes.append(
-                f"temperature of {stream.name} interpolated linearly onto the stamps of {clock.name}"
-            )
+            where = f"the stamps of {clock.name}"
+            notes.append(f"temperature of {stream.name} interpolated linearly onto {where}")
         units |= {q: unit for q, unit in stream.units.items() if q == TEMPERATURE}
         found[TEMPERATURE] = f"{stream.name}.{name}"
     if slower and "time" in columns:

@@ -36,6 +36,9 @@ def number_poses(rows, rests, table, stretches, settings):
     force, rate = (
         table[[f"{name}_mean" for name in axes]].to_numpy() for axes in (ACCELERATION, ANGULAR_RATE)
     )
+    # without specific force no attitude is told from another
+    if not force.any():
+        return numbers
     spread = table[[f"{name}_std" for name in ACCELERATION]].to_numpy()
     errors = np.linalg.norm(spread, axis=1) / np.sqrt(lengths(rests))
     stretch = np.searchsorted(np.asarray(stretches)[:, 0], rests[:, 0], side="right")

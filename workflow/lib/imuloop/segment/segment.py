@@ -72,7 +72,9 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     if len(stuck):
         first, last = np.searchsorted(rows[TIME], np.transpose(stuck))
         stretches = without(whole, merged(np.column_stack([first, last + 1])))
-    if kind == "static":
+    # without specific force there is no attitude, and rests are stretches without a disturbance
+    posed = kind != "static" and (not len(rows) or rows.read(ACCELERATION, 0, len(rows)).any())
+    if not posed:
         rests = _between_disturbances(rows, stretches, step, settings)
         tilted = tilts(rows, rests, step)
         metadata = {"slow_tilts": len(tilted)}
@@ -88,7 +90,7 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         metadata["railed_rests"] = int(railed.sum())
 
     t, edges = rows[TIME], np.union1d(np.concatenate([whole, stretches]), rests)
-    between = DISTURBED if kind == "static" else MOTION
+    between = MOTION if posed else DISTURBED
     kinds = np.where(np.isin(edges[:-1], rests[:, 0]), STATIC, between)
     kinds = np.where(np.isin(edges[:-1], rests[railed, 0]), DISTURBED, kinds)
     rests, tilt = rests[~railed], tilt[~railed]
