@@ -13,6 +13,7 @@ import imuloop
 from bench.study.chain import through
 from calibrated import calibrated_device
 from imuloop import chain
+from imuloop.__main__ import main
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from quick import hurried
@@ -198,3 +199,27 @@ def test_the_package_says_what_it_has():
     assert all(getattr(imuloop, name).__doc__ for name in imuloop.__all__)
     with pytest.raises(AttributeError, match="nothing"):
         _ = imuloop.nothing
+
+
+@pytest.mark.parametrize(("factor", "scale"), [(1 / 1.45, "1.4"), (1.35, "0.73")])
+def test_a_scale_that_no_sensor_has_is_not_consistent(log, tmp_path, capsys, factor, scale):
+    """Protects users of a log that is off by a factor without a name: its fit is a good one."""
+    with hurried("device"):
+        force = np.asarray(log[FORCE])
+        found = imuloop.calibrate(log["t"], force, factor * log[TURN], progress=False)
+    why = f"K of x is {scale}"
+    block = found.diagnosis["sensors"]["gyroscope"]["poses"]
+    assert block["verdict"] == "not_testable" and why in block["why"]
+    assert found.diagnosis["sensors"]["accelerometer"]["poses"]["verdict"] == "consistent"
+    assert why in found.calibration.gyroscope.not_testable and why in str(found)
+    assert any(why in line for line in found.calibration.limits())
+    found.export(tmp_path)
+    assert any(why in file.read_text() for file in tmp_path.glob("*.txt"))
+    found.report(tmp_path / "report.html")
+    assert why in (tmp_path / "report.html").read_text()
+    # a calibration of an older version, too
+    found.calibration.to_json(tmp_path / "calibration.json")
+    shutil.copy(found.device.file("noise.json"), tmp_path)
+    (factor * log[TURN]).join(log.drop(columns=TURN)).to_csv(tmp_path / "log.csv")
+    main(["check", str(tmp_path / "calibration.json"), str(tmp_path / "log.csv")])
+    assert why in capsys.readouterr().out

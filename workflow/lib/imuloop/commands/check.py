@@ -16,10 +16,11 @@ from imuloop.commands.raw_log import (
     log_samples,
     refuse_rejected,
 )
+from imuloop.core.calibration_faults import implausible
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import read_metadata, read_samples
+from imuloop.core.samples import SENSORS, read_metadata, read_samples
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
@@ -110,6 +111,9 @@ def run(arguments):
     except ImuloopError as error:
         raise ImuloopError(f"{log}: {error}") from error
     say(f"{log.name} against the calibration of {drift.device}; noise {source}", *lines(drift))
+    for sensor in SENSORS:
+        if why := implausible(getattr(calibration, sensor), sensor):
+            say(f"The calibration of the {sensor}: {why}")
     if update:
         updated, kept = update
         updated.to_json(arguments.output)

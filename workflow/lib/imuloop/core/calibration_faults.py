@@ -28,6 +28,9 @@ _UPPER = {name for name in _ANGLES if name[1] < name[2]}
 _FURTHEST = 100.0
 # a parameter or a standard error of so much, SI, is of no sensor, and its square still a number
 _LARGEST = 1e9
+# data sheets allow a scale factor off by 10 %, a bias of 0.3 g and of 75 °/s at most; beyond
+# these limits, SI, the log is at fault: a wrong scale, or rows that were not read
+_SCALE_ERROR, _BIAS = 0.2, {"accelerometer": 5.0, "gyroscope": 1.5}
 # what rounding may leave of symmetry, in units of the standard errors
 _ROUNDING = 1e-6
 
@@ -57,6 +60,24 @@ def sensor_fault(calibration, sensor):
     """Return why a SensorCalibration can be none of a sensor, in a line; None if it can."""
     faults = _base_faults, _effect_faults, _covariance_faults
     return next((fault for each in faults for fault in each(calibration, sensor)), None)
+
+
+def implausible(calibration, sensor):
+    """Return why a SensorCalibration, though it can be applied, is of no good log; None if it is.
+
+    Its K or b is further from the nominal one than any data sheet allows.
+    """
+    unit, found = calibration.raw_unit, []
+    for i, axis in enumerate("xyz"):
+        scale, bias = calibration.K[i] / unit.scale, (calibration.b[i] - unit.offset) * unit.scale
+        if abs(scale - 1) > _SCALE_ERROR:
+            found.append(f"K of {axis} is {scale:.3g} times nominal")
+        if abs(bias) > _BIAS[sensor]:
+            si = {"accelerometer": "m/s²", "gyroscope": "rad/s"}[sensor]
+            found.append(f"the bias of {axis} is {bias:.3g} {si}")
+    quantity = _QUANTITIES[sensor]
+    where = f"nominal.{quantity}" if unit.name == "count" else f"units.{quantity}"
+    return f"{', '.join(found)}, of no sensor: see {where} and the log" if found else None
 
 
 def _base_faults(calibration, sensor):

@@ -17,6 +17,7 @@ from imuloop.calibrate.calibrate import (
 )
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.recording import Recording
+from imuloop.core.calibration_faults import implausible
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
@@ -127,8 +128,13 @@ def diagnose_device(
     content = _content(device, poses.contents, still.content, motion.contents)
     for sensor, own in content["sensors"].items():
         own |= {"reference": beside[sensor].content} if beside else {}
+        calibration = getattr(final, sensor)
+        if why := implausible(calibration, sensor):
+            good = [part for part, c in own.items() if c["verdict"] in ("consistent", "explained")]
+            own |= {part: not_testable(why) for part in good}
+            calibration = replace(calibration, not_testable=why)
         verdict = of_calibration(own, has_static_session)
-        final = replace(final, **{sensor: replace(getattr(final, sensor), verdict=verdict)})
+        final = replace(final, **{sensor: replace(calibration, verdict=verdict)})
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, *kinds)]
         for kinds in (POSED, ("six_position",))
