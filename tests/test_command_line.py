@@ -8,6 +8,7 @@ from html import unescape
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
 import imuloop
 from calibrated import calibrated_device
@@ -308,7 +309,7 @@ def test_what_a_terminal_would_obey_is_not_printed(tmp_path, capsys):
     rows = "\n".join(f"{k / 100},1,2,3,4,5,6" for k in range(20))
     hostile.write_text(f"t,ax,ay,az,gx,gy,\x1b[31mgz\n{rows}\n")
     columns = "angular_rate=gx,gy,\x1b[31mgz"
-    assert main(["info", str(hostile), "--columns", columns]) == 0
+    assert main(["info", str(hostile), "--columns", columns]) == 1
     out = capsys.readouterr().out
     assert "a?[31m" in out and all(line.isprintable() for line in out.splitlines())
 
@@ -346,3 +347,25 @@ def test_one_result_in_the_place_of_another_is_one_line(device, tmp_path, capsys
     (tmp_path / "noise.json").write_text("{}")
     found = one_line_error(["check", tmp_path / "calibration.json", device / "1.csv"], capsys)
     assert "not a noise model" in found
+
+
+def test_info_returns_1_of_a_rejected_log(tmp_path, capsys):
+    rows = ["t,ax,ay,az,gx,gy,gz", *(f"{i / 100},0,0,0,0,0,0" for i in range(400))]
+    (tmp_path / "log.csv").write_text("\n".join(rows))
+    assert main(["info", str(tmp_path / "log.csv")]) == 1
+    assert "\nrejected: " in capsys.readouterr().out
+
+
+def test_a_stream_is_named_as_in_the_config(tmp_path, capsys):
+    rng = np.random.default_rng(11)
+    values = {"t": np.arange(600)[:, None] / 100}
+    values |= {n: c + 0.02 * rng.normal(size=(600, 3)) for n, c in (("f", [0, 0, 9.8]), ("v", 0))}
+    savemat(tmp_path / "log.mat", values | {"w": values["v"] + 1})
+    log, named = str(tmp_path / "log.mat"), ["acceleration=f", "angular_rate=v"]
+    assert main(["info", log, "--columns", *named, "time=null", "--rate", "50"]) == 0
+    shown = capsys.readouterr().out
+    assert "f.x, f.y, f.z" in shown and "v.x, v.y, v.z" in shown and "50 Hz" in shown
+    with pytest.raises(SystemExit):
+        main(["info", log, "--columns", "acceleration=f,v"])
+    with pytest.raises(SystemExit):
+        main(["info", log, "--columns", "time=sec,nsec,usec"])

@@ -105,8 +105,9 @@ LONG = [
     ),
     (
         f"{SOUND}, columns: {{time: note}}",
-        "file: time column 'note' holds neither numbers nor ISO 8601 stamps; name the right one in "
-        "columns.time, or give columns.time: null and rate in Hz",
+        "file: time column 'note': 'a' is neither a number nor ISO 8601, a time of the day or a "
+        "day such as 24-Nov-2026; name the right one in columns.time, or give columns.time: null "
+        "and rate in Hz",
     ),
 ]
 STATIC = "sessions: {a: {kind: static, file: poses.csv}}}"
@@ -191,7 +192,11 @@ def test_all_columns_that_are_not_there_are_named(faults):
     ("quantity", "written", "hint"),
     [
         ("angular_rate", "dps", "did you mean 'deg/s'?"),
-        ("angular_rate", "mdps", "use one of rad/s, deg/s, mrad/s, deg/h, count, rad, mrad, deg"),
+        (
+            "angular_rate",
+            "mdps",
+            "use one of rad/s, deg/s, mrad/s, deg/h, rpm, count, rad, mrad, deg",
+        ),
         ("time", "µs", "did you mean 'us'?"),
         ("acceleration", "m/s²", "did you mean 'm/s^2'?"),
         ("temperature", "°C", "did you mean 'degC'?"),

@@ -71,8 +71,7 @@ def test_the_stamp_of_a_message_comes_before_its_receipt():
 
 
 def test_missing_angular_rate_and_repeated_names():
-    with pytest.raises(ImuloopError, match="no columns of angular_rate found"):
-        resolve("t ax ay az".split())
+    assert resolve("t ax ay az".split()).angular_rate is None
     with pytest.raises(ImuloopError, match="2 columns are named 'x'"):
         resolve("t x x z gx gy gz".split(), {"acceleration": ["x", "x", "z"]})
     with pytest.raises(ImuloopError, match="not a list of three"):

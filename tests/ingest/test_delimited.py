@@ -221,8 +221,8 @@ def test_a_row_of_units_below_the_header(log, run, tmp_path, brackets):
     expected = {"time": "ms", "acceleration": "g", "angular_rate": "deg/s"}
     assert done.metadata["units"] == expected
     assert (len(done.samples), done.quality["non_finite"]) == (500, 0)
-    path.write_text("\n".join([lines[0], ",".join([*units[:4], *["rpm"] * 3]), *lines[1:]]))
-    with pytest.raises(ImuloopError, match=r"units\.angular_rate: the log says 'rpm'"):
+    path.write_text("\n".join([lines[0], ",".join([*units[:4], *["rph"] * 3]), *lines[1:]]))
+    with pytest.raises(ImuloopError, match=r"units\.angular_rate: the log says 'rph'"):
         run(path)
 
 

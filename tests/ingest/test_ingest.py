@@ -81,7 +81,7 @@ def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch):
     ("declared", "text"),
     [
         ({"units": {"acceleration": "count"}}, r"needs nominal\.acceleration"),
-        ({"units": {"acceleration": "ft/s^2"}}, r"'ft/s\^2' is not a unit of acceleration"),
+        ({"units": {"acceleration": "mi/h^2"}}, r"'mi/h\^2' is not a unit of acceleration"),
         ({"units": {"time": "sec"}}, r"units\.time: 'sec' is not a unit; did you mean 's'\?"),
         ({"units": {"time": "ISO 8601"}}, "column 't' holds numbers"),
         ({"columns": {"time": "when"}}, "no column 'when'; there are t, ax"),
@@ -113,8 +113,8 @@ def test_stamps_that_are_too_large(log, path, run):
     ("header", "units", "logged"),
     [
         ("t,ax [furlong],ay [furlong],az [furlong],gx,gy,gz", {"acceleration": "m/s^2"}, "furlong"),
-        ("t,ax,ay,az,gx [rpm],gy [rpm],gz [rpm]", {"angular_rate": "rad/s"}, "rpm"),
-        ("t [min],ax,ay,az,gx,gy,gz", {"time": "s"}, "min"),
+        ("t,ax,ay,az,gx [rph],gy [rph],gz [rph]", {"angular_rate": "rad/s"}, "rph"),
+        ("t [week],ax,ay,az,gx,gy,gz", {"time": "s"}, "week"),
         ("t [UTC],ax,ay,az,gx,gy,gz", {"time": "s"}, "UTC"),
     ],
 )

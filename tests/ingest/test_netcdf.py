@@ -95,8 +95,10 @@ def test_units_that_are_no_date(run, write, date):
 def test_units_that_are_not_known_or_differ(log, run, write):
     path = write()
     with netCDF4.Dataset(path, "a") as data:
-        data["acceleration"].units = "cm s-2"
-    with pytest.raises(ImuloopError, match=r"units\.acceleration: the log says 'cm/s\^2', which"):
+        data["acceleration"].units = "furlong s-2"
+    with pytest.raises(
+        ImuloopError, match=r"units\.acceleration: the log says 'furlong s-2', which"
+    ):
         run(path)
     done = run(path, units={"acceleration": "m/s^2"})
     np.testing.assert_array_equal(done.samples.ax, log.ax)
@@ -105,11 +107,11 @@ def test_units_that_are_not_known_or_differ(log, run, write):
         run(path, columns=columns, units={"acceleration": "m/s^2"})
 
 
-@pytest.mark.parametrize("unit", ["minutes", "fortnights since 2021-09-20"])
+@pytest.mark.parametrize("unit", ["fortnights", "fortnights since 2021-09-20"])
 def test_a_unit_of_time_that_is_not_known(log, run, write, unit):
     path = write(units=unit)
     np.testing.assert_array_equal(run(path, units={"time": "s"}).samples.t, log.t)
-    with pytest.raises(ImuloopError, match=r"units\.time: the log says '(min'|fortnights since )"):
+    with pytest.raises(ImuloopError, match=r"units\.time: the log says 'fortnights"):
         run(path)
 
 

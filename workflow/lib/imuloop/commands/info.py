@@ -39,7 +39,7 @@ def add(commands, **how):
 
 
 def run(arguments):
-    """Print what a file is."""
+    """Print what a file is; return 1 of a log that is rejected."""
     path = arguments.file
     if path.suffix == ".json" and path.is_file():
         say(*result_lines(path))
@@ -48,7 +48,10 @@ def run(arguments):
         count = plural(len(table), "sample")
         say(f"calibrated samples of {device}: {count}, {', '.join(table.names)}")
     else:
-        say(*log_lines(arguments))
+        lines, rejected = log_lines(arguments)
+        say(*lines)
+        return int(rejected)
+    return 0
 
 
 def result_lines(path):
@@ -144,13 +147,15 @@ def quality_lines(content):
 
 
 def log_lines(arguments):
-    """Return what a log is: format, columns, rate, duration, faults."""
+    """Return what a log is: format, columns, rate, duration, faults; and whether it is rejected."""
     path = arguments.file
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         samples, quality = log_samples(path, arguments, Path(folder))
+    rejected = quality.get("status") == "rejected"
     if samples != path:
-        return [f"{path.name}: log, format {quality['log_format']}", *quality_lines(quality)]
+        first = f"{path.name}: log, format {quality['log_format']}"
+        return [first, *quality_lines(quality)], rejected
     origin, table = read_metadata(path), Samples(path)
     first = f"samples of {origin['device']}, session {origin['session']}, {origin['kind']}"
     rows = [plural(len(table), "sample"), f"columns: {', '.join(table.names)}"]
-    return [first, *(quality_lines(quality) if quality else rows)]
+    return [first, *(quality_lines(quality) if quality else rows)], rejected

@@ -6,6 +6,7 @@ from contextlib import suppress
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata
+from imuloop.ingest.columns import UNITS
 from imuloop.ingest.formats import guess_format
 from imuloop.ingest.ingest import ingest
 
@@ -14,12 +15,17 @@ SENSORS = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 
 
 def columns(text):
-    """Return quantity and columns of an argument ``acceleration=fx,fy,fz``."""
+    """Return quantity and columns of an argument ``acceleration=fx,fy,fz``, as in the config."""
     quantity, _, names = text.partition("=")
-    if quantity not in QUANTITIES or not names:
-        raise argparse.ArgumentTypeError(f"{text} is not QUANTITY=NAME or QUANTITY=NAME,NAME,NAME")
     found = [int(name) if name.isdecimal() else name for name in names.split(",")]
-    return quantity, found if quantity in SENSORS else found[0]
+    counts = {"time": (1, 2), **dict.fromkeys(SENSORS, (1, 3))}.get(quantity, (1,))
+    if quantity not in QUANTITIES or not all(map(str, found)) or len(found) not in counts:
+        raise argparse.ArgumentTypeError(
+            f"{text} is not QUANTITY=NAME, time=SECONDS,NANOSECONDS or acceleration=X,Y,Z"
+        )
+    if found == ["null"]:
+        return quantity, None
+    return quantity, found if len(found) > 1 else found[0]
 
 
 def counts(text):
@@ -62,14 +68,19 @@ def add_arguments(command):
         default=[],
         metavar="QUANTITY=NAME",
         help="as in the config: time=stamp acceleration=fx,fy,fz angular_rate=p,q,r temperature=T; "
-        "by number from 0 in a log without header",
+        "time=sec,nsec; time=null for none; a stream or variable that holds all three axes, "
+        "acceleration=/imu_a; by number from 0 in a log without header",
     )
-    group.add_argument("--acceleration-unit", metavar="UNIT", help="m/s^2, g, mg, count")
+    group.add_argument("--acceleration-unit", metavar="UNIT", help=", ".join(UNITS["acceleration"]))
+    group.add_argument("--angular-rate-unit", metavar="UNIT", help=", ".join(UNITS["angular_rate"]))
     group.add_argument(
-        "--angular-rate-unit", metavar="UNIT", help="rad/s, deg/s, mrad/s, deg/h, count"
+        "--time-unit", metavar="UNIT", help=f"{', '.join(UNITS['time'])}; default: s"
     )
-    group.add_argument("--time-unit", metavar="UNIT", help="s, ms, us, ns; default: s")
-    group.add_argument("--temperature-unit", metavar="UNIT", help="degC, K; default: degC")
+    group.add_argument(
+        "--temperature-unit",
+        metavar="UNIT",
+        help=f"{', '.join(UNITS['temperature'])}; default: degC",
+    )
     group.add_argument(
         "--counts",
         nargs="+",

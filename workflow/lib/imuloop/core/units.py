@@ -16,16 +16,18 @@ HOUR = 3600.0
 ZERO_CELSIUS = 273.15
 
 # factor from each unit to SI
-TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": HOUR}
 ACCELERATION = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY * 1e-3}
+ACCELERATION |= {"cm/s^2": 0.01, "ft/s^2": 0.3048}
 ANGULAR_RATE = {"rad/s": 1.0, "deg/s": DEGREE, "mrad/s": 1e-3, "deg/h": DEGREE / HOUR}
+ANGULAR_RATE |= {"rpm": 2 * np.pi / 60}
 # factor from increments to the unit that they have per second
 INCREMENTS = {
     "acceleration": {"m/s": 1.0, "mm/s": 1e-3},
     "angular_rate": {"rad": 1.0, "mrad": 1e-3, "deg": DEGREE},
 }
-# offset in the unit that is 0 degC
-TEMPERATURE = {"degC": 0.0, "K": ZERO_CELSIUS}
+# degC per unit, and what the unit has at 0 degC
+TEMPERATURE = {"degC": (1.0, 0.0), "K": (1.0, ZERO_CELSIUS), "degF": (5 / 9, 32.0)}
 
 _FACTORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
 _SI = {"acceleration": "m/s^2", "angular_rate": "rad/s"}

@@ -4,8 +4,10 @@ import re
 from dataclasses import dataclass, field
 from itertools import islice, product
 
-from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.core.samples import CHANNELS, TEMPERATURE
+from imuloop.core.errors import ImuloopError, Lacking, did_you_mean
+from imuloop.core.samples import ACCELERATION as FORCES
+from imuloop.core.samples import ANGULAR_RATE as RATES
+from imuloop.core.samples import TEMPERATURE
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, INCREMENTS, TIME
 from imuloop.core.units import TEMPERATURE as DEGREES
 
@@ -14,9 +16,13 @@ AXES = ("x", "y", "z")
 STAMP = "stamp"
 # name there of the own stamps of a sensor with a slower clock
 HELD = "held"
+# name there of the part of a second where that has a column of its own
+FRACTION = "stamp.fraction"
+# names there of the axes of each sensor
+SENSORS = {"acceleration": FORCES, "angular_rate": RATES}
 # usual names of a sensor's columns without their axis, words joined by "_": of the quantity itself,
 # and of its increments over the interval that ends at the stamp
-_SENSORS = {
+_NAMES = {
     "acceleration": (
         "a acc accel accelero accelerometer acceleration accelerometer_acceleration specific_force"
         " linear_acceleration a_rs_s".split(),
@@ -30,41 +36,50 @@ _SENSORS = {
         " angular_increment".split(),
     ),
 }
-_KNOWN = {name for pair in _SENSORS.values() for usual in pair for name in usual}
+_KNOWN = {name for pair in _NAMES.values() for usual in pair for name in usual}
+# beginnings of words that name a sensor among others, and words of what is not its output
+_HINTS = {"acceleration": "acc", "angular_rate": "gyr"}
+_NO_OUTPUT = set(
+    "linear lin free user gravity without bias offset scale std var cov covariance variance mean"
+    " earth world global ned enu ref reference true setpoint delta inc linacc freeacc".split()
+)
 # of several the first is taken, a message's own stamp before its receipt; the interval is that of
 # increments, that of one sensor alone ends in its name and _dt
 _SINGLE = {
-    "time": "header_stamp t time timestamp time_stamp stamp timestamps times sensor_time utc"
-    " time_utc timestamp_utc utc_time datetime date_time epoch unix_time unix_timestamp"
-    " seconds_elapsed elapsed elapsed_time millis micros".split(),
+    "time": "elapsed_realtime header_stamp t time timestamp time_stamp stamp timestamps times"
+    " sensor_time sensor_timestamp utc time_utc timestamp_utc utc_time datetime date_time epoch"
+    " epoc unix_time unix_timestamp seconds_elapsed elapsed elapsed_time time_since_start millis"
+    " micros".split(),
     "temperature": "temperature temp tmp temperature_imu chip_temperature".split(),
     "interval": "dt delta_t delta_time interval sample_interval sampling_interval sample_period"
     " integration_time integration_interval".split(),
 }
 _QUANTITIES = ("time", "acceleration", "angular_rate", "temperature")
+# last words of two columns of one time: whole seconds, and ns in a unit of the part of a second
+_SECONDS = ("sec", "secs")
+_PARTS = {"nsec": 1, "nsecs": 1, "nanosec": 1, "nanosecs": 1, "usec": 1000, "usecs": 1000}
 # most names in a message
 _SHOWN = 60
 # words that say where, not what
 _PLACE = {"imu", "raw", "sensor", "field", "data"}
 
-# spellings that files use for the units of the contract, lower case without blanks, dots, carets;
-# units that are none of the contract's are named, never taken for one
+# spellings that files use for the units, lower case without blanks, dots, carets
 _SPELLINGS = {
     "time": {
         "min": "min mins minute minutes",
         "h": "h hr hrs hour hours",
         "s": "s sec secs second seconds",
-        "ms": "ms msec millis millisecond milliseconds",
-        "us": "us usec micros microsecond microseconds",
-        "ns": "ns nsec nanosecond nanoseconds",
+        "ms": "ms msec msecs millis millisec millisecs millisecond milliseconds",
+        "us": "us usec usecs micros microsec microsecs microsecond microseconds",
+        "ns": "ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds",
     },
     "acceleration": {
         "m/s^2": "m/s^2 m/s2 m/s/s ms-2 ms2 mps2 m/sec2",
         "g": "g gs g0",
-        "mg": "mg milli-g",
+        "mg": "mg milli-g millig",
         "count": "count counts lsb adc raw",
         "cm/s^2": "cm/s^2 cm/s2 cms-2 cms2 gal",
-        "ft/s^2": "ft/s^2 ft/s2 fts-2 fts2",
+        "ft/s^2": "ft/s^2 ft/s2 ft/s/s ft/sec2 fts-2 fts2",
         "m/s": "m/s m/sec mps ms-1",
         "mm/s": "mm/s mm/sec mmps mms-1",
     },
@@ -104,29 +119,31 @@ UNITS = {
 class Columns:
     """Positions of the columns of each quantity, from 0; None where there is none.
 
-    `others` holds further raw columns, of numbers or stamps: ``interval.SENSOR``, the interval of
-    a sensor's increments, and ``pps.counter``, ``pps.time``. `increments` holds the sensors whose
-    columns' names say that they are logged as such, `units` the units that the names state.
+    A `time` of two columns is whole seconds and a part of a second in units of `part_ns`. `others`
+    holds further raw columns, of numbers or stamps: ``interval.SENSOR``, the interval of a sensor's
+    increments, and ``pps.counter``, ``pps.time``. `increments` holds the sensors whose columns'
+    names say that they are logged as such, `units` the units that the names state.
     """
 
-    acceleration: tuple[int, int, int]
-    angular_rate: tuple[int, int, int]
-    time: int | None = None
+    acceleration: tuple[int, int, int] | None = None
+    angular_rate: tuple[int, int, int] | None = None
+    time: int | tuple[int, int] | None = None
     temperature: int | None = None
     others: dict = field(default_factory=dict)
     increments: frozenset = frozenset()
     units: dict = field(default_factory=dict)
+    part_ns: int = 1
 
-    def keys(self):
-        """Return the names of the raw columns: those that are stamps, six axes, temperature."""
-        stamps = [] if self.time is None else [STAMP]
-        warm = [] if self.temperature is None else [TEMPERATURE]
-        return [*stamps, *self.others, *CHANNELS, *warm]
+    def raw(self):
+        """Return name of each raw column -> its position: those that are stamps come first."""
+        time = zip((STAMP, FRACTION), _tuple(self.time), strict=False)
+        axes = [zip(names, _tuple(getattr(self, q)), strict=False) for q, names in SENSORS.items()]
+        warm = zip((TEMPERATURE,), _tuple(self.temperature), strict=False)
+        return dict([*time, *self.others.items(), *axes[0], *axes[1], *warm])
 
-    def positions(self):
-        """Return the positions of the raw columns, in the order of `keys`."""
-        axes = *self.others.values(), *self.acceleration, *self.angular_rate
-        return [i for i in (self.time, *axes, self.temperature) if i is not None]
+    def stamps(self):
+        """Return how many raw columns are stamps."""
+        return len(_tuple(self.time)) + len(self.others)
 
     def stated(self, quantity, text):
         """Return the contract's name of a unit as the log spells it, or None."""
@@ -143,6 +160,10 @@ class Columns:
             for quantity, where in given.items()
             if where is not None
         }
+
+
+def _tuple(where):
+    return () if where is None else where if isinstance(where, tuple) else (where,)
 
 
 def stated_unit(quantity, text, increments=False):
@@ -171,37 +192,43 @@ def unknown_unit(quantity, text):
 def resolve(names, declared=None, headed=True):
     """Return which columns hold time, acceleration, angular rate and temperature.
 
-    `declared` maps a quantity to a column's name or number from 0, three of them for a sensor. A
-    quantity that is left out is found by its usual name; one that is None is taken as not logged.
-    Where the names are not the log's own (`headed`), columns have to be declared by number.
+    `declared` maps a quantity to a column's name or number from 0, three of them for a sensor, two
+    for a time of whole seconds and nanoseconds. A quantity that is left out is found by its usual
+    name; one that is None is taken as not logged. Of a log of one sensor, the other being None, x,
+    y and z are enough. Where the names are not the log's own (`headed`), columns have to be
+    declared by number.
     """
     declared = dict(declared or {})
-    guessed = guess(names) if headed else dict.fromkeys((*_QUANTITIES, "interval"), ())
-    increments = guess(names, increments=True) if headed else guessed
+    guessed, increments = guess(names), guess(names, increments=True)
+    pair, part_ns = _two_parts(names)
     units, chosen, summed = {}, {}, {}
     for quantity in _QUANTITIES:
         # who logs the rate too has it from the increments
-        usual = guessed[quantity] or (quantity in _SENSORS and increments[quantity])
+        usual = guessed[quantity] or (quantity in SENSORS and increments[quantity])
         if quantity in declared:
             chosen[quantity] = _declared(quantity, declared[quantity], names, headed)
+        elif quantity == "time" and pair:
+            chosen[quantity] = pair
         elif usual:
             chosen[quantity] = _only(quantity, usual, names)
+        elif quantity in SENSORS and (where := _sensor_alone(quantity, declared, names, headed)):
+            chosen[quantity] = where
         where = chosen.get(quantity)
-        if where is None and quantity in _SENSORS:
-            how = "by name" if headed else "by number from 0"
-            raise ImuloopError(
-                f"no columns of {quantity} found ({listed(names, headed)}); name its x, y, z "
-                f"{how} in columns.{quantity}; a log holds both sensors, as a phone app's zip does"
-            )
         if not headed or where is None:
             continue
-        if quantity in _SENSORS:
+        if quantity in SENSORS:
             for at, stem in increments[quantity]:
                 if at == where:
                     summed[quantity] = stem
         unit = unit_of(quantity, where, names, quantity in summed)
         if unit or quantity in summed:
             units[quantity] = unit or next(iter(INCREMENTS[quantity]))
+    time = chosen.get("time")
+    if time is None and "time" not in declared and not headed and _bare(declared, names) == 4:
+        chosen["time"] = 0
+    if isinstance(time, tuple):
+        units["time"] = "ns"
+        part_ns = part_ns if time == pair else _PARTS.get((_words(names[time[1]]) or [""])[-1], 1)
     intervals = _intervals(declared, names, headed, guessed, summed)
     unit = intervals and headed and unit_of("interval", next(iter(intervals.values())), names)
     if unit:
@@ -209,17 +236,68 @@ def resolve(names, declared=None, headed=True):
     others = {f"interval.{quantity}": at for quantity, at in intervals.items()}
     for name, value in declared.get("pps", {}).items():
         others[f"pps.{name}"] = position(f"pps.{name}", value, names, headed)
-    places = {q: where if isinstance(where, tuple) else (where,) for q, where in chosen.items()}
-    check_each_once(
-        {q: [f"{i}, '{names[i]}'," for i in x if i is not None] for q, x in places.items()}
+    check_each_once({q: [f"{i}, '{names[i]}'," for i in _tuple(at)] for q, at in chosen.items()})
+    return Columns(
+        **chosen, others=others, increments=frozenset(summed), units=units, part_ns=part_ns
     )
-    return Columns(**chosen, others=others, increments=frozenset(summed), units=units)
+
+
+def lacking(quantity, columns):
+    """Return the error of a log, whose columns are listed, without those of a sensor."""
+    how = "by number from 0" if columns.startswith("no header") else "by name"
+    return Lacking(
+        f"no columns of {quantity} found ({columns}); name its x, y, z {how} in "
+        f"columns.{quantity}; a log holds both sensors, as a phone app's zip does"
+    )
+
+
+def _bare(declared, names):
+    """Return how many columns a log without header has if it is of one sensor, else 0."""
+    alone = sum(quantity in declared and declared[quantity] is None for quantity in SENSORS) == 1
+    return len(names) if alone and len(names) in (len(AXES), len(AXES) + 1) else 0
+
+
+def _sensor_alone(quantity, declared, names, headed):
+    """Return columns that differ by their axis alone: of a log of one sensor, or that hint at it.
+
+    A log without header has time, if it has, then the three axes.
+    """
+    alone = any(q != quantity and q in declared and declared[q] is None for q in SENSORS)
+    if not headed:
+        count = _bare(declared, names)
+        return tuple(range(count)[-len(AXES) :]) if count else None
+    triples = {}
+    for at, name in enumerate(names):
+        text = " ".join(_split(_without_unit(name)))
+        for match in re.finditer(r"(?<![a-z])[xyz]|[xyz](?![a-z])", text):
+            stem = text[: match.start()], text[match.end() :]
+            triples.setdefault(stem, {}).setdefault(match[0], at)
+    found = {stem: tuple(axes[a] for a in AXES) for stem, axes in triples.items() if len(axes) == 3}
+    hinted = {
+        at: stem
+        for stem, at in found.items()
+        for words in [" ".join(stem).split()]
+        if any(w.startswith(_HINTS[quantity]) for w in words) and not _NO_OUTPUT & {*words}
+    }
+    every = dict.fromkeys(found.values())
+    usual = [*hinted] or ([*every] if alone and len(every) == 1 else [])
+    return _only(quantity, [(at, None) for at in usual], names) if usual else None
+
+
+def _two_parts(names):
+    """Return the columns of whole seconds and their part, None without, and ns in its unit."""
+    words = [_split(_without_unit(name)) for name in names]
+    whole = {tuple(w[:-1]): at for at, w in enumerate(words) if w and w[-1] in _SECONDS}
+    for at, w in enumerate(words):
+        if w and w[-1] in _PARTS and tuple(w[:-1]) in whole:
+            return (whole[tuple(w[:-1])], at), _PARTS[w[-1]]
+    return None, 1
 
 
 def _only(quantity, found, names):
     """Return the columns found by their names; raise where others have names as good."""
     where = found[0][0]
-    if quantity not in _SENSORS:
+    if quantity not in SENSORS:
         count = [name.lower() for name in names].count(names[where].lower())
         if count > 1:
             raise ImuloopError(
@@ -255,25 +333,28 @@ def _intervals(declared, names, headed, guessed, summed):
     if isinstance(value, dict):
         return {q: position("interval", each, names, headed) for q, each in value.items()}
     if value is not None:
-        return dict.fromkeys(_SENSORS, position("interval", value, names, headed))
+        return dict.fromkeys(SENSORS, position("interval", value, names, headed))
     if "interval" in declared or not summed:
         return {}
     # as of a vehicle_imu of PX4: delta_angle_dt, delta_velocity_dt
     joined = ["_".join(_words(name)) for name in names]
     own = {q: joined.index(f"{stem}_dt") for q, stem in summed.items() if f"{stem}_dt" in joined}
     if own and len(own) == len(summed):
-        return dict.fromkeys(_SENSORS, next(iter(own.values()))) | own
+        return dict.fromkeys(SENSORS, next(iter(own.values()))) | own
     shared = guessed["interval"]
-    return dict.fromkeys(_SENSORS, _only("interval", shared, names)) if shared else {}
+    return dict.fromkeys(SENSORS, _only("interval", shared, names)) if shared else {}
 
 
 def _declared(quantity, value, names, headed):
-    """Return the position(s) of a declared column or three of them."""
-    if quantity not in _SENSORS:
-        return None if value is None else position(quantity, value, names, headed)
-    if not isinstance(value, (list, tuple)) or len(value) != 3:
+    """Return the position(s) of a declared column or several of them."""
+    if value is None:
+        return None
+    several = isinstance(value, (list, tuple))
+    if quantity in SENSORS and (not several or len(value) != len(AXES)):
         raise ImuloopError(f"columns.{quantity}: {value!r} is not a list of three columns x, y, z")
-    return tuple(position(quantity, item, names, headed) for item in value)
+    if several:
+        return tuple(position(quantity, item, names, headed) for item in value)
+    return position(quantity, value, names, headed)
 
 
 def position(quantity, value, names, headed):
@@ -310,12 +391,12 @@ def guess(names, increments=False):
 
     With `increments` those of velocity and angle are looked for in place of rates.
     """
-    sensors = {quantity: {} for quantity in _SENSORS}
+    sensors = {quantity: {} for quantity in SENSORS}
     single = {quantity: [] for quantity in _SINGLE}
     for at, name in enumerate(names):
         words = _words(name)
         stem, axis = _stem_and_axis(words)
-        for quantity, usual in _SENSORS.items():
+        for quantity, usual in _NAMES.items():
             if axis and stem in usual[increments]:
                 key = stem, _without_axis(name, words, stem, axis)
                 axes = sensors[quantity].setdefault(key, {a: [] for a in AXES})
@@ -325,6 +406,8 @@ def guess(names, increments=False):
             # T (°) is no time beside Time (s)
             unit = _unit_in(quantity, name, False)
             strange = unit is not None and unit not in _SPELLINGS.get(quantity, _UNITS[quantity])
+            # whole seconds may have their part elsewhere
+            strange |= bool(words) and words[-1] in _SECONDS
             if joined in usual:
                 single[quantity].append((strange, usual.index(joined), at, joined))
             elif shorter in usual and words[-1] in _UNITS[quantity]:
@@ -341,16 +424,35 @@ def guess(names, increments=False):
     return found | {q: [(at, stem) for *_, at, stem in sorted(each)] for q, each in single.items()}
 
 
+def named_sensor(text):
+    """Return the sensor that a word or a file's name stands for, or None."""
+    words = _split(str(text))
+    if _NO_OUTPUT & {*words}:
+        return None
+    found = {
+        quantity
+        for quantity, hint in _HINTS.items()
+        for word in words
+        if word.removeprefix("uncal").startswith(hint)
+    }
+    return found.pop() if len(found) == 1 else None
+
+
 def _split(text):
     """Return the lower-case words of a text; accX is two, and NAME[0] is NAME x."""
     text = re.sub(r"\[([012])\]\s*\Z", lambda index: f"_{AXES[int(index[1])]}", text)
-    return re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text).lower())
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z])", "_", text)
+    return re.findall(r"[^\W_]+", text.lower())
+
+
+def _without_unit(name):
+    """Return a column's name without what is in brackets, but for its axis."""
+    return re.sub(r"[(\[{](?!([012]\]|[xyzXYZ][)\]}])).*?[)\]}]", " ", name)
 
 
 def _words(name):
     """Return the lower-case words of a column's name, its unit in brackets left out."""
-    bare = re.sub(r"[(\[{](?![012]\]\s*$).*?[)\]}]", " ", name)
-    return [word for word in _split(bare) if word not in _PLACE]
+    return [word for word in _split(_without_unit(name)) if word not in _PLACE]
 
 
 def _without_axis(name, words, stem, axis):
@@ -384,8 +486,7 @@ def unit_of(quantity, where, names, increments=False):
 
     One that is not known is given as it is written, and several where they differ.
     """
-    where = where if isinstance(where, tuple) else (where,)
-    units = dict.fromkeys(_unit_in(quantity, names[i], increments) for i in where)
+    units = dict.fromkeys(_unit_in(quantity, names[i], increments) for i in _tuple(where))
     return " and ".join(unit for unit in units if unit) or None
 
 

@@ -7,7 +7,7 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, OWN_TIME, TEMPERATURE, TIME
-from imuloop.core.units import TEMPERATURE as ZERO_OFFSETS
+from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
 from imuloop.ingest.axes import EvenSubsample
@@ -183,7 +183,8 @@ def _own_time(stamped, samples):
 def _si(name, raw, units, raw_units):
     """Return values of a channel in SI."""
     if name == TEMPERATURE:
-        return raw - ZERO_OFFSETS[units["temperature"]]
+        scale, zero = DEGREES[units["temperature"]]
+        return (raw - zero) * scale
     return raw_units["acceleration" if name in ACCELERATION else "angular_rate"].to_si(raw)
 
 

@@ -10,14 +10,24 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 
-from imuloop.core.errors import RejectedLog
-from imuloop.core.samples import CHANNELS, refuse_calibrated
-from imuloop.ingest.columns import guess, listed, resolve, unit_of
+from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.samples import refuse_calibrated
+from imuloop.ingest.columns import STAMP, guess, listed, resolve, unit_of
 from imuloop.ingest.guarded import check_unpacked
 from imuloop.ingest.ordered_map import ordered_map
-from imuloop.ingest.raw_log import RawLog, doubles, table_log
+from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import stamp_array, stamp_values
+from imuloop.ingest.tables import (
+    HEAD_ROWS,
+    doubles,
+    first_rows,
+    in_turn,
+    named_batches,
+    table_log,
+    two_streams,
+)
 from imuloop.ingest.text_layout import (
+    ARROW,
     AXES,
     BLANKS,
     COMMENTED,
@@ -59,16 +69,35 @@ def read(paths, columns=None, batch_rows=1 << 16):
     layout = find_layout(path)
     refuse_calibrated(layout.names, {})
     chosen = resolve(layout.names, columns, layout.headed)
-    known = {"units": _units_below(layout, chosen), "columns": listed(layout.names, layout.headed)}
+    _check_stamps(layout, chosen)
+    known = {"units": _units_below(layout, chosen), "headed": layout.headed}
     if layout.preamble:
         known["notes"] = [f"{layout.preamble} line(s) before the table skipped"]
+
+    def batches(log, rows):
+        places = [*chosen.raw().values()]
+        read = text_batches(path, layout, places, rows, log, chosen.stamps())
+        return named_batches(layout.names, chosen, read)
+
     log = table_log(layout.names, chosen, (), **known)
-    keys = chosen.keys()
-    batches = text_batches(
-        path, layout, chosen.positions(), batch_rows, log, stamps=keys.index(CHANNELS[0])
-    )
-    log.batches = (batch.rename_columns(keys) for batch in batches)
-    return log
+    log.batches = batches(log, batch_rows)
+    head = first_rows(batches(RawLog(), HEAD_ROWS))
+    return two_streams(log) if in_turn(head) else log
+
+
+def _check_stamps(layout, chosen):
+    """Raise where no stamp of the first rows can be read."""
+    at = chosen.raw().get(STAMP)
+    texts = [row[at] for row in layout.rows if at is not None and at < len(row)]
+    texts = [text.replace(",", ".") for text in texts if text not in MISSING]
+    if not texts or any(map(is_number, texts)):
+        return
+    if not stamp_values(stamp_array(pa.array(texts)))[1].any():
+        raise ImuloopError(
+            f"time column '{layout.names[at]}': '{texts[0]}' is neither a number nor ISO 8601, a "
+            "time of the day or a day such as 24-Nov-2026; name the right one in columns.time, or "
+            "give columns.time: null and rate in Hz"
+        )
 
 
 def _units_below(layout, chosen):
@@ -101,7 +130,7 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
             stream.read(layout.start)
             # any row must fit
             size = max(batch_rows * _ROW_BYTES, LONGEST_LINE)
-            pieces = _pieces(stream, path and file, size, layout.separator == BLANKS)
+            pieces = _pieces(stream, path and file, size, layout)
             for batch, bad_lines, lost, taken in ordered_map(work, pieces, log.threads):
                 log.bad_lines += bad_lines
                 log.lost_bytes += lost
@@ -249,12 +278,13 @@ def _whole(lines):
     return b"".join([lines[a:b] for a, b in kept]), int(bad.sum())
 
 
-def _pieces(stream, file, size, squeeze):
+def _pieces(stream, file, size, layout):
     """Give the lines of a stream in plain ASCII, some `size` bytes at once.
 
-    Runs of blanks become tabs if `squeeze`; `file` is what the stream comes out of, None where that
-    is of no concern. With the text, whole lines, come the number of lines left out and the bytes in
-    them, and bytes of the text read, empty ones left out.
+    Runs of blanks become tabs, the time before an arrow the last field, as of the `layout`; `file`
+    is what the stream comes out of, None where that is of no concern. With the text, whole lines,
+    come the number of lines left out and the bytes in them, and bytes of the text read, empty ones
+    left out.
     """
     rest, taken, written, lost, ended = b"", 0, 0, 0, False
     while not ended:
@@ -275,7 +305,9 @@ def _pieces(stream, file, size, squeeze):
         lost += _weight(text[end + LONGEST_LINE + 1 :])
         if bad_lines:
             lost += _weight(head) - _weight(lines)
-        if squeeze:
+        if layout.arrow:
+            lines = ARROW.sub(rb"\2" + layout.separator.encode() + rb"\1", lines)
+        if layout.separator == BLANKS:
             lines = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines)
             # no comma: that may be decimal
             lines = re.sub(rb"[ \t]+", b"\t", lines)

@@ -27,7 +27,7 @@ from imuloop.ingest.columns import UNITS, stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged
-from imuloop.ingest.raw_log import RawLog, rechunked
+from imuloop.ingest.raw_log import RawLog, check_sensors, rechunked
 from imuloop.ingest.reference import attach
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.stamps import is_iso, iso_text
@@ -118,6 +118,7 @@ def ingest(
         log_format, form = find_format(format, files)
         try:
             log = opened()
+            check_sensors(log)
         except RejectedLog as error:
             log, rejected = RawLog(), error
         units, doubts = used_units(log, units or {})
@@ -313,6 +314,9 @@ def used_units(log, declared):
     `declared` are those of the config; an ImuloopError where one is no unit.
     """
     used, doubts = {}, []
+    if isinstance(log.found.get("time"), list):
+        # two columns are joined to ns, whatever is declared of them
+        declared = declared | {"time": "ns"}
     for quantity, known in UNITS.items():
         unit = used[quantity] = declared.get(quantity) or log.units.get(quantity) or known[0]
         if log.units.get(quantity, unit) != unit:

@@ -5,10 +5,10 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.ingest import delimited
-from imuloop.ingest.columns import resolve
+from imuloop.ingest.columns import SENSORS, lacking, listed, resolve
 from imuloop.ingest.guarded import guarded
 from imuloop.ingest.hdf5 import check_hdf5
-from imuloop.ingest.raw_log import by_axis, column_names, table_log
+from imuloop.ingest.tables import by_axis, column_names, table_log
 
 ENDINGS = (".mat",)
 
@@ -34,21 +34,26 @@ def read(paths, columns=None, batch_rows=1 << 16):
     try:
         names = list(series)
         chosen = resolve(names, by_axis(columns))
-        first = names[chosen.acceleration[0]]
-        for quantity in ("acceleration", "angular_rate"):
-            for name in (names[i] for i in getattr(chosen, quantity)):
+        sensors = {q: [names[i] for i in getattr(chosen, q) or ()] for q in SENSORS}
+        first = next((name for of in sensors.values() for name in of), None)
+        for quantity, each in sensors.items():
+            for name in each:
                 if len(series[name]) != len(series[first]):
                     raise ImuloopError(
                         f"columns.{quantity}: {name} has {len(series[name])} rows, {first} has "
                         f"{len(series[first])}; name variables of one length"
                     )
         # a time and a temperature of another length are none of theirs
-        names = [name for name in names if len(series[name]) == len(series[first])]
+        rows = len(series[first]) if first else 0
+        names = [name for name in names if len(series[name]) == rows]
         chosen = resolve(names, by_axis(columns))
+        for quantity in SENSORS if unread else ():
+            if getattr(chosen, quantity) is None:
+                raise lacking(quantity, listed(names))
     except ImuloopError as error:
         raise type(error)(f"{error}{unread}") from error
-    held = [pa.array(series[names[i]]) for i in chosen.positions()]
-    parts = range(0, len(held[0]), batch_rows)
+    held = [pa.array(series[names[i]]) for i in chosen.raw().values()]
+    parts = range(0, rows, batch_rows)
     batches = ([column.slice(begin, batch_rows) for column in held] for begin in parts)
     return table_log(names, chosen, batches, notes=[f"left out: {unread[2:]}"] if unread else [])
 

@@ -11,8 +11,8 @@ from imuloop.core.errors import RejectedLog
 from imuloop.ingest.columns import resolve
 from imuloop.ingest.guarded import check_unpacked, guarded
 from imuloop.ingest.hdf5 import check_hdf5
-from imuloop.ingest.raw_log import by_axis, column_names, table_log
 from imuloop.ingest.stamps import YEARS
+from imuloop.ingest.tables import by_axis, column_names, table_log
 
 ENDINGS = (".nc", ".nc4", ".cdf", ".netcdf")
 
@@ -52,7 +52,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         series = {("time" if name == time else name): each for name, each in series.items()}
     names = list(series)
     chosen = resolve(names, by_axis(columns))
-    used = [series[names[i]] for i in chosen.positions()]
+    used = [series[names[i]] for i in chosen.raw().values()]
     # sizes that are announced, whatever is in the file
     held = {variable.name: variable for variable, _ in used}.values()
     check_unpacked(path.stat().st_size, sum(float(v.size) * v.dtype.itemsize for v in held))

@@ -5,7 +5,7 @@ import pyarrow.parquet as pq
 from imuloop.core.errors import RejectedLog
 from imuloop.core.samples import own_metadata, refuse_calibrated
 from imuloop.ingest.columns import resolve
-from imuloop.ingest.raw_log import table_log
+from imuloop.ingest.tables import table_log
 
 ENDINGS = (".parquet", ".pq")
 
@@ -27,7 +27,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         raise RejectedLog("the project's metadata in the Parquet file are damaged") from error
     refuse_calibrated(names, said)
     chosen = resolve(names, columns)
-    used = list(dict.fromkeys(names[i] for i in chosen.positions()))
+    used = list(dict.fromkeys(names[i] for i in chosen.raw().values()))
     # columns are read by name: of one that repeats all come, in the order of the file
     given = [i for name in used for i, other in enumerate(names) if other == name]
 
@@ -35,7 +35,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         with file:
             try:
                 for batch in file.iter_batches(batch_rows, columns=used):
-                    yield [batch.column(given.index(i)) for i in chosen.positions()]
+                    yield [batch.column(given.index(i)) for i in chosen.raw().values()]
             except Exception as error:
                 raise RejectedLog(f"the file cannot be read to its end: {error}") from error
 

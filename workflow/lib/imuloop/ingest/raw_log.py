@@ -5,13 +5,8 @@ from dataclasses import dataclass, field
 
 import pyarrow as pa
 
-from imuloop.core.errors import ImuloopError
-from imuloop.core.samples import CHANNELS, TEMPERATURE
-from imuloop.ingest.columns import AXES, listed
-from imuloop.ingest.stamps import stamp_array
-
-# more columns than a matrix of samples has
-WIDEST = 64
+from imuloop.core.samples import TEMPERATURE
+from imuloop.ingest.columns import SENSORS, lacking
 
 
 @dataclass
@@ -19,7 +14,8 @@ class RawLog:
     """A log being read; the counts grow while `batches` is consumed.
 
     `batches` have the columns `stamp` (int64, float64 or timestamp[ns]; absent without a time
-    column), `ax ay az gx gy gz` and, where `temperature`, it too (float64, raw units). `found` and
+    column), `ax ay az gx gy gz` (of one sensor those alone; `check_sensors`) and, where
+    `temperature`, it too (float64, raw units). `found` and
     `units` map a quantity to its columns, and to the unit that the file states; `columns` lists all
     columns, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`, `text_bytes`
     those in all lines, without blanks and unwritten memory; `slower` is the sensor, of two with
@@ -53,60 +49,11 @@ class RawLog:
         self.text_bytes += count.text_bytes
 
 
-def table_log(names, chosen, batches, **known):
-    """Return the RawLog of a table with columns of these names, of which `chosen` are read.
-
-    `batches` give the columns at ``chosen.positions()``, in their order, a part of the rows at
-    once; `known` are attributes that the log states itself.
-    """
-    known["units"] = {**chosen.units, **known.get("units", {})}
-
-    def converted(key, position, column):
-        number = key in CHANNELS or key == TEMPERATURE
-        try:
-            return doubles(column) if number else stamp_array(column)
-        except pa.ArrowException as error:
-            what = "numbers" if number else "stamps"
-            raise ImuloopError(
-                f"column '{names[position]}' holds {column.type}, not {what}"
-            ) from error
-
-    def raw_batches():
-        for columns in batches:
-            parts = zip(chosen.keys(), chosen.positions(), columns, strict=True)
-            yield pa.RecordBatch.from_pydict({part[0]: converted(*part) for part in parts})
-
-    return RawLog(
-        batches=raw_batches(),
-        found=chosen.found(names),
-        **{"columns": listed(names), **known},
-    )
-
-
-def doubles(column):
-    """Return a column as float64; what is missing becomes NaN."""
-    if column.type != pa.float64():
-        # whole numbers of more than 53 bits are rounded
-        column = column.cast(pa.float64(), safe=False)
-    return column.fill_null(float("nan")) if column.null_count else column
-
-
-def column_names(name, width):
-    """Return the names of the columns of a matrix: none of one wider than `WIDEST`."""
-    if width == 1:
-        return [name]
-    labels = AXES if width == len(AXES) else range(width if width <= WIDEST else 0)
-    return [f"{name}.{label}" for label in labels]
-
-
-def by_axis(columns):
-    """Return declared columns with each matrix of a sensor as its three columns."""
-    return {
-        quantity: [f"{value}.{axis}" for axis in AXES]
-        if isinstance(value, str) and quantity in ("acceleration", "angular_rate")
-        else value
-        for quantity, value in (columns or {}).items()
-    }
+def check_sensors(log):
+    """Raise where a log lacks a sensor."""
+    for quantity in SENSORS:
+        if quantity not in log.found:
+            raise lacking(quantity, log.columns)
 
 
 def rechunked(batches, rows):

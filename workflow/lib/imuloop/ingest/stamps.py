@@ -18,6 +18,7 @@ MOST = 1 << 62
 YEARS = "1824 to 2115"
 # what a unit of dates counts in a second
 _PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
+_NAMED_MONTH = ("%d-%b-%Y %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S")
 _OF_DAY = r"\d{1,2}:\d\d:\d\d(\.\d+)?"
 # stamps between these are taken as Unix time where ISO stamps ask for it, s (2000 and 2100)
 _UNIX = (946_684_800, 4_102_444_800)
@@ -50,7 +51,12 @@ def parse_stamps(text):
     clock = series.where(series.str.fullmatch(_OF_DAY).fillna(False).astype(bool))
     if clock.notna().any():
         return pa.array(pd.to_timedelta(clock).dt.total_seconds(), from_pandas=True)
+    # of years first any sign between, of days first the month's name
+    series = series.str.replace(r"\A(\d{4})/(\d\d)/", r"\1-\2-", regex=True)
     moment = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
+    for form in _NAMED_MONTH if moment.isna().all() else ():
+        named = pd.to_datetime(series, format=form, utc=True, errors="coerce")
+        moment = moment.fillna(named)
     return stamp_array(pa.array(moment, from_pandas=True))
 
 
@@ -83,6 +89,19 @@ def stamp_array(column):
     return column.cast(pa.float64())
 
 
+def joined_stamps(seconds, parts, part_ns):
+    """Return whole seconds and parts of a second, of `part_ns` ns each, as ns: int64.
+
+    Null where either cannot be read, or the part is more than a second.
+    """
+    (whole, known, dates), (part, sound, _) = map(stamp_values, (seconds, parts))
+    sound = sound & known & (part >= 0) & (part * part_ns < 10**9) & (not dates)
+    # others do not fit 64 bits
+    sound &= np.abs(whole) < MOST // 10**9
+    whole, part = (np.where(sound, x, 0).round().astype(np.int64) for x in (whole, part))
+    return pa.array(whole * 10**9 + part * part_ns, mask=~sound)
+
+
 def stamp_values(column):
     """Return stamps as numbers, which of them are readable, and whether they are dates.
 
@@ -110,6 +129,11 @@ def no_stamps(column, name):
         return RejectedLog(
             f"time column '{name}': its stamps, as {known[0]}, are too large, or dates outside of "
             f"the years {YEARS}"
+        )
+    if isinstance(name, list):
+        return ImuloopError(
+            f"columns.time: {' and '.join(name)} are not whole seconds and a part of a second; "
+            "name one of them"
         )
     return ImuloopError(
         f"time column '{name}' holds neither numbers nor ISO 8601 stamps; "

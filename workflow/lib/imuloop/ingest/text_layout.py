@@ -21,7 +21,10 @@ COMMENTED = re.compile(r"\A\s*(#|%|//)+\s*")
 # columns of a sensor
 AXES = 3
 MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
-_ISO = re.compile(r"\d{4}-\d\d-\d\d")
+_DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
+# what a serial monitor puts before each line: its time of the day
+_ARROW = re.compile(r"\s*\d{1,2}:\d\d:\d\d\.\d+ -> ")
+ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
 # how files begin that are no text, and what to do about them
 _BINARY = {
     b"\x1f\x8b": "packed by gzip: name it .csv.gz",
@@ -30,6 +33,8 @@ _BINARY = {
 }
 # rows by which a separator is judged, at least
 _JUDGED = 64
+# most rows of names and units below the first
+_HEADERS = 3
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,9 @@ class Layout:
 
     `separator` is a comma, tab, semicolon, or a blank that stands for any run of blanks; `names`
     are numbers where the file has none (`headed`); rows begin at the byte `start`, `preamble` lines
-    come before header or rows; `units` are those of a row below the header, else empty.
+    come before header or rows; `units` are those of a row below the header, else empty. With an
+    `arrow` each line begins with a time and an arrow: that time is the last column. `rows` are the
+    fields of the first rows.
     """
 
     separator: str
@@ -48,6 +55,8 @@ class Layout:
     decimal_comma: bool
     preamble: int
     units: list[str] = field(default_factory=list)
+    arrow: bool = False
+    rows: list[list[str]] = field(default_factory=list)
 
 
 def find_layout(path, least=AXES):
@@ -66,6 +75,10 @@ def find_layout(path, least=AXES):
     rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
     if not rows:
         raise RejectedLog("the file has no rows; record or copy it again")
+    arrow = sum(bool(_ARROW.match(texts[i])) for i in rows) > len(rows) / 2
+    if arrow:
+        texts = [_ARROW.sub("", text) for text in texts]
+        rows = [i for i in rows if texts[i].strip()]
     separator, width = _separator([texts[i] for i in rows], least)
 
     def fields(i):
@@ -81,22 +94,40 @@ def find_layout(path, least=AXES):
         header = fields_of(COMMENTED.sub("", comments[-1]), separator)
         if len(header) == width and not any(map(is_number, header)):
             names = header
-    below = [i for i in rows if i >= first]
-    if names and below and len(fields(below[0])) == width and _are_units(fields(below[0])):
-        units, first = fields(below[0]), below[0] + 1
-    # the point of an ISO stamp is not that of the numbers beside it
-    sample = [text for i in rows if i >= first for text in fields(i) if not _ISO.match(text)]
+    for i in [i for i in rows if i >= first][: _HEADERS if names else 0]:
+        more = fields(i)
+        if units or len(more) != width or any(map(is_number, more)) or not any(more):
+            break
+        first = i + 1
+        if _are_units(more):
+            units = more
+        elif more != names:
+            names = _joined(names, more)
+    # the point of a date is not that of the numbers beside it
+    sample = [text for i in rows if i >= first for text in fields(i) if not _DATE.match(text)]
     numbers = "".join(filter(is_number, sample))
     decimal_comma = "." not in numbers and "," in numbers
+    known = [name.strip() for name in names] if names else [str(i) for i in range(width)]
     return Layout(
         separator=separator,
-        names=[name.strip() for name in names] if names else [str(i) for i in range(width)],
+        names=[*known, *["time"] * arrow],
         headed=names is not None,
         start=sum(len(line) + 1 for line in lines[:first]),
         decimal_comma=decimal_comma,
         preamble=preamble,
-        units=units,
+        units=[*units, *[""] * (arrow and bool(units))],
+        arrow=arrow,
+        rows=[fields(i) for i in rows if i >= first][:_JUDGED],
     )
+
+
+def _joined(names, more):
+    """Return names of two rows: one above several columns is that of each."""
+    above, found = "", []
+    for name, part in zip(names, more, strict=True):
+        above = name or above
+        found.append(f"{above} {part}".strip())
+    return found
 
 
 def _separator(rows, least):
@@ -108,16 +139,17 @@ def _separator(rows, least):
         table = [fields_of(row, separator) for row in rows]
         width = widths[separator] = Counter(map(len, table)).most_common(1)[0][0]
         table = [row for row in table if len(row) == width]
-        numeric = sum(is_number(text) for row in table for text in row)
-        shares[separator] = numeric / (len(table) * width) if width >= least else 0.0
+        given = [text for row in table for text in row if text]
+        numeric = sum(map(is_number, given)) * len(table)
+        shares[separator] = numeric / len(given) / len(rows) if given and width >= least else 0.0
     best = max(_SEPARATORS, key=shares.get)
     if shares[best] < 0.5:
         raise RejectedLog(
             "the file is not a table of numbers in rows and columns; save it as CSV, a sample per "
             "line"
         )
-    # as many tabs as blanks: the blanks are inside of the header's names
-    if best == BLANKS and widths["\t"] == widths[best]:
+    # blanks may be inside of a header's names, or of dates, and fields between tabs empty
+    if best == BLANKS and shares["\t"] > 0.9 * shares[best]:
         best = "\t"
     return best, widths[best]
 
@@ -169,15 +201,16 @@ def fields_of(line, separator):
         return line.split()
     try:
         # the csv module takes a line end or a zero otherwise than as a part of a field
-        rows = csv.reader([line], delimiter=separator) if '"' in line else [line.split(separator)]
-        return [field.strip() for field in next(iter(rows), [])]
+        quoted = csv.reader([line], delimiter=separator, skipinitialspace=True)
+        rows = quoted if '"' in line else iter([line.split(separator)])
+        return [field.strip() for field in next(rows, [])]
     except csv.Error:
         return []
 
 
 def is_number(text):
     """Tell whether a field is a number, a date, or stands for a missing one."""
-    if text in MISSING or _ISO.match(text):
+    if text in MISSING or _DATE.match(text):
         return bool(text)
     try:
         float(text.replace(",", "."))

@@ -1,0 +1,209 @@
+"""Logs as loggers in the field write them: what their headers, stamps and units look like."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
+from imuloop.core.units import DEGREE
+
+# --- two columns of time
+
+
+@pytest.mark.parametrize(
+    ("seconds", "part", "ns"),
+    [
+        ("header.stamp.sec", "header.stamp.nanosec", 1),
+        ("%time.secs", "%time.nsecs", 1),
+        ("tv_sec", "tv_usec", 1000),
+        ("sec", "nanosec", 1),
+    ],
+)
+def test_seconds_and_their_part_are_one_time(log, run, tmp_path, seconds, part, ns):
+    path = tmp_path / "log.csv"
+    stamps = 1_650_000_123_987_654_000 + 10_000_000 * np.arange(len(log))
+    table = log.drop(columns="t")
+    table.insert(0, part, stamps % 10**9 // ns)
+    table.insert(0, seconds, stamps // 10**9)
+    # receipt, late by up to 4 ms
+    table.insert(0, "Time", stamps / 1e9 + np.arange(len(log)) % 5 / 1000)
+    table.to_csv(path, index=False)
+    done = run(path)
+    np.testing.assert_allclose(done.samples.t, 0.01 * np.arange(len(log)), atol=1e-12)
+    assert done.quality["columns"]["time"] == [seconds, part]
+    assert done.metadata["start"] == "2022-04-15T05:22:03.987654Z"
+
+
+def test_two_columns_of_time_are_declared(log, run, tmp_path):
+    path = tmp_path / "log.csv"
+    stamps = 1_650_000_123_900_000_000 + 10_000_000 * np.arange(len(log))
+    table = log.assign(t=stamps // 10**9)
+    table.insert(7, "part", stamps % 10**9)
+    table.to_csv(path, index=False, header=False)
+    columns = {"acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}
+    done = run(path, columns=columns | {"time": [0, 7]}, units={"time": "s"})
+    np.testing.assert_allclose(done.samples.t, 0.01 * np.arange(len(log)), atol=1e-12)
+    table.to_csv(path, index=False)
+    done = run(path, columns={"time": ["t", "part"]})
+    assert done.quality["columns"]["time"] == ["t", "part"]
+    assert len(done.samples) == len(log)
+
+
+def test_a_part_of_more_than_a_second_is_none(log, run, tmp_path):
+    log.insert(1, "nsec", 10**9 + np.arange(len(log)))
+    log.rename(columns={"t": "sec"}).to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(ImuloopError, match="sec and nsec are not whole seconds and a part of a s"):
+        run(tmp_path / "log.csv")
+
+
+def test_time_goes_before_whole_seconds(log, run, tmp_path):
+    log.insert(0, "stamp.secs", np.floor(log["t"]).astype(int))
+    log.rename(columns={"t": "Time"}).to_csv(tmp_path / "log.csv", index=False)
+    done = run(tmp_path / "log.csv")
+    np.testing.assert_array_equal(done.samples.t, log["t"])
+
+
+# --- text
+
+
+def test_empty_fields_between_tabs(log, run, tmp_path):
+    log.insert(3, "mag", "")
+    log.insert(6, "note", "")
+    log.to_csv(tmp_path / "log.txt", sep="\t", index=False)
+    done = run(tmp_path / "log.txt")
+    np.testing.assert_array_equal(done.samples[[*CHANNELS]], log[[*CHANNELS]])
+
+
+def test_a_blank_before_quoted_names(log, run, tmp_path):
+    log["t"] = 10_000 * np.arange(len(log))
+    log[[*ANGULAR_RATE]] = (log[[*ANGULAR_RATE]] / DEGREE).round(4)
+    names = ["time (us)", *ACCELERATION, *(f"gyroADC[{i}] (deg/s)" for i in range(3))]
+    lines = [", ".join(f'"{name}"' for name in names)]
+    lines += [", ".join(map(str, row)) for row in log.itertuples(index=False)]
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    done = run(tmp_path / "log.csv")
+    assert done.quality["columns"]["angular_rate"] == names[4:]
+    assert done.metadata["units"]["time"] == "us"
+    np.testing.assert_allclose(done.samples.gx, log.gx * DEGREE, rtol=1e-15)
+    np.testing.assert_allclose(done.samples.t, 0.01 * np.arange(len(log)), atol=1e-12)
+
+
+def arrows(log):
+    """Return the stamps of a serial monitor, from a quarter to midnight on."""
+    seconds = 85_500 + log["t"]
+    return [f"{s // 3600:02.0f}:{s % 3600 // 60:02.0f}:{s % 60:06.3f} -> " for s in seconds]
+
+
+@pytest.mark.parametrize("separator", [",", "\t", " "])
+@pytest.mark.parametrize("headed", [True, False])
+def test_a_time_and_an_arrow_before_each_line(log, run, tmp_path, separator, headed):
+    rows = log[[*CHANNELS]].to_csv(sep=separator, index=False, header=False).splitlines()
+    lines = [a + row for a, row in zip(arrows(log), rows, strict=True)]
+    first = arrows(log)[0]
+    before = [f"{first}sensor found", *[first + separator.join(CHANNELS)] * headed]
+    (tmp_path / "log.txt").write_text("\n".join(before + lines) + "\n")
+    # columns are counted after the arrow
+    numbers = {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]}
+    done = run(tmp_path / "log.txt", columns=None if headed else numbers)
+    assert (len(done.samples), done.quality["bad_lines"]) == (len(log), 0)
+    np.testing.assert_array_equal(done.samples[[*CHANNELS]], log[[*CHANNELS]])
+    np.testing.assert_allclose(done.samples.t, log.t, atol=1e-9)
+
+
+def test_names_in_two_rows(log, run, tmp_path):
+    header = (
+        "Time;Acceleration;;;Rate gyro;;\n;x;y;z;x;y;z\ns;m/s^2;m/s^2;m/s^2;rad/s;rad/s;rad/s\n"
+    )
+    path = tmp_path / "log.csv"
+    path.write_text(header + log.to_csv(sep=";", index=False, header=False))
+    done = run(path)
+    np.testing.assert_array_equal(done.samples[[*CHANNELS]], log[[*CHANNELS]])
+    assert done.quality["columns"]["angular_rate"] == [f"Rate gyro {a}" for a in "xyz"]
+
+
+@pytest.mark.parametrize("form", ["%d-%b-%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f"])
+def test_dates_with_the_name_of_the_month(log, run, tmp_path, form):
+    moments = pd.Timestamp("2023-02-28T23:59:58.500") + pd.to_timedelta(log.t, unit="s")
+    moments.dt.strftime(form).rename("timestamp").to_frame().join(log[[*CHANNELS]]).to_csv(
+        tmp_path / "log.csv", index=False
+    )
+    done = run(tmp_path / "log.csv")
+    np.testing.assert_allclose(done.samples.t, log.t, atol=1e-9)
+    assert done.metadata["start"] == "2023-02-28T23:59:58.500000Z"
+
+
+def test_a_date_that_is_not_read_is_shown(log, run, tmp_path):
+    log["t"] = [f"31.12.2023 12h{i}" for i in range(len(log))]
+    log.to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(ImuloopError, match=r"column 't': '31\.12\.2023 12h0' is neither a number"):
+        run(tmp_path / "log.csv")
+
+
+@pytest.mark.parametrize(
+    ("names", "quantity", "unit", "factor"),
+    [
+        ("Timestamp[nanosec],ax,ay,az,gx,gy,gz", "time", "ns", 1e-9),
+        ("t [min],ax,ay,az,gx,gy,gz", "time", "min", 60),
+        ("t,ax [ft/s²],ay [ft/s²],az [ft/s²],gx,gy,gz", "acceleration", "ft/s^2", 0.3048),
+        ("t,ax,ay,az,gx [rpm],gy [rpm],gz [rpm]", "angular_rate", "rpm", np.pi / 30),
+        ("t,ax,ay,az,gx,gy,gz,temp [°F]", "temperature", "degF", None),
+    ],
+)
+def test_units_that_are_not_usual(log, run, tmp_path, names, quantity, unit, factor):
+    log["temperature"] = 22.0 + log.t
+    written = log.copy()
+    parts = {"time": ["t"], "acceleration": [*ACCELERATION], "angular_rate": [*ANGULAR_RATE]}
+    if factor:
+        written[parts[quantity]] /= factor
+    else:
+        written["temperature"] = written["temperature"] * 9 / 5 + 32
+    if unit == "ns":
+        written["t"] = written["t"].round().astype(int)
+    names = names if "temp" in names else f"{names},temp"
+    body = written.to_csv(index=False, header=False)
+    (tmp_path / "log.csv").write_text(f"{names}\n{body}", encoding="utf-8")
+    done = run(tmp_path / "log.csv")
+    assert done.metadata["units"][quantity] == unit
+    np.testing.assert_allclose(done.samples[[*log]], log, rtol=1e-12, atol=1e-9)
+    declared = run(tmp_path / "log.csv", units={quantity: unit}).samples
+    np.testing.assert_array_equal(declared, done.samples)
+
+
+# --- two sensors in one table
+
+
+@pytest.mark.parametrize("empty", [0.0, np.nan])
+def test_rows_of_two_sensors_in_turn(log, run, tmp_path, empty):
+    table = pd.concat([log] * 6, ignore_index=True)
+    table["t"] = np.arange(len(table)) / 250
+    force = np.arange(len(table)) % 3 == 1
+    table.loc[~force, [*ACCELERATION]] = empty
+    table.loc[force, [*ANGULAR_RATE]] = empty
+    table.to_csv(tmp_path / "log.csv", index=False)
+    table.to_parquet(tmp_path / "log.parquet")
+    found = [run(tmp_path / name) for name in ("log.csv", "log.parquet")]
+    for done in found:
+        assert done.quality["status"] == "ok"
+        assert done.quality["warnings"][0].startswith("the rows hold the accelerometer and the gy")
+        # those of the sensor whose clock is the log's are as they were logged
+        assert max(np.isin(done.samples[c], table[c]).mean() for c in ("ax", "gx")) == 1
+    pd.testing.assert_frame_equal(found[0].samples, found[1].samples)
+
+
+def test_an_outer_join_of_two_rates(log, run, tmp_path):
+    table = pd.concat([log] * 4, ignore_index=True)
+    table["t"] = np.arange(len(table)) / 200
+    table.loc[np.arange(len(table)) % 4 > 0, [*ACCELERATION]] = np.nan
+    table.to_csv(tmp_path / "log.csv", index=False)
+    done = run(tmp_path / "log.csv")
+    assert done.quality["status"] == "ok"
+    assert all(np.isin(done.samples[c], table[c]).all() for c in CHANNELS)
+
+
+def test_a_gyroscope_of_whole_degrees_at_rest_takes_no_turns(log, run, tmp_path):
+    log[[*ANGULAR_RATE]] = 0.0
+    log.loc[::2, "gz"] = 1.0
+    log.to_csv(tmp_path / "log.csv", index=False)
+    quality = run(tmp_path / "log.csv", units={"angular_rate": "deg/s"}).quality
+    assert not any("in turn" in text for text in quality["warnings"])

@@ -1,0 +1,208 @@
+"""Logs that are tables: columns of numbers, of both sensors, of one, or of both in turn."""
+
+from itertools import chain
+
+import numpy as np
+import pyarrow as pa
+
+from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.samples import CHANNELS, TEMPERATURE
+from imuloop.ingest.columns import AXES, FRACTION, SENSORS, STAMP, listed
+from imuloop.ingest.raw_log import RawLog
+from imuloop.ingest.stamps import NANOSECONDS, joined_stamps, stamp_array, stamp_values
+from imuloop.ingest.streams import Stream, raw_log
+
+# more columns than a matrix of samples has
+WIDEST = 64
+# rows by which sensors in turn are told, and the least share of rows of one sensor alone
+HEAD_ROWS, _ALONE = 1000, 0.1
+
+
+def table_log(names, chosen, batches, headed=True, **known):
+    """Return the RawLog of a table with columns of these names, of which `chosen` are read.
+
+    `batches` give the columns at the positions of ``chosen.raw()``, in their order, a part of the
+    rows at once; `known` are attributes that the log states itself.
+    """
+    units = {**chosen.units, **known.pop("units", {})}
+    found, columns = chosen.found(names), listed(names, headed)
+    batches = named_batches(names, chosen, batches)
+    log = RawLog(batches=batches, found=found, units=units, columns=columns, **known)
+    head = first_rows(log.batches)
+    log.batches = chain(head, log.batches)
+    return two_streams(log) if in_turn(head) else log
+
+
+def named_batches(names, chosen, batches):
+    """Give the raw batches of a table, from its columns at the positions of ``chosen.raw()``."""
+    raw = chosen.raw()
+
+    def converted(key, column):
+        number = key in CHANNELS or key == TEMPERATURE
+        try:
+            return doubles(column) if number else stamp_array(column)
+        except pa.ArrowException as error:
+            what = "numbers" if number else "stamps"
+            raise ImuloopError(
+                f"column '{names[raw[key]]}' holds {column.type}, not {what}"
+            ) from error
+
+    for columns in batches:
+        arrays = {key: converted(key, x) for key, x in zip(raw, columns, strict=True)}
+        if FRACTION in arrays:
+            parts = arrays.pop(FRACTION)
+            arrays[STAMP] = joined_stamps(arrays[STAMP], parts, chosen.part_ns)
+        yield pa.RecordBatch.from_pydict(arrays)
+
+
+def doubles(column):
+    """Return a column as float64; what is missing becomes NaN."""
+    if column.type != pa.float64():
+        # whole numbers of more than 53 bits are rounded
+        column = column.cast(pa.float64(), safe=False)
+    return column.fill_null(float("nan")) if column.null_count else column
+
+
+def first_rows(batches):
+    """Return the first batches, of `HEAD_ROWS` rows or a few more."""
+    head, count = [], 0
+    while count < HEAD_ROWS and (batch := next(batches, None)) is not None:
+        count += batch.num_rows
+        head.append(batch)
+    return head
+
+
+def in_turn(head):
+    """Return whether rows of the accelerometer and of the gyroscope take turns in a table's head.
+
+    The other sensor's columns are all zero, or empty; rows may hold both where these are empty.
+    """
+    if not head or not {STAMP, *CHANNELS} <= {*head[0].schema.names}:
+        return False
+    values = np.array([np.concatenate([b[name] for b in head]) for name in CHANNELS])[:, :HEAD_ROWS]
+    force, rate = values[:3], values[3:]
+    empty = [np.isnan(x).all(axis=0) for x in (force, rate)]
+    lacks = [gone | ~x.any(axis=0) for gone, x in zip(empty, (force, rate), strict=True)]
+    alone, turns = lacks[0] ^ lacks[1], []
+    for gone in (lacks[0] & ~lacks[1], lacks[1] & ~lacks[0]):
+        turns.append(np.count_nonzero(np.diff(gone)) / max(1, len(gone)))
+    if alone.mean() > 1 - _ALONE:
+        return min(turns) > _ALONE
+    # a gyroscope in whole deg/s can be zero at rest: what is empty alone counts
+    return max(np.count_nonzero(np.diff(gone)) for gone in empty) > _ALONE * len(alone)
+
+
+def two_streams(log):
+    """Return the RawLog of a table whose rows hold one sensor, the other being zero or empty."""
+    parts, logs = list(log.batches), {}
+    for quantity, names in SENSORS.items():
+        kept = []
+        for batch in parts:
+            x = np.array([batch[name] for name in names])
+            # who is there has a value that is not zero
+            has = pa.array((np.nan_to_num(x, nan=0.0) != 0).any(axis=0))
+            more = [TEMPERATURE] * (log.temperature and quantity == "acceleration")
+            kept.append(batch.filter(has).select([STAMP, *names, *more]))
+        found = {key: log.found[key] for key in ("time", quantity, *more)}
+        logs[quantity] = RawLog(batches=kept, found=found, units=log.units)
+    merged = paired(logs)
+    merged.columns, merged.simulated = log.columns, log.simulated
+    merged.notes[:0] = ["the rows hold the accelerometer and the gyroscope in turn"]
+    merged.lose(log)
+    return merged
+
+
+def paired(logs, batch_rows=1 << 16, most=-1):
+    """Return the RawLog of two logs, sensor -> that of it alone, each on a clock of its own.
+
+    No more of each is read after `most` bytes, -1 is all.
+    """
+    streams, columns, total = [], {}, RawLog()
+    timed = {STAMP in first.schema.names for first in map(_begun, logs.values()) if first}
+    if len(timed) > 1:
+        raise ImuloopError("columns.time: one of the two tables has no time column; name it")
+    for quantity, log in logs.items():
+        stream, more = _stream(quantity, log, most)
+        streams.append(stream)
+        columns[quantity] = [f"{quantity}.{axis}" for axis in AXES]
+        if log.temperature and TEMPERATURE not in columns:
+            columns[TEMPERATURE] = f"{quantity}.{TEMPERATURE}"
+        total.notes += [note for note in log.notes if note not in total.notes]
+        total.bad_lines += more
+        total.lose(log)
+    if timed == {False}:
+        columns["time"] = None
+    streams = _of_one_unit(streams)
+    merged = raw_log(streams, columns, batch_rows, total.notes)
+    merged.lose(total)
+    for log in logs.values():
+        merged.found |= {key: names for key, names in log.found.items() if key in merged.found}
+    merged.columns = "; ".join(log.columns for log in logs.values())
+    return merged
+
+
+def _begun(log):
+    """Return the first batch of a log, which stays in it."""
+    batches = iter(log.batches)
+    first = next(batches, None)
+    log.batches = batches if first is None else chain([first], batches)
+    return first
+
+
+def _stream(quantity, log, most):
+    """Return a log of one sensor as a Stream of its name, and how many of its rows lack a stamp."""
+    parts, held, lost = [], 0, 0
+    for batch in log.batches:
+        fields = {n: batch[n].to_numpy(zero_copy_only=False) for n in batch.schema.names}
+        if STAMP in fields:
+            fields[STAMP], readable, dates = stamp_values(batch[STAMP])
+            lost += int((~readable).sum())
+            fields = {name: x[readable] for name, x in fields.items()}
+            if dates:
+                log.units["time"] = "ns"
+        parts.append(fields)
+        held += batch.nbytes
+        if 0 <= most < held:
+            break
+    if not parts:
+        raise RejectedLog(f"the log of {quantity} has no rows")
+    fields = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    rows = len(fields[SENSORS[quantity][0]])
+    stamps = fields.get(STAMP, np.arange(rows))
+    axes = dict(zip(AXES, SENSORS[quantity], strict=True))
+    values = {axis: fields[name] for axis, name in axes.items()}
+    if log.temperature:
+        values[TEMPERATURE] = fields[TEMPERATURE]
+    units = {key: unit for key, unit in log.units.items() if key in ("time", quantity, TEMPERATURE)}
+    return Stream(quantity, stamps, values, units), lost
+
+
+def _of_one_unit(streams):
+    """Return streams whose stamps are of one unit: of several, ns."""
+    units = {stream.units.get("time", "s") for stream in streams}
+    if len(units) == 1:
+        return streams
+    found = []
+    for stream in streams:
+        ns = NANOSECONDS[stream.units.get("time", "s")]
+        stamps = np.round(stream.stamps * ns).astype(np.int64)
+        found.append(Stream(stream.name, stamps, stream.fields, stream.units | {"time": "ns"}))
+    return found
+
+
+def column_names(name, width):
+    """Return the names of the columns of a matrix: none of one wider than `WIDEST`."""
+    if width == 1:
+        return [name]
+    labels = AXES if width == len(AXES) else range(width if width <= WIDEST else 0)
+    return [f"{name}.{label}" for label in labels]
+
+
+def by_axis(columns):
+    """Return declared columns with each matrix of a sensor as its three columns."""
+    return {
+        quantity: [f"{value}.{axis}" for axis in AXES]
+        if isinstance(value, str) and quantity in ("acceleration", "angular_rate")
+        else value
+        for quantity, value in (columns or {}).items()
+    }
