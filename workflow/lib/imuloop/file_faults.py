@@ -12,7 +12,7 @@ from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.ingest import used_units
 from imuloop.ingest.pps import read_marks
-from imuloop.ingest.raw_log import check_sensors
+from imuloop.ingest.raw_log import absent_sensor
 from imuloop.ingest.reference import read_series
 from imuloop.ingest.sources import file_name
 
@@ -149,7 +149,7 @@ def _log_faults(session, nominal, log_format, names, whole):
     while True:
         try:
             log = _read(log_format, names, declared, 1 << 8)
-            check_sensors(log)
+            absent_sensor(log, declared)
             break
         except RejectedLog:
             # a fault of the data, for the job to find

@@ -247,7 +247,7 @@ def lacking(quantity, columns):
     how = "by number from 0" if columns.startswith("no header") else "by name"
     return Lacking(
         f"no columns of {quantity} found ({columns}); name its x, y, z {how} in "
-        f"columns.{quantity}; a log holds both sensors, as a phone app's zip does"
+        f"columns.{quantity}, or declare it as null where it was not logged"
     )
 
 

@@ -23,18 +23,17 @@ from imuloop.core.samples import (
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
 from imuloop.ingest import bursts, clocks, increments, quality, spikes
 from imuloop.ingest import pps as marks
-from imuloop.ingest.columns import UNITS, stated_unit, unknown_unit
+from imuloop.ingest.columns import SENSORS, UNITS, stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged
-from imuloop.ingest.raw_log import RawLog, check_sensors, rechunked
+from imuloop.ingest.raw_log import RawLog, absent_sensor, rechunked
 from imuloop.ingest.reference import attach
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.stamps import is_iso, iso_text
 
 # rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
-_SENSORS = ("acceleration", "angular_rate")
 _COUNTED = (
     *("duplicates", "out_of_order", "non_finite", "missing_values", "impossible_values"),
     *("spiked", "spike_values"),
@@ -91,7 +90,7 @@ def ingest(
         If what is declared does not fit the log; one line with device, session and file.
     """
     paths = [Path(path) for path in paths]
-    roles = sources or (["log"] if len(paths) == 1 else _SENSORS)
+    roles = sources or (["log"] if len(paths) == 1 else SENSORS)
     files = dict(zip(roles, paths, strict=True))
     marks_file = files.pop("pps", None)
     reference_file = files.pop("reference", files.get("log"))
@@ -100,7 +99,7 @@ def ingest(
     entry = {key: value for key, value in entry.items() if value}
     if pps and not marks_file:
         columns["pps"] = pps
-    rejected = timeline = logged = step = usual = None
+    rejected = timeline = logged = step = usual = absent = None
     reasons, counts = [], Counts()
 
     def opened():
@@ -110,7 +109,10 @@ def ingest(
 
     def write_and_measure(log, counts, batches, rebuilt=False):
         _write(temporary, batches, log, counts, origin, rebuilt)
-        return quality.measure(temporary, full_scale, threads)
+        return measured()
+
+    def measured():
+        return _without(absent, quality.measure(temporary, full_scale, threads))
 
     try:
         _check_paths(paths)
@@ -118,11 +120,11 @@ def ingest(
         log_format, form = find_format(format, files)
         try:
             log = opened()
-            check_sensors(log)
+            absent = absent_sensor(log, columns)
         except RejectedLog as error:
             log, rejected = RawLog(), error
         units, doubts = used_units(log, units or {})
-        raw_units = {q: raw_unit(q, units[q], (nominal or {}).get(q)) for q in _SENSORS}
+        raw_units = {q: raw_unit(q, units[q], (nominal or {}).get(q)) for q in SENSORS}
         source = dict(sources or {role: {"path": str(p)} for role, p in files.items()})
         origin = _origin(device, session, kind, units, raw_units, log_format, source)
         origin |= {"sha256": _hashes(paths), "simulated": log.simulated}
@@ -164,7 +166,7 @@ def ingest(
                 _rewrite(temporary, dropped)
                 # the gaps that this leaves are counted as spikes
                 gaps = {"gaps": figures["gaps"]}
-                figures = quality.measure(temporary, full_scale, threads) | gaps
+                figures = measured() | gaps
             known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
             if known := {name: found for name, found in known.items() if found}:
                 origin |= known
@@ -202,6 +204,8 @@ def ingest(
     if logged:
         doubts.append(bursts.rebuilt(logged, step))
     doubts += counts.clock.warnings()
+    if absent:
+        doubts.append(f"the log holds no {absent}: what needs it is not testable")
     told = {
         "misdeclared": misdeclared,
         "warnings": doubts + quality.warnings(figures, counts, log, rate=rate) + doubted,
@@ -212,6 +216,17 @@ def ingest(
         "increments": summed,
     }
     write_json(quality_path, _quality(reasons, figures, counts, log) | told | origin)
+
+
+def _without(absent, figures):
+    """Return quality figures that do not speak of a sensor, by its quantity, that is not there."""
+    if absent:
+        axes = SENSORS[absent]
+        figures["constant"] = [name for name in figures["constant"] if name not in axes]
+        figures["range"] |= dict.fromkeys(axes)
+        if figures["faults"]:
+            figures["faults"]["zero_rows"][absent] = 0
+    return figures
 
 
 def _check_paths(paths):
@@ -268,7 +283,7 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     """
     reason, failed = why
     units = {quantity: known[0] for quantity, known in UNITS.items()}
-    raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in _SENSORS}
+    raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in SENSORS}
     origin = _origin(device, session, kind, units, raw_units, None, {})
     with replaced(samples_path) as temporary:
         pq.write_table(schema(origin).empty_table(), temporary)
@@ -329,7 +344,7 @@ def used_units(log, declared):
             # of time only where stamps are numbers
             if quantity != "time":
                 raise unknown_unit(quantity, unit)
-        elif quantity not in _SENSORS:
+        elif quantity not in SENSORS:
             near = stated_unit(quantity, unit)
             hint = f"did you mean '{near}'?" if near else f"use one of {', '.join(known)}"
             raise ImuloopError(f"units.{quantity}: '{unit}' is not a unit; {hint}")

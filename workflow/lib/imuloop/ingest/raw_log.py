@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import pyarrow as pa
 
 from imuloop.core.samples import TEMPERATURE
-from imuloop.ingest.columns import SENSORS, lacking
+from imuloop.ingest.columns import AXES, SENSORS, lacking
 
 
 @dataclass
@@ -14,10 +14,10 @@ class RawLog:
     """A log being read; the counts grow while `batches` is consumed.
 
     `batches` have the columns `stamp` (int64, float64 or timestamp[ns]; absent without a time
-    column), `ax ay az gx gy gz` (of one sensor those alone; `check_sensors`) and, where
-    `temperature`, it too (float64, raw units). `found` and
-    `units` map a quantity to its columns, and to the unit that the file states; `columns` lists all
-    columns, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`, `text_bytes`
+    column), `ax ay az gx gy gz` (of one sensor those alone; `absent_sensor`) and, where
+    `temperature`, it too (float64, raw units). `found` and `units` map a quantity to its columns,
+    and to the unit that the file states; `columns` lists all columns, `unread` is how many of a
+    table's are not read, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`, `text_bytes`
     those in all lines, without blanks and unwritten memory; `slower` is the sensor, of two with
     clocks of their own, whose samples are put beside those of the other: its own stamps are the
     column `held` then; `sensor_ids`, by sensor, number and slot of its own where the log's
@@ -34,6 +34,7 @@ class RawLog:
     text_bytes: int = 0
     slower: str | None = None
     columns: str = ""
+    unread: int = 0
     sensor_ids: dict = field(default_factory=dict)
     threads: int = 1
 
@@ -49,11 +50,18 @@ class RawLog:
         self.text_bytes += count.text_bytes
 
 
-def check_sensors(log):
-    """Raise where a log lacks a sensor."""
-    for quantity in SENSORS:
-        if quantity not in log.found:
+def absent_sensor(log, columns):
+    """Return the quantity that a log of one sensor lacks, None of both sensors.
+
+    It was not logged where `columns`, as declared, say so by None, or where the table has fewer
+    further columns than axes; else the ImuloopError says that its columns are not known.
+    """
+    lacks = [quantity for quantity in SENSORS if quantity not in log.found]
+    for quantity in lacks:
+        said = quantity in columns and columns[quantity] is None
+        if len(lacks) > 1 or not (said or log.unread < len(AXES)):
             raise lacking(quantity, log.columns)
+    return lacks[0] if lacks else None
 
 
 def rechunked(batches, rows):

@@ -137,11 +137,13 @@ def _signed(stream):
 
 def _chosen(columns, streams):
     """Return sensor -> (stream, its three fields)."""
-    chosen = {quantity: _declared(quantity, columns, streams) for quantity in _SENSOR_OF}
-    candidates = {q: [chosen[q]] if chosen[q] else _guessed(q, streams) for q in _SENSOR_OF}
-    shared = {c[0].name for c in candidates["acceleration"]} & {
-        c[0].name for c in candidates["angular_rate"]
-    }
+    logged = [quantity for quantity in _SENSOR_OF if columns.get(quantity, "") is not None]
+    if not logged:
+        raise ImuloopError("columns: neither acceleration nor angular_rate was logged")
+    chosen = {quantity: _declared(quantity, columns, streams) for quantity in logged}
+    candidates = {q: [chosen[q]] if chosen[q] else _guessed(q, streams) for q in logged}
+    names = [{stream.name for stream, _ in found} for found in candidates.values()]
+    shared = set.intersection(*names)
     for quantity, found in candidates.items():
         # one that holds both sensors goes before those of one alone
         together = [c for c in found if c[0].name in shared]
@@ -158,14 +160,16 @@ def _chosen(columns, streams):
 # stamps of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
 def _faster(chosen):
-    """Return the stream of the faster clock; that of angular rate where they are as fast."""
-    steps = {}
-    for quantity, (stream, _) in chosen.items():
-        forward = np.diff(stream.stamps)
+    """Return the stream of the faster clock; that of angular rate where both are as fast."""
+    if len(chosen) == 1:
+        return next(iter(chosen.values()))[0]
+    steps = []
+    for quantity in ("acceleration", "angular_rate"):
+        forward = np.diff(chosen[quantity][0].stamps)
         forward = forward[forward > 0]
-        steps[quantity] = np.median(forward) if len(forward) else np.inf
-    faster = steps["acceleration"] < (1 - _AS_FAST) * steps["angular_rate"]
-    return chosen["acceleration" if faster else "angular_rate"][0]
+        steps.append(np.median(forward) if len(forward) else np.inf)
+    of_force, of_rate = steps
+    return chosen["acceleration" if of_force < (1 - _AS_FAST) * of_rate else "angular_rate"][0]
 
 
 def _declared(quantity, columns, streams):

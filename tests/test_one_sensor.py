@@ -1,0 +1,69 @@
+"""Logs of one sensor: what it can show is found, the rest is not testable."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import imuloop
+from imuloop.core.errors import ImuloopError
+
+RATE, STEP = 1e-3, 0.01
+LEVEL = np.array([5e-3, -2e-3, 1e-3])
+
+
+def at_rest(seconds=120):
+    rng = np.random.default_rng(2)
+    t = STEP * np.arange(int(seconds / STEP))
+    w = LEVEL + RATE / np.sqrt(STEP) * rng.normal(size=(len(t), 3))
+    return pd.DataFrame(np.column_stack([t, w]), columns=["t", "gx", "gy", "gz"])
+
+
+def in_many_attitudes(scale, bias):
+    """Return specific force in m/s^2 of 30 s in one attitude, then 5 s each in 24 more."""
+    rng = np.random.default_rng(3)
+    up = rng.normal(size=(25, 3))
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    parts = [np.tile(up[0], (3000, 1))]
+    for a, b in zip(up[:-1], up[1:], strict=True):
+        share = np.linspace(0, 1, 150)[:, None]
+        on_the_way = a + (3 * share**2 - 2 * share**3) * (b - a)
+        parts += [on_the_way / np.linalg.norm(on_the_way, axis=1, keepdims=True)]
+        parts += [np.tile(b, (500, 1))]
+    force = 9.80665 * np.concatenate(parts) / scale + bias
+    force += 0.01 * rng.normal(size=force.shape)
+    t = STEP * np.arange(len(force))
+    return pd.DataFrame(np.column_stack([t, force]), columns=["t", "ax", "ay", "az"])
+
+
+def test_an_accelerometer_alone_is_calibrated():
+    scale, bias = np.array([1.01, 0.99, 1.005]), np.array([0.1, -0.05, 0.02])
+    with pytest.warns(UserWarning, match="the log holds no angular_rate: what needs it is not te"):
+        found = imuloop.calibrate(in_many_attitudes(scale, bias))
+    sensor = found.calibration.accelerometer
+    std = np.array([sensor.std[f"K{k}"] for k in range(3)])
+    assert (std < 2e-4).all()
+    assert (np.abs(sensor.K - scale) < 4 * std).all()
+    verdict = found.diagnosis["sensors"]
+    assert verdict["accelerometer"]["poses"]["verdict"] == "consistent"
+    assert verdict["gyroscope"]["poses"]["verdict"] == "not_testable"
+    assert found.noise["ax"].N.value == pytest.approx(0.01 * np.sqrt(STEP), rel=0.05)
+    assert found.noise["gx"].N.value is None
+
+
+def test_a_gyroscope_alone_at_rest_has_noise_and_bias():
+    with pytest.warns(UserWarning, match="the log holds no acceleration"):
+        found = imuloop.calibrate(at_rest())
+    for axis in ("gx", "gy", "gz"):
+        assert found.noise[axis].N.value == pytest.approx(RATE, rel=0.05)
+        assert found.noise[axis.replace("g", "a")].N.value is None
+    np.testing.assert_allclose(found.calibration.gyroscope.b, LEVEL, atol=5 * RATE / np.sqrt(120))
+    verdicts = found.diagnosis["sensors"]
+    assert {verdicts[s]["poses"]["verdict"] for s in verdicts} == {"not_testable"}
+
+
+def test_columns_that_may_be_the_other_sensor_s_are_not_passed_over():
+    log = at_rest().assign(u=1.0, v=2.0, w=3.0)
+    with pytest.raises(ImuloopError, match=r"no columns of acceleration found .* declare it as nu"):
+        imuloop.calibrate(log)
+    with pytest.warns(UserWarning, match="the log holds no acceleration"):
+        assert imuloop.calibrate(log, columns={"acceleration": None}).noise["gx"].N.value
