@@ -168,7 +168,7 @@ def test_what_cannot_be_used_is_said(log, tmp_path):
 @pytest.mark.filterwarnings("ignore:.*too much for a turn by hand")
 def test_a_wrong_declaration_is_one_line_and_no_traceback(tmp_path, caplog):
     path = tmp_path / "half.csv"
-    path.write_text("t,ax,ay,az\n" + "0.01,0,0,9.8\n" * 200)
+    path.write_text("t,ax,ay,az,u,v,w\n" + "0.01,0,0,9.8,0,0,0\n" * 200)
     for call in (imuloop.read, imuloop.calibrate):
         with pytest.raises(ImuloopError, match=f"^{re.escape(str(path))}: no columns of angular_r"):
             call(path)

@@ -32,6 +32,8 @@ from imuloop.core.samples import (
 from imuloop.core.units import STANDARD_GRAVITY
 
 KINDS = ("multi_position", "six_position", "static")
+# of two tables, one a sensor
+PAIR = ("acceleration", "angular_rate")
 # where a log came from that was no file
 IN_MEMORY = "in memory"
 
@@ -131,7 +133,7 @@ class Result:
 
 
 def calibrate(
-    t,
+    t=None,
     acceleration=None,
     angular_rate=None,
     temperature=None,
@@ -160,7 +162,8 @@ def calibrate(
         Time stamps, s, of the arrays that follow; or each log of many positions: a path, a
         DataFrame, or a tuple of arrays ``(t, acceleration, angular_rate[, temperature])``.
     acceleration, angular_rate : array_like, shape (n, 3), optional
-        m/s^2 and rad/s, or in the `units` that are given.
+        m/s^2 and rad/s, or in the `units` that are given. Without `t` a path or a DataFrame of each
+        sensor, with time and three axes, on a clock of its own.
     temperature : array_like, shape (n,), optional
         degC.
     static, six_position : a log, or a list of logs
@@ -187,7 +190,12 @@ def calibrate(
     ImuloopError
         If a log does not exist, or is not as declared.
     """
-    poses = _several(t) if acceleration is None else [(t, acceleration, angular_rate, temperature)]
+    if t is None:
+        poses = [dict(zip(PAIR, (acceleration, angular_rate), strict=True))]
+    elif acceleration is None:
+        poses = _several(t)
+    else:
+        poses = [(t, acceleration, angular_rate, temperature)]
     given = zip(KINDS, (poses, _several(six_position), _several(static)), strict=True)
     logs = {f"{kind}_{i + 1}": log for kind, each in given for i, log in enumerate(each)}
     kept = folder or tempfile.TemporaryDirectory(prefix="imuloop-")
@@ -281,18 +289,23 @@ def _several(logs):
 
 def _ingested(device, session, log, declared):
     """Write the samples of a session; return why they cannot be used, and what to look at."""
-    path, shown = log, session
-    if isinstance(log, (str, Path)):
-        shown = str(log)
-        if not Path(log).exists():
-            raise ImuloopError(f"{log}: there is no such file")
-        refuse_overwriting([device.folder], [log])
-    else:
-        path = device.file(f"{session}.parquet")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _table(log).to_parquet(path, index=False)
-        declared = declared | {"sources": {"log": {"path": IN_MEMORY}}}
-    for failure in chain.ingest(device, session, declared, [path]):
+    by_sensor = isinstance(log, Mapping) and set(log) == set(PAIR)
+    paths, sources = [], {}
+    for role, each in (log if by_sensor else {"log": log}).items():
+        if isinstance(each, (str, Path)):
+            if not Path(each).exists():
+                raise ImuloopError(f"{each}: there is no such file")
+            refuse_overwriting([device.folder], [each])
+            path, sources[role] = each, {"path": str(each)}
+        else:
+            path = device.file(f"{session}_{role}.parquet" if by_sensor else f"{session}.parquet")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            _table(each).to_parquet(path, index=False)
+            sources[role] = {"path": IN_MEMORY}
+        paths.append(path)
+    files = [source["path"] for source in sources.values() if source["path"] != IN_MEMORY]
+    shown = " and ".join(files) or session
+    for failure in chain.ingest(device, session, declared | {"sources": sources}, paths):
         # the file's name is enough
         raise ImuloopError(failure.why.removeprefix(f"{device.name}/{session}: "))
     quality = read_json(device.sessions[session]["quality"])
