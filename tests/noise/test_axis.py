@@ -196,6 +196,13 @@ def test_a_filter_is_reported_and_the_noise_below_it_kept():
     assert estimate.noise.N.value == pytest.approx(0.01, rel=0.15)
 
 
+@pytest.mark.parametrize(("n", "rate"), [(500, 50.0), (1500, 300.0), (2500, 25.0)])
+def test_white_noise_of_a_short_record_has_no_filter(n, rate):
+    for seed in range(8):
+        x = np.random.default_rng(seed).normal(size=n)
+        assert estimate_record(x, rate, SETTINGS).band_hz >= 0.4 * rate
+
+
 def test_a_spectrum_outside_the_model_widens_the_intervals():
     rng = np.random.default_rng(6)
     # two resonances of the table that are neither lines nor Gauss-Markov processes

@@ -55,7 +55,7 @@ def estimate_axis(basis, runs, settings):
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
     lines, selection = find_lines(basis, runs, settings)
     highest = band(selection)
-    if highest < basis.frequency.max():
+    if highest:
         selection = selection.weighted(np.where(basis.frequency <= highest, basis.count, 0.0))
     size, weight = misfit(selection, selection.supported)
     if size:
@@ -65,7 +65,7 @@ def estimate_axis(basis, runs, settings):
         for line in lines
     )
     noise = replace(axis_noise(selection, selection.supported), sinusoid=sinusoid)
-    return AxisEstimate(noise, size, highest)
+    return AxisEstimate(noise, size, highest or 0.5 / basis.dt)
 
 
 def find_lines(basis, runs, settings):

@@ -1,7 +1,7 @@
 """Where a spectrum leaves its model: a band that a filter emptied, and what counts less."""
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, polygamma, psi
+from scipy.special import chdtrc, chdtri, fdtr, polygamma, psi
 
 from imuloop.noise.processes import NAMES
 
@@ -13,10 +13,12 @@ TOGETHER = GROUPS // 2
 OCTAVES, LACKING = 5, 0.25
 # values of a top octave that make a lack significant, standard errors
 SIGNIFICANT = 4.0
+# and how seldom the power of white noise falls so much from the octave below
+CHANCE = 1e-4
 
 
 def band(selection):
-    """Return the highest frequency below which no octave lacks power, Hz.
+    """Return the highest frequency below which no octave lacks power, Hz; None if none does.
 
     An octave at the top is predicted from all that lies below it. Where it lacks more than a
     quarter of the power, a filter or a resampling took it: it says nothing of the sensor's noise.
@@ -33,10 +35,15 @@ def band(selection):
         fit = selection.weighted(np.where(below, count, 0.0)).likelihood.fit(units, True)
         expected = likelihood.above_rounding(units @ fit.theta)
         share = count[top] @ (power / expected)[top] / n
-        if share > 1 - max(LACKING, SIGNIFICANT * np.sqrt(2 / n)):
+        # what is foretold of few values is off by more than noise: the power has to fall, too
+        near = below & (frequency > highest / 4)
+        level, level_below = (count[rows] @ power[rows] / count[rows].sum() for rows in (top, near))
+        falls = fdtr(n, count[near].sum(), level / level_below) < CHANCE
+        if not falls or share > 1 - max(LACKING, SIGNIFICANT * np.sqrt(2 / n)):
             break
         highest /= 2
-    return float(highest)
+    # the highest mode of a short record, a mean of many, lies far below half the rate
+    return float(highest) if highest < frequency.max() else None
 
 
 def misfit(selection, terms):
