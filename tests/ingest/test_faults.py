@@ -134,6 +134,7 @@ def copied(log, one, other):
 # are no part of this list: each fault leaves its rows alone
 NEVER = {"static": "never changing: gx, gy, gz", "multi_position": "no noise at rest: gx, gy, gz;"}
 COARSE = {"static": "never changing: gy", "multi_position": "no noise at rest: gy;"}
+TOO_SMALL = {"static": "has gravity been taken out", "multi_position": "gravity is in it, in 9 "}
 ALL_ZERO = "zero on all axes: acceleration in 200 rows, angular_rate in 200"
 ALL_SPIKES = "spikes of a single sample: ax 3, ay 3, az 3, gx 3, gy 3, gz 3;"
 KEPT = [
@@ -165,7 +166,7 @@ KEPT = [
     (scaled([TEMPERATURE], 340, -12420), "counts, or failed reads"),
     (scaled([TEMPERATURE], 1, 273.15), "it looks like K"),
     (put((0,), [TEMPERATURE], 21.0), "temperature is 21 degC throughout"),
-    (scaled(ACCELERATION, 0.01), "has gravity been taken out"),
+    (scaled(ACCELERATION, 0.01), TOO_SMALL),
     (scaled(ANGULAR_RATE, 1e4), "too much for a turn by hand"),
     (scaled(["t"], 1e3), "0.1 Hz is unusual for an IMU: see units.time"),
     (moved(0.5, 0.7), "1 gap, 0.71 s together"),

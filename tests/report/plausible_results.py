@@ -99,7 +99,9 @@ def _session(folder, device, session, kind, rng):
         "temperature_range": None,
         "constant": [],
         "faults": {},
-        **dict.fromkeys(("duplicates", "out_of_order", "bad_lines", "outside_time_range"), 0),
+        **dict.fromkeys(
+            ("duplicates", "identical", "out_of_order", "bad_lines", "outside_time_range"), 0
+        ),
         "spiked": 0,
         "spike_values": dict.fromkeys(CHANNELS, 0),
         "jitter": {"std_s": None if rejected else 1.2e-4, "max_s": 1e-3},

@@ -61,7 +61,10 @@ class Axes:
             return
         force = np.array([means(x[name][: n * width], self.rows) for name in ACCELERATION])
         size = np.sqrt((force**2).sum(axis=0))
-        self.gravity = self.gravity or np.median(size)
+        known = size[np.isfinite(size)]
+        self.gravity = self.gravity or (np.median(known) if len(known) else None)
+        if not self.gravity:
+            return
         calm = (np.abs(size / self.gravity - 1) < MOST_SHAKEN).reshape(n, -1).all(axis=1)
         u = (force / np.where(size > 0, size, 1.0)).reshape(3, n, -1)
         change = np.diff(u.mean(axis=2), axis=1)
@@ -83,10 +86,12 @@ class Axes:
     def fit(self):
         """Return how well the axes fit, as `axes` in quality.schema.yaml; None of too few turns."""
         steps = self.steps.rows()
+        steps = steps[np.isfinite(steps).all(axis=1)]
         if len(steps) < LEAST_STEPS:
             return None
         change = steps[:, :3]
         rests = self.rests.rows()
+        rests = rests[np.isfinite(rests).all(axis=1)]
         bias = np.median(rests, axis=0) if len(rests) else np.zeros(3)
         # ∫ w u (r - b), then its share by the cross product for each mapping
         moment = steps[:, 6:].reshape(-1, 3, 3) - steps[:, 3:6, None] * bias

@@ -18,6 +18,8 @@ _KNOWN = 0.05
 _FEWEST = 16
 # rounds of least squares, and the percentiles of the lateness beyond which it is clipped
 _ROUNDS, _USUAL = 3, (5, 95)
+# samples came in packets that share a stamp where so large a share of the rows repeats one
+_SHARED = 0.01
 # points of a line, at most twice so many
 POINTS = 1 << 17
 # parts of a log whose stamps must lie on one line
@@ -52,7 +54,8 @@ def line_step(counts, measured, rate=None, increments=False):
 
     Stamps that come singly, but scatter by `_SCATTER` or more, are rebuilt where no sample is
     lost: the medians of parts so long that one is known to `_KNOWN` of a step all lie within half
-    a step; not where rows hold `increments`, whose intervals may differ.
+    a step; not where rows hold `increments`, whose intervals may differ. Rows that share a stamp
+    are samples of a packet, and rebuilt, where all rows lie on one line.
 
     `measured` are the figures of the samples as stamped, `rate` is the declared one, Hz.
     """
@@ -75,7 +78,9 @@ def line_step(counts, measured, rate=None, increments=False):
     parts = np.array_split(away, _PARTS)
     scatter = np.median([np.subtract(*np.percentile(part, [95, 5])) for part in parts])
     limit = scatter
-    if not bursts:
+    if shared(counts):
+        limit = max(scatter, step / 2)
+    elif not bursts:
         if not scatter >= _SCATTER * step or abs(median / step - 1) > _EVEN:
             return None
         # the error of a median of n normal values is 1.25 of their deviation over the root of n
@@ -90,10 +95,17 @@ def line_step(counts, measured, rate=None, increments=False):
     return step
 
 
-def rebuilt(logged, step):
-    """Return the line on stamps that were rebuilt every `step` s, by their figures as logged."""
+def shared(counts):
+    """Tell whether samples share the stamp of their packet."""
+    return counts.duplicates > _SHARED * counts.kept
+
+
+def rebuilt(logged, step, counts):
+    """Return the line on stamps rebuilt every `step` s, by figures and counts as logged."""
     median, mean = _steps(logged)
-    if median < BURST * step:
+    if shared(counts):
+        how = f"of {counts.duplicates} rows are those of others, as of packets of samples"
+    elif median < BURST * step:
         how = f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
     else:
         how = (

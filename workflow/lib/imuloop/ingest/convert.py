@@ -33,6 +33,7 @@ BEYOND = 1e10
 class Counts:
     """What became of the rows of a log; each row is counted once.
 
+    `identical` are rows that repeat the one before in stamp and all values: nothing is lost.
     `points` are number and time of some rows; `outside_marks` samples before the first and after
     the last 1PPS mark; `start_ns` the moment of the first sample, ns since 1970, None without
     dates, `begin_s` how long it is after the log's first stamp, s.
@@ -43,6 +44,7 @@ class Counts:
     outside: int = 0
     non_finite: int = 0
     duplicates: int = 0
+    identical: int = 0
     out_of_order: int = 0
     without_interval: int = 0
     by_usual_step: int = 0
@@ -83,14 +85,16 @@ def si_batches(
         raise ImuloopError(
             f"units of {' and '.join(summed)}: increments of two sensors have to be on one clock"
         )
-    origin = zero = None
+    origin = zero = last = None
     for (x, readable, absolute, scale, batch), after in with_lookahead(_clocked(log, units, rate)):
         absent = dict.fromkeys({*CHANNELS} - {*batch.schema.names}, np.zeros(batch.num_rows))
         logged = (name for name in channels if name not in absent)
         raw = absent | {name: batch.column(name).to_numpy(zero_copy_only=False) for name in logged}
-        rows = np.arange(counts.read, counts.read + batch.num_rows)
         counts.read += batch.num_rows
         stamped = STAMP in batch.schema.names
+        same, last = _identical(x, readable, raw, last)
+        # numbers of samples, among which a row that is written twice is one
+        rows = counts.read - batch.num_rows - counts.identical + np.arange(len(x)) - same.cumsum()
         if not readable.any() and origin is None:
             if batch.num_rows:
                 raise no_stamps(batch.column(STAMP), log.found.get("time"))
@@ -132,13 +136,17 @@ def si_batches(
         finite = readable & ~np.any([missing[n] | beyond[n] for n in CHANNELS], axis=0)
         # a clock that is rebuilt takes the rows as they come, however late their stamps are
         early = (x < before) & (step is None)
+        inside &= ~same
         good = inside & finite
-        fits = good & (x != before) & ~early
+        # and samples that came together
+        repeated = (x == before) & (step is None)
+        fits = good & ~repeated & ~early
         keep = fits & ~starts
         counts.add(
-            outside=~inside,
+            identical=same,
+            outside=~inside & ~same,
             non_finite=inside & ~finite,
-            duplicates=good & (x == before),
+            duplicates=good & repeated,
             out_of_order=good & early,
             without_interval=fits & starts,
             by_usual_step=keep & wide,
@@ -176,6 +184,24 @@ def _own_time(stamped, samples):
         return stamped
     _, first, which = np.unique(stamped, return_index=True, return_inverse=True)
     return samples[TIME][first][which]
+
+
+def _identical(x, readable, raw, last):
+    """Return which rows repeat the one before in stamp and all values, and the last row.
+
+    `last` is that of the batch before, None of the first.
+    """
+    same = np.zeros(len(x), dtype=bool)
+    if not len(x):
+        return same, last
+    at = np.flatnonzero((x[1:] == x[:-1]) & readable[1:]) + 1
+    for values in raw.values():
+        one, other = values[at], values[at - 1]
+        at = at[(one == other) | (np.isnan(one) & np.isnan(other))]
+    same[at] = True
+    first, end = ([x[i], *(values[i] for values in raw.values())] for i in (0, -1))
+    same[0] = last is not None and np.array_equal(first, last, equal_nan=True)
+    return same, end
 
 
 # a count of 1e306 has no value in SI

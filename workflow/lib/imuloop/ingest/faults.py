@@ -36,13 +36,18 @@ RAILS, LEAST_RAIL = (32767, 32768), 2
 WRAPPED, FLAT = 0.9, 0.05
 # of its span, how far the range of an integer may lie from zero, or its width from a power of two
 UNEVEN = 0.1
-# blocks for spectra: rows per block, blocks per row group, blocks needed
-BLOCK, BLOCKS, LEAST_BLOCKS = 256, 64, 4
+# rows at an end of the range count as failed reads where both neighbours lie in the other half of a
+# range of at least so many steps
+READ_STEPS = 1000
+# blocks for spectra: rows per block, blocks per row group, and those at rest that are needed
+BLOCK, BLOCKS, LEAST_BLOCKS = 128, 128, 8
 # share of Nyquist of the bands compared: drift and motion, noise, noise near Nyquist
 LOW, MIDDLE, HIGH = (1 / 64, 1 / 16), (1 / 16, 1 / 4), (3 / 4, 1)
-# the noise near Nyquist is lacking below this share; a log with more drift is moving
+# the noise near Nyquist is lacking below this share; a block with more drift on any axis is moving.
+# The ratio of two powers over n blocks is F-distributed: of white noise over LEAST_BLOCKS, some 100
+# degrees of freedom each, none is below a third once in a million times
 LACKING_SHARE, MOST_DRIFT = 0.05, 10.0
-# noise is that of the quietest part of a log, which has to rest for as much of its time
+# noise is that of a log that rests for as much of its time
 QUIET_SHARE = 0.25
 # an axis is silent at rest where it never changes in this share of the quieter blocks
 SILENT_SHARE = 0.8
@@ -68,16 +73,18 @@ def measure(samples, metadata, figures, threads=1):
         n: (0.0 - units[n]["offset"]) * units[n]["scale"] if n in units else 0 for n in CHANNELS
     }
     runs = {name: Runs(steps[name]) for name in CHANNELS}
-    zero_rows = dict.fromkeys(SENSORS, 0)
-    means, still, way = RestMeans(rate), Stops(rate), Axes(rate)
+    zero_rows, in_turn = dict.fromkeys(SENSORS, 0), dict.fromkeys(SENSORS, 0)
+    gaps = np.flatnonzero(np.diff(samples[TIME]) > figures["gaps"]["longer_than_s"])
+    means, still, way = RestMeans(rate), Stops(rate, gaps), Axes(rate)
 
     def groups():
         """Give the rows of each piece, less padding, and the last ones before them."""
         before = {name: np.empty(0) for name in names}
         for row, columns in samples.pieces(names):
             x = dict(zip(names, columns, strict=True))
-            way.add(x)
             padded = {s: np.all([x[n] == zeros[n] for n in SENSORS[s]], axis=0) for s in SENSORS}
+            for sensor, other in (SENSORS, [*SENSORS][::-1]):
+                in_turn[sensor] += int((padded[sensor] & ~padded[other]).sum())
             # a gyroscope at rest may well show three zeros; an accelerometer never does
             padded["angular_rate"] &= padded["acceleration"]
             for sensor, axes in SENSORS.items():
@@ -85,7 +92,10 @@ def measure(samples, metadata, figures, threads=1):
                 if padded[sensor].any():
                     x |= {name: np.where(padded[sensor], np.nan, x[name]) for name in axes}
             means.add(x)
-            still.add(x)
+            # where an integer wraps around nothing is known of a turn
+            turns = {n: _without_wraps(x[n], *figures["range"][n]) for n in CHANNELS}
+            way.add(turns)
+            still.add(turns)
             for name in CHANNELS:
                 runs[name].add(x[name], row)
             yield x, before
@@ -103,15 +113,18 @@ def measure(samples, metadata, figures, threads=1):
             np.array([_at_limits(x[n], figures["range"][n], steps[n]) for n in CHANNELS]),
             np.array([_spikes(np.concatenate((before[n], x[n])), steps[n] or 0.0) for n in names]),
             # the last three rows before make windows of four that end in these rows
-            np.array([_wraps(np.concatenate((before[n][-3:], x[n])), *figures["range"][n])
+            np.array([_wraps(np.concatenate((before[n][-3:], x[n])), *figures["range"][n]).sum()
                       for n in CHANNELS]),
+            np.array([_failed_reads(x[n], *figures["range"][n], steps[n]) for n in CHANNELS]),
         ]  # fmt: skip
         blocks = {name: _blocks(x[name]) for name in CHANNELS}
         quiet = sum(blocks[name].var(axis=1) for name in ACCELERATION)
         return counts, np.array([_bands(blocks[name]) for name in CHANNELS]), quiet
 
     counts, spectra, quiet = zip(*ordered_map(counted, groups(), threads), strict=True)
-    common, lengths, limits, spikes, wraps = (sum(each) for each in zip(*counts, strict=True))
+    common, lengths, limits, spikes, wraps, failed = (
+        sum(each) for each in zip(*counts, strict=True)
+    )
     quiet, spectra = np.concatenate(quiet), np.concatenate(spectra, axis=2)
     spectra = dict(zip(CHANNELS, spectra, strict=True))
     spikes = dict(zip(names, spikes.tolist(), strict=True))
@@ -153,8 +166,13 @@ def measure(samples, metadata, figures, threads=1):
         mean_at_rest = means.figures([steps[name] for name in ANGULAR_RATE])
     if rests:
         rests["jump_s"] = float(samples[TIME][rests.pop("jump_row")])
+        row = rests.pop("gap_row")
+        rests["gap_s"] = None if row is None else float(samples[TIME][row])
+    still = _at_rest([spectra[name] for name in CHANNELS if name not in silent])
     return {
         "zero_rows": zero_rows,
+        "in_turn": in_turn,
+        "failed_reads": dict(zip(CHANNELS, failed.tolist(), strict=True)),
         "stuck": {name: _stuck_figures(stuck[name], rate, samples) for name in CHANNELS},
         "spikes": spikes,
         "wraps": dict(zip(CHANNELS, wraps.tolist(), strict=True)),
@@ -167,7 +185,10 @@ def measure(samples, metadata, figures, threads=1):
         ],
         "silent_at_rest": silent,
         "noise_near_nyquist": {
-            name: None if name in silent else _lacking(spectra[name], share) for name in CHANNELS
+            name: _lacking(spectra[name][:, still])
+            if name not in silent and share >= QUIET_SHARE
+            else None
+            for name in CHANNELS
         },
         "mean_at_rest": mean_at_rest,
         "axes": axes,
@@ -218,7 +239,7 @@ def _at_rail(value, unit, step):
 
 
 def _wraps(x, low, high):
-    """Return how often a value jumps from one end of its range to the other and stays there.
+    """Tell where a value jumps from one end of its range to the other and stays there, (n - 3,).
 
     A value that swings from end to end is not as flat before and after, one that is clipped is
     flatter: it does not change at all, or is held at an end. A rate that is switched on and off
@@ -228,12 +249,33 @@ def _wraps(x, low, high):
     span = high - low
     all_bits = low >= 0 and span > 2**11 and span >= (1 - UNEVEN) * 2 ** np.ceil(np.log2(span))
     if not (abs(low + high) / 2 <= UNEVEN * span or all_bits):
-        return 0
+        return np.zeros(max(len(step) - 2, 0), dtype=bool)
     before, jump, after = step[:-2], step[1:-1], step[2:]
     found = (jump >= WRAPPED * span) & (before < FLAT * span) & (after < FLAT * span)
     end = (x == low) | (x == high)
     held = ((before == 0) & end[1:-2]) | ((after == 0) & end[2:-1])
-    return int((found & (before + after > 0) & ~held).sum())
+    return found & (before + after > 0) & ~held
+
+
+def _without_wraps(x, low, high):
+    """Return values with not-a-number where they wrap around."""
+    at = np.flatnonzero(_wraps(x, low, high))
+    if not len(at):
+        return x
+    x = x.copy()
+    x[at + 1] = x[at + 2] = np.nan
+    return x
+
+
+def _failed_reads(x, low, high, step):
+    """Return how many rows at an end of the range come between values of the other half."""
+    if not step or high - low < READ_STEPS * step:
+        return 0
+    starts = np.flatnonzero(np.diff(x, prepend=np.nan))
+    values, rows = x[starts], np.diff(starts)
+    far = np.abs(np.diff(values)) > (high - low) / 2
+    found = far[:-1] & far[1:] & ((values[1:-1] == low) | (values[1:-1] == high))
+    return int(rows[1:][found].sum())
 
 
 def _clipped(counts, limits, railed, stuck, spikes, runs, rate):
@@ -310,21 +352,19 @@ def _bands(blocks):
     return np.array([away.var(axis=1), *bands])
 
 
-def _lacking(found, share):
-    """Return the noise near Nyquist as a share of that below; None where nothing rests.
+def _at_rest(spectra):
+    """Return which blocks hold noise alone: on no axis is there much more at low frequencies."""
+    rest = [np.isfinite(each).all(axis=0) & (each[1] <= MOST_DRIFT * each[2]) for each in spectra]
+    return np.all(rest, axis=0) if rest else []
 
-    `share` of the log rests; what moves has power at low frequencies that is no noise.
-    """
-    variance, low, middle, high = found[:, np.isfinite(found).all(axis=0) & (found[0] > 0)]
-    if len(variance) < LEAST_BLOCKS:
+
+def _lacking(resting):
+    """Return the noise near Nyquist as a share of that below; None of too few blocks at rest."""
+    _, _, middle, high = resting[:, resting[0] > 0]
+    if len(middle) < LEAST_BLOCKS:
         return None
-    count = max(int(QUIET_SHARE * len(variance)), LEAST_BLOCKS)
-    if count > share * len(variance):
-        return None
-    quiet = np.argsort(variance)[:count]
-    if not middle[quiet].sum() or low[quiet].sum() > MOST_DRIFT * middle[quiet].sum():
-        return None
-    return float(high[quiet].sum() / middle[quiet].sum())
+    quiet = np.argsort(middle)[: max(len(middle) // 2, LEAST_BLOCKS)]
+    return float(high[quiet].sum() / middle[quiet].sum()) if middle[quiet].sum() else None
 
 
 def _silent(variance, spread):

@@ -35,7 +35,14 @@ from imuloop.ingest.stamps import is_iso, iso_text
 # rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
 _COUNTED = (
-    *("duplicates", "out_of_order", "non_finite", "missing_values", "impossible_values"),
+    *(
+        "duplicates",
+        "identical",
+        "out_of_order",
+        "non_finite",
+        "missing_values",
+        "impossible_values",
+    ),
     *("spiked", "spike_values"),
 )
 
@@ -145,11 +152,11 @@ def ingest(
                     declared["usual"], log = usual, opened()
                 figures = write_and_measure(log, counts, si_batches(log, **declared, counts=counts))
                 step = bursts.line_step(counts, figures, rate, bool(increments.factors(units)))
-                if step and bursts.follows_stamps(temporary, step):
+                if step and not bursts.shared(counts) and bursts.follows_stamps(temporary, step):
                     step = None
                 if step:
                     # once more from the start, now that the line is known
-                    counts, logged, log = Counts(), figures, opened()
+                    as_logged, counts, logged, log = counts, Counts(), figures, opened()
                     declared |= {"step": step, "usual": None}
                     batches = si_batches(log, **declared, counts=counts)
                     figures = write_and_measure(log, counts, batches, rebuilt=True)
@@ -178,6 +185,8 @@ def ingest(
                 # the rate is wrong, and what was found by it
                 wrong, doubted = ([fault], []) if many else ([], [fault])
             lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
+            if unread := quality.unread(figures, counts):
+                reasons, wrong, doubted = reasons or unread, [], []
             reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
             if reference and not (reasons or wrong):
                 own = {"format": format, "columns": columns, "units": units, "rate": rate}
@@ -202,7 +211,7 @@ def ingest(
     summed = increments.figures(log, units, counts, usual, step, rate)
     doubts += increments.warnings(summed, figures)
     if logged:
-        doubts.append(bursts.rebuilt(logged, step))
+        doubts.append(bursts.rebuilt(logged, step, as_logged))
     doubts += counts.clock.warnings()
     if absent:
         doubts.append(f"the log holds no {absent}: what needs it is not testable")

@@ -14,7 +14,7 @@ import numpy as np
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
-from imuloop.core.units import INCREMENTS
+from imuloop.core.units import DEGREE, INCREMENTS
 
 # the specific force at rest is gravity within this share; that of a log that never rests lies in
 # these parts of it; at a known factor within the last share: biases of a tenth of g, scale errors
@@ -65,7 +65,9 @@ def judged(figures, units, gravity, kind=None):
             "integer that wraps around: widen it in the logger, or choose a wider full scale"
         )
         # nothing else can be said of such values
-        return ([text], []) if max(wrapped.values()) >= MOST_WRAPS else ([], [text])
+        if max(wrapped.values()) >= MOST_WRAPS:
+            return [text], []
+        warnings.append(text)
     if cause := _increments(figures, units, gravity):
         reasons.append(cause)
     else:
@@ -169,6 +171,12 @@ def _mean_force(figures):
 def _force(figures, unit, gravity, reasons, warnings):
     """Say what is wrong with a specific force at rest that is not gravity."""
     found, rests = figures["faults"], figures["faults"]["rests"]
+    if rests and rests["gap_turn"] > MOST_TILT:
+        warnings.append(
+            f"gravity turns by {np.degrees(rests['gap_turn']):.0f}° within the gap at "
+            f"{rests['gap_s']:.6g} s: the device was turned while nothing was logged, and this "
+            "turn is left out"
+        )
     if rests and rests["jump_m_s2"] > MOST_JUMP * gravity and _live(figures):
         # of two levels the middle one says nothing
         warnings.append(
@@ -196,6 +204,11 @@ def _force(figures, unit, gravity, reasons, warnings):
         reasons.append(
             f"{line}: taken as {unit.name}, whole numbers that look like counts; declare "
             "units.acceleration: count, and nominal.acceleration; see units.angular_rate too"
+        )
+    elif rests and rests["attitudes"] >= LEAST_ATTITUDES and high < low * (1 + NEAR_FORCE):
+        warnings.append(
+            f"{line}: gravity is in it, in {rests['attitudes']} attitudes, "
+            f"{force / gravity:.2g} times its size: see units.acceleration and nominal.acceleration"
         )
     elif force < 0.3 * gravity:
         summed = _summed_factors("acceleration", unit, figures["rate_hz"])
@@ -260,10 +273,13 @@ def _turns(figures, unit, gravity, kind, reasons, warnings):
             reasons.append(f"{line}: {cause}{off}")
             return
     mean = figures["mean_angular_rate"]
-    if mean > (PLAUSIBLE_REST if kind == "static" else PLAUSIBLE_MEAN_RATE):
+    most = PLAUSIBLE_REST if kind == "static" else PLAUSIBLE_MEAN_RATE
+    if mean > most:
+        degrees = unit.name == "rad/s" and mean * DEGREE < most
         warnings.append(
             f"the mean angular rate is {mean:.4g} rad/s, too much for a "
-            f"{'turn by hand' if mean > PLAUSIBLE_MEAN_RATE else 'bias'}: see units.angular_rate"
+            f"{'turn by hand' if mean > PLAUSIBLE_MEAN_RATE else 'bias'}: "
+            f"{'is it deg/s? ' if degrees else ''}see units.angular_rate"
         )
     elif value and sure and not cut and abs(log(value)) > max(log(1 + PLAUSIBLE_TURN_RATIO), sure):
         warnings.append(f"{line}: its scale is off by as much; {see}{off}")

@@ -29,13 +29,16 @@ LEAST_DURATION = 2.0
 LEAST_CHANGE = dict.fromkeys(ACCELERATION, 1e-9) | dict.fromkeys(ANGULAR_RATE, 1e-12)
 # a log that loses a larger share of its rows to faults is not to be trusted
 MOST_DROPPED = 0.05
+# rows in which one sensor alone is zero are those of two sensors in turn if there are so many
+IN_TURN = 0.9
 # rates at which IMUs log, Hz
 PLAUSIBLE_RATE = (0.05, 1e5)
 
 TREATMENT = (
     "Rows whose stamp or one of the six axes is missing, not finite or beyond what any sensor "
     f"gives (± {BEYOND:g} in SI), rows whose stamp repeats or lies before an earlier one, and "
-    "lines that are no row are dropped and counted; nothing is filled or clipped, and nothing "
+    "lines that are no row are dropped and counted, rows identical to the one before too, by "
+    "themselves; nothing is filled or clipped, and nothing "
     "interpolated but sensors with clocks of their own, with a note. A temperature that is "
     "missing, or beyond the same, stays missing. A step longer than "
     f"{GAP_STEPS} median steps is a gap; rate and jitter are of the other steps. More than "
@@ -171,7 +174,7 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
     """
     found = []
     lost = counts.non_finite + counts.duplicates + counts.out_of_order + bad_lines + counts.spiked
-    inside = counts.read - counts.outside + bad_lines
+    inside = counts.read - counts.outside - counts.identical + bad_lines
     if inside == 0 and counts.read:
         return [f"none of the log's {plural(counts.read, 'row')} lies in the time range"]
     if inside == 0:
@@ -215,6 +218,29 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
                 f"see units.{quantity} and nominal.{quantity}"
             )
     return found
+
+
+def unread(figures, counts):
+    """Return why stamps or rows are none, a list: of such a log nothing else can be said."""
+    if fault := counts.clock.fault():
+        return [fault]
+    faults, rows = figures["faults"], figures["rows"]
+    failed = {n: count for n, count in faults.get("failed_reads", {}).items() if count}
+    if failed and max(failed.values()) > MOST_DROPPED * rows:
+        share = max(failed.values()) / rows
+        often = "every other row" if abs(share - 0.5) < 0.02 else f"{share:.0%} of the rows"
+        return [
+            f"{', '.join(failed)}: {often} is at the end of its range, with ordinary values "
+            "between: failed reads; look at the bus, the driver and the rate of the reads"
+        ]
+    turns = faults.get("in_turn", {"none": 0})
+    if sum(turns.values()) > IN_TURN * rows and min(turns.values()) > MOST_DROPPED * rows:
+        listed = " and ".join(f"{sensor} in {n} rows" for sensor, n in turns.items())
+        return [
+            f"exactly zero on all axes: {listed}, in turn: rows of two sensors, each with "
+            "zeros for the other; leave these fields empty, or write a log for each sensor"
+        ]
+    return []
 
 
 def rails(figures, full_scale=None):
@@ -273,7 +299,7 @@ def _time_hint(rate):
 def warnings(figures, counts, log, *, rate):
     """Return what a user should look at, though the log, read to its end, can be used."""
     found = list(log.notes)
-    if not figures["rows"]:
+    if not figures["rows"] or unread(figures, counts):
         return found
     dead = [name for name in figures["constant"] if name in CHANNELS]
     if dead:
@@ -294,6 +320,11 @@ def warnings(figures, counts, log, *, rate):
         )
     if log.bad_lines and "time" not in log.found:
         found.append("lines that are no row shorten a log without stamps by one step each")
+    if counts.identical:
+        found.append(
+            f"{plural(counts.identical, 'row')} identical to the one before, stamp and values: "
+            "dropped, nothing is lost"
+        )
     if counts.spiked:
         found.append(
             f"{plural(counts.spiked, 'row')} dropped for a spike that no body makes: "

@@ -47,7 +47,9 @@ MAX_WINDOWS_BETWEEN_STOPS, UNTURNED = 3, 5.0
 class Stops:
     """Stops and moves of a log, added row group by row group."""
 
-    def __init__(self, rate):
+    def __init__(self, rate, gaps=()):
+        # rows that a gap comes after
+        self.gaps = np.asarray(gaps, dtype=int)
         self.rows = max(round(FINE * rate), 1)
         self.fine = max(round(WINDOW * rate / self.rows), 4)
         self.dt = self.rows / rate
@@ -58,6 +60,8 @@ class Stops:
         # largest change of the force without a turn, m/s^2, its row, and the angle that the rate
         # turns meanwhile, rad
         self.jump = (0.0, 0, 0.0)
+        # largest turn of gravity over a gap, stop to stop, rad, and the last row before the gap
+        self.gap_turn = (0.0, None)
         self.row = self.windows = self.still = 0
 
     # a damaged file may hold 1e306
@@ -103,12 +107,19 @@ class Stops:
         self._jumps(stops, centre, turning, first, width)
         half = self.fine // 2
         for (_, a), (b, _) in pairwise(runs):
+            if self._gap(first + (a - 1) * width, first + b * width) is not None:
+                continue
             before, after = u[:, a - 1], u[:, b]
             angle = np.arccos(np.clip(before @ after, -1.0, 1.0))
             if angle > LEAST_TURN and (b - a) * self.fine * self.dt < LONGEST_MOVE:
                 bias = (turning[:, a - 1] + turning[:, b]) / 2
                 steps = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - self.fine]
                 self.moves.add([(before, after, (steps.T - bias) * self.dt)])
+
+    def _gap(self, i, j):
+        """Return the last row before a gap from the window of row i to that of row j, or None."""
+        found = self.gaps[np.searchsorted(self.gaps, i) :][:1]
+        return int(found[0]) if len(found) and found[0] < j + self.rows * self.fine else None
 
     def _jumps(self, stops, centre, turning, first, width):
         """Keep the largest change of the force from a stop to the next that nothing turned."""
@@ -117,6 +128,13 @@ class Stops:
         for k in np.flatnonzero(start[1:] - end[:-1] <= MAX_WINDOWS_BETWEEN_STOPS):
             # of the last window and the first one: within a stop a hand may turn slowly
             i, j = end[k] - 1, start[k + 1]
+            gap = self._gap(first + i * width, first + j * width)
+            if gap is not None:
+                u, v = (centre[:, n] / np.sqrt((centre[:, n] ** 2).sum()) for n in (i, j))
+                turn = float(np.arccos(np.clip(u @ v, -1.0, 1.0)))
+                if turn > self.gap_turn[0]:
+                    self.gap_turn = turn, gap
+                continue
             change = np.sqrt(((centre[:, j] - centre[:, i]) ** 2).sum())
             # the bias of all stops, as of two of them alone a slow turn would pass for it
             rates = turning[:, i : j + 1] - np.median(stops[:, 5:], axis=0)[:, None]
@@ -128,7 +146,7 @@ class Stops:
         """Return what the stops show, as `rests` in quality.schema.yaml, None without any.
 
         `guess` is the scale of the angular rate, as turns inside the moves have it; one if None.
-        In place of `jump_s` is its row.
+        In place of `jump_s` and `gap_s` are their rows.
         """
         stops = self.stops.rows()
         if not len(stops):
@@ -157,6 +175,8 @@ class Stops:
             "turn_ratio": turn_ratio,
             "jump_m_s2": jump,
             "jump_row": row,
+            "gap_turn": self.gap_turn[0],
+            "gap_row": self.gap_turn[1],
             "change": float(np.sqrt(changes[0])),
             "change_share": float(changes[0] / changes[1]) if changes[1] > 0 else None,
         }

@@ -9,6 +9,7 @@ from imuloop.report.tables.table import Sized, Table
 # rows that ingest drops, by the reason it counts them under
 DROPPED = {
     "duplicates": "Repeated stamps",
+    "identical": "Identical to the row before",
     "out_of_order": "Out of order",
     "non_finite": "Non-finite",
     "bad_lines": "Unreadable",

@@ -1,0 +1,187 @@
+"""Faults of loggers as public reports describe them: each read, or rejected with its own cause."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.signal import butter, lfilter
+
+from calibrate.devices import planned
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
+from imuloop.core.units import DEGREE, STANDARD_GRAVITY
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import example_truth
+
+STEPS = [1 / 2048] * 3 + [0.001] * 3
+
+
+def poses(rate=100.0, seed=3, count=9):
+    """Poses by hand, in steps of an integer's last bit, from t = 0."""
+    truth = planned(example_truth(rate=rate), "multi_position", poses=count)
+    log = simulate_session(truth, "multi_position", seed)
+    log[list(CHANNELS)] = np.round(log[list(CHANNELS)] / STEPS) * STEPS
+    return log.assign(t=np.arange(len(log)) / rate)
+
+
+@pytest.fixture(scope="module")
+def log():
+    return poses()
+
+
+@pytest.fixture
+def taken(run):
+    def call(log, **declared):
+        found = run(log, **declared).quality
+        return found["reasons"], found["warnings"], found
+
+    return call
+
+
+@pytest.mark.parametrize(("every", "said"), [(2, "every other row"), (3, "33% of the rows")])
+def test_reads_that_fail_again_and_again(log, taken, every, said):
+    """Protects from a calibration of half a log: such rows pass for clipped ones."""
+    log = log.copy()
+    log.loc[1::every, ["gy", "gz"]] = 32767 * 0.001
+    [reason], warnings, _ = taken(log)
+    assert reason.startswith(f"gy, gz: {said} is at the end of its range") and "reads" in reason
+    assert warnings == []
+
+
+def test_turns_that_are_clipped_are_no_failed_reads(log, taken):
+    log = log.copy()
+    log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].clip(-0.5, 0.5)
+    reasons, _, found = taken(log)
+    assert reasons == [] and not any(found["faults"]["failed_reads"].values())
+
+
+@pytest.mark.parametrize("every", [2, 4])
+def test_rows_of_two_sensors_in_turn(log, taken, every):
+    """Protects from `gravity taken out`: each sensor's rows hold zeros for the other."""
+    log, turn = log.copy(), np.arange(len(log)) % every == 0
+    log.loc[turn, list(ACCELERATION)] = 0
+    log.loc[~turn, list(ANGULAR_RATE)] = 0
+    [reason], warnings, _ = taken(log)
+    assert "rows of two sensors, each with zeros for the other" in reason and warnings == []
+
+
+def test_a_gyroscope_of_coarse_steps_is_not_in_turn(log, taken):
+    log = log.copy()
+    log[list(ANGULAR_RATE)] = np.round(log[list(ANGULAR_RATE)] / 0.2) * 0.2
+    assert not any("in turn" in line for line in taken(log)[0])
+
+
+@pytest.mark.parametrize("factor", [100.0, 20.0])
+def test_gravity_off_by_a_factor_is_not_taken_out(log, taken, factor):
+    """Protects a log whose force is the same in every attitude: gravity is in it."""
+    log = log.copy()
+    log[list(ACCELERATION)] /= factor
+    reasons, warnings, _ = taken(log)
+    [line] = reasons or warnings
+    assert f"gravity is in it, in 10 attitudes, {1 / factor:.2g}" in line
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_white_noise_of_a_few_blocks_is_not_filtered(taken, seed):
+    noise = np.random.default_rng(seed).normal(size=(1100, 6)) * ([0.03] * 3 + [0.002] * 3)
+    log = pd.DataFrame(np.add(noise, [0.1, 0.2, 9.7, 0, 0, 0]), columns=CHANNELS)
+    log.insert(0, "t", np.arange(1100) / 350)
+    assert taken(log, kind="static")[:2] == ([], [])
+
+
+@pytest.mark.parametrize("rate", [10.0, 25.0, 40.0])
+def test_short_rests_at_a_low_rate_are_not_filtered(taken, rate):
+    """Protects from motion between short rests passing for noise without its upper half."""
+    for seed in range(3):
+        lines = taken(poses(rate, 30 + seed, 12))[1]
+        assert not any("power is lacking" in line for line in lines)
+
+
+@pytest.mark.parametrize(("rate", "seconds"), [(20.0, 120), (400.0, 8)])
+def test_a_filter_is_named_where_rests_carry_it(taken, rate, seconds):
+    n = round(rate * seconds)
+    noise = lfilter(*butter(2, 0.3), np.random.default_rng(8).normal(size=(n, 6)), axis=0)
+    values = noise * ([0.03] * 3 + [0.002] * 3) + [0.1, 0.2, 9.7, 0, 0, 0]
+    log = pd.DataFrame(values, columns=CHANNELS).assign(t=np.arange(n) / rate)
+    [line] = taken(log, kind="static")[1]
+    assert f"power is lacking above {3 / 8 * rate:.3g} Hz" in line
+
+
+@pytest.mark.parametrize(("first", "every", "rows"), [(0, 3, 64), (1, 2, 1 << 16)])
+def test_rows_that_are_written_twice(log, taken, first, every, rows):
+    again = log.iloc[np.sort(np.r_[np.arange(len(log)), np.arange(first, len(log), every)])]
+    reasons, [line], found = taken(again, batch_rows=rows)
+    count = len(again) - len(log)
+    assert reasons == [] and line.startswith(f"{count} rows identical to the one before")
+    assert (found["identical"], found["duplicates"], found["rows"]) == (count, 0, len(log))
+    assert found["rows_read"] == len(again)
+
+
+def test_a_repeated_stamp_with_other_values_is_not_identical(log, taken):
+    other = log.copy()
+    other.loc[500:501, "t"] = log.t[499]
+    found = taken(other)[2]
+    assert (found["identical"], found["duplicates"]) == (0, 2)
+
+
+@pytest.mark.parametrize(("size", "share", "late"), [(5, 0.2, 2e-3), (8, 1.0, 0.0), (3, 0.6, 1e-4)])
+def test_packets_that_share_a_stamp_are_rebuilt(log, taken, size, share, late):
+    """Protects their samples: those that repeat a stamp were dropped, and gaps and scales found."""
+    rng, log = np.random.default_rng(5), log.copy()
+    t = log.t.to_numpy() + late * rng.random(len(log))
+    for start in range(0, len(log) - size, size):
+        if rng.random() < share:
+            t[start : start + size] = t[start + size - 1]
+    reasons, [line], found = taken(log.assign(t=t))
+    assert reasons == [] and "as of packets of samples: t is rebuilt from the row number" in line
+    assert found["rows"] == len(log) and found["gaps"]["count"] == found["duplicates"] == 0
+    assert found["rate_hz"] == pytest.approx(100, rel=1e-3)
+    assert taken(log.assign(t=t), rate=100)[:2] == ([], [line])
+
+
+@pytest.mark.parametrize("count", [3, 12])
+def test_wraps_do_not_hide_the_units(log, taken, count):
+    """Protects the unit checks of a log of which an integer wrapped around a few times."""
+    log = log.copy()
+    log[list(ACCELERATION)] /= STANDARD_GRAVITY
+    log[list(ANGULAR_RATE)] /= DEGREE
+    fastest = log.gx.abs().rolling(9, center=True).mean().nlargest(200).index
+    for k in range(count):
+        at = fastest[0] + 40 * k
+        log.loc[at, "gx"], log.loc[at + 1 : at + 20, "gx"] = 3276.7, -3276.7
+        log.loc[at + 2 : at + 20, "gx"] += np.arange(19) * 0.3
+        log.loc[at - 3 : at - 1, "gx"] = [3276.0, 3276.2, 3276.5]
+        log.loc[at + 21 : at + 22, "gx"] = [3276.2, 3275.5]
+    reasons, warnings, found = taken(log)
+    assert found["faults"]["wraps"]["gx"] >= count
+    assert any("an integer that wraps around" in line for line in warnings)
+    assert "taken as m/s^2, it looks like g" in reasons[0]
+    assert "taken as rad/s, it looks like deg/s" in reasons[1]
+
+
+@pytest.mark.parametrize("seed", [4, 5])
+def test_a_turn_within_a_gap_is_no_change_of_the_sensor(taken, seed):
+    log = poses(seed=seed)
+    spread = log[list(ANGULAR_RATE)].abs().max(axis=1).rolling(50, center=True).max()
+    moving = np.flatnonzero(spread > 0.3)
+    # from half a second before the first move to half a second after its end
+    end = moving[np.flatnonzero(np.diff(moving) > 50)[0]] + 50
+    kept = log.drop(index=range(moving[0] - 50, end))
+    reasons, warnings, found = taken(kept)
+    assert reasons == [] and len(warnings) == 2 and warnings[0].startswith("1 gap")
+    assert "was turned while nothing was logged" in warnings[1]
+    at = found["faults"]["rests"]["gap_s"]
+    assert at == pytest.approx(log.t[moving[0] - 51])
+
+
+@pytest.mark.parametrize(("rate", "first"), [(40.0, 0.007), (125.0, 0.0004)])
+def test_nanoseconds_without_leading_zeros(log, tmp_path, run, rate, first):
+    """Protects from a log in pieces: such stamps pass for a clock that starts again each second."""
+    ns = np.round((first + np.arange(len(log)) / rate) * 1e9).astype(int) + 1_700_000_000 * 10**9
+    stamps = [f"{n // 10**9}.{n % 10**9}" for n in ns.tolist()]
+    log.assign(t=stamps).to_csv(tmp_path / "log.csv", index=False)
+    found = run(tmp_path / "log.csv").quality
+    [reason] = found["reasons"]
+    assert "nanoseconds were joined to the seconds without leading zeros" in reason
+    assert found["warnings"] == []
+    padded = [f"{n // 10**9}.{n % 10**9:09d}" for n in ns.tolist()]
+    log.assign(t=padded).to_csv(tmp_path / "log.csv", index=False)
+    assert run(tmp_path / "log.csv").quality["reasons"] == []
