@@ -1,5 +1,7 @@
 """Logs as loggers in the field write them: what their headers, stamps and units look like."""
 
+import zipfile
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -207,3 +209,97 @@ def test_a_gyroscope_of_whole_degrees_at_rest_takes_no_turns(log, run, tmp_path)
     log.to_csv(tmp_path / "log.csv", index=False)
     quality = run(tmp_path / "log.csv", units={"angular_rate": "deg/s"}).quality
     assert not any("in turn" in text for text in quality["warnings"])
+
+
+# --- a table, a file or rows of each sensor
+
+
+def two_clocks(log):
+    """Return tables of an accelerometer at 100 Hz and of a gyroscope that is 1.5 ms later."""
+    force = log[["t", *ACCELERATION]].set_axis(["t", "x", "y", "z"], axis=1)
+    rate = log[["t", *ANGULAR_RATE]].set_axis(["t", "x", "y", "z"], axis=1)
+    return force, rate.assign(t=log.t + 0.0015)
+
+
+def check_two(done, log, rows=480):
+    assert done.quality["status"] == "ok", done.quality["reasons"]
+    assert rows <= len(done.samples) <= len(log)
+    # those of the sensor whose clock is the log's are as they were logged
+    assert max(np.isin(done.samples[c], log[c]).mean() for c in ("ax", "gx")) == 1
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet", "headless", "axes"])
+def test_two_files_of_any_table(log, run, tmp_path, form):
+    tables = two_clocks(log)
+    paths = [tmp_path / f"{name}.{'parquet' if form == 'parquet' else 'txt'}" for name in "ab"]
+    for path, table, unit in zip(paths, tables, ("m/s²", "rad/s"), strict=True):
+        if form == "parquet":
+            table.to_parquet(path)
+        elif form == "axes":
+            names = ["elapsed (ms)", *(f"{a}-axis ({unit})" for a in "xyz")]
+            scaled = table.assign(t=(1000 * table.t).round(3), pressure=1013.0)
+            scaled.to_csv(path, index=False, header=[*names, "pressure"])
+        else:
+            table.to_csv(path, index=False, header=form == "csv", sep=" ,"[form == "csv"])
+    done = run(*paths)
+    check_two(done, log)
+    assert done.metadata["units"]["time"] == ("ms" if form == "axes" else "s")
+    assert done.quality["columns"]["time"] == {"axes": "elapsed (ms)", "headless": "0"}.get(
+        form, "t"
+    )
+
+
+def test_two_files_with_declared_columns_and_units_of_time(log, run, tmp_path):
+    force, rate = two_clocks(log)
+    rate["t"] = (1000 * rate.t).round(3)
+    force.assign(u=1.0, v=2.0, w=3.0).to_csv(tmp_path / "a.csv", index=False)
+    names = ["t (ms)", "x", "y", "z", "u", "v", "w"]
+    rate.assign(u=1.0, v=2.0, w=3.0).to_csv(tmp_path / "b.csv", index=False, header=names)
+    columns = {"acceleration": ["x", "y", "z"], "angular_rate": ["x", "y", "z"]}
+    done = run(tmp_path / "a.csv", tmp_path / "b.csv", columns=columns)
+    check_two(done, log)
+    assert 4.9 < done.quality["duration_s"] < 5
+
+
+@pytest.mark.parametrize("zipped", ["one", "two"])
+def test_tables_in_a_zip(log, run, tmp_path, zipped):
+    tables = {"rec/imu.csv": log}
+    if zipped == "two":
+        tables = dict(zip(("rec/Accel.txt", "rec/gyro.txt"), two_clocks(log), strict=True))
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
+        for name, table in tables.items():
+            text = table.to_csv(index=False, header=zipped == "one", sep=" ,"[zipped == "one"])
+            archive.writestr(name, "# made by a logger\n" + text)
+        archive.writestr("rec/notes.md", "at noon")
+    done = run(tmp_path / "log.zip")
+    check_two(done, log)
+    assert "of the zip" in done.quality["warnings"][0]
+
+
+def test_a_zip_of_tables_that_do_not_say_what_they_are(log, run, tmp_path):
+    with zipfile.ZipFile(tmp_path / "log.zip", "w") as archive:
+        for name in ("a.csv", "b.csv"):
+            archive.writestr(name, log.to_csv(index=False))
+    [reason] = run(tmp_path / "log.zip").quality["reasons"]
+    assert "nor one whose name says acc and one gyr, but 'a.csv', 'b.csv'" in reason
+
+
+@pytest.mark.parametrize("head", ["column", "comments"])
+def test_rows_that_begin_with_the_name_of_the_sensor(log, run, tmp_path, head):
+    lines = ["sensor,time,x,y,z"]
+    if head == "comments":
+        lines = [
+            "# Fix,provider,time",
+            "# UncalAccel,time,AccelXMps2,AccelYMps2,AccelZMps2,BiasXMps2",
+        ]
+        lines += ["# UncalGyro,time,UncalGyroXRadPerSec,UncalGyroYRadPerSec,UncalGyroZRadPerSec"]
+    names = ("accelerometer", "gyroscope") if head == "column" else ("UncalAccel", "UncalGyro")
+    for force, rate in zip(*(t.itertuples(index=False) for t in two_clocks(log)), strict=True):
+        lines += [
+            ",".join(map(str, (name, *row))) for name, row in zip(names, (force, rate), strict=True)
+        ]
+        if head == "comments":
+            lines[-2] += ",0.0"
+            lines.append(f"Fix,gps,{force[0]}")
+    (tmp_path / "log.txt").write_text("\n".join(lines))
+    check_two(run(tmp_path / "log.txt"), log)

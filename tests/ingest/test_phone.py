@@ -177,7 +177,8 @@ def test_a_sensor_that_is_missing_or_there_twice(log, run, write, refused):
     members["Gyroscope.csv"] = '"Time (s)","X (rad/s)"\n'
     assert refused(members).startswith("no angular_rate found; the zip holds Accelerometer (Accel")
     assert refused({"a.txt": "a"}) == (
-        "the zip holds no table of phyphox or Sensor Logger, but 'a.txt'"
+        "the zip holds no table of phyphox or Sensor Logger, nor one table, nor one whose name "
+        "says acc and one gyr, but 'a.txt'"
     )
     assert "but nothing" in refused({})
 

@@ -12,31 +12,42 @@ import pyarrow.csv
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import refuse_calibrated
-from imuloop.ingest.columns import STAMP, guess, listed, resolve, unit_of
-from imuloop.ingest.guarded import check_unpacked
+from imuloop.ingest.columns import (
+    SENSORS,
+    STAMP,
+    guess,
+    listed,
+    named_sensor,
+    resolve,
+    unit_of,
+)
+from imuloop.ingest.guarded import MOST_TIMES, check_unpacked
 from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import stamp_array, stamp_values
 from imuloop.ingest.tables import (
     HEAD_ROWS,
+    alone,
     doubles,
     first_rows,
     in_turn,
     named_batches,
+    paired,
     table_log,
     two_streams,
 )
 from imuloop.ingest.text_layout import (
     ARROW,
-    AXES,
     BLANKS,
     COMMENTED,
+    LEAST,
     LONGEST_LINE,
     MISSING,
     decoded,
     fields_of,
     find_layout,
     is_number,
+    opened,
     unreadable,
 )
 
@@ -48,6 +59,8 @@ IN_FOLDER = "data.csv"
 _WORDS = re.compile(rb"(?m)^[ \t]*[^\d\s+\-.,;][^\n]*")
 # around units, and in them: m/(s^2)
 _BRACKETS = re.compile(r"[\[\](){}]")
+# most texts in a column that names the sensors, and lines in which their comments stand
+_KINDS, _HEADS = 20, 200
 # typical length of a row, bytes: turns rows a batch into bytes a block
 _ROW_BYTES = 64
 # zeros and erased memory become a byte that no number has, so that they spoil their own row alone
@@ -61,12 +74,15 @@ def read(paths, columns=None, batch_rows=1 << 16):
     Of a sensor's folder of an EuRoC recording, ``imu0``, it is the table in it, whose header gives
     names and units.
     """
-    path = Path(paths["log"])
-    if path.is_dir():
-        path = path / IN_FOLDER
+    path = paths["log"]
+    if not isinstance(path, bytes) and Path(path).is_dir():
+        path = Path(path) / IN_FOLDER
         if not path.is_file():
             raise RejectedLog(f"the folder holds no {IN_FOLDER}")
     layout = find_layout(path)
+    if parts := _by_sensor(path, layout):
+        logs = {q: read({"log": text}, alone(q, columns), batch_rows) for q, text in parts.items()}
+        return paired(logs, batch_rows)
     refuse_calibrated(layout.names, {})
     chosen = resolve(layout.names, columns, layout.headed)
     _check_stamps(layout, chosen)
@@ -83,6 +99,39 @@ def read(paths, columns=None, batch_rows=1 << 16):
     log.batches = batches(log, batch_rows)
     head = first_rows(batches(RawLog(), HEAD_ROWS))
     return two_streams(log) if in_turn(head) else log
+
+
+def _by_sensor(source, layout):
+    """Return sensor -> header and rows of it, of a table with its name in a column; else nothing.
+
+    The header is the table's, or a comment that begins as these rows do.
+    """
+    for at in range(len(layout.names)):
+        texts = {row[at] for row in layout.rows if at < len(row) and not is_number(row[at])}
+        names = {
+            quantity: [t for t in texts if named_sensor(t) == quantity] for quantity in SENSORS
+        }
+        # what the phone has not corrected goes first
+        names = {q: [t for t in of if "uncal" in t.lower()] or of for q, of in names.items()}
+        if len(texts) <= _KINDS and all(len(of) == 1 for of in names.values()):
+            break
+    else:
+        return {}
+    with opened(source) as stream:
+        most = MOST_TIMES * (len(source) if isinstance(source, bytes) else os.path.getsize(source))
+        text = stream.read(most + 1)
+    if len(text) > most:
+        check_unpacked(0, 1)
+    lines = text.splitlines()
+    rows = [fields_of(decoded(line), layout.separator) for line in lines]
+    separator, parts = _delimiter(layout), {}
+    for quantity, (name,) in names.items():
+        own = [row for row in rows if at < len(row) and row[at] == name]
+        heads = [fields_of(COMMENTED.sub("", decoded(x)), layout.separator) for x in lines[:_HEADS]]
+        heads = [head for head in heads if head[at : at + 1] == [name] and head not in own]
+        head = heads[:1] or ([layout.names] if layout.headed else [])
+        parts[quantity] = "\n".join(map(separator.join, head + own)).encode()
+    return parts
 
 
 def _check_stamps(layout, chosen):
@@ -112,13 +161,13 @@ def _units_below(layout, chosen):
 
 
 def text_batches(source, layout, positions, batch_rows, log, stamps=None):
-    """Give columns of a text table (path or file object), at most `batch_rows` rows at once.
+    """Give columns of a text table (path or bytes), at most `batch_rows` rows at once.
 
     The first `stamps` of the columns at `positions` are stamps, as of `stamp_array`, the others
     float64; all are text if None. `log` counts bad lines and bytes, and has the number of threads.
     """
-    path = os.fspath(source) if isinstance(source, (str, os.PathLike)) else None
-    file = pa.PythonFile(source, mode="r") if path is None else pa.OSFile(path)
+    path = None if isinstance(source, bytes) else os.fspath(source)
+    file = pa.BufferReader(source) if path is None else pa.OSFile(path)
 
     def work(piece):
         text, bad_lines, lost, taken = piece
@@ -234,11 +283,11 @@ def _check_headers(text, layout, positions):
     separator = BLANKS if layout.separator == BLANKS else _delimiter(layout)
     for line in _WORDS.findall(text) if layout.headed else ():
         names = fields_of(COMMENTED.sub("", decoded(line).rstrip("\r")), separator)
-        if names == layout.names or len(names) < AXES or any(map(is_number, names)):
+        if names == layout.names or len(names) < LEAST or any(map(is_number, names)):
             continue
         named, shared = guess(names), len({*names} & {*layout.names})
         known = named["acceleration"] or named["angular_rate"]
-        if not known and shared < max(AXES, len(names) / 2):
+        if not known and shared < max(LEAST, len(names) / 2):
             continue
         if [names[i] for i in positions if i < len(names)] != [layout.names[i] for i in positions]:
             raise RejectedLog(

@@ -1,14 +1,14 @@
 """The log formats: a name, a reader, and what shows them: first bytes, else the file's name."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path, PurePath
 
 from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.ingest import (
     dataflash,
     delimited,
-    imu_tk,
     matlab,
     netcdf,
     parquet,
@@ -17,7 +17,10 @@ from imuloop.ingest import (
     sensorlog,
     ulog,
 )
+from imuloop.ingest.tables import alone, paired
 
+# roles of two files, of one sensor each
+PAIR = ("acceleration", "angular_rate")
 _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 
 
@@ -46,7 +49,7 @@ FORMATS = {
     "tsv": LogFormat(delimited.read, (".tsv", ".tab")),
     # the folder; its table alone is a csv
     "euroc": LogFormat(delimited.read, (), folder=True),
-    "imu_tk": LogFormat(imu_tk.read, (), imu_tk.FILES),
+    "imu_tk": LogFormat(delimited.read, (), PAIR),
     "parquet": LogFormat(parquet.read, parquet.ENDINGS),
     "netcdf": LogFormat(netcdf.read, netcdf.ENDINGS),
     "matlab": LogFormat(matlab.read, matlab.ENDINGS),
@@ -86,6 +89,8 @@ def find_format(name, paths):
         hint = did_you_mean(str(name), FORMATS) or f"; use one of {', '.join(FORMATS)}"
         raise ImuloopError(f"'{name}' is not a format{hint}")
     form = FORMATS[name]
+    if set(paths) == {*PAIR}:
+        form = replace(form, read=partial(_read_two, form.read), files=PAIR, whole=True)
     if set(paths) != set(form.files):
         raise ImuloopError(
             f"format {name} is read from {' and '.join(form.files)}, given {' and '.join(paths)}"
@@ -96,10 +101,14 @@ def find_format(name, paths):
     return name, form
 
 
+def _read_two(read, paths, columns=None, batch_rows=1 << 16, most=-1):
+    """Read an accelerometer's file and a gyroscope's, on clocks of their own."""
+    logs = {q: read({"log": paths[q]}, alone(q, columns), batch_rows) for q in PAIR}
+    return paired(logs, batch_rows, most)
+
+
 def guess_format(paths):
     """Return the name of the format that the files' roles, first bytes or names stand for."""
-    if set(paths) == set(imu_tk.FILES):
-        return "imu_tk"
     path = Path(next(iter(paths.values())))
     if path.is_dir():
         inside = {PurePath(p.name.removesuffix(".zstd")).suffix for p in path.iterdir()}
@@ -111,6 +120,8 @@ def guess_format(paths):
         raise ImuloopError(f"{path} is a folder, not a file")
     if name := _by_first_bytes(path):
         return name
+    if set(paths) == {*PAIR} and path.suffix == ".mat":
+        return "imu_tk"
     bare = path.with_suffix("") if path.suffix.lower() in _PACKED else path
     for name, form in FORMATS.items():
         if bare.suffix.lower() in form.endings:

@@ -6,7 +6,6 @@ to standardise. Here all become specific force.
 """
 
 import csv
-import io
 import re
 import zipfile
 from contextlib import suppress
@@ -16,13 +15,17 @@ from pathlib import PureWindowsPath
 import numpy as np
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
-from imuloop.ingest.columns import AXES, guess, unit_of
+from imuloop.ingest import delimited
+from imuloop.ingest.columns import AXES, SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.delimited import read_series
 from imuloop.ingest.guarded import guarded
 from imuloop.ingest.streams import Stream, raw_log
-from imuloop.ingest.text_layout import find_layout
+from imuloop.ingest.tables import alone, paired
+from imuloop.ingest.text_layout import LONGEST_LINE, find_layout
 
 ENDINGS = (".zip",)
+# of text tables in a zip
+_TABLES = (*delimited.ENDINGS, ".tsv", ".tab")
 
 # "Acceleration x (m/s^2)", "X (m/s^2)", "accelerationX" or "x": sensor, axis, unit
 _AXIS = re.compile(r"(.{,99}?)\s*([xyz])\s*(?:\((.*)\))?", re.IGNORECASE)
@@ -90,8 +93,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
             tables += [table] if table else []
         events = _events(archive, members)
     if not tables:
-        listed = ", ".join(repr(name[:80]) for name in archive.namelist()[:5]) or "nothing"
-        raise RejectedLog(f"the zip holds no table of phyphox or Sensor Logger, but {listed}")
+        return _plain(paths["log"], columns, batch_rows, most)
     app = tables[0].app
     tables = [table for table in tables if table.app is app]
     notes = [f"an export of {app.name}"]
@@ -116,15 +118,53 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     return log
 
 
+def _plain(path, columns, batch_rows, most):
+    """Return the log of a zip that holds one table, or one of each sensor by their names."""
+    with zipfile.ZipFile(path) as archive:
+        members = {n: m for n, m in _members(archive).items() if _is_table(archive, m)}
+        by_sensor = {q: [n for n in members if named_sensor(n) == q] for q in SENSORS}
+        if len(members) == 1:
+            name, info = members.popitem()
+            log = delimited.read({"log": _text(archive, info, most)}, columns, batch_rows)
+            log.notes.insert(0, f"the table {name} of the zip")
+            return log
+        if any(len(names) != 1 for names in by_sensor.values()):
+            listed = ", ".join(repr(name[:80]) for name in archive.namelist()[:5]) or "nothing"
+            raise RejectedLog(
+                "the zip holds no table of phyphox or Sensor Logger, nor one table, nor one whose "
+                f"name says acc and one gyr, but {listed}"
+            )
+        texts = {q: _text(archive, members[name], most) for q, (name,) in by_sensor.items()}
+    logs = {
+        q: delimited.read({"log": text}, alone(q, columns), batch_rows) for q, text in texts.items()
+    }
+    log = paired(logs, batch_rows)
+    log.notes.insert(0, f"the tables {' and '.join(n for (n,) in by_sensor.values())} of the zip")
+    return log
+
+
+def _is_table(archive, info):
+    with suppress(RejectedLog):
+        return bool(find_layout(_text(archive, info, LONGEST_LINE)))
+    return False
+
+
+def _text(archive, info, most):
+    with archive.open(info) as file:
+        return file.read(most)
+
+
 def _members(archive):
-    """Return name without folder and ending -> ZipInfo of the CSV files."""
+    """Return name without folder, of a CSV without ending, -> ZipInfo of the text tables."""
     members = {}
     for info in archive.infolist():
         # splits at / as well
         place = PureWindowsPath(info.filename)
-        if place.suffix.lower() != ".csv" or place.parts[0] == "__MACOSX":
+        ending = place.suffix.lower()
+        if ending not in _TABLES or place.parts[0] == "__MACOSX" or place.name[0] == ".":
             continue
-        key = "meta/" * (place.parent.name == "meta") + place.stem
+        name = place.stem if ending == ".csv" else place.name
+        key = "meta/" * (place.parent.name == "meta") + name
         if key in members:
             raise RejectedLog(f"the zip holds two files {place.name[:80]!r}: give one recording")
         members[key] = info
@@ -181,7 +221,7 @@ def _with_pauses(tables, events, notes):
 def _table(name, text, turned, batch_rows):
     """Return the table, with specific force where iOS has its opposite; None if of no sensor."""
     try:
-        layout = find_layout(io.BytesIO(text))
+        layout = find_layout(text)
     except RejectedLog:
         # notes of the user, a header without rows
         return None
@@ -194,8 +234,7 @@ def _table(name, text, turned, batch_rows):
     time = lower.index(app.marks[0])
     others = {each: i for i, each in reversed([*enumerate(names)]) if i != time}
     positions = [time, *others.values()]
-    source = io.BytesIO(text)
-    stamps, values, count, unstamped = read_series(source, layout, positions, batch_rows)
+    stamps, values, count, unstamped = read_series(text, layout, positions, batch_rows)
     count.bad_lines += unstamped
     fields = dict(zip(others, values, strict=True))
     units = {"time": app.time_unit}

@@ -7,7 +7,7 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE
-from imuloop.ingest.columns import AXES, FRACTION, SENSORS, STAMP, listed
+from imuloop.ingest.columns import AXES, FRACTION, SENSORS, STAMP, lacking, listed
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS, joined_stamps, stamp_array, stamp_values
 from imuloop.ingest.streams import Stream, raw_log
@@ -115,12 +115,22 @@ def two_streams(log):
     return merged
 
 
+def alone(quantity, columns):
+    """Return what is declared of a table of one sensor among what is of two."""
+    [other] = {*SENSORS} - {quantity}
+    own = {key: value for key, value in (columns or {}).items() if key in ("time", quantity)}
+    return own | {other: None}
+
+
 def paired(logs, batch_rows=1 << 16, most=-1):
     """Return the RawLog of two logs, sensor -> that of it alone, each on a clock of its own.
 
     No more of each is read after `most` bytes, -1 is all.
     """
     streams, columns, total = [], {}, RawLog()
+    for quantity, log in logs.items():
+        if quantity not in log.found:
+            raise lacking(quantity, log.columns)
     timed = {STAMP in first.schema.names for first in map(_begun, logs.values()) if first}
     if len(timed) > 1:
         raise ImuloopError("columns.time: one of the two tables has no time column; name it")

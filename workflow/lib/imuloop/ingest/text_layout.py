@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import pyarrow as pa
 
 from imuloop.core.errors import RejectedLog
-from imuloop.ingest.columns import stated_unit
+from imuloop.ingest.columns import AXES, guess, stated_unit
 
 # how much of a file is looked at to find its layout, bytes
 _HEAD = 1 << 16
@@ -19,7 +19,7 @@ _SEPARATORS = (",", "\t", ";", BLANKS)
 _COMMENT = re.compile(r"\s*(#|%|//)")
 COMMENTED = re.compile(r"\A\s*(#|%|//)+\s*")
 # columns of a sensor
-AXES = 3
+LEAST = len(AXES)
 MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
 # what a serial monitor puts before each line: its time of the day
@@ -59,10 +59,10 @@ class Layout:
     rows: list[list[str]] = field(default_factory=list)
 
 
-def find_layout(path, least=AXES):
-    """Return the layout of a text table of `least` columns or more (path or file object)."""
+def find_layout(path, least=LEAST):
+    """Return the layout of a text table of `least` columns or more (path or bytes)."""
     try:
-        with pa.input_stream(path, compression="detect") as stream:
+        with opened(path) as stream:
             head = stream.read(_HEAD)
     except OSError as error:
         raise unreadable(error) from error
@@ -92,7 +92,10 @@ def find_layout(path, least=AXES):
     elif comments := [t for t in texts[:first] if _COMMENT.match(t)]:
         # a header written as a comment, right before the rows
         header = fields_of(COMMENTED.sub("", comments[-1]), separator)
-        if len(header) == width and not any(map(is_number, header)):
+        named = any(guess(header).values()) or {*AXES} <= {name[:1].lower() for name in header}
+        # between blanks it may be prose
+        named = named or separator != BLANKS
+        if named and len(header) == width and not any(map(is_number, header)):
             names = header
     for i in [i for i in rows if i >= first][: _HEADERS if names else 0]:
         more = fields(i)
@@ -117,8 +120,14 @@ def find_layout(path, least=AXES):
         preamble=preamble,
         units=[*units, *[""] * (arrow and bool(units))],
         arrow=arrow,
-        rows=[fields(i) for i in rows if i >= first][:_JUDGED],
+        rows=[fields(i) for i in rows if i >= first],
     )
+
+
+def opened(source):
+    """Return the text of a file, unpacked, or of bytes, as a stream."""
+    held = isinstance(source, bytes)
+    return pa.input_stream(pa.py_buffer(source) if held else source, compression="detect")
 
 
 def _joined(names, more):
@@ -134,16 +143,19 @@ def _separator(rows, least):
     """Return the separator by which the most fields are numbers, and the fields in a row."""
     # an odd step: rows of two kinds in turn both count
     rows = rows[:: len(rows) // _JUDGED | 1]
-    shares, widths = {}, {}
+    numbers, shares, widths = {}, {}, {}
     for separator in _SEPARATORS:
         table = [fields_of(row, separator) for row in rows]
         width = widths[separator] = Counter(map(len, table)).most_common(1)[0][0]
-        table = [row for row in table if len(row) == width]
+        # rows of several kinds, each with a number of fields of its own, are a table too
+        table = [row for row in table if len(row) >= least]
         given = [text for row in table for text in row if text]
-        numeric = sum(map(is_number, given)) * len(table)
-        shares[separator] = numeric / len(given) / len(rows) if given and width >= least else 0.0
+        alike = sum(len(row) == width for row in table) / len(rows)
+        numeric = sum(map(is_number, given)) / max(1, len(given)) * len(table) / len(rows)
+        numeric = numbers[separator] = numeric if width >= least else 0.0
+        shares[separator] = numeric * (1 + alike) / 2
     best = max(_SEPARATORS, key=shares.get)
-    if shares[best] < 0.5:
+    if numbers[best] < 0.5:
         raise RejectedLog(
             "the file is not a table of numbers in rows and columns; save it as CSV, a sample per "
             "line"
