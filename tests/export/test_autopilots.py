@@ -259,13 +259,3 @@ def test_a_sensor_that_was_not_calibrated_keeps_the_vehicles_values(tool):
     assert not any("ACC0" in name or name.startswith("INS_ACC") for name in found)
     assert "TC_A0_X1_0" in found or "INS_TCAL1_ACC1_X" in found
     assert "too few poses" in text
-
-
-def test_pymavlinks_reader_reads_the_same(tmp_path):
-    mavparm = pytest.importorskip("pymavlink.mavparm")
-    path = tmp_path / ARDUPILOT.file
-    path.write_text(ARDUPILOT.text(warm_device("Board # 1, 2 = 3")), encoding="utf-8")
-    parameters = mavparm.MAVParmDict()
-    assert parameters.load(str(path))
-    found = {name: np.float32(value) for name, value in parameters.items()}
-    assert found == ArduPilot.load(path.read_text())

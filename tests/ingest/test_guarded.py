@@ -136,11 +136,11 @@ def test_the_same_through_a_process(seeds, tmp_path, ending):
 
 
 def test_the_extra_is_named_where_its_library_is_missing(seeds, run, tmp_path, monkeypatch):
-    path = tmp_path / "log.bin"
-    path.write_bytes(seeds["bin"])
-    (tmp_path / "pymavlink.py").write_text("raise ModuleNotFoundError(name='pymavlink')")
+    path = tmp_path / "log.ulg"
+    path.write_bytes(seeds["ulg"])
+    (tmp_path / "pyulog.py").write_text("raise ModuleNotFoundError(name='pyulog')")
     monkeypatch.syspath_prepend(tmp_path)
-    line = r"needs the package pymavlink, .*pip install '\.\[dataflash\]'"
+    line = r"needs the package pyulog, .*pip install '\.\[ulog\]'"
     with pytest.raises(ImuloopError, match=line):
         run(path)
 

@@ -21,6 +21,14 @@ _INERTIAL = re.compile(r"(IMU|ACC|GYR|IMT)\d?")
 _STAMPS = {"SampleUS": 1, "TimeUS": 1, "TimeMS": 1000}
 # usual name to increments over their interval in s
 _INCREMENTS = {"acceleration": ("DelV", "DelvT"), "angular_rate": ("DelA", "DelaT")}
+# what each letter of a message's format is; in `_SCALES` by how much its numbers are divided
+_CODES = {
+    **{"b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4", "q": "<i8"},
+    **{"Q": "<u8", "g": "<f2", "f": "<f4", "d": "<f8", "M": "i1", "n": "S4", "N": "S16"},
+    **{"Z": "S64", "a": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4"},
+}
+_SCALES = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
+_TEXTS = "nNZa"
 # header of a binary message, then its number; the message that defines the others, its length
 _HEAD, _FORMAT, _FORMAT_LENGTH = b"\xa3\x95", 0x80, 89
 # an instance with a smaller share of its message's rows is damage, not a sensor
@@ -35,9 +43,6 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     messages, ``IMU2``. `columns` names streams, or ``STREAM.FIELD``, of messages other than IMU,
     ACC, GYR and IMT too. Increments become rates by their own interval.
     """
-    # a library that few need
-    from pymavlink import DFReader as library
-
     with open(paths["log"], "rb") as file:
         data = file.read(most)
     declared = {re.sub(r"_\d+\Z", "", name) for name in stream_names(columns)}
@@ -48,24 +53,21 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     head = data[:4096]
     if _HEAD not in head and b"FMT," not in head:
         raise RejectedLog("the file is no DataFlash log")
-    messages, bad, damage = (_binary if _HEAD in head else _text)(library, data, wanted)
+    messages, bad, damage = (_binary if _HEAD in head else _text)(data, wanted)
     streams = []
     for name, fields in messages.items():
         parts = _streams(name, fields)
         rows = sum(len(part.stamps) for part in parts)
-        for part in parts:
-            if len(part.stamps) >= _LEAST_SHARE * rows:
-                streams.append(part)
-            else:
-                bad += len(part.stamps)
+        sound = [part for part in parts if len(part.stamps) >= _LEAST_SHARE * rows]
+        streams += sound
+        bad += rows - sum(len(part.stamps) for part in sound)
     if not streams:
         raise RejectedLog("the log holds no rows of IMU, ACC, GYR or IMT")
-    notes = [
-        *damage,
-        "ArduPilot logs after its own calibration; IMU after a low-pass filter, ACC and GYR before",
-    ]
-    damage = damage or ([f"{plural(bad, 'row')} cannot be read"] if bad else [])
-    raw = raw_log(streams, columns, batch_rows, notes, damage)
+    note = (
+        "ArduPilot logs after its own calibration; IMU after a low-pass filter, ACC and GYR before"
+    )
+    lost = damage or ([f"{plural(bad, 'row')} cannot be read"] if bad else [])
+    raw = raw_log(streams, columns, batch_rows, [*damage, note], lost)
     raw.bad_lines = bad
     return raw
 
@@ -79,11 +81,10 @@ def _rows(messages, definition, kind="q"):
     return rows
 
 
-def _binary(library, data, wanted):
+def _binary(data, wanted):
     """Return the wanted messages' fields by name, the rows that cannot be read, and the damage.
 
-    A message counts where the next one or the end of the file follows it. (The library's own
-    index ends at the first message that it does not know, as damage makes them.)
+    A message counts where the next one or the end of the file follows it.
     """
     kinds, messages = {_FORMAT: (_FORMAT_LENGTH, None)}, {}
     at = known = 0
@@ -97,38 +98,37 @@ def _binary(library, data, wanted):
             rows.append(at)
         elif data[at + 2] == _FORMAT:
             kind, size, *texts = struct.unpack("<BB4s16s64s", data[at + 3 : end])
-            definition = (*(library.null_term(text) for text in texts), size)
+            texts = [text.partition(b"\0")[0].decode("latin-1") for text in texts]
             if kind != _FORMAT:
-                rows = _rows(messages, definition) if wanted(definition[0]) else None
+                rows = _rows(messages, (*texts, size)) if wanted(texts[0]) else None
                 kinds[kind] = size, rows
         known += length
         at = end
     read, bad = {}, 0
     for name, ((_, codes, names, size), rows) in messages.items():
-        read[name] = _fields(library, data, np.asarray(rows), codes, names.split(","), size)
+        read[name] = _fields(data, np.asarray(rows), codes, names.split(","), size)
         bad += 0 if read[name] else len(rows)
     unknown = len(data) - known
     return read, bad, [f"{unknown} of {len(data)} bytes are no message"] if unknown else []
 
 
-def _fields(library, data, rows, codes, names, size):
+def _fields(data, rows, codes, names, size):
     """Return name -> numbers of the messages at `rows`; empty where their definition is broken."""
-    kinds = [library.FORMAT_TO_STRUCT.get(code, ("0s", None, None)) for code in codes]
-    parts = [f"S{s[:-1]}" if s.endswith("s") else f"<{s}" for s, _, _ in kinds]
-    whole = np.dtype([("", "S3"), *(("", part) for part in parts)])
+    kinds = [("", _CODES.get(code, "S0")) for code in codes]
+    whole = np.dtype([("", "S3"), *kinds])
     if whole.itemsize != size or len(names) != len(kinds):
         return {}
     windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), size)
     table = windows[rows].view(whole)[:, 0]
-    # the library divides as well, which rounds once
+    numbers = [(i, *each) for i, each in enumerate(zip(codes, names, strict=True), start=1)]
     return {
-        name: table[f"f{i}"] / (1 / scale) if scale else table[f"f{i}"]
-        for i, (name, (_, scale, kind)) in enumerate(zip(names, kinds, strict=True), start=1)
-        if kind in (int, float)
+        name: table[f"f{i}"] / _SCALES[code] if code in _SCALES else table[f"f{i}"]
+        for i, code, name in numbers
+        if code in _CODES and code not in _TEXTS
     }
 
 
-def _text(library, data, wanted):
+def _text(data, wanted):
     """Return the wanted messages' fields by name, the rows that cannot be read, and no damage."""
     formats, messages = {}, {}
     *lines, rest = data.split(b"\n")
@@ -141,14 +141,14 @@ def _text(library, data, wanted):
         elif name in formats:
             codes, names, rows = formats[name]
             try:
-                numbers = [
-                    np.nan if library.FORMAT_TO_STRUCT[code][2] is str else float(value)
-                    for code, value, _ in zip(codes, values, names, strict=True)
-                ]
-            except (ValueError, KeyError):
+                rows.extend(
+                    [
+                        np.nan if code in _TEXTS else float(value)
+                        for code, value, _ in zip(codes, values, names, strict=True)
+                    ]
+                )
+            except ValueError:
                 bad += 1
-            else:
-                rows.extend(numbers)
     read = {}
     for name, (_, names, rows) in formats.items():
         columns = np.asarray(rows).reshape(-1, len(names)).T
@@ -176,13 +176,8 @@ def _streams(name, fields):
                 fields[f"{quantity}.{axis}"] = fields[f"{increment}{axis.upper()}"] / dt
     if "I" not in fields:
         return [Stream(name, stamps, fields, _UNITS)]
+    here = {f"{name}_{i:g}": fields["I"] == i for i in np.unique(fields["I"])}
     return [
-        Stream(
-            f"{name}_{instance:g}",
-            stamps[here],
-            {key: x[here] for key, x in fields.items()},
-            _UNITS,
-        )
-        for instance in np.unique(fields["I"])
-        for here in [fields["I"] == instance]
+        Stream(each, stamps[rows], {key: x[rows] for key, x in fields.items()}, _UNITS)
+        for each, rows in here.items()
     ]
