@@ -53,16 +53,6 @@ def test_turns_that_are_clipped_are_no_failed_reads(log, taken):
     assert reasons == [] and not any(found["faults"]["failed_reads"].values())
 
 
-@pytest.mark.parametrize("every", [2, 4])
-def test_rows_of_two_sensors_in_turn(log, taken, every):
-    """Protects from `gravity taken out`: each sensor's rows hold zeros for the other."""
-    log, turn = log.copy(), np.arange(len(log)) % every == 0
-    log.loc[turn, list(ACCELERATION)] = 0
-    log.loc[~turn, list(ANGULAR_RATE)] = 0
-    [reason], warnings, _ = taken(log)
-    assert "rows of two sensors, each with zeros for the other" in reason and warnings == []
-
-
 def test_a_gyroscope_of_coarse_steps_is_not_in_turn(log, taken):
     log = log.copy()
     log[list(ANGULAR_RATE)] = np.round(log[list(ANGULAR_RATE)] / 0.2) * 0.2

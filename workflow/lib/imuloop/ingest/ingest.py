@@ -21,7 +21,7 @@ from imuloop.core.samples import (
     schema,
 )
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
-from imuloop.ingest import bursts, clocks, increments, quality, spikes
+from imuloop.ingest import bursts, clocks, increments, quality, slower_sensor, spikes
 from imuloop.ingest import pps as marks
 from imuloop.ingest.columns import SENSORS, UNITS, stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
@@ -119,7 +119,11 @@ def ingest(
         return measured()
 
     def measured():
-        return _without(absent, quality.measure(temporary, full_scale, threads))
+        if log.slower:
+            figures = slower_sensor.measure(temporary, log.slower, full_scale, threads)
+        else:
+            figures = quality.measure(temporary, full_scale, threads)
+        return _without(absent, figures)
 
     try:
         _check_paths(paths)
@@ -165,7 +169,11 @@ def ingest(
                 figures = write_and_measure(log, counts, ())
             fault = bursts.broken(figures, rate)
             many = figures["gaps"]["count"] > bursts.MOST_BURSTS
-            dropped, at = spikes.find(Samples(temporary), figures["quantisation_step"], threads)
+            steps = figures["quantisation_step"]
+            if log.slower:
+                dropped, at = slower_sensor.find_spikes(temporary, log.slower, steps, threads)
+            else:
+                dropped, at = spikes.find(Samples(temporary), steps, threads)
             if len(dropped):
                 counts.spiked = len(np.unique(dropped))
                 number = np.bincount(at, minlength=len(CHANNELS)).tolist()
@@ -180,7 +188,10 @@ def ingest(
                 _rewrite(temporary, [], known)
             if _state(paths) != before:
                 reasons = ["the file changed while it was read"]
-            wrong, doubted = judged(figures, raw_units, gravity, kind)
+            wrong, doubted = [], []
+            # without gravity there is no yardstick
+            if absent != "acceleration":
+                wrong, doubted = judged(figures, raw_units, gravity, kind)
             if fault:
                 # the rate is wrong, and what was found by it
                 wrong, doubted = ([fault], []) if many else ([], [fault])
@@ -235,6 +246,10 @@ def _without(absent, figures):
         figures["range"] |= dict.fromkeys(axes)
         if figures["faults"]:
             figures["faults"]["zero_rows"][absent] = 0
+            figures["faults"]["in_turn"] = dict.fromkeys(SENSORS, 0)
+            # a change of the force is no fault where turns are not seen
+            if absent == "angular_rate" and figures["faults"]["rests"]:
+                figures["faults"]["rests"]["jump_m_s2"] = 0.0
     return figures
 
 

@@ -28,9 +28,7 @@ def table_log(names, chosen, batches, headed=True, **known):
     found, columns = chosen.found(names), listed(names, headed)
     batches = named_batches(names, chosen, batches)
     unread = len(names) - len(set(chosen.raw().values()))
-    log = RawLog(
-        batches=batches, found=found, units=units, columns=columns, unread=unread, **known
-    )
+    log = RawLog(batches=batches, found=found, units=units, columns=columns, unread=unread, **known)
     head = first_rows(log.batches)
     log.batches = chain(head, log.batches)
     return two_streams(log) if in_turn(head) else log
