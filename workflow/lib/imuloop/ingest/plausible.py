@@ -28,7 +28,7 @@ NEAR_MOVING, LEAST_ATTITUDES = 0.5, 4
 # turns that differ from gravity's by more are worth a warning
 PLAUSIBLE_TURN_RATIO = 0.1
 # how well the axes have to fit for that, and in how many steps
-AGREEMENT, LEAST_STEPS = 0.9, 10
+AGREEMENT, LEAST_TURNS = 0.9, 10
 # full scales of a sensor differ by powers of two
 FULL_SCALES = (2, 4, 8, 16)
 # on average no sensor at rest shows more, and no hand turns faster, rad/s
@@ -41,8 +41,6 @@ LEAST_REST, MOST_TILT = 0.5, 0.15
 MOST_CHANGE, MOST_CHANGE_SHARE = 0.01, 4.0
 # a step of the specific force without a turn, of gravity
 MOST_JUMP = 0.05
-# a step of one, as it comes out of differences
-NEAR_ONE = 1e-6
 # times that an integer wraps around, to be named and to make the log useless: logs that were joined
 # jump so once or twice
 LEAST_WRAPS, MOST_WRAPS = 3, 20
@@ -68,18 +66,20 @@ def judged(figures, units, gravity, kind=None):
         if max(wrapped.values()) >= MOST_WRAPS:
             return [text], []
         warnings.append(text)
-    if cause := _increments(figures, units, gravity):
+    turns = _turn_ratio(figures, gravity)
+    if cause := _increments(figures, units, gravity, *turns):
         reasons.append(cause)
     else:
         _force(figures, units["acceleration"], gravity, reasons, warnings)
-        _turns(figures, units["angular_rate"], gravity, kind, reasons, warnings)
+        _turns(figures, units["angular_rate"], kind, *turns, reasons, warnings)
     if kind == "static" and found["rests"]:
         _moved(found["rests"], gravity, reasons, warnings)
     return reasons, warnings
 
 
-def _known_factors(quantity, unit, known):
+def _known_factors(quantity, unit):
     """Return what a log would be off by, at rest or over a turn, and the words on each cause."""
+    known = {"acceleration": ACCELERATION_UNITS, "angular_rate": ANGULAR_RATE_UNITS}[quantity]
     if unit.name == "count":
         si, *others = known
         where = f"nominal.{quantity}.scale is in {si} per count, and looks like"
@@ -93,24 +93,16 @@ def _known_factors(quantity, unit, known):
 
 def _summed_factors(quantity, unit, rate):
     """Return what increments taken as rates are off by, and what to declare in their place."""
+    known, where = INCREMENTS[quantity], f"nominal.{quantity}.scale:"
     if unit.name == "count":
-        where = f"nominal.{quantity}.scale:"
-        return [
-            (1 / (scale * rate), f"{where} {unit.scale * scale * rate:.6g}")
-            for scale in INCREMENTS[quantity].values()
-        ]
-    return [
-        (unit.scale / (scale * rate), f"units.{quantity}: {name}")
-        for name, scale in INCREMENTS[quantity].items()
-    ]
+        return [(1 / (s * rate), f"{where} {unit.scale * s * rate:.6g}") for s in known.values()]
+    return [(unit.scale / (s * rate), f"units.{quantity}: {name}") for name, s in known.items()]
 
 
 def _full_scales(quantity, unit):
     """Return the factors between full scales, and the words on each."""
     where = f"nominal.{quantity}.scale" if unit.name == "count" else "the logger's scale"
-    words = {float(n): f"1/{n} of" for n in FULL_SCALES} | {
-        1 / n: f"{n} times" for n in FULL_SCALES
-    }
+    words = {n: f"1/{n} of" for n in FULL_SCALES} | {1 / n: f"{n} times" for n in FULL_SCALES}
     return [
         (factor, f"the sensor's full scale was {text} the one that {where} is for")
         for factor, text in words.items()
@@ -124,48 +116,50 @@ def _nearest(value, factors, share):
     return text if away <= log(1 + share) else None
 
 
-def _increments(figures, units, gravity):
+def _mean_force(figures, gravity):
+    """Return the specific force's low, middle and high, if it is plausible, and a line on it."""
+    if rests := figures["faults"]["rests"]:
+        where, force = "specific force at rest", rests["force"]
+        limits = (1 - PLAUSIBLE_FORCE, 1 + PLAUSIBLE_FORCE)
+    else:
+        where, force = "mean specific force", 3 * [figures["mean_specific_force"]]
+        limits = PLAUSIBLE_MOVING
+    plausible = not np.isfinite(force[1]) or limits[0] <= force[1] / gravity <= limits[1]
+    return force, plausible, f"the {where} is {force[1]:.4g} m/s^2, gravity {gravity:.4g}"
+
+
+def _in_attitudes(rests, low, high):
+    """Tell whether one force is held in many attitudes, as gravity's is."""
+    return rests and rests["attitudes"] >= LEAST_ATTITUDES and high < low * (1 + NEAR_FORCE)
+
+
+def _increments(figures, units, gravity, value, sure, turns):
     """Return why a log holds increments that are taken as rates, or None.
 
     Both sensors are then off by its step. Where the turns say nothing, one force in many attitudes
     is gravity. Wrong units may look the same, as mm/s and mrad over 1 ms: they come first.
     """
-    rests = figures["faults"]["rests"]
-    where, (low, force, high), limits = _mean_force(figures)
-    if not force > 0 or limits[0] <= force / gravity <= limits[1]:
+    rests, rate = figures["faults"]["rests"], figures["rate_hz"]
+    (low, force, high), plausible, line = _mean_force(figures, gravity)
+    if plausible or not force > 0:
         return None
-    value, sure, turns = _turn_ratio(figures, gravity)
-    near = NEAR_FORCE if rests else NEAR_MOVING
-    seen = [("acceleration", ACCELERATION_UNITS, force / gravity, near)]
-    line = f"the {where} is {force:.4g} m/s^2, gravity {gravity:.4g}"
+    seen = [("acceleration", force / gravity, NEAR_FORCE if rests else NEAR_MOVING)]
     if sure and sure <= MOVING_ERROR:
-        seen.append(("angular_rate", ANGULAR_RATE_UNITS, value, sure))
+        seen.append(("angular_rate", value, sure))
         line, off = f"{line}, and {turns}", "both sensors are off by"
-    elif rests and rests["attitudes"] >= LEAST_ATTITUDES and high < low * (1 + NEAR_FORCE):
+    elif _in_attitudes(rests, low, high):
         line, off = f"{line}, in {rests['attitudes']} attitudes", "gravity is off by"
     else:
         return None
-    rate, declare, other_units = figures["rate_hz"], [], []
-    for quantity, known, factor, share in seen:
-        unit = units[quantity]
-        declare.append(_nearest(factor, _summed_factors(quantity, unit, rate), share))
-        other_units.append(_nearest(factor, _known_factors(quantity, unit, known), share))
-    if not all(declare) or all(other_units):
+    declare = [_nearest(f, _summed_factors(q, units[q], rate), share) for q, f, share in seen]
+    others = [_nearest(f, _known_factors(q, units[q]), share) for q, f, share in seen]
+    if not all(declare) or all(others):
         return None
     see = "" if len(seen) > 1 else "; see units.angular_rate too"
     return (
         f"{line}: {off} the step of {1 / rate:.4g} s, so the log looks like increments of velocity "
         f"and angle per sample; declare {' and '.join(declare)}{see}"
     )
-
-
-def _mean_force(figures):
-    """Return where the specific force is from, its low, middle and high, and plausible shares."""
-    rests = figures["faults"]["rests"]
-    if rests:
-        limits = (1 - PLAUSIBLE_FORCE, 1 + PLAUSIBLE_FORCE)
-        return "specific force at rest", rests["force"], limits
-    return "mean specific force", 3 * [figures["mean_specific_force"]], PLAUSIBLE_MOVING
 
 
 def _force(figures, unit, gravity, reasons, warnings):
@@ -185,12 +179,12 @@ def _force(figures, unit, gravity, reasons, warnings):
             "changed amid the log, or logs were joined: crop it with time_range"
         )
         return
-    where, (low, force, high), limits = _mean_force(figures)
-    if not np.isfinite(force) or limits[0] <= force / gravity <= limits[1]:
+    (low, force, high), plausible, line = _mean_force(figures, gravity)
+    if plausible:
         return
-    line = f"the {where} is {force:.4g} m/s^2, gravity {gravity:.4g}"
-    factors = _known_factors("acceleration", unit, ACCELERATION_UNITS)
-    cause = force > 0 and _nearest(force / gravity, factors, NEAR_FORCE)
+    cause = force > 0 and _nearest(
+        force / gravity, _known_factors("acceleration", unit), NEAR_FORCE
+    )
     # an axis that is dead, stuck or clipped takes its part of gravity away
     whole = not figures["constant"] and not any(
         found["stuck"][name]["stretches"] or found["clipped_at"][name]["rows"]
@@ -198,6 +192,7 @@ def _force(figures, unit, gravity, reasons, warnings):
     )
     if not cause and force > 0 and rests and whole and high < 1.5 * low:
         cause = _nearest(force / gravity, _full_scales("acceleration", unit), NEAR_FORCE)
+    see = "see units.acceleration and nominal.acceleration"
     if cause:
         reasons.append(f"{line}: {cause}")
     elif unit.name in ("m/s^2", "g") and _whole(figures, unit):
@@ -205,10 +200,10 @@ def _force(figures, unit, gravity, reasons, warnings):
             f"{line}: taken as {unit.name}, whole numbers that look like counts; declare "
             "units.acceleration: count, and nominal.acceleration; see units.angular_rate too"
         )
-    elif rests and rests["attitudes"] >= LEAST_ATTITUDES and high < low * (1 + NEAR_FORCE):
+    elif _in_attitudes(rests, low, high):
+        share = f"{force / gravity:.2g} times its size"
         warnings.append(
-            f"{line}: gravity is in it, in {rests['attitudes']} attitudes, "
-            f"{force / gravity:.2g} times its size: see units.acceleration and nominal.acceleration"
+            f"{line}: gravity is in it, in {rests['attitudes']} attitudes, {share}: {see}"
         )
     elif force < 0.3 * gravity:
         summed = _summed_factors("acceleration", unit, figures["rate_hz"])
@@ -218,13 +213,13 @@ def _force(figures, unit, gravity, reasons, warnings):
             f"{line}: has gravity been taken out of the log{step}? If not, see units.acceleration"
         )
     else:
-        warnings.append(f"{line}: see units.acceleration and nominal.acceleration")
+        warnings.append(f"{line}: {see}")
 
 
 def _whole(figures, unit):
     """Tell whether the acceleration was logged in whole numbers."""
     steps = [figures["quantisation_step"][name] for name in ACCELERATION]
-    return all(step and abs(step / unit.scale - 1) < NEAR_ONE for step in steps)
+    return all(step and abs(step / unit.scale - 1) < 1e-6 for step in steps)
 
 
 def _live(figures):
@@ -237,51 +232,44 @@ def _live(figures):
 def _turn_ratio(figures, gravity):
     """Return how far the rate turns the device beside gravity, how sure that is, and the words."""
     axes, rests = figures["faults"]["axes"], figures["faults"]["rests"]
-    ratio = rests and rests["turn_ratio"]
+    ratio, line = rests and rests["turn_ratio"], "the angular rate turns the device"
     # a jump of the force is no turn
-    live = _live(figures) and not (rests and rests["jump_m_s2"] > MOST_JUMP * gravity)
-    sure = value = None
+    if not _live(figures) or (rests and rests["jump_m_s2"] > MOST_JUMP * gravity):
+        return None, None, ""
     far = "times as far as gravity turns in its axes"
-    if live and ratio:
-        value = ratio["value"]
-        sure = max(NEAR_TURN, SIGMAS * ratio["std"] / value)
-        line = (
-            f"{value:.3g} ± {ratio['std']:.1g} {far}, over {ratio['moves']} moves from rest to rest"
-        )
-    elif live and axes and axes["ratio"]:
-        value = axes["ratio"]
-        line = f"{value:.3g} {far}"
-        if axes["best"] > AGREEMENT and axes["steps_used"] >= LEAST_STEPS:
-            sure = MOVING_ERROR
-    return value, sure, f"the angular rate turns the device {line}" if value else ""
+    if ratio:
+        value, std = ratio["value"], ratio["std"]
+        over = f"over {ratio['moves']} moves from rest to rest"
+        sure = max(NEAR_TURN, SIGMAS * std / value)
+        return value, sure, f"{line} {value:.3g} ± {std:.1g} {far}, {over}"
+    if axes and axes["ratio"]:
+        fits = axes["best"] > AGREEMENT and axes["steps_used"] >= LEAST_TURNS
+        return axes["ratio"], MOVING_ERROR if fits else None, f"{line} {axes['ratio']:.3g} {far}"
+    return None, None, ""
 
 
-def _turns(figures, unit, gravity, kind, reasons, warnings):
+def _turns(figures, unit, kind, value, sure, line, reasons, warnings):
     """Say what is wrong with an angular rate that does not turn the device as gravity says."""
-    value, sure, line = _turn_ratio(figures, gravity)
     off = "; or the log's rate is off by as much"
-    see = "see units.angular_rate and nominal.angular_rate"
-    factors = _known_factors("angular_rate", unit, ANGULAR_RATE_UNITS)
     # what the end of the range cuts off looks like a scale
     clipped = figures["faults"]["clipped_at"]
     cut = any(clipped[n]["rows"] or figures["clipped"][n] for n in ANGULAR_RATE)
     if value and sure and sure <= MOVING_ERROR:
-        cause = _nearest(value, factors, sure)
+        cause = _nearest(value, _known_factors("angular_rate", unit), sure)
         if not (cause or cut):
             cause = _nearest(value, _full_scales("angular_rate", unit), sure)
         if cause:
             reasons.append(f"{line}: {cause}{off}")
             return
-    mean = figures["mean_angular_rate"]
-    most = PLAUSIBLE_REST if kind == "static" else PLAUSIBLE_MEAN_RATE
-    if mean > most:
-        degrees = unit.name == "rad/s" and mean * DEGREE < most
+    mean, most = figures["mean_angular_rate"], PLAUSIBLE_MEAN_RATE
+    if mean > (PLAUSIBLE_REST if kind == "static" else most):
+        degrees = "is it deg/s? " if unit.name == "rad/s" and mean * DEGREE < most else ""
         warnings.append(
             f"the mean angular rate is {mean:.4g} rad/s, too much for a "
-            f"{'turn by hand' if mean > PLAUSIBLE_MEAN_RATE else 'bias'}: "
-            f"{'is it deg/s? ' if degrees else ''}see units.angular_rate"
+            f"{'turn by hand' if mean > most else 'bias'}: {degrees}see units.angular_rate"
         )
     elif value and sure and not cut and abs(log(value)) > max(log(1 + PLAUSIBLE_TURN_RATIO), sure):
+        see = "see units.angular_rate and nominal.angular_rate"
         warnings.append(f"{line}: its scale is off by as much; {see}{off}")
 
 

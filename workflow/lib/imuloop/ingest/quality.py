@@ -13,7 +13,7 @@ from imuloop.core.samples import (
     Samples,
     read_metadata,
 )
-from imuloop.ingest import fault_lines, faults
+from imuloop.ingest import checks
 from imuloop.ingest.convert import BEYOND
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.ordered_map import ordered_map
@@ -66,7 +66,7 @@ def measure(path, full_scale=None, threads=1):
     parts = list(zip(*parts, strict=True)) or [[]] * 3
     figures = _time_figures(samples)
     figures |= _channel_figures(len(samples), names, scales, *parts)
-    return {**figures, "faults": faults.measure(samples, read_metadata(path), figures, threads)}
+    return {**figures, "faults": checks.measure(samples, read_metadata(path), figures, threads)}
 
 
 def _time_figures(samples):
@@ -180,12 +180,15 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
     if inside == 0:
         return ["the log has no rows"]
     if lost > MOST_DROPPED * inside:
+        lacking = _listed({n: c for n, c in counts.missing_values.items() if n != TEMPERATURE})
+        lacking = f" ({lacking})" if lacking else ""
+        missing = f"with missing or non-finite values{lacking}{_impossible(counts)}"
         parts = (
-            (counts.non_finite, f"with {_missing(counts)}{_impossible(counts)}"),
+            (counts.non_finite, missing),
             (counts.duplicates, "with a repeated stamp, see columns.time"),
             (counts.out_of_order, "with a stamp before an earlier one"),
             (bad_lines, "lines that are no row"),
-            (counts.spiked, f"with a spike ({_spikes(counts)})"),
+            (counts.spiked, f"with a spike ({_listed(counts.spike_values)})"),
         )
         listed = ", ".join(f"{count} {what}" for count, what in parts if count)
         found.append(
@@ -268,23 +271,15 @@ def stuck(figures):
     return sorted(span for channel in each for span in channel["spans_s"])
 
 
-def _spikes(counts):
-    """Name the channels with spikes that were dropped, and how many; empty without."""
-    return ", ".join(f"{name} {n}" for name, n in counts.spike_values.items() if n)
-
-
-def _missing(counts):
-    """Name the channels without a value, and in how many rows."""
-    lacking = counts.missing_values.items()
-    found = [f"{name} {count}" for name, count in lacking if count and name != TEMPERATURE]
-    where = f" ({', '.join(found)})" if found else ""
-    return f"missing or non-finite values{where}"
+def _listed(by_channel):
+    """Name the channels with a count, and how many; empty without."""
+    return ", ".join(f"{name} {n}" for name, n in by_channel.items() if n)
 
 
 def _impossible(counts):
     """Name the channels with values that no sensor gives, and how many; empty without."""
-    found = [f"{name} {count}" for name, count in counts.impossible_values.items() if count]
-    beyond = f"beyond ± {BEYOND:g} in SI, which no sensor gives: {', '.join(found)}"
+    found = _listed(counts.impossible_values)
+    beyond = f"beyond ± {BEYOND:g} in SI, which no sensor gives: {found}"
     return f" ({beyond}; see units and nominal)" if found else ""
 
 
@@ -328,11 +323,11 @@ def warnings(figures, counts, log, *, rate):
     if counts.spiked:
         found.append(
             f"{plural(counts.spiked, 'row')} dropped for a spike that no body makes: "
-            f"{_spikes(counts)}; check the wiring and the logger"
+            f"{_listed(counts.spike_values)}; check the wiring and the logger"
         )
     if impossible := _impossible(counts):
         found.append(f"counted as missing{impossible}")
     missing = counts.missing_values.get(TEMPERATURE)
     if missing:
         found.append(f"{missing} temperatures are missing")
-    return found + fault_lines.warnings(figures)
+    return found + checks.warnings(figures)

@@ -17,10 +17,10 @@ class RawLog:
     column), `ax ay az gx gy gz` (of one sensor those alone; `absent_sensor`) and, where
     `temperature`, it too (float64, raw units). `found` and `units` map a quantity to its columns,
     and to the unit that the file states; `columns` lists all columns, `unread` is how many of a
-    table's are not read, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`, `text_bytes`
-    those in all lines, without blanks and unwritten memory; `slower` is the sensor, of two with
-    clocks of their own, whose samples are put beside those of the other: its own stamps are the
-    column `held` then; `sensor_ids`, by sensor, number and slot of its own where the log's
+    table's are not read, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`,
+    `text_bytes` those in all lines, without blanks and unwritten memory; `slower` is the sensor, of
+    two with clocks of their own, whose samples are put beside those of the other: its own stamps
+    are the column `held` then; `sensor_ids`, by sensor, number and slot of its own where the log's
     autopilot has them. `threads`, set before the first batch is taken, changes no result.
     """
 

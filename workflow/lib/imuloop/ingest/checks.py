@@ -1,0 +1,564 @@
+"""What is wrong in the samples themselves: measured piece by piece, and named in a line each.
+
+Nothing is changed. Each sensor's channels are measured by themselves, axes and rests across both.
+"""
+
+from itertools import combinations
+
+import numpy as np
+
+from imuloop.core.errors import plural
+from imuloop.core.gravity import EARTH_RATE
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
+from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
+from imuloop.ingest.increments import SENSORS
+from imuloop.ingest.ordered_map import ordered_map
+from imuloop.ingest.rests import AGREEMENT, EARTH_PART, Axes, RestMeans, Stops
+
+# Hz; no sensor is as fast
+MOST_RATE = 1e9
+# a spike lies so many times farther from the middle of its neighbours, REACH each side, than any
+# of these does: a knock on the table comes to 17, a rare jump of a good sensor to 10
+SPIKE_FACTOR, REACH = 20.0, 8
+# rows at an extreme value to call it a limit. Of noise that spans several steps a level holds at
+# least 0.3 n1/n2 of what the next one inside holds: n1^2/n2 = 60 leave e^-15 for none beyond;
+# of coarser noise it holds so many times as many as each of the next levels
+LEAST_CLIPPED, CUT_TAIL, STEEP, LEVELS = 20, 60, 4, 4
+# a sample at the end of 16 bits is clipped, one alone may have come there by itself
+RAILS, LEAST_RAIL = (32767, 32768), 2
+# an axis is a copy where this share of its changes is the other's, of at least so many
+COPIED_SHARE, LEAST_CHANGES = 0.99, 50
+# an integer that wraps around jumps by this share of the range at least, while neighbouring samples
+# differ by less than that; how far its range may lie from zero, or its width from a power of two
+WRAPPED, FLAT, UNEVEN = 0.9, 0.05, 0.1
+# rows at an end of the range count as failed reads where both neighbours lie in the other half of a
+# range of at least so many steps
+READ_STEPS = 1000
+# blocks for spectra: rows per block, blocks per row group, and those at rest that are needed
+BLOCK, BLOCKS, LEAST_BLOCKS = 128, 128, 8
+# share of Nyquist of the bands compared: drift and motion, noise, noise near Nyquist
+LOW, MIDDLE, HIGH = (1 / 64, 1 / 16), (1 / 16, 1 / 4), (3 / 4, 1)
+# the noise near Nyquist is lacking below this share; a block with more drift on any axis is moving.
+# The ratio of two powers over n blocks is F-distributed: of white noise over LEAST_BLOCKS, some 100
+# degrees of freedom each, none is below a third once in a million times
+LACKING_SHARE, MOST_DRIFT = 0.05, 10.0
+# noise is that of a log that rests for as much of its time
+QUIET_SHARE = 0.25
+# an axis is silent at rest where it never changes in this share of the quieter blocks
+SILENT_SHARE = 0.8
+# a value repeated fewer times is never stuck; a stuck run is so many times longer than the longest
+# of the others, of at least so many; where these vary more than chance lets them (noise below the
+# quantisation step), so many times
+LEAST_STUCK, STUCK_FACTOR, LEAST_RUNS, STUCK_FACTOR_COARSE = 10, 5, 50, 50
+# the longest runs of an axis that are kept, and run lengths that are counted one by one
+KEPT_RUNS, LENGTHS = 1000, 256
+# steps that the noise of 64 rows spans: to tell runs, and to tell a cut tail
+SPAN, WIDE_SPAN = 1.5, 3.5
+# values are held where rows a new value are at least this many, and this share of runs near it
+LEAST_HELD, HELD_SHARE = 1.25, 0.98
+# what a thermometer beside an IMU can show, degC, and how long it may stay the same, s
+PLAUSIBLE_TEMPERATURE, CONSTANT_TEMPERATURE = (-60.0, 150.0), 60.0
+# rates that an IMU's log has, Hz; others are read with a warning
+USUAL_RATE = (0.5, 4e4)
+
+
+# a damaged file may hold 1e306, which a sum of squares does not
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def measure(samples, metadata, figures, threads=1):
+    """Return the faults of samples; empty of none.
+
+    `figures` are quality figures with ``rate_hz``, ``gaps``, ``quantisation_step`` and ``range``.
+    """
+    rate, steps, ranges = (figures[key] for key in ("rate_hz", "quantisation_step", "range"))
+    # stamps of a damaged file may lie 1e-300 s apart: no block of a second holds the rows
+    if not len(samples) or not 0 < (rate or 0) < MOST_RATE:
+        return {}
+    names = [name for name in samples.names if name in (*CHANNELS, TEMPERATURE)]
+    pairs = list(combinations(names, 2))
+    units = metadata.get("raw_units", {})
+    units = {name: units[s] for s, axes in SENSORS.items() if s in units for name in axes}
+    zeros = {name: -unit["offset"] * unit["scale"] for name, unit in units.items()}
+    gaps = np.flatnonzero(np.diff(samples[TIME]) > figures["gaps"]["longer_than_s"])
+    runs = {name: Runs(steps[name]) for name in CHANNELS}
+    zero_rows, in_turn = dict.fromkeys(SENSORS, 0), dict.fromkeys(SENSORS, 0)
+    means, stops, way = RestMeans(rate), Stops(rate, gaps), Axes(rate)
+
+    def groups():
+        """Give the rows of each piece, less padding, and the last ones before them."""
+        before = {name: np.empty(0) for name in names}
+        for row, columns in samples.pieces(names):
+            x = dict(zip(names, columns, strict=True))
+            zero = {s: np.all([x[n] == zeros.get(n, 0) for n in SENSORS[s]], 0) for s in SENSORS}
+            for sensor, other in (SENSORS, [*SENSORS][::-1]):
+                in_turn[sensor] += int((zero[sensor] & ~zero[other]).sum())
+            # a gyroscope at rest may well show three zeros; an accelerometer never does
+            zero["angular_rate"] &= zero["acceleration"]
+            for sensor, axes in SENSORS.items():
+                zero_rows[sensor] += int(zero[sensor].sum())
+                if zero[sensor].any():
+                    x |= {name: np.where(zero[sensor], np.nan, x[name]) for name in axes}
+            means.add(x)
+            # where an integer wraps around nothing is known of a turn
+            turns = {name: _without_wraps(x[name], *ranges[name]) for name in CHANNELS}
+            way.add(turns)
+            stops.add(turns)
+            for name in CHANNELS:
+                runs[name].add(x[name], row)
+            yield x, before
+            before = {n: np.concatenate((before[n], x[n][-2 * REACH :]))[-2 * REACH :] for n in x}
+
+    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
+    def counted(part):
+        """Return counts of the rows of a group, and variance and power in bands of blocks."""
+        x, before = part
+        joined = {name: np.concatenate((before[name], x[name])) for name in names}
+        changes = {name: np.flatnonzero(x[name][1:] != x[name][:-1]) for name in names}
+        counts = [
+            np.array([_common_changes(x[a], x[b], changes[a], changes[b]) for a, b in pairs]),
+            np.array([_held([changes[n] for n in axes]) for axes in SENSORS.values()]),
+            np.array([_at_limits(x[n], ranges[n], steps[n]) for n in CHANNELS]),
+            np.array([_spikes(joined[n], steps[n] or 0.0) for n in names]),
+            # windows of four that end in these rows
+            np.array([_wraps(np.r_[before[n][-3:], x[n]], *ranges[n]).sum() for n in CHANNELS]),
+            np.array([_failed_reads(x[n], *ranges[n], steps[n]) for n in CHANNELS]),
+        ]
+        return counts, np.array([_bands(x[name]) for name in CHANNELS])
+
+    counts, spectra = zip(*ordered_map(counted, groups(), threads), strict=True)
+    common, held, limits, spikes, wraps, failed = map(sum, zip(*counts, strict=True))
+    spectra = dict(zip(CHANNELS, np.concatenate(spectra, axis=2), strict=True))
+    limits, spikes = dict(zip(CHANNELS, limits, strict=True)), dict(zip(names, spikes, strict=True))
+    stuck = {name: runs[name].stuck() for name in CHANNELS}
+    force = sum(spectra[name][0] for name in ACCELERATION)
+    silent = [
+        name
+        for name in CHANNELS
+        # once or twice is a fault of a moment
+        if len(stuck[name]) not in (1, 2)
+        and name not in figures["constant"]
+        and _silent(spectra[name][0], force)
+    ]
+    stuck |= {name: [] for name in silent}
+    # all axes of a gyroscope stuck at zero is padding too
+    zero = ({r[:2] for r in stuck[n] if r[2] == zeros.get(n, 0)} for n in ANGULAR_RATE)
+    padding = set.intersection(*zero)
+    zero_rows["angular_rate"] += sum(length for length, _ in padding)
+    clipped = {name: {"values": [], "rows": 0} for name in CHANNELS}
+    for axes in SENSORS.values():
+        for name, value, rows in _clipped(
+            [(n, limits[n], runs[n], stuck[n], spikes[n]) for n in axes if n not in silent],
+            *(ranges, steps, units, rate),
+        ):
+            clipped[name]["values"].append(value)
+            clipped[name]["rows"] += rows
+    for name, found in stuck.items():
+        values, padded = clipped[name]["values"], padding if name in ANGULAR_RATE else ()
+        stuck[name] = [run for run in found if run[2] not in values and run[:2] not in padded]
+    axes = way.fit()
+    rests = stops.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
+    resting = bool(rests) and rests["share"] >= QUIET_SHARE
+    t = samples[TIME]
+    if rests:
+        row, gap = rests.pop("jump_row"), rests.pop("gap_row")
+        rests |= {"jump_s": float(t[row]), "gap_s": None if gap is None else float(t[gap])}
+    still = _at_rest([spectra[name] for name in CHANNELS if name not in silent])
+    return {
+        "zero_rows": zero_rows,
+        "in_turn": in_turn,
+        "failed_reads": dict(zip(CHANNELS, failed.tolist(), strict=True)),
+        "stuck": {name: _stuck_figures(stuck[name], rate, t) for name in CHANNELS},
+        "spikes": {name: int(n) for name, n in spikes.items()},
+        "wraps": dict(zip(CHANNELS, wraps.tolist(), strict=True)),
+        "clipped_at": clipped,
+        "rows_a_value": {s: _rows_a_value(each) for s, each in zip(SENSORS, held, strict=True)},
+        "copies": [
+            list(pair)
+            for pair, (changed, alike) in zip(pairs, common, strict=True)
+            if changed >= LEAST_CHANGES and alike >= COPIED_SHARE * changed
+        ],
+        "silent_at_rest": silent,
+        "noise_near_nyquist": {
+            name: _lacking(spectra[name][:, still]) if resting and name not in silent else None
+            for name in CHANNELS
+        },
+        "mean_at_rest": means.figures([steps[n] for n in ANGULAR_RATE]) if resting else None,
+        "axes": axes,
+        "rests": rests,
+    }
+
+
+class Runs:
+    """Runs of one value on an axis, over row groups: their lengths, and the longest."""
+
+    def __init__(self, step):
+        self.step = step or 0.0
+        self.counts = np.zeros(LENGTHS + 1, dtype=int)
+        self.long, self.open, self.last, self.rows = [], 0, np.nan, 0
+        # blocks that change, whose noise spans the quantisation step, and several of it
+        self.varied = self.lively = self.wide = 0
+
+    def add(self, x, row):
+        """Take in a row group that starts at `row`."""
+        starts = np.flatnonzero(np.concatenate(([x[0] != self.last], x[1:] != x[:-1])))
+        if len(starts):
+            ends = starts + row
+            lengths = np.diff(ends, prepend=self.open)
+            self._keep(lengths, ends - lengths, np.where(starts > 0, x[starts - 1], self.last))
+            self.open = int(ends[-1])
+        self.last, self.rows = x[-1], row + len(x)
+        width = np.ptp(x[: len(x) // 64 * 64].reshape(-1, 64), axis=1)
+        self.varied += int((width > 0).sum())
+        self.lively += int((width > SPAN * self.step).sum())
+        self.wide += int((width > WIDE_SPAN * self.step).sum())
+
+    def _keep(self, lengths, starts, values):
+        self.counts += np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
+        chosen = np.flatnonzero(lengths >= LEAST_STUCK)
+        self.long += [(int(lengths[i]), int(starts[i]), float(values[i])) for i in chosen]
+        if len(self.long) > KEPT_RUNS:
+            self.long = sorted(self.long, reverse=True)[:KEPT_RUNS]
+
+    @property
+    def fine(self):
+        """Whether the noise spans the quantisation step."""
+        return self.lively >= 0.5 * self.varied > 0
+
+    def stuck(self):
+        """Return (rows, first row, value) of each run too long for chance."""
+        if self.rows > self.open:
+            last = self.rows - self.open, self.open, self.last
+            self._keep(*(np.array([each]) for each in last))
+            self.open = self.rows
+        long = sorted((run for run in self.long if np.isfinite(run[2])), reverse=True)
+        # the zero-th count is the empty run before the first row
+        counts, usual = self.counts[1:], np.arange(1, LENGTHS + 1)
+        short = np.flatnonzero(counts[: LEAST_STUCK - 1])
+        lengths = [run[0] for run in long] + [int(short[-1]) + 1 if len(short) else 1]
+        for k in range(len(long) - 1, -1, -1) if self.fine else ():
+            rest = np.where(usual <= lengths[k + 1], counts, 0)
+            n = rest.sum()
+            if n < LEAST_RUNS:
+                continue
+            even = lengths[k + 1] <= 1 + 3 * (rest @ usual) / n * np.log(n)
+            if lengths[k] >= (STUCK_FACTOR if even else STUCK_FACTOR_COARSE) * lengths[k + 1]:
+                return long[: k + 1]
+        return []
+
+
+def _stuck_figures(found, rate, t):
+    """Return how often, for how many rows, how long at most and when an axis was stuck."""
+    spans = sorted([float(t[i]), float(t[i + n - 1])] for n, i, _ in found)
+    return {
+        "stretches": len(found),
+        "rows": sum(run[0] for run in found),
+        "longest_s": max((run[0] for run in found), default=0) / rate,
+        "first_s": spans[0][0] if found else None,
+        "spans_s": spans,
+    }
+
+
+def _held(changes):
+    """Return how many runs of rows without a change on any axis there are, by length."""
+    lengths = np.diff(np.unique(np.concatenate(changes)))
+    return np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
+
+
+def _rows_a_value(counts):
+    """Return how many rows a value of a sensor is held, 1 where it is not."""
+    total, counts, lengths = counts.sum(), counts[:LENGTHS], np.arange(LENGTHS)
+    if counts.sum() < LEAST_RUNS:
+        return 1.0
+
+    def near(length):
+        return counts * (np.abs(lengths - length) <= max(1.0, 0.15 * length))
+
+    # of the median, so that a few stuck stretches do not count
+    kept = near(lengths[np.searchsorted(np.cumsum(counts), counts.sum() / 2)])
+    mean = float(kept @ lengths / kept.sum())
+    return mean if mean >= LEAST_HELD and near(mean).sum() >= HELD_SHARE * total else 1.0
+
+
+def _common_changes(x, y, at_x, at_y):
+    """Return how often the one changes, more or less than the other, and how often both alike."""
+    if not len(at_x) or not len(at_y):
+        return max(len(at_x), len(at_y)), 0
+    both = at_x[x[at_x] == y[at_x]]
+    return max(len(at_x), len(at_y)), int((x[both + 1] == y[both + 1]).sum())
+
+
+def _at_limits(x, limits, step):
+    """Return rows at the lowest and the highest value, and at the next few levels of each."""
+    found = np.zeros((2, LEVELS + 1), dtype=int)
+    for i, (limit, inside) in enumerate(zip(limits, (x - limits[0], limits[1] - x), strict=True)):
+        found[i, 0] = (x == limit).sum()
+        if step:
+            near = inside[(inside > 0.5 * step) & (inside < (LEVELS + 0.5) * step)]
+            found[i] += np.bincount(np.round(near / step).astype(int), minlength=LEVELS + 1)
+    return found
+
+
+def _clipped(axes, ranges, steps, units, rate):
+    """Give (name, value, rows) of the ends of the range that axes of a sensor keep to.
+
+    `axes` are name, rows at the ends and next to them, Runs, stuck runs and spikes of each. Ends of
+    the same size, to a step, are one end: it may be reached on each axis for a few samples only.
+    """
+    ends = []
+    for name, limits, runs, stuck, spikes in axes:
+        for value, (at, *near) in zip(ranges[name], limits, strict=True):
+            here = [run[0] for run in stuck if run[2] == value]
+            wide = runs.wide >= 0.5 * runs.varied
+            cut = at**2 >= CUT_TAIL * near[0] if wide else at >= STEEP * max(near)
+            cut &= at >= LEAST_CLIPPED and spikes < at / 2 and runs.fine
+            cut |= at >= LEAST_RAIL and _at_rail(value, units.get(name), steps[name])
+            # one long stretch is a stuck value
+            cut &= ranges[name][0] < ranges[name][1]
+            cut &= not (len(here) == 1 and here[0] >= max(rate, 0.9 * at))
+            ends.append((name, value, at, near[0], cut, runs.fine, 1.01 * (steps[name] or 0.0)))
+    for name, value, at, _, cut, fine, within in ends:
+        same = [e for e in ends if e[5] and abs(abs(e[1]) - abs(value)) <= within]
+        total, next_to = sum(e[2] for e in same), sum(e[3] for e in same)
+        several = sum(e[2] >= LEAST_RAIL for e in same) > 1
+        together = several and total >= LEAST_CLIPPED and total**2 >= CUT_TAIL * next_to
+        if cut or (fine and value != 0 and (together or any(e[4] for e in same))):
+            yield name, value, int(at)
+
+
+def _at_rail(value, unit, step):
+    """Tell whether a value is the end of an integer of 16 bits, signed or from the offset on."""
+    raw = [value / step] if step else []
+    if unit and unit["name"] == "count":
+        from_end = value / unit["scale"] + unit["offset"]
+        raw = [from_end, from_end - RAILS[1]] if unit["offset"] else [from_end]
+    return any(abs(round(abs(each), 1) - rail) < 0.5 for each in raw for rail in RAILS)
+
+
+def _wraps(x, low, high):
+    """Tell where a value jumps from one end of its range to the other and stays there, (n - 3,).
+
+    A value that swings from end to end is not as flat before and after, one that is clipped is
+    flatter: it does not change at all, or is held at an end. A rate that is switched on and off
+    goes from zero to one end; an integer's range lies around zero, or has all values of its bits.
+    """
+    step, span = np.abs(np.diff(x)), high - low
+    before, jump, after = step[:-2], step[1:-1], step[2:]
+    all_bits = low >= 0 and span > 2**11 and span >= (1 - UNEVEN) * 2 ** np.ceil(np.log2(span))
+    if not (abs(low + high) / 2 <= UNEVEN * span or all_bits):
+        return np.zeros(len(after), dtype=bool)
+    found = (jump >= WRAPPED * span) & (before < FLAT * span) & (after < FLAT * span)
+    end = (x == low) | (x == high)
+    held = ((before == 0) & end[1:-2]) | ((after == 0) & end[2:-1])
+    return found & (before + after > 0) & ~held
+
+
+def _without_wraps(x, low, high):
+    """Return values with not-a-number where they wrap around."""
+    at = np.flatnonzero(_wraps(x, low, high))
+    if len(at):
+        x = x.copy()
+        x[at + 1] = x[at + 2] = np.nan
+    return x
+
+
+def _failed_reads(x, low, high, step):
+    """Return how many rows at an end of the range come between values of the other half."""
+    if not step or high - low < READ_STEPS * step:
+        return 0
+    starts = np.flatnonzero(np.diff(x, prepend=np.nan))
+    values, rows = x[starts], np.diff(starts)
+    far = np.abs(np.diff(values)) > (high - low) / 2
+    found = far[:-1] & far[1:] & ((values[1:-1] == low) | (values[1:-1] == high))
+    return int(rows[1:][found].sum())
+
+
+def _spikes(x, step):
+    """Return how many single samples lie far outside all their neighbours."""
+    if len(x) <= 2 * REACH:
+        return 0
+    before, after = np.diff(x)[:-1], np.diff(x)[1:]
+    usual = max(step, np.median(np.abs(before[::16])))
+    height = np.minimum(np.abs(before), np.abs(after))
+    height[(before > 0) == (after > 0)] = 0.0
+    at = np.flatnonzero(height > SPIKE_FACTOR * usual) + 1
+    at = at[(at >= REACH) & (at < len(x) - REACH)]
+    near = x[at[:, None] + np.r_[-REACH:0, 1 : REACH + 1]]
+    middle = np.median(near, axis=1)
+    spread = np.maximum(np.abs(near - middle[:, None]).max(axis=1), usual)
+    return int((np.abs(x[at] - middle) > SPIKE_FACTOR * spread).sum())
+
+
+def _bands(x):
+    """Return variance and mean power in the bands of a few blocks, evenly spread, (4, n)."""
+    blocks = x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
+    blocks = blocks[:: max(-(-len(blocks) // BLOCKS), 1)]
+    away = blocks - blocks.mean(axis=1, keepdims=True)
+    power, top = np.abs(np.fft.rfft(away * np.hanning(BLOCK), axis=1)) ** 2, BLOCK // 2
+    bands = [power[:, int(a * top) : int(b * top)].mean(axis=1) for a, b in (LOW, MIDDLE, HIGH)]
+    return np.array([away.var(axis=1), *bands])
+
+
+def _at_rest(spectra):
+    """Return which blocks hold noise alone: on no axis is there much more at low frequencies."""
+    rest = [np.isfinite(each).all(axis=0) & (each[1] <= MOST_DRIFT * each[2]) for each in spectra]
+    return np.all(rest, axis=0) if rest else []
+
+
+def _lacking(resting):
+    """Return the noise near Nyquist as a share of that below; None of too few blocks at rest."""
+    _, _, middle, high = resting[:, resting[0] > 0]
+    if len(middle) < LEAST_BLOCKS:
+        return None
+    quiet = np.argsort(middle)[: max(len(middle) // 2, LEAST_BLOCKS)]
+    return float(high[quiet].sum() / middle[quiet].sum()) if middle[quiet].sum() else None
+
+
+def _silent(variance, spread):
+    """Tell whether an axis hardly ever changes while the force does not move."""
+    quiet = spread <= np.median(spread) if len(spread) >= LEAST_BLOCKS else spread < 0
+    return bool((variance[quiet] == 0).sum() > SILENT_SHARE * quiet.sum())
+
+
+def warnings(figures):
+    """Return one line for each kind of fault found, from quality figures with `faults`."""
+    found, rate = figures["faults"], figures["rate_hz"]
+    if not found:
+        return []
+    held = {sensor: n for sensor, n in found["rows_a_value"].items() if n > 1}
+    # what is held lacks power too
+    held_axes = [name for sensor in held for name in SENSORS[sensor]]
+    table = [
+        (
+            "exactly zero on all axes",
+            [f"{sensor} in {plural(n, 'row')}" for sensor, n in found["zero_rows"].items() if n],
+            "padding or failed reads, no motion: crop them with time_range or take them out of "
+            "the log",
+        ),
+        (
+            "stuck at one value",
+            [
+                f"{name} {plural(f['rows'], 'sample')}, {plural(f['stretches'], 'time')}, first at "
+                f"{f['first_s']:.6g} s"
+                for name, f in found["stuck"].items()
+                if f["stretches"]
+            ],
+            "left out as a gap: look at the cable and the driver",
+        ),
+        (
+            "no noise at rest",
+            found["silent_at_rest"],
+            "a step too coarse, or firmware that holds the value: noise and bias cannot be known "
+            "from this log",
+        ),
+        (
+            "spikes of a single sample",
+            [f"{name} {n}" for name, n in found["spikes"].items() if n],
+            "check the wiring and the logger",
+        ),
+        (
+            "clipped at a repeated extreme value",
+            [
+                f"{name} {plural(f['rows'], 'sample')} at "
+                f"{' and '.join(f'{v:.6g}' for v in f['values'])} "
+                f"{'m/s²' if name in ACCELERATION else 'rad/s'}"
+                for name, f in found["clipped_at"].items()
+                if f["values"] and not figures["clipped"].get(name)
+            ],
+            "rests, turns and moves with them are left out: choose a wider range or turn more "
+            "slowly, and declare full_scale",
+        ),
+        (
+            "a value is held",
+            [
+                f"{sensor} for {n:.3g} rows ({rate / n:.4g} Hz of new values in {rate:.4g} Hz)"
+                for sensor, n in held.items()
+            ],
+            "log each new value once, else noise comes out wrong",
+        ),
+    ]
+    lines = [f"{what}: {', '.join(items)}; {advice}" for what, items, advice in table if items]
+    lines += [f"{other} is a copy of {one}: see columns" for one, other in found["copies"]]
+    lacking = [
+        f"{name} {share:.2%}"
+        for name, share in found["noise_near_nyquist"].items()
+        if name not in held_axes and share is not None and share < LACKING_SHARE
+    ]
+    if lacking:
+        lines.append(
+            f"power is lacking above {HIGH[0] * rate / 2:.3g} Hz (a filter, or a log that was "
+            f"resampled): {', '.join(lacking)} of the noise below; log the sensor's own output"
+        )
+    lines += _temperature(figures)
+    if not USUAL_RATE[0] <= rate <= USUAL_RATE[1]:
+        lines.append(f"{rate:.3g} Hz is unusual for an IMU: see units.time")
+    return lines + _axes(found) + _mean_at_rest(found["mean_at_rest"])
+
+
+def _temperature(figures):
+    """Return what is wrong with a temperature that is none."""
+    limits = figures["temperature_range"]
+    if not limits or not np.isfinite(limits).all():
+        return []
+    (low, high), (least, most) = limits, PLAUSIBLE_TEMPERATURE
+    if least <= low <= high <= most:
+        if low < high or figures["duration_s"] < CONSTANT_TEMPERATURE:
+            return []
+        return [
+            f"temperature is {low:.5g} degC throughout: not read, or too coarse; it can show no "
+            "effect of temperature"
+        ]
+    hint = "counts, or failed reads"
+    if least <= low - 273.15 <= high - 273.15 <= most:
+        hint = "it looks like K"
+    elif least <= low + 273.15 <= high + 273.15 <= most:
+        hint = "it looks like degC taken as K"
+    return [f"temperature from {low:.5g} to {high:.5g} degC: {hint}, see units.temperature"]
+
+
+def _mean_at_rest(found):
+    """Return how a bias shows that firmware or the logger takes away at rest."""
+    if not found or not found["tracked"]:
+        return []
+    if found["upper"] is not None and found["upper"] < EARTH_PART * EARTH_RATE:
+        per_hour = ANGULAR_RATE_UNITS["deg/h"]
+        why = (
+            f"at most {found['upper'] / per_hour:.3g} deg/h, and Earth alone turns with "
+            f"{EARTH_RATE / per_hour:.4g}; firmware or the logger takes the bias away, or "
+            "units.angular_rate is wrong"
+        )
+    else:
+        why = (
+            f"its means hold {found['noise_share']:.1%} of the power that its own noise gives "
+            "them; firmware or the logger takes the bias away, or a hand held the device, whose "
+            "tremor cancels in a mean"
+        )
+    return [
+        f"the angular rate at rest has no mean: {why}: bias, its drift and K cannot be known from "
+        "this log"
+    ]
+
+
+def _axes(found):
+    """Return how the axes of the two sensors do not fit, and what would mend them."""
+    mapping = found["axes"] and found["axes"]["mapping"]
+    # one axis in two places fits nowhere, and has a line of its own
+    if not mapping or found["copies"]:
+        return []
+    fits = ", ".join(
+        f"{axis} as {'-' * (number < 0)}{ANGULAR_RATE[abs(number) - 1]}"
+        for axis, number in zip("xyz", mapping, strict=True)
+        if number
+    )
+    # the signed permutation that takes each axis from the one given by number and sign
+    matrix = np.eye(3)[np.abs(mapping) - 1] * np.sign(mapping)[:, None]
+    fault = "turned axes"
+    if not all(mapping):
+        fault = "swapped or mirrored axes (the turns of this log leave the others open)"
+    elif np.linalg.det(matrix) < 0:
+        fault = (
+            "swapped or mirrored axes, a left-handed frame that no change of the acceleration "
+            "alone would mend"
+        )
+    return [
+        f"the angular rate fits the turns of gravity with {fits}: {fault}; gravity does not tell "
+        "which sensor is at fault; columns puts axes in order, a sign has to be turned in the log"
+    ]
