@@ -1,11 +1,12 @@
-"""A log's clock: stamps that roll over, start again or stray are mended."""
+"""A log's clock: stamps that roll over, start again, stray, scatter or come in bursts."""
 
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.samples import GAP_STEPS
+from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME, Samples
+from imuloop.core.stamps import Scatter
 
 # rows after a fall of the stamps that show what it is
 AHEAD = 100
@@ -19,19 +20,38 @@ _FORWARD = 0.9
 MOST_FALLS = 10_000
 # largest stamp that is mended, and largest fall: their sums fit 64 bits
 _LARGEST, _LARGEST_FALL = 1 << 61, 1 << 60
-# figures of the stamps as logged, kept where they are rebuilt
-_LOGGED = ("duration_s", "rate_hz", "jitter", "gaps")
-
 # nanoseconds joined to whole seconds without leading zeros make stamps fall within a second, from
 # 0.9 and more to 0.1, as 100 ms do; seen so often, and in this share of all falls
 _LEAST_UNPADDED, _UNPADDED_SHARE = 5, 0.45
-
 # spans of counters, ns: 2^k of ns, us, ms and s, 10^k, a minute, an hour, a day and a week
 SPANS = sorted(
     {2**k * tick for k in range(8, 61) for tick in (1, 10**3, 10**6, 10**9)}
     | {10**k for k in range(5, 19)}
     | {s * 10**9 for s in (60, 3600, 86400, 604800)}
 )
+# figures of the stamps as logged, kept where they are rebuilt
+_LOGGED = ("duration_s", "rate_hz", "jitter", "gaps")
+# stamps come in bursts where the median step is less than this share of the sensor's step
+BURST = 0.5
+# no transfer holds samples back longer, s: a longer pause is of the sensor
+_LONGEST_PAUSE = 0.5
+# stamps scatter where nine in ten of them take this share of a step, or more
+_SCATTER = 0.12
+# relative difference of the median step from the mean of stamps that scatter: more is a loss
+_EVEN = 0.05
+# a level of stamps that scatter is known to this share of a step, so that one lost sample shows
+_KNOWN, _FEWEST = 0.05, 16
+# rounds of least squares, and the percentiles of the lateness beyond which it is clipped
+_ROUNDS, _USUAL = 3, (5, 95)
+# samples came in packets that share a stamp where so large a share of the rows repeats one
+_SHARED = 0.01
+# points of a line, at most twice so many, and parts of a log whose stamps must lie on one
+POINTS, _PARTS = 1 << 17, 20
+# a line whose rate differs more from the declared one is not the sensor's
+_RATE_SHARE = 0.02
+# stretches between bursts that are shorter on average hold no rest, s; of so many nothing is left,
+# and what follows takes minutes to find that out
+_LEAST_STRETCH, MOST_BURSTS = 1.0, 1000
 
 
 def with_lookahead(parts, rows=AHEAD):
@@ -61,18 +81,14 @@ def span(last, first, step, tick=1):
     The spans are `SPANS`, in units of `tick` ns; the counter starts at 0, or at minus half of its
     span; `step` is the usual step of the stamps. Whole stamps give a whole span.
     """
-    whole = isinstance(last, int) and isinstance(first, int)
-    best = None
+    whole, fits = isinstance(last, int) and isinstance(first, int), []
     for ns in SPANS:
         width = (ns + tick // 2) // tick if whole else ns / tick
-        away = width - (last - first)
-        if not 0 < away <= ROLL_STEPS * step or width < AHEAD * step:
-            continue
-        low = 0 if first >= 0 else -width / 2
-        fits = low <= first and last <= low + width
-        if fits and (best is None or abs(away - step) < abs(best - (last - first) - step)):
-            best = width
-    return best
+        away, low = width - (last - first), 0 if first >= 0 else -width / 2
+        near = 0 < away <= ROLL_STEPS * step and width >= AHEAD * step
+        if near and low <= first and last <= low + width:
+            fits.append((abs(away - step), width))
+    return min(fits, default=(None, None))[1]
 
 
 @dataclass
@@ -89,7 +105,6 @@ class Clock:
     resets: int = 0
     strays: int = 0
     _unpadded: int = 0
-    _all_falls: int = 0
     _shift: float = 0
     _newest: float | None = None
     _recent: np.ndarray | None = None
@@ -113,15 +128,13 @@ class Clock:
         around = np.concatenate(([values[0] if self._last is None else self._last], values))
         falls = np.append(around[1:] < around[:-1], following < values[-1])
         self._last = values[-1].item()
-        if tick == 10**9 and values.dtype.kind == "f":
-            at = falls[: own.size]
-            last, first = around[:-1][at], values[at]
-            tenth = (last // 1 == first // 1) & (last - first > 0.1) & (first % 1 < 0.2)
-            self._unpadded += np.count_nonzero(tenth)
-            self._all_falls += len(first)
         if not falls.any():
             self._extend(values)
             return x + self._shift if self._shift else x, readable
+        if tick == 10**9 and values.dtype.kind == "f":
+            last, first = around[:-1][falls[: own.size]], values[falls[: own.size]]
+            tenth = (last // 1 == first // 1) & (last - first > 0.1) & (first % 1 < 0.2)
+            self._unpadded += np.count_nonzero(tenth)
 
         known, valid = x, readable
         if len(after[0]):
@@ -149,16 +162,6 @@ class Clock:
         self._extend(values[begin:])
         return mended, readable
 
-    def fault(self):
-        """Return what makes the stamps fall where nothing mends them, or None."""
-        if self._unpadded < max(_LEAST_UNPADDED, _UNPADDED_SHARE * self._all_falls):
-            return None
-        return (
-            f"the stamps fall within the same second, {_times(self._unpadded)}, each time to 0.1 "
-            "s: nanoseconds were joined to the seconds without leading zeros (3 ms as .3000000); "
-            "write them with nine digits, or as a column of their own, columns.time: [sec, nanosec]"
-        )
-
     def span_in(self, tick):
         """Return the span of the counter in units of `tick` ns; None where it did not roll over."""
         return self.span_s and round(self.span_s * 1e9) // tick
@@ -168,8 +171,8 @@ class Clock:
         if values.size:
             newest = values.max().item()
             self._newest = newest if self._newest is None else max(self._newest, newest)
-            parts = (values,) if self._recent is None else (self._recent, values[-AHEAD:])
-            self._recent = np.concatenate(parts)[-AHEAD:]
+            recent = values[:0] if self._recent is None else self._recent
+            self._recent = np.concatenate((recent, values[-AHEAD:]))[-AHEAD:]
 
     def _strays(self, stamps):
         """Tell whether the rows after the first go on as if it were not there."""
@@ -189,13 +192,11 @@ class Clock:
         if not (steps > 0).any() or largest > _LARGEST or last - first > _LARGEST_FALL:
             return 0
         step = np.median(steps[steps > 0]).item()
-        if last - first < RESET_STEPS * step:
-            return 0
         returned = np.flatnonzero(stamps > last)
-        if returned.size and stamps[returned[0]] - stamps[returned[0] - 1] > GAP_STEPS * step:
+        leaps = returned.size and stamps[returned[0]] - stamps[returned[0] - 1] > GAP_STEPS * step
+        if last - first < RESET_STEPS * step or leaps:
             return 0
-        width = tick and span(last, first, step, tick)
-        if width:
+        if width := tick and span(last, first, step, tick):
             self.rollovers += 1
             self.span_s = width * tick * 1e-9
             return width
@@ -206,27 +207,37 @@ class Clock:
         gap = RESET_STEPS * step
         return last - first + (max(round(gap), 1) if isinstance(first, int) else gap)
 
+    def fault(self):
+        """Return what makes the stamps fall where nothing mends them, or None."""
+        # a row before a fall and one after are looked at for each
+        if self._unpadded < max(_LEAST_UNPADDED, _UNPADDED_SHARE * self._falls / 2):
+            return None
+        return (
+            f"the stamps fall within the same second, {_times(self._unpadded)}, each time to 0.1 "
+            "s: nanoseconds were joined to the seconds without leading zeros (3 ms as .3000000); "
+            "write them with nine digits, or as a column of their own, columns.time: [sec, nanosec]"
+        )
+
     def warnings(self):
         """Return what was mended, a line each; nothing of stamps that are no time."""
-        found = []
-        if self.fault():
-            return found
-        if self.rollovers:
-            found.append(
-                f"the stamps roll over after {self.span_s:.10g} s, {_times(self.rollovers)}: "
-                "the span is added"
-            )
-        if self.resets:
-            found.append(
+        found = (
+            (
+                self.rollovers,
+                f"the stamps roll over after {self.span_s or 0:.10g} s, {_times(self.rollovers)}: "
+                "the span is added",
+            ),
+            (
+                self.resets,
                 f"the stamps start again {_times(self.resets)}: t goes on after {RESET_STEPS} "
-                "usual steps, a gap whose length is not known"
-            )
-        if self.strays:
-            found.append(
+                "usual steps, a gap whose length is not known",
+            ),
+            (
+                self.strays,
                 f"{self.strays} stamps lie ahead of rows that follow in their place: "
-                "taken as missing"
-            )
-        return found
+                "taken as missing",
+            ),
+        )
+        return [] if self.fault() else [line for count, line in found if count]
 
 
 def _times(count):
@@ -253,3 +264,128 @@ def figures(clock, measured, rate=None, logged=None, pps=None):
         "drift_ppm": None if hertz is None or not rate else (hertz / rate - 1) * 1e6,
         "pps": pps,
     }
+
+
+def _follows_stamps(path, step):
+    """Tell whether samples (a file) were taken when they are stamped, not evenly every `step` s."""
+    scatter = Scatter(step)
+    for _, (t, *w) in Samples(path).pieces((TIME, *ANGULAR_RATE)):
+        scatter.add(t, w)
+    return scatter.followed
+
+
+def line_step(path, counts, measured, rate=None, increments=False):
+    """Return the seconds from row to row of stamps that are to be rebuilt; None to keep them.
+
+    A host stamps what it receives, and a transfer brings several samples: the steps are short
+    within a transfer and long between, or rows of a packet share a stamp. The sensor's own step is
+    the slope of time over row number. It is taken only where the medians of time about the line, of
+    `_PARTS` parts of the log, lie within the scatter of one part: else rows are lost, or the sensor
+    pauses. No line goes on over a reset.
+
+    Stamps that come singly, but scatter by `_SCATTER` or more, are rebuilt where no sample is
+    lost: the medians of parts so long that one is known to `_KNOWN` of a step all lie within half
+    a step; not where rows hold `increments`, whose intervals may differ, nor where the angular rate
+    goes with the stamps.
+
+    `path` are the samples as stamped, `measured` their figures, `rate` is the declared one, Hz.
+    """
+    step = _line_step(counts, measured, rate, increments)
+    kept = step and not shared(counts) and _follows_stamps(path, step)
+    return None if kept else step
+
+
+# times of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore")
+def _line_step(counts, measured, rate, increments):
+    points = counts.points.rows()
+    if counts.clock.resets or len(points) < 10 * _PARTS:
+        return None
+    step, away = _line(*points.T)
+    median, _ = _steps(measured)
+    # not of the mean step, which a single pause can make long
+    bursts = median < BURST * step
+    parts = np.array_split(away, _PARTS)
+    scatter = np.median([np.subtract(*np.percentile(part, [95, 5])) for part in parts])
+    limit = scatter
+    if shared(counts):
+        limit = max(scatter, step / 2)
+    elif not bursts:
+        # the error of a median of n normal values is 1.25 of their deviation over the root of n
+        needed = (1.25 * scatter / 3.29 / (_KNOWN * step)) ** 2
+        even = scatter >= _SCATTER * step and abs(median / step - 1) <= _EVEN
+        if increments or not even or not needed < len(away):
+            return None
+        parts = np.array_split(away, int(len(away) / max(needed, _FEWEST)))
+        limit = step / 2
+    on_line = np.ptp([np.median(part) for part in parts]) <= limit and scatter <= _LONGEST_PAUSE
+    if not on_line or (rate and abs(step * rate - 1) > _RATE_SHARE):
+        return None
+    return step
+
+
+def _line(rows, t):
+    """Return the slope of time over row number, and how far each time is from that line.
+
+    By Theil's method, the median slope of pairs half a log apart; then, as stamps of transfers lie
+    on a few lines and it leads from one to another, by least squares of what it leaves, outliers
+    clipped.
+    """
+    rows, half = rows - rows[0], len(rows) // 2
+    step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
+    for _ in range(_ROUNDS):
+        away = t - step * rows
+        step += np.polyfit(rows, np.clip(away, *np.percentile(away, _USUAL)), 1)[0].item()
+    return step, t - step * rows
+
+
+def shared(counts):
+    """Tell whether samples share the stamp of their packet."""
+    return counts.duplicates > _SHARED * counts.kept
+
+
+def rebuilt(logged, step, counts):
+    """Return the line on stamps rebuilt every `step` s, by figures and counts as logged."""
+    median, mean = _steps(logged)
+    if shared(counts):
+        how = f"of {counts.duplicates} rows are those of others, as of packets of samples"
+    elif median < BURST * step:
+        how = f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
+    else:
+        how = (
+            f"scatter about a regular clock ({logged['gaps']['count']} steps look like gaps, no "
+            "sample is lost)"
+        )
+    return (
+        f"the stamps {how}: t is rebuilt from the row number at {1 / step:.6g} Hz; where the "
+        "sensor itself pauses, declare its rate"
+    )
+
+
+def _steps(measured):
+    """Return the median and the mean step, s."""
+    median = measured["gaps"]["longer_than_s"] / GAP_STEPS
+    return median, measured["duration_s"] / (measured["rows"] - 1)
+
+
+def broken(measured, rate=None):
+    """Return what is wrong with stamps in bursts that no line could rebuild; None if they are none.
+
+    A sensor that pauses by itself pauses for long, goes on for a second or more, or has the
+    declared rate in between. Parameters are as of `line_step`.
+    """
+    gaps = measured["gaps"]
+    if measured["rows"] < 2 or not gaps["longer_than_s"]:
+        return None
+    median, mean = _steps(measured)
+    stretch = (measured["duration_s"] - gaps["total_s"]) / (gaps["count"] + 1)
+    itself = (rate and abs(median * rate - 1) < _RATE_SHARE) or stretch >= _LEAST_STRETCH
+    pause = gaps["total_s"] / max(gaps["count"], 1)
+    if itself or median >= BURST * mean or pause > _LONGEST_PAUSE:
+        return None
+    return (
+        f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms) "
+        f"with {gaps['count']} gaps between, and lie on no line: rows are lost, or held back for "
+        "long. If the sensor itself samples evenly, take the row's number for the time: columns: "
+        f"{{time: null}} and its rate, about rate: {1 / mean:.4g}"
+    )

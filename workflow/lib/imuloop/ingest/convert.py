@@ -10,8 +10,7 @@ from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, OWN_TIME, 
 from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
-from imuloop.ingest.bursts import POINTS
-from imuloop.ingest.clocks import Clock, with_lookahead
+from imuloop.ingest.clocks import POINTS, Clock, with_lookahead
 from imuloop.ingest.columns import HELD, STAMP, unknown_unit
 from imuloop.ingest.rests import EvenSubsample
 from imuloop.ingest.stamps import (

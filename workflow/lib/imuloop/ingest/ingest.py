@@ -21,7 +21,7 @@ from imuloop.core.samples import (
     schema,
 )
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
-from imuloop.ingest import bursts, clocks, increments, quality, slower_sensor, spikes
+from imuloop.ingest import clocks, increments, quality, slower_sensor, spikes
 from imuloop.ingest import pps as marks
 from imuloop.ingest.columns import SENSORS, UNITS, stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
@@ -155,9 +155,8 @@ def ingest(
                     usual = increments.usual_step(si_batches(log, **declared, counts=Counts()))
                     declared["usual"], log = usual, opened()
                 figures = write_and_measure(log, counts, si_batches(log, **declared, counts=counts))
-                step = bursts.line_step(counts, figures, rate, bool(increments.factors(units)))
-                if step and not bursts.shared(counts) and bursts.follows_stamps(temporary, step):
-                    step = None
+                summed = bool(increments.factors(units))
+                step = clocks.line_step(temporary, counts, figures, rate, summed)
                 if step:
                     # once more from the start, now that the line is known
                     as_logged, counts, logged, log = counts, Counts(), figures, opened()
@@ -167,8 +166,8 @@ def ingest(
             except RejectedLog as error:
                 reasons, logged = [str(error)], None
                 figures = write_and_measure(log, counts, ())
-            fault = bursts.broken(figures, rate)
-            many = figures["gaps"]["count"] > bursts.MOST_BURSTS
+            fault = clocks.broken(figures, rate)
+            many = figures["gaps"]["count"] > clocks.MOST_BURSTS
             steps = figures["quantisation_step"]
             if log.slower:
                 dropped, at = slower_sensor.find_spikes(temporary, log.slower, steps, threads)
@@ -222,7 +221,7 @@ def ingest(
     summed = increments.figures(log, units, counts, usual, step, rate)
     doubts += increments.warnings(summed, figures)
     if logged:
-        doubts.append(bursts.rebuilt(logged, step, as_logged))
+        doubts.append(clocks.rebuilt(logged, step, as_logged))
     doubts += counts.clock.warnings()
     if absent:
         doubts.append(f"the log holds no {absent}: what needs it is not testable")
