@@ -72,14 +72,11 @@ def figures(log, units, counts, usual, step, rate):
     sensors = {sensor: units[sensor] for sensor in factors(units)}
     if not sensors:
         return None
+    interval = "step of the rows, rebuilt" if step else "step of the stamps that ends at the row"
     if "interval" in log.found:
         interval = "logged"
     elif "time" not in log.found:
         interval = f"1/({rate:g} Hz)" if rate else None
-    else:
-        interval = (
-            "step of the rows, rebuilt" if step else "step of the stamps that ends at the row"
-        )
     return {
         "sensors": sensors,
         "interval": interval,

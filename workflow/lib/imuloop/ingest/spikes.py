@@ -14,15 +14,12 @@ NEAR, REACH = 4, 16
 # how many times farther from the cubic than any neighbour, and how many times the noise there, or
 # steps of resolution: jumps of good sensors come to 10
 OF_NEIGHBOURS, OF_NOISE = 10.0, 15.0
-# another channel moves where it is so many times its noise from its neighbours' cubic; beside 169
-# knocks of a single sample, of 3.3 million measured rows, one comes to 7 at least
-MOVES = 6.0
-# and at least this share of what the spike is times its own: chance alone comes to 7 now and then
-MOVES_SHARE = 0.01
+# another channel moves where it is so many times its noise from its neighbours' cubic (beside 169
+# knocks of a single sample, of 3.3 million measured rows, one comes to 7 at least), and at least
+# this share of what the spike is times its own: chance alone comes to 7 now and then
+MOVES, MOVES_SHARE = 6.0, 0.01
 # of values near to each other the larger hides the smaller until it is filled
 PASSES = 3
-# samples before and after a piece that its own are judged by
-CONTEXT = 2 * REACH
 
 _BESIDE = np.r_[-NEAR:0, 1 : NEAR + 1]
 _POWERS = np.vander(_BESIDE, 4, increasing=True).astype(float)
@@ -39,8 +36,9 @@ def find(samples, steps, threads=1):
     steps = np.array([steps[name] or 0.0 for name in CHANNELS])
 
     def of_piece(first):
-        low, end = max(first - CONTEXT, 0), min(first + ROWS, len(samples))
-        x = samples.read(CHANNELS, low, min(end + CONTEXT, len(samples)))
+        # with as many samples around the piece as its own are judged by
+        low, end = max(first - 2 * REACH, 0), min(first + ROWS, len(samples))
+        x = samples.read(CHANNELS, low, min(end + 2 * REACH, len(samples)))
         channel, row = np.nonzero(isolated(x, steps)[:, first - low : end - low])
         return np.array([row + first, channel])
 
@@ -66,15 +64,14 @@ def isolated(x, steps):
     n = x.shape[1]
     if n <= 2 * REACH:
         return found
-    inner = slice(REACH, n - REACH)
     for _ in range(PASSES):
+        before = found.sum()
         away = np.zeros(x.shape)
         sums = 4 * (x[:, 1:-3] + x[:, 3:-1]) - x[:, :-4] - x[:, 4:]
         away[:, 2:-2] = np.abs(x[:, 2:-2] - sums / 6)
-        none = True
         for k, values in enumerate(x):
             # most are none by those next to them already
-            size = away[k, inner]
+            size = away[k, REACH : n - REACH]
             may = size > OF_NOISE * steps[k]
             for d in (-5, -3, 3, 5):
                 may &= size > 2 * away[k, REACH + d : n - REACH + d]
@@ -82,23 +79,18 @@ def isolated(x, steps):
             near = values[at[:, None] + _BESIDE]
             curve = near @ _CUBIC.T
             spread = np.abs(near - curve @ _POWERS.T).max(axis=1)
-            noise = _noise(away, at, steps)
+            # of a normal e the median of |e| is 0.6745 of its deviation
+            noise = np.median(away[:, at[:, None] + _AROUND], axis=2) / 0.6745
+            noise = np.maximum(noise, steps[:, None])
             far = np.abs(values[at] - curve[:, 0])
             beside = away[:, at[:, None] + np.r_[-1:2]].max(axis=2)
             own = np.divide(far, noise[k], out=np.zeros_like(far), where=noise[k] > 0)
             others = np.delete(beside > np.maximum(MOVES, MOVES_SHARE * own) * noise, k, 0)
             limit = np.maximum(OF_NEIGHBOURS * spread, OF_NOISE * noise[k])
-            is_one = (far > limit) & ~others.any(axis=0)
-            found[k, at[is_one]] = True
+            at, level = (v[(far > limit) & ~others.any(axis=0)] for v in (at, curve[:, 0]))
+            found[k, at] = True
             # seen by the next pass alone
-            values[at[is_one]] = curve[is_one, 0]
-            none &= not is_one.any()
-        if none:
+            values[at] = level
+        if found.sum() == before:
             break
     return found
-
-
-def _noise(away, at, steps):
-    """Return the noise of each channel about some samples, or its resolution, (c, k)."""
-    # of a normal e the median of |e| is 0.6745 of its deviation
-    return np.maximum(np.median(away[:, at[:, None] + _AROUND], axis=2) / 0.6745, steps[:, None])
