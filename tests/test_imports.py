@@ -29,7 +29,7 @@ ARROWS = {
 # import name of packages that are called otherwise
 DISTRIBUTIONS = {"pywt": "pywavelets", "yaml": "pyyaml"}
 # what a light installation lacks
-EXTRAS = "report workflow matlab netcdf dataflash ros ulog".split()
+EXTRAS = "report workflow matlab netcdf ros ulog".split()
 
 
 def imported(path):
