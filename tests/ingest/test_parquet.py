@@ -10,7 +10,7 @@ import pytest
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import METADATA_KEY
-from imuloop.ingest import parquet
+from imuloop.ingest.tables import read_parquet
 
 
 @pytest.mark.parametrize("kind", ["f4", "f8"])
@@ -89,7 +89,7 @@ def test_numbers_and_stamps_of_other_types(log, run, tmp_path):
     counts = 2**60 + 1 + 1000 * np.arange(500)
     columns["gx"] = pa.array(counts)
     pq.write_table(pa.table(columns), path)
-    read = pa.Table.from_batches(parquet.read({"log": path}).batches)
+    read = pa.Table.from_batches(read_parquet({"log": path}).batches)
     np.testing.assert_array_equal(read["gx"], counts.astype(float))
     columns["gx"] = pa.array(log.gx)
     pq.write_table(pa.table(columns), path)

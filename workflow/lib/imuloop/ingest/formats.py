@@ -7,17 +7,15 @@ from pathlib import Path, PurePath
 
 from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.ingest import (
+    arrays,
     dataflash,
     delimited,
-    matlab,
-    netcdf,
-    parquet,
     phone,
     ros,
     sensorlog,
+    tables,
     ulog,
 )
-from imuloop.ingest.tables import alone, paired
 
 # roles of two files, of one sensor each
 PAIR = ("acceleration", "angular_rate")
@@ -50,9 +48,9 @@ FORMATS = {
     # the folder; its table alone is a csv
     "euroc": LogFormat(delimited.read, (), folder=True),
     "imu_tk": LogFormat(delimited.read, (), PAIR),
-    "parquet": LogFormat(parquet.read, parquet.ENDINGS),
-    "netcdf": LogFormat(netcdf.read, netcdf.ENDINGS),
-    "matlab": LogFormat(matlab.read, matlab.ENDINGS),
+    "parquet": LogFormat(tables.read_parquet, tables.PARQUET_ENDINGS),
+    "netcdf": LogFormat(arrays.read_netcdf, arrays.NETCDF_ENDINGS),
+    "matlab": LogFormat(arrays.read_matlab, arrays.MATLAB_ENDINGS),
     "ros": LogFormat(ros.read, ros.ENDINGS, folder=True, whole=True),
     "phone": LogFormat(phone.read, phone.ENDINGS, whole=True),
     # a .csv as others, known by its header
@@ -103,8 +101,8 @@ def find_format(name, paths):
 
 def _read_two(read, paths, columns=None, batch_rows=1 << 16, most=-1):
     """Read an accelerometer's file and a gyroscope's, on clocks of their own."""
-    logs = {q: read({"log": paths[q]}, alone(q, columns), batch_rows) for q in PAIR}
-    return paired(logs, batch_rows, most)
+    logs = {q: read({"log": paths[q]}, tables.alone(q, columns), batch_rows) for q in PAIR}
+    return tables.paired(logs, batch_rows, most)
 
 
 def guess_format(paths):

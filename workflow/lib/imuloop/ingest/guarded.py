@@ -47,7 +47,7 @@ def guarded(read):
     @functools.wraps(read)
     def apart(paths, columns=None, batch_rows=1 << 16, **options):
         given = {"paths": paths, "columns": columns, "batch_rows": batch_rows, **options}
-        messages = _messages(read.__module__, given)
+        messages = _messages((read.__module__, read.__name__), given)
         log = RawLog(**next(messages)[0])
         # a log that is let go lets its reader go
         log.batches = _batches(weakref.ref(log), messages)
@@ -78,7 +78,7 @@ def _batches(log, messages):
         yield from table.to_batches()
 
 
-def _messages(module, given):
+def _messages(reader, given):
     """Give (attributes of the log, table) as the reader's process sends them."""
     path = Path(given["paths"]["log"])
     files = path.iterdir() if path.is_dir() else [path]
@@ -98,7 +98,7 @@ def _messages(module, given):
         with process:
             try:
                 with suppress(BrokenPipeError), process.stdin as pipe:
-                    pickle.dump((module, given, memory, seconds, waiting), pipe)
+                    pickle.dump((reader, given, memory, seconds, waiting), pipe)
                 source, told = pa.PythonFile(process.stdout), {}
                 while not told.get("end"):
                     try:
@@ -135,9 +135,9 @@ def _death(status, name, seconds, waiting):
 
 def serve():
     """Read the log that standard input names, and write it to standard output."""
-    module, given, memory, seconds, waiting = pickle.load(sys.stdin.buffer)
+    (module, name), given, memory, seconds, waiting = pickle.load(sys.stdin.buffer)
     out = os.fdopen(os.dup(1), "wb")
-    read = import_module(module).read.__wrapped__
+    read = getattr(import_module(module), name).__wrapped__
     # libraries print what they think of a file
     quiet = os.open(os.devnull, os.O_WRONLY)
     os.dup2(quiet, 1)
@@ -165,24 +165,27 @@ def serve():
         caught = error
     if caught:
         _limit(resource.RLIMIT_AS, resource.RLIM_INFINITY)
-        _send(out, pa.record_batch({}), error=_words(caught, module, given["paths"]["log"], memory))
+        form = module.rpartition(".")[2] if name == "read" else name.removeprefix("read_")
+        _send(out, pa.record_batch({}), error=_words(caught, form, given["paths"]["log"], memory))
 
 
-def _words(error, module, path, memory):
+def _words(error, form, path, memory):
     """Return the name of an error that was foreseen, empty for others, and what to say of it."""
+    name = Path(path).name
     if isinstance(error, errors.ImuloopError):
         return type(error).__name__, str(error)
     if isinstance(error, MemoryError):
         why = f"takes more than {memory >> 20} MB of memory to read, as no log of its size does"
-        return "", f"{Path(path).name} {why}: it is damaged, or no log"
-    form, why = module.rpartition(".")[2], cause(error).replace(str(path), "the file")
+        return "", f"{name} {why}: it is damaged, or no log"
     if isinstance(error, ImportError):
         package = str(error.name).partition(".")[0]
         why = f"format {form} needs the package {package}, which is not installed"
         # an extra of the project is called as the format that needs it
         return "ImuloopError", f"{why}: pip install '.[{form}]'"
-    why = f"is no whole file of the format {form} ({why}): copy it again, or save it anew"
-    return "", f"{Path(path).name} {why}"
+    why = cause(error).replace(str(path), "the file")
+    return "", (
+        f"{name} is no whole file of the format {form} ({why}): copy it again, or save it anew"
+    )
 
 
 def _limit(kind, most):

@@ -18,7 +18,7 @@ from imuloop.core.samples import (
     TIME,
     read_columns,
 )
-from imuloop.ingest import delimited, matlab
+from imuloop.ingest import arrays, delimited
 from imuloop.ingest.attitudes import BRIDGED, COMPARED, Reference, angles, at_instants, turns
 from imuloop.ingest.columns import position
 from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
@@ -93,7 +93,7 @@ def read_series(path, log_format, names, quantity):
     form = find_format(log_format, {"log": path})[0]
     wanted = [name for name in names if name is not None]
     if form == "matlab":
-        series = matlab.variables(path)[0]
+        series = arrays.variables(path)[0]
         known = list(series)
         chosen = [series[known[position(quantity, n, known, True)]] for n in wanted]
         longest = {len(x) for x in chosen}

@@ -4,18 +4,50 @@ from itertools import chain
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.core.samples import CHANNELS, TEMPERATURE
-from imuloop.ingest.columns import AXES, FRACTION, SENSORS, STAMP, lacking, listed
+from imuloop.core.samples import CHANNELS, TEMPERATURE, own_metadata, refuse_calibrated
+from imuloop.ingest.columns import AXES, FRACTION, SENSORS, STAMP, lacking, listed, resolve
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS, joined_stamps, stamp_array, stamp_values
 from imuloop.ingest.streams import Stream, raw_log
 
-# more columns than a matrix of samples has
-WIDEST = 64
+PARQUET_ENDINGS = (".parquet", ".pq")
 # rows by which sensors in turn are told, and the least share of rows of one sensor alone
 HEAD_ROWS, _ALONE = 1000, 0.1
+
+
+def read_parquet(paths, columns=None, batch_rows=1 << 16):
+    """Read a Parquet table; ``simulated`` and ``units`` of the project's metadata are passed on."""
+    try:
+        file = pq.ParquetFile(paths["log"])
+        names = file.schema_arrow.names
+        entries = file.schema_arrow.metadata or {}
+    except Exception as error:
+        # a column's name may not be text
+        raise RejectedLog("the file is not a whole Parquet file") from error
+    try:
+        said = own_metadata(entries)
+        units = {quantity: str(unit) for quantity, unit in said.get("units", {}).items()}
+        known = {"units": units, "simulated": bool(said.get("simulated", False))}
+    except (ValueError, AttributeError) as error:
+        raise RejectedLog("the project's metadata in the Parquet file are damaged") from error
+    refuse_calibrated(names, said)
+    chosen = resolve(names, columns)
+    used = list(dict.fromkeys(names[i] for i in chosen.raw().values()))
+    # columns are read by name: of one that repeats all come, in the order of the file
+    given = [i for name in used for i, other in enumerate(names) if other == name]
+
+    def batches():
+        with file:
+            try:
+                for batch in file.iter_batches(batch_rows, columns=used):
+                    yield [batch.column(given.index(i)) for i in chosen.raw().values()]
+            except Exception as error:
+                raise RejectedLog(f"the file cannot be read to its end: {error}") from error
+
+    return table_log(names, chosen, batches(), **known)
 
 
 def table_log(names, chosen, batches, headed=True, **known):
@@ -199,21 +231,3 @@ def _of_one_unit(streams):
         stamps = np.round(stream.stamps * ns).astype(np.int64)
         found.append(Stream(stream.name, stamps, stream.fields, stream.units | {"time": "ns"}))
     return found
-
-
-def column_names(name, width):
-    """Return the names of the columns of a matrix: none of one wider than `WIDEST`."""
-    if width == 1:
-        return [name]
-    labels = AXES if width == len(AXES) else range(width if width <= WIDEST else 0)
-    return [f"{name}.{label}" for label in labels]
-
-
-def by_axis(columns):
-    """Return declared columns with each matrix of a sensor as its three columns."""
-    return {
-        quantity: [f"{value}.{axis}" for axis in AXES]
-        if isinstance(value, str) and quantity in ("acceleration", "angular_rate")
-        else value
-        for quantity, value in (columns or {}).items()
-    }
