@@ -12,7 +12,6 @@ from imuloop.ingest import (
     delimited,
     phone,
     ros,
-    sensorlog,
     tables,
     ulog,
 )
@@ -54,7 +53,7 @@ FORMATS = {
     "ros": LogFormat(ros.read, ros.ENDINGS, folder=True, whole=True),
     "phone": LogFormat(phone.read, phone.ENDINGS, whole=True),
     # a .csv as others, known by its header
-    "sensorlog": LogFormat(sensorlog.read, sensorlog.ENDINGS, whole=True),
+    "sensorlog": LogFormat(phone.read_sensorlog, (), whole=True),
     "ulog": LogFormat(ulog.read, ulog.ENDINGS, whole=True),
     "dataflash": LogFormat(dataflash.read, dataflash.ENDINGS, whole=True),
 }

@@ -1,4 +1,4 @@
-"""What phones export: zips of phyphox and Sensor Logger, a table a sensor.
+"""What phones export: zips of phyphox and Sensor Logger, a table a sensor; tables of SensorLog.
 
 Android gives specific force in m/s^2. iOS gives its opposite, in g: a phone that lies face up
 reads z = -1. phyphox turns that into Android's convention, Sensor Logger does where it is asked
@@ -14,7 +14,7 @@ from pathlib import PureWindowsPath
 
 import numpy as np
 
-from imuloop.core.errors import ImuloopError, RejectedLog, one_line
+from imuloop.core.errors import ImuloopError, RejectedLog, one_line, plural
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import AXES, SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.delimited import read_series
@@ -56,6 +56,7 @@ _APPS = (
 # units of Sensor Logger's accelerations from iOS, which have its sign unless standardised
 _IOS_UNITS = {"totalacceleration": "m/s^2", "accelerometeruncalibrated": "g"}
 _IOS_UNITS |= {"accelerometer": "m/s^2", "gravity": "m/s^2"}
+_USUAL_UNITS = {"acceleration": "m/s^2", "angular_rate": "rad/s"}
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,7 @@ class _Table:
 
 @guarded
 def read(paths, columns=None, batch_rows=1 << 16, most=-1):
-    """Read a zip of CSV tables as phyphox and Sensor Logger export it.
+    """Read a zip of tables as phyphox and Sensor Logger export it, or of one or two text tables.
 
     Of Sensor Logger, what is not calibrated by the phone goes before what is; acceleration
     without gravity is never taken by itself. `columns` names a file without its ending, where it
@@ -84,16 +85,17 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """
     with zipfile.ZipFile(paths["log"]) as archive:
         members = _members(archive)
-        about = _about(archive, members)
+        about = _cells(archive, members, "Metadata")[:2]
+        about = dict(zip(*([x.strip().lower() for x in row] for row in about), strict=False))
         turned = about.get("platform") == "ios" and about.get("standardisation") != "true"
-        tables = []
-        for name, info in members.items():
-            with archive.open(info) as file:
-                table = _table(name, file.read(most), turned, batch_rows)
-            tables += [table] if table else []
+        tables = [
+            _table(name, _text(archive, info, most), turned, batch_rows)
+            for name, info in members.items()
+        ]
+        tables = [table for table in tables if table]
+        if not tables:
+            return _plain(archive, members, columns, batch_rows, most)
         events = _events(archive, members)
-    if not tables:
-        return _plain(paths["log"], columns, batch_rows, most)
     app = tables[0].app
     tables = [table for table in tables if table.app is app]
     notes = [f"an export of {app.name}"]
@@ -104,41 +106,40 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     elif turned:
         notes.append("the sign of iOS is turned into that of specific force")
     columns = dict(columns or {})
-    for quantity in ("acceleration", "angular_rate"):
+    for quantity in SENSORS:
         if columns.get(quantity) is None:
             columns[quantity] = _usual(quantity, tables, notes)
         for table in tables:
             if columns[quantity] == table.stream.name and len(table.sensors) == 1:
                 columns[quantity] = table.columns(*table.sensors)
     log = raw_log([table.stream for table in tables], columns, batch_rows, notes)
-    used = {log.found[quantity][0] for quantity in ("acceleration", "angular_rate")}
+    used = {log.found[quantity][0] for quantity in SENSORS}
     for table in tables:
         if any(f"{table.stream.name}.{field}" in used for field in table.stream.fields):
             log.lose(table.count)
     return log
 
 
-def _plain(path, columns, batch_rows, most):
+def _plain(archive, members, columns, batch_rows, most):
     """Return the log of a zip that holds one table, or one of each sensor by their names."""
-    with zipfile.ZipFile(path) as archive:
-        members = {n: m for n, m in _members(archive).items() if _is_table(archive, m)}
-        by_sensor = {q: [n for n in members if named_sensor(n) == q] for q in SENSORS}
-        if len(members) == 1:
-            name, info = members.popitem()
-            log = delimited.read({"log": _text(archive, info, most)}, columns, batch_rows)
-            log.notes.insert(0, f"the table {name} of the zip")
-            return log
-        if any(len(names) != 1 for names in by_sensor.values()):
-            listed = ", ".join(repr(name[:80]) for name in archive.namelist()[:5]) or "nothing"
-            raise RejectedLog(
-                "the zip holds no table of phyphox or Sensor Logger, nor one table, nor one whose "
-                f"name says acc and one gyr, but {listed}"
-            )
-        texts = {q: _text(archive, members[name], most) for q, (name,) in by_sensor.items()}
-    logs = {
-        q: delimited.read({"log": text}, alone(q, columns), batch_rows) for q, text in texts.items()
-    }
-    log = paired(logs, batch_rows)
+    members = {name: info for name, info in members.items() if _is_table(archive, info)}
+    by_sensor = {q: [n for n in members if named_sensor(n) == q] for q in SENSORS}
+    if len(members) == 1:
+        [(name, info)] = members.items()
+        log = delimited.read({"log": _text(archive, info, most)}, columns, batch_rows)
+        log.notes.insert(0, f"the table {name} of the zip")
+        return log
+    if any(len(names) != 1 for names in by_sensor.values()):
+        listed = ", ".join(repr(name[:80]) for name in archive.namelist()[:5]) or "nothing"
+        raise RejectedLog(
+            "the zip holds no table of phyphox or Sensor Logger, nor one table, nor one whose name "
+            f"says acc and one gyr, but {listed}"
+        )
+    texts = {q: _text(archive, members[name], most) for q, (name,) in by_sensor.items()}
+    log = paired(
+        {q: delimited.read({"log": x}, alone(q, columns), batch_rows) for q, x in texts.items()},
+        batch_rows,
+    )
     log.notes.insert(0, f"the tables {' and '.join(n for (n,) in by_sensor.values())} of the zip")
     return log
 
@@ -171,25 +172,19 @@ def _members(archive):
     return members
 
 
-def _cells(archive, info):
-    """Return the cells of a small table."""
-    with archive.open(info) as file:
-        text = file.read(1 << 16).decode("utf-8-sig", "replace")
+def _cells(archive, members, name):
+    """Return the cells of a small table, none where there is no such."""
+    if name not in members:
+        return []
+    text = _text(archive, members[name], LONGEST_LINE).decode("utf-8-sig", "replace")
     head = text.partition("\n")[0]
     return [*csv.reader(text.splitlines(), delimiter=max(",;\t", key=head.count))]
 
 
-def _about(archive, members):
-    """Return what Sensor Logger says of the recording, or {}."""
-    rows = _cells(archive, members["Metadata"])[:2] if "Metadata" in members else []
-    return {name.strip().lower(): value.strip().lower() for name, value in zip(*rows, strict=False)}
-
-
 def _events(archive, members):
     """Return (seconds of the experiment, seconds since 1970) of each start of phyphox's."""
-    rows = _cells(archive, members["meta/time"]) if "meta/time" in members else []
     events = []
-    for row in rows:
+    for row in _cells(archive, members, "meta/time"):
         if row and row[0].strip().upper() == "START":
             # a broken row tells nothing of the sensors
             with suppress(ValueError, IndexError):
@@ -233,12 +228,13 @@ def _table(name, text, turned, batch_rows):
         return None
     time = lower.index(app.marks[0])
     others = {each: i for i, each in reversed([*enumerate(names)]) if i != time}
-    positions = [time, *others.values()]
-    stamps, values, count, unstamped = read_series(text, layout, positions, batch_rows)
+    stamps, values, count, unstamped = read_series(
+        text, layout, [time, *others.values()], batch_rows
+    )
     count.bad_lines += unstamped
     fields = dict(zip(others, values, strict=True))
     units = {"time": app.time_unit}
-    for quantity, usual in (("acceleration", "m/s^2"), ("angular_rate", "rad/s")):
+    for quantity, usual in _USUAL_UNITS.items():
         own = [
             unit_of(quantity, (0, 1, 2), sensors[sensor])
             for sensor in getattr(app, quantity)
@@ -289,3 +285,55 @@ def _usual(quantity, tables, notes):
         others = ", ".join(other.stream.name for _, other in found[1:])
         notes.append(f"{quantity} is that of {table.stream.name}, not of {others}")
     return table.columns(best)
+
+
+# --- SensorLog: one table, whose rows hold several sensors, each on its own clock
+
+# time and sensor columns, without unit and axis, lower case; sign and unit; the best first
+_SENSORLOG = {
+    "accelerometer": ("accelerometertimestamp_sincereboot", "accelerometeracceleration", -1, "g"),
+    "gyro": ("gyrotimestamp_sincereboot", "gyrorotation", 1, "rad/s"),
+    "motion": ("motiontimestamp_sincereboot", "motionrotationrate", 1, "rad/s"),
+}
+
+
+def read_sensorlog(paths, columns=None, batch_rows=1 << 16, most=-1):
+    """Read a CSV of SensorLog, whose rows repeat a sensor's last sample until it has a new one.
+
+    `columns` names ``STREAM.COLUMN``, streams being ``accelerometer`` and ``gyro`` or, where that
+    is not logged, ``motion``.
+    """
+    path, columns = paths["log"], dict(columns or {})
+    layout = find_layout(path)
+    bare = [re.sub(r"\s*\(.*\)\Z", "", name).lower() for name in layout.names]
+    streams, notes, lost = {}, [], None
+    for name, (time, sensor, sign, unit) in _SENSORLOG.items():
+        wanted = [time, *(sensor + axis for axis in AXES)]
+        if not {*wanted} <= {*bare} or (name == "motion" and "gyro" in streams):
+            continue
+        places = [bare.index(each) for each in wanted]
+        stamps, values, count, unstamped = read_series(path, layout, places, batch_rows, most)
+        fresh = np.append(True, np.diff(stamps) != 0)[: len(stamps)]
+        if not fresh.any():
+            continue
+        if left_out := unstamped + int((~fresh).sum()):
+            notes.append(f"no new sample of {name} in {plural(left_out, 'row')}")
+        names = [layout.names[i] for i in places[1:]]
+        fields = {each: sign * x[fresh] for each, x in zip(names, values, strict=True)}
+        quantity = "acceleration" if name == "accelerometer" else "angular_rate"
+        units = {"time": "s", quantity: unit_of(quantity, (0, 1, 2), names) or unit}
+        streams[name] = Stream(name, stamps[fresh], fields, units)
+        lost = lost or count
+        if columns.get(quantity) is None:
+            columns[quantity] = [f"{name}.{each}" for each in names]
+    if "accelerometer" not in streams or len(streams) < 2:
+        raise RejectedLog(
+            "the file holds no accelerometer and gyroscope as SensorLog names them: "
+            f"{', '.join(layout.names)[:200]}"
+        )
+    notes.insert(0, "an export of SensorLog: acceleration in g, sign turned into specific force")
+    if "motion" in streams:
+        notes.append("the angular rate is that of the motion, less the bias that iOS estimates")
+    log = raw_log(list(streams.values()), columns, batch_rows, notes)
+    log.lose(lost)
+    return log
