@@ -25,7 +25,6 @@ from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS, stamp_array, stamp_values
-from imuloop.ingest.text_layout import find_layout
 
 # s; up to here clocks count as one
 SAME_CLOCK = 0.1
@@ -105,7 +104,7 @@ def read_series(path, log_format, names, quantity):
         chosen = [pq.read_table(path, columns=[n])[n].combine_chunks() for n in labels]
         chosen = [c if i == 0 else c.to_numpy(zero_copy_only=False) for i, c in enumerate(chosen)]
     elif form in ("csv", "tsv"):
-        layout = find_layout(path)
+        layout = delimited.find_layout(path)
         places = [position(quantity, n, layout.names, layout.headed) for n in wanted]
         stamps = int(names[0] is not None)
         batches = delimited.text_batches(path, layout, places, 1 << 16, RawLog(), stamps=stamps)
