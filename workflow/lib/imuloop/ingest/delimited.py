@@ -302,7 +302,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
     units = _units_below(layout, chosen)
     log = table_log(layout.names, chosen, (), layout.headed, units=units, notes=notes)
     log.batches = batches(log, batch_rows)
-    head = first_rows(batches(RawLog(), HEAD_ROWS))
+    head, _ = first_rows(batches(RawLog(), HEAD_ROWS))
     return two_streams(log) if in_turn(head) else log
 
 

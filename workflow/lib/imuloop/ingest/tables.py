@@ -61,8 +61,7 @@ def table_log(names, chosen, batches, headed=True, **known):
     batches = named_batches(names, chosen, batches)
     unread = len(names) - len(set(chosen.raw().values()))
     log = RawLog(batches=batches, found=found, units=units, columns=columns, unread=unread, **known)
-    head = first_rows(log.batches)
-    log.batches = chain(head, log.batches)
+    head, log.batches = first_rows(log.batches)
     return two_streams(log) if in_turn(head) else log
 
 
@@ -97,12 +96,21 @@ def doubles(column):
 
 
 def first_rows(batches):
-    """Return the first batches, of `HEAD_ROWS` rows or a few more."""
+    """Return the first batches, of `HEAD_ROWS` rows or a few more, and all of them."""
     head, count = [], 0
-    while count < HEAD_ROWS and (batch := next(batches, None)) is not None:
-        count += batch.num_rows
-        head.append(batch)
-    return head
+    try:
+        while count < HEAD_ROWS and (batch := next(batches, None)) is not None:
+            count += batch.num_rows
+            head.append(batch)
+    except RejectedLog as error:
+        # for who reads up to there
+        batches = _raised(error)
+    return head, chain(head, batches)
+
+
+def _raised(error):
+    raise error
+    yield
 
 
 def in_turn(head):
@@ -161,7 +169,7 @@ def paired(logs, batch_rows=1 << 16, most=-1):
     for quantity, log in logs.items():
         if quantity not in log.found:
             raise lacking(quantity, log.columns)
-    timed = {STAMP in first.schema.names for first in map(_begun, logs.values()) if first}
+    timed = {"time" in log.found for log in logs.values()}
     if len(timed) > 1:
         raise ImuloopError("columns.time: one of the two tables has no time column; name it")
     for quantity, log in logs.items():
@@ -182,14 +190,6 @@ def paired(logs, batch_rows=1 << 16, most=-1):
         merged.found |= {key: names for key, names in log.found.items() if key in merged.found}
     merged.columns = "; ".join(log.columns for log in logs.values())
     return merged
-
-
-def _begun(log):
-    """Return the first batch of a log, which stays in it."""
-    batches = iter(log.batches)
-    first = next(batches, None)
-    log.batches = batches if first is None else chain([first], batches)
-    return first
 
 
 def _stream(quantity, log, most):
