@@ -13,29 +13,18 @@ from imuloop.ingest.streams import Stream, raw_log, stream_names
 ENDINGS = (".ulg", ".ulog")
 
 _UNITS = {"time": "us", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
-
-
-def _indexed(name):
-    return tuple(f"{name}[{i}]" for i in range(3))
-
-
-# topic of PX4 to the fields of each sensor
+# topic of PX4 to the fields of each sensor; PX4 has taken its own calibration out of `_CORRECTED`
 _SENSORS = {
-    "sensor_combined": {
-        "acceleration": _indexed("accelerometer_m_s2"),
-        "angular_rate": _indexed("gyro_rad"),
-    },
-    "sensor_accel": {"acceleration": AXES},
-    "sensor_gyro": {"angular_rate": AXES},
-    "sensor_accel_fifo": {"acceleration": AXES},
-    "sensor_gyro_fifo": {"angular_rate": AXES},
-    "vehicle_imu": {
-        "acceleration": _indexed("delta_velocity"),
-        "angular_rate": _indexed("delta_angle"),
-    },
+    "sensor_combined": {"acceleration": "accelerometer_m_s2[{}]", "angular_rate": "gyro_rad[{}]"},
+    "sensor_accel": {"acceleration": None},
+    "sensor_gyro": {"angular_rate": None},
+    "sensor_accel_fifo": {"acceleration": None},
+    "sensor_gyro_fifo": {"angular_rate": None},
+    "vehicle_imu": {"acceleration": "delta_velocity[{}]", "angular_rate": "delta_angle[{}]"},
 }
+_CORRECTED = ("sensor_combined", "vehicle_imu")
 # length of the intervals, in us, of the increments
-_INTERVALS = {"delta_velocity": "delta_velocity_dt", "delta_angle": "delta_angle_dt"}
+_INTERVALS = {"acceleration": "delta_velocity_dt", "angular_rate": "delta_angle_dt"}
 # of each sensor: what PX4 calls it, and fields with its device id, in its topic and in others
 _IDS = {
     "acceleration": ("accelerometer", "ACC", ("device_id", "accel_device_id")),
@@ -43,8 +32,6 @@ _IDS = {
 }
 # sensors that PX4 has calibrations for
 _SLOTS = range(4)
-# PX4 has taken its own calibration out of these
-_CORRECTED = ("sensor_combined", "vehicle_imu")
 # accelerometer_timestamp_relative of a row without acceleration
 _NO_ACCELERATION = 0x7FFFFFFF
 
@@ -64,14 +51,10 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     with open(paths["log"], "rb") as file:
         tape = _Tape(file.read(most))
     log = ULog(tape, sorted(topics))
-    damage = []
-    if tape.cut:
-        damage.append("the file ends inside a message: the log was cut off")
+    damage = ["the file ends inside a message: the log was cut off"] if tape.cut else []
     if log.file_corruption:
         damage.append("parts of the file are damaged; the rows in them are lost")
-    streams = []
-    for topic in log.data_list:
-        streams += _streams(topic.name, topic.multi_id, topic.data)
+    streams = [s for topic in log.data_list for s in _streams(topic)]
     if not streams:
         raise RejectedLog(f"the log holds no rows of {', '.join(_SENSORS)}")
     notes = list(damage)
@@ -81,7 +64,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     raw = raw_log(streams, columns, batch_rows, notes, damage)
     raw.sensor_ids = _sensor_ids(log, raw.found)
     for topic in _CORRECTED:
-        if any(name.startswith(topic) for name in raw.found["acceleration"]):
+        if any(name.startswith(topic) for name in raw.found.get("acceleration", ())):
             raw.notes.append(
                 f"{topic} is corrected by PX4's own calibration; in newer logs sensor_accel and "
                 "sensor_gyro are not"
@@ -97,7 +80,7 @@ def _sensor_ids(log, found):
     topics, ids = {f"{t.name}_{t.multi_id}": t.data for t in log.data_list}, {}
     for quantity, (sensor, short, fields) in _IDS.items():
         slots = {log.initial_parameters.get(f"CAL_{short}{k}_ID"): k for k in reversed(_SLOTS)}
-        data = topics.get(found[quantity][0].partition(".")[0], {})
+        data = topics.get(found.get(quantity, [""])[0].partition(".")[0], {})
         known = {int(x) for name in fields for x in np.unique(data.get(name, ()))} - {0}
         known = known or {*slots} - {0, None}
         if len(known) == 1 and 0 < (one := known.pop()) < 1 << 31:
@@ -119,44 +102,39 @@ class _Tape(io.BytesIO):
 
 # damaged numbers can be any, a signalling one too
 @np.errstate(over="ignore", invalid="ignore")
-def _streams(topic, instance, data):
+def _streams(topic):
     """Return the streams of one topic and instance: its fields, and the sensors' usual names."""
-    sampled = data.get("timestamp_sample")
-    stamps = sampled if sampled is not None and sampled.any() else data.get("timestamp")
+    fields, name = dict(topic.data), f"{topic.name}_{topic.multi_id}"
+    sampled = fields.get("timestamp_sample")
+    stamps = sampled if sampled is not None and sampled.any() else fields.get("timestamp")
     if stamps is None or stamps.dtype.kind not in "iu":
         return []
-    stamps, fields = stamps.astype(np.int64), dict(data)
-    if topic.endswith("_fifo"):
+    stamps = stamps.astype(np.int64)
+    if topic.name.endswith("_fifo"):
         stamps, fields = _unpacked(stamps, fields)
-    for quantity, names in _SENSORS.get(topic, {}).items():
-        if all(name in fields for name in names):
-            rate = _rate(names, fields)
-            fields |= {f"{quantity}.{axis}": x for axis, x in zip(AXES, rate, strict=True)}
-    name = f"{topic}_{instance}"
+    for quantity, form in _SENSORS.get(topic.name, {}).items():
+        names = [form.format(i) if form else axis for i, axis in enumerate(AXES)]
+        if all(each in fields for each in names):
+            values = [fields[each] for each in names]
+            interval = fields.get(_INTERVALS[quantity])
+            if interval is not None:
+                # 1e6 times float32 is exact, so that only the division rounds
+                dt = np.where(interval > 0, interval, np.nan)
+                values = [1e6 * x.astype(float) / dt for x in values]
+            fields |= {f"{quantity}.{axis}": x for axis, x in zip(AXES, values, strict=True)}
+    streams = [Stream(name, stamps, fields, _UNITS)]
     relative = fields.get("accelerometer_timestamp_relative")
-    if relative is None or "acceleration.x" not in fields:
-        return [Stream(name, stamps, fields, _UNITS)]
-    missing = relative == _NO_ACCELERATION
-    later = np.where(missing, 0, relative.astype(np.int64))
-    force = {f"acceleration.{axis}": fields.pop(f"acceleration.{axis}") for axis in AXES}
-    force = {key: np.where(missing, np.nan, x) for key, x in force.items()}
-    if not later.any():
-        return [Stream(name, stamps, fields | force, _UNITS)]
-    # the two sensors were sampled at different times
-    return [
-        Stream(name, stamps, fields, _UNITS),
-        Stream(f"{name}.accelerometer", stamps + later, force, _UNITS),
-    ]
-
-
-def _rate(names, fields):
-    """Return the fields of a sensor; increments over their interval."""
-    interval = fields.get(_INTERVALS.get(names[0].partition("[")[0]))
-    if interval is None:
-        return [fields[name] for name in names]
-    # 1e6 times float32 is exact, so that only the division rounds
-    dt = np.where(interval > 0, interval, np.nan)
-    return [1e6 * fields[name].astype(float) / dt for name in names]
+    if relative is not None and "acceleration.x" in fields:
+        missing = relative == _NO_ACCELERATION
+        later = np.where(missing, 0, relative.astype(np.int64))
+        force = {key: fields.pop(key) for key in [f"acceleration.{axis}" for axis in AXES]}
+        force = {key: np.where(missing, np.nan, x) for key, x in force.items()}
+        if later.any():
+            # the two sensors were sampled at different times
+            streams.append(Stream(f"{name}.accelerometer", stamps + later, force, _UNITS))
+        else:
+            fields |= force
+    return streams
 
 
 def _unpacked(stamps, fields):
