@@ -200,20 +200,23 @@ def resolve(names, declared=None, headed=True):
     """
     declared = dict(declared or {})
     guessed, increments = guess(names), guess(names, increments=True)
-    pair, part_ns = _two_parts(names)
+    alone = sum(declared.get(quantity, "") is None for quantity in SENSORS) == 1
+    bare = alone and not headed and len(names) in (len(AXES), len(AXES) + 1)
+    pair = _two_parts(names)
     units, chosen, summed = {}, {}, {}
     for quantity in _QUANTITIES:
         # who logs the rate too has it from the increments
         usual = guessed[quantity] or (quantity in SENSORS and increments[quantity])
         if quantity in declared:
-            chosen[quantity] = _declared(quantity, declared[quantity], names, headed)
-        elif quantity == "time" and pair:
-            chosen[quantity] = pair
-        elif usual:
-            chosen[quantity] = _only(quantity, usual, names)
-        elif quantity in SENSORS and (where := _sensor_alone(quantity, declared, names, headed)):
-            chosen[quantity] = where
-        where = chosen.get(quantity)
+            where = _declared(quantity, declared[quantity], names, headed)
+        elif quantity == "time" and (pair or bare):
+            where = pair or (0 if len(names) > len(AXES) else None)
+        elif quantity in SENSORS and bare:
+            where = tuple(range(len(names))[-len(AXES) :])
+        else:
+            usual = usual or (quantity in SENSORS and headed and _hinted(quantity, names, alone))
+            where = _only(quantity, usual, names) if usual else None
+        chosen[quantity] = where
         if not headed or where is None:
             continue
         if quantity in SENSORS:
@@ -223,12 +226,10 @@ def resolve(names, declared=None, headed=True):
         unit = unit_of(quantity, where, names, quantity in summed)
         if unit or quantity in summed:
             units[quantity] = unit or next(iter(INCREMENTS[quantity]))
-    time = chosen.get("time")
-    if time is None and "time" not in declared and not headed and _bare(declared, names) == 4:
-        chosen["time"] = 0
-    if isinstance(time, tuple):
+    part_ns = 1
+    if isinstance(chosen["time"], tuple):
         units["time"] = "ns"
-        part_ns = part_ns if time == pair else _PARTS.get((_words(names[time[1]]) or [""])[-1], 1)
+        part_ns = _PARTS.get(_last_word(names[chosen["time"][1]]), 1)
     intervals = _intervals(declared, names, headed, guessed, summed)
     unit = intervals and headed and unit_of("interval", next(iter(intervals.values())), names)
     if unit:
@@ -251,47 +252,29 @@ def lacking(quantity, columns):
     )
 
 
-def _bare(declared, names):
-    """Return how many columns a log without header has if it is of one sensor, else 0."""
-    alone = sum(quantity in declared and declared[quantity] is None for quantity in SENSORS) == 1
-    return len(names) if alone and len(names) in (len(AXES), len(AXES) + 1) else 0
-
-
-def _sensor_alone(quantity, declared, names, headed):
-    """Return columns that differ by their axis alone: of a log of one sensor, or that hint at it.
-
-    A log without header has time, if it has, then the three axes.
-    """
-    alone = any(q != quantity and q in declared and declared[q] is None for q in SENSORS)
-    if not headed:
-        count = _bare(declared, names)
-        return tuple(range(count)[-len(AXES) :]) if count else None
-    triples = {}
-    for at, name in enumerate(names):
-        text = " ".join(_split(_without_unit(name)))
-        for match in re.finditer(r"(?<![a-z])[xyz]|[xyz](?![a-z])", text):
-            stem = text[: match.start()], text[match.end() :]
-            triples.setdefault(stem, {}).setdefault(match[0], at)
-    found = {stem: tuple(axes[a] for a in AXES) for stem, axes in triples.items() if len(axes) == 3}
-    hinted = {
-        at: stem
-        for stem, at in found.items()
-        for words in [" ".join(stem).split()]
-        if any(w.startswith(_HINTS[quantity]) for w in words) and not _NO_OUTPUT & {*words}
-    }
-    every = dict.fromkeys(found.values())
-    usual = [*hinted] or ([*every] if alone and len(every) == 1 else [])
-    return _only(quantity, [(at, None) for at in usual], names) if usual else None
+def _hinted(quantity, names, alone):
+    """Return columns whose names begin a word as a sensor's; of a log of one sensor, any three."""
+    triples, hint = _triples(names), _HINTS[quantity]
+    found = [
+        (at, stem)
+        for (stem, words), axes in triples.items()
+        if any(word.startswith(hint) for word in words) and not _NO_OUTPUT & {*words}
+        for at in axes
+    ]
+    every = [(at, stem) for (stem, _), axes in triples.items() for at in axes]
+    return found or (every if alone and len(every) == 1 else [])
 
 
 def _two_parts(names):
-    """Return the columns of whole seconds and their part, None without, and ns in its unit."""
-    words = [_split(_without_unit(name)) for name in names]
-    whole = {tuple(w[:-1]): at for at, w in enumerate(words) if w and w[-1] in _SECONDS}
-    for at, w in enumerate(words):
-        if w and w[-1] in _PARTS and tuple(w[:-1]) in whole:
-            return (whole[tuple(w[:-1])], at), _PARTS[w[-1]]
-    return None, 1
+    """Return the columns of whole seconds and their part, None without."""
+    words = [_split(_without_unit(name)) or [""] for name in names]
+    whole = {(*w[:-1],): at for at, w in enumerate(words) if w[-1] in _SECONDS}
+    parts = [(whole.get((*w[:-1],)), at) for at, w in enumerate(words) if w[-1] in _PARTS]
+    return next((pair for pair in parts if pair[0] is not None), None)
+
+
+def _last_word(name):
+    return [None, *_split(_without_unit(name))][-1]
 
 
 def _only(quantity, found, names):
@@ -391,37 +374,43 @@ def guess(names, increments=False):
 
     With `increments` those of velocity and angle are looked for in place of rates.
     """
-    sensors = {quantity: {} for quantity in SENSORS}
-    single = {quantity: [] for quantity in _SINGLE}
-    for at, name in enumerate(names):
-        words = _words(name)
-        stem, axis = _stem_and_axis(words)
-        for quantity, usual in _NAMES.items():
-            if axis and stem in usual[increments]:
-                key = stem, _without_axis(name, words, stem, axis)
-                axes = sensors[quantity].setdefault(key, {a: [] for a in AXES})
-                axes[axis].append(at)
-        for quantity, usual in _SINGLE.items():
-            joined, shorter = "_".join(words), "_".join(words[:-1])
-            # T (°) is no time beside Time (s)
+    found, triples = {}, _triples(names)
+    for quantity, usual in _NAMES.items():
+        known = [(stem, axes) for (stem, _), axes in triples.items() if stem in usual[increments]]
+        found[quantity] = [(at, stem) for stem, axes in known for at in axes]
+    for quantity, usual in _SINGLE.items():
+        single = []
+        for at, name in enumerate(names):
+            words = _words(name)
+            # T (°) is no time beside Time (s), and whole seconds may have their part elsewhere
             unit = _unit_in(quantity, name, False)
             strange = unit is not None and unit not in _SPELLINGS.get(quantity, _UNITS[quantity])
-            # whole seconds may have their part elsewhere
-            strange |= bool(words) and words[-1] in _SECONDS
-            if joined in usual:
-                single[quantity].append((strange, usual.index(joined), at, joined))
-            elif shorter in usual and words[-1] in _UNITS[quantity]:
-                single[quantity].append((strange, usual.index(shorter), at, shorter))
-    # of names that repeat two are enough
-    found = {
-        quantity: [
-            (each, stem)
-            for (stem, _), axes in stems.items()
-            for each in islice(product(*(axes[axis] for axis in AXES)), 2)
-        ]
-        for quantity, stems in sensors.items()
-    }
-    return found | {q: [(at, stem) for *_, at, stem in sorted(each)] for q, each in single.items()}
+            strange = strange or (bool(words) and words[-1] in _SECONDS)
+            bare = words[:-1] if words[-1:] and words[-1] in _UNITS[quantity] else words
+            stem = next((s for s in ("_".join(words), "_".join(bare)) if s in usual), None)
+            if stem:
+                single.append((strange, usual.index(stem), at, stem))
+        found[quantity] = [(at, stem) for *_, at, stem in sorted(single)]
+    return found
+
+
+def _triples(names):
+    """Return (name without axis, all its words) -> positions of x, y and z.
+
+    Where names repeat there are several; two are enough.
+    """
+    found = {}
+    for at, name in enumerate(names):
+        words, every = _words(name), _split(name)
+        stem, axis = _stem_and_axis(words)
+        if axis in every:
+            every.remove(axis)
+        elif axis:
+            every[every.index(words[0])] = stem
+        if axis:
+            axes = found.setdefault((stem, (*every,)), {a: [] for a in AXES})
+            axes[axis].append(at)
+    return {key: [*islice(product(*axes.values()), 2)] for key, axes in found.items()}
 
 
 def named_sensor(text):
@@ -440,7 +429,7 @@ def named_sensor(text):
 
 def _split(text):
     """Return the lower-case words of a text; accX is two, and NAME[0] is NAME x."""
-    text = re.sub(r"\[([012])\]\s*\Z", lambda index: f"_{AXES[int(index[1])]}", text)
+    text = re.sub(r"\[([012])\](?=\s*([\[(]|\Z))", lambda index: f"_{AXES[int(index[1])]}", text)
     text = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z])", "_", text)
     return re.findall(r"[^\W_]+", text.lower())
 
@@ -455,24 +444,15 @@ def _words(name):
     return [word for word in _split(_without_unit(name)) if word not in _PLACE]
 
 
-def _without_axis(name, words, stem, axis):
-    """Return all words of a name but its axis: the same for the three of one sensor."""
-    every = _split(name)
-    if axis in every:
-        every.remove(axis)
-    else:
-        every[every.index(words[0])] = stem
-    return tuple(every)
-
-
 def _stem_and_axis(words):
     """Return ('acc', 'x') of ['acc', 'x'], ['accx'], ['x', 'acc'] or ['acc', 'x', 'mps2']."""
     if len(words) > 1 and words[-1] not in AXES and words[-2] in AXES:
         words = words[:-1]
-    if len(words) > 1 and words[-1] in AXES:
-        return "_".join(words[:-1]), words[-1]
-    if len(words) > 1 and words[0] in AXES:
-        return "_".join(words[1:]), words[0]
+    axes = [word for word in words if word in AXES]
+    if words and (words[-1] in AXES or words[0] in AXES or len(axes) == 1):
+        axis = words[-1] if words[-1] in AXES else words[0] if words[0] in AXES else axes[0]
+        at = len(words) - 1 - words[::-1].index(axis)
+        return "_".join(words[:at] + words[at + 1 :]), axis
     word = words[0] if words else ""
     if word[-1:] in AXES and word[:-1] in _KNOWN:
         return word[:-1], word[-1]
