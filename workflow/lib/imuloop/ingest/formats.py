@@ -1,20 +1,13 @@
 """The log formats: a name, a reader, and what shows them: first bytes, else the file's name."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePath
 
 from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.ingest import (
-    arrays,
-    dataflash,
-    delimited,
-    phone,
-    ros,
-    tables,
-    ulog,
-)
+from imuloop.ingest import arrays, dataflash, delimited, phone, ros, tables, ulog
 
 # roles of two files, of one sensor each
 PAIR = ("acceleration", "angular_rate")
@@ -86,9 +79,9 @@ def find_format(name, paths):
         hint = did_you_mean(str(name), FORMATS) or f"; use one of {', '.join(FORMATS)}"
         raise ImuloopError(f"'{name}' is not a format{hint}")
     form = FORMATS[name]
-    if set(paths) == {*PAIR}:
+    if {*paths} == {*PAIR}:
         form = replace(form, read=partial(_read_two, form.read), files=PAIR, whole=True)
-    if set(paths) != set(form.files):
+    if {*paths} != {*form.files}:
         raise ImuloopError(
             f"format {name} is read from {' and '.join(form.files)}, given {' and '.join(paths)}"
         )
@@ -117,9 +110,9 @@ def guess_format(paths):
         raise ImuloopError(f"{path} is a folder, not a file")
     if name := _by_first_bytes(path):
         return name
-    if set(paths) == {*PAIR} and path.suffix == ".mat":
-        return "imu_tk"
     bare = path.with_suffix("") if path.suffix.lower() in _PACKED else path
+    if {*paths} == {*PAIR} and bare.suffix == ".mat":
+        return "imu_tk"
     for name, form in FORMATS.items():
         if bare.suffix.lower() in form.endings:
             return name
@@ -130,13 +123,12 @@ def guess_format(paths):
 
 def _by_first_bytes(path):
     """Return the format that a file's first bytes show, or None."""
-    if not path.is_file():
-        return None
-    try:
-        with open(path, "rb") as file:
-            head = file.read(_HEAD)
-    except OSError:
-        return None
+    head = b""
+    # others, such as a pipe, are not opened
+    with suppress(OSError):
+        if path.is_file():
+            with open(path, "rb") as file:
+                head = file.read(_HEAD)
     for signature, name in SIGNATURES.items():
         if head.startswith(signature):
             return name

