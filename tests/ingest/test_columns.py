@@ -57,6 +57,7 @@ def test_spellings_of_units(quantity, text, unit):
         (["T(°)"], 0, "°"),
         (["millis"], 0, "ms"),
         (["micros"], 0, "us"),
+        (["UTC_Hour", "UTC_Minute", "sampleTimeMillis", "timestamp_ms"], 3, "ms"),
     ],
 )
 def test_the_time_column_is_one_whose_unit_is_of_time(names, at, unit):

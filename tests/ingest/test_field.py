@@ -286,20 +286,20 @@ def test_a_zip_of_tables_that_do_not_say_what_they_are(log, run, tmp_path):
 
 @pytest.mark.parametrize("head", ["column", "comments"])
 def test_rows_that_begin_with_the_name_of_the_sensor(log, run, tmp_path, head):
-    lines = ["sensor,time,x,y,z"]
+    lines, names = ["sensor,time,x,y,z"], ("accelerometer", "gyroscope")
+    force, rate = two_clocks(log)
     if head == "comments":
-        lines = [
-            "# Fix,provider,time",
-            "# UncalAccel,time,AccelXMps2,AccelYMps2,AccelZMps2,BiasXMps2",
-        ]
-        lines += ["# UncalGyro,time,UncalGyroXRadPerSec,UncalGyroYRadPerSec,UncalGyroZRadPerSec"]
-    names = ("accelerometer", "gyroscope") if head == "column" else ("UncalAccel", "UncalGyro")
-    for force, rate in zip(*(t.itertuples(index=False) for t in two_clocks(log)), strict=True):
-        lines += [
-            ",".join(map(str, (name, *row))) for name, row in zip(names, (force, rate), strict=True)
-        ]
-        if head == "comments":
-            lines[-2] += ",0.0"
-            lines.append(f"Fix,gps,{force[0]}")
+        names = ("UncalAccel", "UncalGyro")
+        lines = ["# Fix,provider,time"]
+        lines += ["# UncalAccel,elapsedRealtimeNanos,AccelXMps2,AccelYMps2,AccelZMps2,BiasXMps2"]
+        lines += ["# UncalGyro,elapsedRealtimeNanos,GyroXRadPerSec,GyroYRadPerSec,GyroZRadPerSec"]
+        force, rate = (x.assign(t=(1e9 * x.t).round().astype(int)) for x in (force, rate))
+        force["bias"] = 0.0
+    texts = [table.to_csv(index=False, header=False).splitlines() for table in (force, rate)]
+    for pair in zip(*texts, strict=True):
+        lines += [f"{name},{row}" for name, row in zip(names, pair, strict=True)]
+        lines += ["Fix,gps,1"] * (head == "comments")
     (tmp_path / "log.txt").write_text("\n".join(lines))
-    check_two(run(tmp_path / "log.txt"), log)
+    done = run(tmp_path / "log.txt")
+    check_two(done, log)
+    assert done.metadata["units"]["time"] == ("ns" if head == "comments" else "s")

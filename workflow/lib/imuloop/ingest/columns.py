@@ -57,9 +57,13 @@ _SINGLE = {
 _QUANTITIES = ("time", "acceleration", "angular_rate", "temperature")
 # last words of two columns of one time: whole seconds, and ns in a unit of the part of a second
 _SECONDS = ("sec", "secs")
+# and of a clock that is spread over columns
+_OF_CLOCK = ("hour", "minute", "second")
 _PARTS = {"nsec": 1, "nsecs": 1, "nanosec": 1, "nanosecs": 1, "usec": 1000, "usecs": 1000}
 # most names in a message
 _SHOWN = 60
+# between words that have no sign between them
+_CAMEL = r"(?<=[a-z])(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z])"
 # words that say where, not what
 _PLACE = {"imu", "raw", "sensor", "field", "data"}
 
@@ -385,8 +389,9 @@ def guess(names, increments=False):
             # T (°) is no time beside Time (s), and whole seconds may have their part elsewhere
             unit = _unit_in(quantity, name, False)
             strange = unit is not None and unit not in _SPELLINGS.get(quantity, _UNITS[quantity])
-            strange = strange or (bool(words) and words[-1] in _SECONDS)
-            bare = words[:-1] if words[-1:] and words[-1] in _UNITS[quantity] else words
+            last = words[-1] if words else ""
+            strange = strange or last in _SECONDS
+            bare = words[:-1] if last in _UNITS[quantity] and last not in _OF_CLOCK else words
             stem = next((s for s in ("_".join(words), "_".join(bare)) if s in usual), None)
             if stem:
                 single.append((strange, usual.index(stem), at, stem))
@@ -430,7 +435,7 @@ def named_sensor(text):
 def _split(text):
     """Return the lower-case words of a text; accX is two, and NAME[0] is NAME x."""
     text = re.sub(r"\[([012])\](?=\s*([\[(]|\Z))", lambda index: f"_{AXES[int(index[1])]}", text)
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z])", "_", text)
+    text = re.sub(_CAMEL, "_", text)
     return re.findall(r"[^\W_]+", text.lower())
 
 
@@ -477,7 +482,7 @@ def _unit_in(quantity, name, increments):
         return stated_unit(quantity, text, increments) or text
     # the longest end of the name that is a unit; of one column all of it: millis
     start = r"\A|" if quantity in _SINGLE else ""
-    for separator in re.finditer(start + r"[\s_.,:-]+|\s/\s", name):
+    for separator in re.finditer(start + r"[\s_.,:-]+|\s/\s|" + _CAMEL, name):
         end = name[separator.end() :]
         # one letter is too little to go by for a sensor: acc_x_g
         if len(end) > 1 or quantity in _SINGLE:

@@ -15,7 +15,7 @@ from imuloop.ingest.streams import Stream, raw_log
 
 ENDINGS = (".bag", ".db3", ".mcap")
 
-# vectors, or numbers, of each type of message that is read; other types are passed over
+# vectors of each type of message that is read; other types are passed over
 _IMU = "sensor_msgs/msg/Imu"
 _VECTORS = {
     _IMU: ("linear_acceleration", "angular_velocity"),
@@ -23,10 +23,8 @@ _VECTORS = {
     "geometry_msgs/msg/AccelStamped": ("accel.linear", "accel.angular"),
     "geometry_msgs/msg/TwistStamped": ("twist.linear", "twist.angular"),
 }
-_FIELDS = {
-    **{k: [f"{v}.{axis}" for v in vectors for axis in AXES] for k, vectors in _VECTORS.items()},
-    "sensor_msgs/msg/Temperature": ["temperature"],
-}
+_FIELDS = {k: [f"{v}.{axis}" for v in vectors for axis in AXES] for k, vectors in _VECTORS.items()}
+_FIELDS["sensor_msgs/msg/Temperature"] = ["temperature"]
 # as ROS defines its messages
 _UNITS = {"time": "ns", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
 
@@ -34,6 +32,8 @@ _UNITS = {"time": "ns", "acceleration": "m/s^2", "angular_rate": "rad/s", "tempe
 _KINDS = {b"#ROSBAG": ".bag", b"SQLite format 3\0": ".db3", b"\x89MCAP0\r\n": ".mcap"}
 _MENDED_BY = {".bag": "rosbag reindex", ".db3": "sqlite3 with .recover", ".mcap": "mcap recover"}
 _ZSTD = b"\x28\xb5\x2f\xfd"
+# what SQLite has not yet written
+_UNWRITTEN = ("-wal", "-journal")
 
 
 @guarded
@@ -45,12 +45,11 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     """
     path, topics = Path(paths["log"]), {}
     files, notes = _files(path)
-    ends = ("-wal", "-journal")
-    beside = path.iterdir() if path.is_dir() else [Path(f"{path}{end}") for end in ends]
+    beside = path.iterdir() if path.is_dir() else [Path(f"{path}{end}") for end in _UNWRITTEN]
     damage = [
         f"{file.name} holds what SQLite had not yet written; it is not read"
         for file in beside
-        if file.name.endswith(ends) and file.is_file() and file.stat().st_size
+        if file.name.endswith(_UNWRITTEN) and file.is_file() and file.stat().st_size
     ]
     with tempfile.TemporaryDirectory() as folder:
         for number, file in enumerate(files):
@@ -68,9 +67,8 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     streams, about = _streams(topics)
     log = raw_log(streams, columns, batch_rows, damage=damage)
     found = [name for each in log.found.values() for name in np.atleast_1d(each)]
-    notes += damage
-    notes += [line for name, line in about if any(field.startswith(f"{name}.") for field in found)]
-    log.notes[:0] = notes
+    about = [line for name, line in about if any(field.startswith(f"{name}.") for field in found)]
+    log.notes[:0] = notes + damage + about
     return log
 
 
@@ -141,21 +139,22 @@ def _plain(path, target):
     if path.is_dir():
         target.symlink_to(path.absolute())
         return target
-    with open(path, "rb") as file:
-        head = file.read(16)
-    if head.startswith(_ZSTD):
+    if _head(path).startswith(_ZSTD):
         with pa.input_stream(path, compression="zstd") as packed, open(target, "wb") as file:
             while part := packed.read(1 << 20):
                 file.write(part)
         path = target
-        with open(path, "rb") as file:
-            head = file.read(16)
     for start, ending in _KINDS.items():
-        if head.startswith(start):
+        if _head(path).startswith(start):
             link = target.with_suffix(ending)
             link.symlink_to(path.absolute())
             return link
     raise RejectedLog(f"{path.name} is neither a ROS 1 bag nor SQLite or MCAP of a ROS 2 bag")
+
+
+def _head(path):
+    with open(path, "rb") as file:
+        return file.read(16)
 
 
 def _gather(bag, topics, damage, most):
@@ -164,11 +163,10 @@ def _gather(bag, topics, damage, most):
     from rosbags.typesys import Stores, get_typestore
 
     ros1 = bag.suffix == ".bag"
-    library = rosbag1 if ros1 else rosbag2
-    # never the definitions in the bag: the library makes them Python code and runs it
+    # never the definitions in the bag, as AnyReader: the library makes them Python code and runs it
     store = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_HUMBLE)
     parse = store.deserialize_ros1 if ros1 else store.deserialize_cdr
-    with library.Reader(bag) as reader:
+    with (rosbag1 if ros1 else rosbag2).Reader(bag) as reader:
         wanted = [c for c in reader.connections if c.msgtype in _FIELDS]
         for connection in wanted:
             name = connection.msgtype
