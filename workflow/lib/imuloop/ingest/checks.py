@@ -259,7 +259,10 @@ def _stuck_figures(found, rate, t):
 
 def _held(changes):
     """Return how many runs of rows without a change on any axis there are, by length."""
-    lengths = np.diff(np.unique(np.concatenate(changes)))
+    changed = np.zeros(max(at[-1] + 1 if len(at) else 0 for at in changes), dtype=bool)
+    for at in changes:
+        changed[at] = True
+    lengths = np.diff(np.flatnonzero(changed))
     return np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
 
 

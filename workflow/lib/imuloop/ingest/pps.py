@@ -137,20 +137,16 @@ def _beside(counter, time, dated, width, limits, tick):
             raise RejectedLog("1PPS: the counter of the marks starts again")
         counter, time, width = counter[usable], time[usable], clock.span_in(tick)
     if width and limits and len(counter):
-        counter = counter + _turns_apart(limits, counter[[0, -1]].tolist(), width)
+        # whole spans apart: one may begin a span later
+        middle = round((sum(limits) - counter[0].item() - counter[-1].item()) / 2 / width)
+        shifts = [(middle + k) * width for k in (0, -1, 1)]
+        counter = counter + max(shifts, key=lambda shift: _overlap(limits, counter + shift))
     return counter, time, dated
 
 
-def _overlap(a, b):
-    """Return how long two ranges (first, last) have in common, negative where they are apart."""
-    return min(a[1], b[1]) - max(a[0], b[0])
-
-
-def _turns_apart(a, b, width):
-    """Return what brings range b onto a, whole spans of a counter: one may begin a span later."""
-    middle = round((a[0] + a[1] - b[0] - b[1]) / 2 / width)
-    shifts = [(middle + k) * width for k in (0, -1, 1)]
-    return max(shifts, key=lambda shift: _overlap(a, (b[0] + shift, b[1] + shift)))
+def _overlap(limits, counters):
+    """Return how long counters and a range have in common, negative where they are apart."""
+    return min(limits[1], counters[-1].item()) - max(limits[0], counters[0].item())
 
 
 # marks of a broken log can be anywhere
@@ -165,7 +161,7 @@ def timeline(counters, times, dated, limits, scale):
     """
     given = len(counters)
     times = times if dated else times.astype(float)
-    t = (times - times[:1]) * 1e-9 if dated else times - times[:1]
+    t = (times - times[:1]) * (1e-9 if dated else 1)
     whole = np.abs(t - np.rint(t)) <= _WHOLE
     if not dated:
         whole &= np.abs(times - np.rint(times)) <= _WHOLE
@@ -184,11 +180,13 @@ def timeline(counters, times, dated, limits, scale):
     fits = np.abs(away - middle) <= MOST_OFF
     counters, times, t, local = counters[fits], times[fits], t[fits], local[fits]
     off = np.diff(local) / np.diff(t) - 1
-    begin, end = _longest_run((np.diff(t) > 0) & (np.abs(off) <= MOST_OFF))
+    sound = (np.diff(t) > 0) & (np.abs(off) <= MOST_OFF)
+    runs = np.flatnonzero(np.diff(np.concatenate(([False], sound, [False])).astype(int)))
+    begin, end = max(runs.reshape(-1, 2).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
     if end - begin < 1:
         raise RejectedLog(f"1PPS: of {given} marks no two fit together; see units.time and pps")
     counters, t = counters[begin : end + 1], t[begin : end + 1]
-    if not limits or _overlap(limits, (counters[0], counters[-1])) <= 0:
+    if not limits or _overlap(limits, counters) <= 0:
         raise RejectedLog("1PPS: the marks and the log share no time")
     steps, off = np.diff(t), off[begin:end] * 1e6
     figures = {
@@ -200,13 +198,6 @@ def timeline(counters, times, dated, limits, scale):
         "drift_range_ppm": [float(off.min()), float(off.max())],
     }
     return Timeline(counters, t - t[0], int(times[begin]) if dated else None, figures)
-
-
-def _longest_run(sound):
-    """Return begin and end of the longest run of true values."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], sound, [False])).astype(int)))
-    runs = edges.reshape(-1, 2)
-    return runs[np.argmax(runs[:, 1] - runs[:, 0])] if len(runs) else (0, 0)
 
 
 def warnings(done):
