@@ -24,7 +24,7 @@ SPIKE_FACTOR, REACH = 20.0, 8
 # least 0.3 n1/n2 of what the next one inside holds: n1^2/n2 = 60 leave e^-15 for none beyond;
 # of coarser noise it holds so many times as many as each of the next levels
 LEAST_CLIPPED, CUT_TAIL, STEEP, LEVELS = 20, 60, 4, 4
-# a sample at the end of 16 bits is clipped, one alone may have come there by itself
+# steps to the end of 16 bits: a sample there is clipped, one alone may have come there by itself
 RAILS, LEAST_RAIL = (32767, 32768), 2
 # an axis is a copy where this share of its changes is the other's, of at least so many
 COPIED_SHARE, LEAST_CHANGES = 0.99, 50
@@ -75,9 +75,8 @@ def measure(samples, metadata, figures, threads=1):
         return {}
     names = [name for name in samples.names if name in (*CHANNELS, TEMPERATURE)]
     pairs = list(combinations(names, 2))
-    units = metadata.get("raw_units", {})
-    units = {name: units[s] for s, axes in SENSORS.items() if s in units for name in axes}
-    zeros = {name: -unit["offset"] * unit["scale"] for name, unit in units.items()}
+    units = metadata.get("raw_units", {}).items()
+    zeros = {name: -unit["offset"] * unit["scale"] for s, unit in units for name in SENSORS[s]}
     gaps = np.flatnonzero(np.diff(samples[TIME]) > figures["gaps"]["longer_than_s"])
     runs = {name: Runs(steps[name]) for name in CHANNELS}
     zero_rows, in_turn = dict.fromkeys(SENSORS, 0), dict.fromkeys(SENSORS, 0)
@@ -147,7 +146,7 @@ def measure(samples, metadata, figures, threads=1):
     for axes in SENSORS.values():
         for name, value, rows in _clipped(
             [(n, limits[n], runs[n], stuck[n], spikes[n]) for n in axes if n not in silent],
-            *(ranges, steps, units, rate),
+            *(ranges, steps, rate),
         ):
             clipped[name]["values"].append(value)
             clipped[name]["rows"] += rows
@@ -300,7 +299,7 @@ def _at_limits(x, limits, step):
     return found
 
 
-def _clipped(axes, ranges, steps, units, rate):
+def _clipped(axes, ranges, steps, rate):
     """Give (name, value, rows) of the ends of the range that axes of a sensor keep to.
 
     `axes` are name, rows at the ends and next to them, Runs, stuck runs and spikes of each. Ends of
@@ -313,7 +312,8 @@ def _clipped(axes, ranges, steps, units, rate):
             wide = runs.wide >= 0.5 * runs.varied
             cut = at**2 >= CUT_TAIL * near[0] if wide else at >= STEEP * max(near)
             cut &= at >= LEAST_CLIPPED and spikes < at / 2 and runs.fine
-            cut |= at >= LEAST_RAIL and _at_rail(value, units.get(name), steps[name])
+            raw = abs(value / steps[name]) if steps[name] else 0.0
+            cut |= at >= LEAST_RAIL and any(abs(round(raw, 1) - rail) < 0.5 for rail in RAILS)
             # one long stretch is a stuck value
             cut &= ranges[name][0] < ranges[name][1]
             cut &= not (len(here) == 1 and here[0] >= max(rate, 0.9 * at))
@@ -325,15 +325,6 @@ def _clipped(axes, ranges, steps, units, rate):
         together = several and total >= LEAST_CLIPPED and total**2 >= CUT_TAIL * next_to
         if cut or (fine and value != 0 and (together or any(e[4] for e in same))):
             yield name, value, int(at)
-
-
-def _at_rail(value, unit, step):
-    """Tell whether a value is the end of an integer of 16 bits, signed or from the offset on."""
-    raw = [value / step] if step else []
-    if unit and unit["name"] == "count":
-        from_end = value / unit["scale"] + unit["offset"]
-        raw = [from_end, from_end - RAILS[1]] if unit["offset"] else [from_end]
-    return any(abs(round(abs(each), 1) - rail) < 0.5 for each in raw for rail in RAILS)
 
 
 def _wraps(x, low, high):
