@@ -152,7 +152,7 @@ def test_nor_is_one_read_as_a_reference(path, secret, way):
     """Protects the second way in: attitudes beside a log, in MATLAB files but not in NetCDF."""
     spoil(path, way, secret[way])
     with pytest.raises(RejectedLog, match=WAYS[way]):
-        read_series(path, None, ["t", "gx"], "reference.columns")
+        read_series(path, None, {"time": "t", "orientation": ["gx"]})
 
 
 @in_process

@@ -79,16 +79,16 @@ def reference_faults(session, replicas):
     if Path(path).stat().st_size > CHECKED:
         return
     form = reference.get("format") if own else session.get("format")
-    for quantity, names in (reference.get("columns") or {}).items():
-        given = [None, *names] if isinstance(names, list) else [names]
-        try:
-            read_series(path, form, given, f"reference.columns.{quantity}")
-        except RejectedLog:
-            return
-        except ImuloopError as error:
-            named, _, text = str(error).partition(": ")
-            key = tuple(named.split(".")) if named.startswith("reference") else ("reference",)
-            yield key, text if named.startswith("reference") else str(error)
+    try:
+        read_series(path, form, reference.get("columns") or {})
+    except RejectedLog:
+        return
+    except ImuloopError as error:
+        named, _, text = str(error).partition(": ")
+        if named.startswith("columns"):
+            named = f"reference.{named}"
+        known = named.startswith("reference")
+        yield tuple(named.split(".")) if known else ("reference",), text if known else str(error)
 
 
 def file_faults(session, nominal, replicas, whole, marked):

@@ -125,7 +125,7 @@ class Columns:
 
     A `time` of two columns is whole seconds and a part of a second in units of `part_ns`. `others`
     holds further raw columns, of numbers or stamps: ``interval.SENSOR``, the interval of a sensor's
-    increments, and ``pps.counter``, ``pps.time``. `increments` holds the sensors whose columns'
+    increments, ``pps.counter``, ``pps.time``, and those declared as ``others``. `increments` holds the sensors whose columns'
     names say that they are logged as such, `units` the units that the names state.
     """
 
@@ -241,6 +241,9 @@ def resolve(names, declared=None, headed=True):
     others = {f"interval.{quantity}": at for quantity, at in intervals.items()}
     for name, value in declared.get("pps", {}).items():
         others[f"pps.{name}"] = position(f"pps.{name}", value, names, headed)
+    for name, value in declared.get("others", {}).items():
+        # KEY.NUMBER
+        others[name] = position(name.rpartition(".")[0], value, names, headed)
     check_each_once({q: [f"{i}, '{names[i]}'," for i in _tuple(at)] for q, at in chosen.items()})
     return Columns(
         **chosen, others=others, increments=frozenset(summed), units=units, part_ns=part_ns

@@ -18,13 +18,11 @@ from imuloop.core.samples import (
     TIME,
     read_columns,
 )
-from imuloop.ingest import arrays, delimited
 from imuloop.ingest.attitudes import BRIDGED, COMPARED, Reference, angles, at_instants, turns
-from imuloop.ingest.columns import position
+from imuloop.ingest.columns import STAMP
 from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
-from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.stamps import NANOSECONDS, stamp_array, stamp_values
+from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 
 # s; up to here clocks count as one
 SAME_CLOCK = 0.1
@@ -87,51 +85,35 @@ def attach(samples_path, file, log_file, declared, session, counts):
     return figures, reasons
 
 
-def read_series(path, log_format, names, quantity):
-    """Return columns of a table by name or number: an array each; None of a name that is None."""
-    form = find_format(log_format, {"log": path})[0]
-    wanted = [name for name in names if name is not None]
-    if form == "matlab":
-        series = arrays.variables(path)[0]
-        known = list(series)
-        chosen = [series[known[position(quantity, n, known, True)]] for n in wanted]
-        longest = {len(x) for x in chosen}
-        if len(longest) > 1:
-            raise ImuloopError(f"{quantity}: its columns differ in length")
-    elif form == "parquet":
-        known = pq.read_schema(path).names
-        labels = [known[position(quantity, n, known, True)] for n in wanted]
-        chosen = [pq.read_table(path, columns=[n])[n].combine_chunks() for n in labels]
-        chosen = [c if i == 0 else c.to_numpy(zero_copy_only=False) for i, c in enumerate(chosen)]
-    elif form in ("csv", "tsv"):
-        layout = delimited.find_layout(path)
-        places = [position(quantity, n, layout.names, layout.headed) for n in wanted]
-        stamps = int(names[0] is not None)
-        batches = delimited.text_batches(path, layout, places, 1 << 16, RawLog(), stamps=stamps)
-        parts = [pa.Table.from_batches([b]) for b in batches]
-        joined = [
-            pa.concat_arrays([p.column(i).chunk(0) for p in parts]) for i in range(len(places))
-        ]
-        chosen = [
-            c if i < stamps else c.to_numpy(zero_copy_only=False) for i, c in enumerate(joined)
-        ]
-    else:
-        raise ImuloopError(f"format: a reference is read from csv, parquet or matlab, not {form}")
-    chosen = iter(chosen)
-    return [None if name is None else next(chosen) for name in names]
+def read_series(path, log_format, columns):
+    """Return the stamps of a table, None without, and numbers in columns of a reference, (n, k).
+
+    `columns` are as declared, ``time``, ``orientation`` and ``position``; of two quantities that
+    of ``orientation`` comes first. Nothing is read of sensors.
+    """
+    form = find_format(log_format, {"log": path})[1]
+    others = {
+        f"reference.columns.{quantity}.{number}": column
+        for quantity in ("orientation", "position")
+        for number, column in enumerate(columns.get(quantity) or ())
+    }
+    none = dict.fromkeys(("acceleration", "angular_rate", "temperature"))
+    declared = none | {"time": columns.get("time"), "others": others}
+    table = pa.Table.from_batches(form.read({"log": path}, declared, 1 << 16).batches)
+    stamps = table[STAMP].combine_chunks() if STAMP in table.column_names else None
+    return stamps, np.array([table[name].to_numpy() for name in others], dtype=float).T
 
 
 def _read(file, log_file, declared, session, counts):
     """Return the Reference as it is in the file, its clock from the first sample, and figures."""
-    columns, units = declared["columns"], declared.get("units") or {}
+    columns, units = dict(declared["columns"]), declared.get("units") or {}
     same, own_time = str(file) == str(log_file), (session.get("columns") or {}).get("time")
-    time = columns.get("time", own_time if same else None)
-    names = [time, *columns["orientation"], *columns.get("position", ())]
+    columns.setdefault("time", own_time if same else None)
     form = declared.get("format") or (session.get("format") if same else None)
-    stamps, *values = read_series(file, form, names, "reference.columns")
-    count, rate = len(values[0]), declared.get("rate") or session.get("rate")
+    stamps, values = read_series(file, form, columns)
+    count, rate = len(values), declared.get("rate") or session.get("rate")
     if stamps is not None:
-        stamps, readable, dates = stamp_values(stamp_array(pa.array(stamps)))
+        stamps, readable, dates = stamp_values(stamps)
         own_unit = (session.get("units") or {}).get("time", "s")
         unit = NANOSECONDS.get(units.get("time", own_unit), 1)
         t = np.where(readable, stamps * (1.0 if dates else float(unit)), np.nan) / 1e9
@@ -140,8 +122,8 @@ def _read(file, log_file, declared, session, counts):
             start = counts.start_ns / 1e9 - counts.begin_s
         elif not same and own_time is not None:
             # stamps of one clock begin where the log's do
-            own = read_series(log_file, session.get("format"), [own_time], "columns.time")[0]
-            own, sound, _ = stamp_values(stamp_array(pa.array(own)))
+            own, _ = read_series(log_file, session.get("format"), {"time": own_time})
+            own, sound, _ = stamp_values(own)
             start = float(own[sound][:1].sum()) * NANOSECONDS.get(own_unit, 1) / 1e9
         t = t - start
     elif rate:
@@ -149,8 +131,8 @@ def _read(file, log_file, declared, session, counts):
     else:
         raise ImuloopError("reference.columns.time: missing; a reference without a rate needs it")
     t = t - counts.begin_s
-    q = np.column_stack(values[:4]).astype(float)
-    p = np.column_stack(values[4:]).astype(float) if values[4:] else np.full((count, 3), np.nan)
+    q = values[:, :4].copy()
+    p = np.full((count, 3), np.nan) if values.shape[1] == 4 else values[:, 4:]
     p = p * LENGTH[units.get("position", "m")]
     length = np.linalg.norm(q, axis=1)
     lost = ~np.isfinite(length)
