@@ -69,6 +69,15 @@ def test_time_goes_before_whole_seconds(log, run, tmp_path):
 # --- text
 
 
+def test_rows_that_begin_as_comments_do_are_shown(log, run, tmp_path):
+    rows = log.to_csv(index=False, header=False).splitlines()
+    (tmp_path / "log.csv").write_text("\n".join(f"%IMUA,{row}" for row in rows))
+    [reason] = run(tmp_path / "log.csv").quality["reasons"]
+    assert reason.startswith(
+        "the file has no rows but lines that begin as comments do: '%IMUA,0.0,"
+    )
+
+
 def test_empty_fields_between_tabs(log, run, tmp_path):
     log.insert(3, "mag", "")
     log.insert(6, "note", "")
@@ -201,6 +210,27 @@ def test_an_outer_join_of_two_rates(log, run, tmp_path):
     done = run(tmp_path / "log.csv")
     assert done.quality["status"] == "ok"
     assert all(np.isin(done.samples[c], table[c]).all() for c in CHANNELS)
+
+
+def test_an_outer_join_keeps_samples_that_are_zero(log, run, tmp_path):
+    table = pd.concat([log] * 2, ignore_index=True)
+    table["t"] = np.arange(len(table)) / 200
+    table[[*ANGULAR_RATE]] = np.arange(len(table))[:, None] // 4 % 2 * [1.0, 2.0, 1.0]
+    table.loc[::2, [*ACCELERATION]] = np.nan
+    table.loc[1::2, [*ANGULAR_RATE]] = np.nan
+    table.to_csv(tmp_path / "log.csv", index=False)
+    done = run(tmp_path / "log.csv", units={"angular_rate": "deg/s"})
+    assert done.quality["gaps"]["count"] == 0 and len(done.samples) >= 499
+
+
+def test_two_files_whose_unit_of_time_is_not_known(log, run, tmp_path):
+    for name, table in zip("ab", two_clocks(log), strict=True):
+        header = ["t (week)", "x", "y", "z"]
+        table.to_csv(tmp_path / f"{name}.csv", index=False, header=header)
+    paths = [tmp_path / "a.csv", tmp_path / "b.csv"]
+    with pytest.raises(ImuloopError, match=r"units\.time: the log says 'week'"):
+        run(*paths)
+    check_two(run(*paths, units={"time": "s"}), log)
 
 
 def test_a_gyroscope_of_whole_degrees_at_rest_takes_no_turns(log, run, tmp_path):

@@ -49,7 +49,7 @@ _SINGLE = {
     "time": "elapsed_realtime header_stamp t time timestamp time_stamp stamp timestamps times"
     " sensor_time sensor_timestamp utc time_utc timestamp_utc utc_time datetime date_time epoch"
     " epoc unix_time unix_timestamp seconds_elapsed elapsed elapsed_time time_since_start millis"
-    " micros".split(),
+    " micros date".split(),
     "temperature": "temperature temp tmp temperature_imu chip_temperature".split(),
     "interval": "dt delta_t delta_time interval sample_interval sampling_interval sample_period"
     " integration_time integration_interval".split(),

@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 
-from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.core.samples import refuse_calibrated
 from imuloop.ingest.columns import (
     AXES,
@@ -120,7 +120,11 @@ def find_layout(path, least=LEAST):
     texts = [_decoded(line).removeprefix("\ufeff").rstrip("\r") for line in bare]
     rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
     if not rows:
-        raise RejectedLog("the file has no rows; record or copy it again")
+        said = next((one_line(text)[:60] for text in texts if text.strip()), None)
+        fault = (
+            said and f"no rows but lines that begin as comments do: '{said}'; take #, % or // away"
+        )
+        raise RejectedLog(f"the file has {fault or 'no rows; record or copy it again'}")
     separator, width = _separator([texts[i] for i in rows], least)
     fields = {i: _fields_of(texts[i], separator) for i in rows}
     first = next(i for i in rows if len(fields[i]) == width)
@@ -303,7 +307,8 @@ def read(paths, columns=None, batch_rows=1 << 16):
     log = table_log(layout.names, chosen, (), layout.headed, units=units, notes=notes)
     log.batches = batches(log, batch_rows)
     head, _ = first_rows(batches(RawLog(), HEAD_ROWS))
-    return two_streams(log) if in_turn(head) else log
+    lacks = in_turn(head)
+    return two_streams(log, lacks) if lacks else log
 
 
 def _by_sensor(source, layout):

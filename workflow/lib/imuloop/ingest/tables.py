@@ -1,5 +1,6 @@
 """Logs that are tables: columns of numbers, of both sensors, of one, or of both in turn."""
 
+from dataclasses import replace
 from itertools import chain
 
 import numpy as np
@@ -62,7 +63,8 @@ def table_log(names, chosen, batches, headed=True, **known):
     unread = len(names) - len(set(chosen.raw().values()))
     log = RawLog(batches=batches, found=found, units=units, columns=columns, unread=unread, **known)
     head, log.batches = first_rows(log.batches)
-    return two_streams(log) if in_turn(head) else log
+    lacks = in_turn(head)
+    return two_streams(log, lacks) if lacks else log
 
 
 def named_batches(names, chosen, batches):
@@ -114,36 +116,39 @@ def _raised(error):
 
 
 def in_turn(head):
-    """Return whether rows of the accelerometer and of the gyroscope take turns in a table's head.
+    """Return what tells the sensor that a row lacks, "zero" or "empty", "" if rows hold both.
 
-    The other sensor's columns are all zero, or empty; rows may hold both where these are empty.
+    Rows of the accelerometer and of the gyroscope take turns in the head of such a table; where the
+    other's columns are empty, some rows may hold both.
     """
     if not head or not {STAMP, *CHANNELS} <= {*head[0].schema.names}:
-        return False
+        return ""
     values = np.array([np.concatenate([b[name] for b in head]) for name in CHANNELS])[:, :HEAD_ROWS]
-    force, rate = values[:3], values[3:]
-    empty = [np.isnan(x).all(axis=0) for x in (force, rate)]
-    lacks = [gone | ~x.any(axis=0) for gone, x in zip(empty, (force, rate), strict=True)]
-    alone, turns = lacks[0] ^ lacks[1], []
-    for gone in (lacks[0] & ~lacks[1], lacks[1] & ~lacks[0]):
-        turns.append(np.count_nonzero(np.diff(gone)) / max(1, len(gone)))
-    if alone.mean() > 1 - _ALONE:
-        return min(turns) > _ALONE
-    # a gyroscope in whole deg/s can be zero at rest: what is empty alone counts
-    return max(np.count_nonzero(np.diff(gone)) for gone in empty) > _ALONE * len(alone)
+    most = _ALONE * values.shape[1]
+
+    def turns(lacks):
+        return np.count_nonzero(np.diff(lacks)) > most
+
+    empty = [np.isnan(x).all(axis=0) for x in (values[:3], values[3:])]
+    if any(map(turns, empty)):
+        return "empty"
+    # a gyroscope in whole deg/s can be zero at rest: each has to be, and no row may hold both
+    zero = [~x.any(axis=0) for x in (values[:3], values[3:])]
+    both = np.count_nonzero(zero[0] == zero[1])
+    return "zero" if both < most and all(map(turns, zero)) else ""
 
 
-def two_streams(log):
-    """Return the RawLog of a table whose rows hold one sensor, the other being zero or empty."""
+def two_streams(log, lacking):
+    """Return the RawLog of a table whose rows hold one sensor; `lacking` is of `in_turn`."""
     parts, logs = list(log.batches), {}
     for quantity, names in SENSORS.items():
+        more = [TEMPERATURE] * (log.temperature and quantity == "acceleration")
         kept = []
         for batch in parts:
             x = np.array([batch[name] for name in names])
-            # who is there has a value that is not zero
-            has = pa.array((np.nan_to_num(x, nan=0.0) != 0).any(axis=0))
-            more = [TEMPERATURE] * (log.temperature and quantity == "acceleration")
-            kept.append(batch.filter(has).select([STAMP, *names, *more]))
+            there = ~np.isnan(x) if lacking == "empty" else x != 0
+            held = batch.filter(pa.array(there.any(axis=0)))
+            kept.append(held.select([STAMP, *names, *more]))
         found = {key: log.found[key] for key in ("time", quantity, *more)}
         logs[quantity] = RawLog(batches=kept, found=found, units=log.units)
     merged = paired(logs)
@@ -183,10 +188,11 @@ def paired(logs, batch_rows=1 << 16, most=-1):
         total.lose(log)
     if timed == {False}:
         columns["time"] = None
-    streams = _of_one_unit(streams)
-    merged = raw_log(streams, columns, batch_rows, total.notes)
+    merged = raw_log(_of_one_unit(streams), columns, batch_rows, total.notes)
     merged.lose(total)
     for log in logs.values():
+        # a unit of time that is not known is for the user to declare
+        merged.units = log.units | merged.units
         merged.found |= {key: names for key, names in log.found.items() if key in merged.found}
     merged.columns = "; ".join(log.columns for log in logs.values())
     return merged
@@ -216,7 +222,9 @@ def _stream(quantity, log, most):
     values = {axis: fields[name] for axis, name in axes.items()}
     if log.temperature:
         values[TEMPERATURE] = fields[TEMPERATURE]
-    units = {key: unit for key, unit in log.units.items() if key in ("time", quantity, TEMPERATURE)}
+    units = {key: log.units[key] for key in (quantity, TEMPERATURE) if key in log.units}
+    if log.units.get("time") in NANOSECONDS:
+        units["time"] = log.units["time"]
     return Stream(quantity, stamps, values, units), lost
 
 
@@ -227,7 +235,7 @@ def _of_one_unit(streams):
         return streams
     found = []
     for stream in streams:
-        ns = NANOSECONDS[stream.units.get("time", "s")]
-        stamps = np.round(stream.stamps * ns).astype(np.int64)
-        found.append(Stream(stream.name, stamps, stream.fields, stream.units | {"time": "ns"}))
+        stamps = np.round(stream.stamps * NANOSECONDS[stream.units.get("time", "s")])
+        units = stream.units | {"time": "ns"}
+        found.append(replace(stream, stamps=stamps.astype(np.int64), units=units))
     return found
