@@ -369,3 +369,24 @@ def test_a_stream_is_named_as_in_the_config(tmp_path, capsys):
         main(["info", log, "--columns", "acceleration=f,v"])
     with pytest.raises(SystemExit):
         main(["info", log, "--columns", "time=sec,nsec,usec"])
+
+
+def test_two_files_of_one_sensor_each(device, tmp_path, capsys, monkeypatch):
+    log = pd.read_csv(device / "1.csv")
+    log[["t", *ACCELERATION]].to_csv(tmp_path / "acc.csv", index=False)
+    log.drop(columns=[*ACCELERATION]).to_csv(tmp_path / "gyr.csv", index=False)
+    taken = []
+    monkeypatch.setattr(
+        "imuloop.commands.calibrate.calibrate",
+        lambda *logs, **how: taken.append((logs, how)) or 1 / 0,
+    )
+    a, b = tmp_path / "acc.csv", tmp_path / "gyr.csv"
+    logs = [f"static=acceleration={a},angular_rate={b}", f"acceleration={a},angular_rate={b}"]
+    with pytest.raises(ZeroDivisionError):
+        main(["calibrate", *logs, "-o", str(tmp_path / "out")])
+    pair = {"acceleration": a, "angular_rate": b}
+    [((poses,), how)] = taken
+    assert poses == [pair] and how["static"] == [pair] and how["label"] == "acc"
+    wrong = f"acceleration={a},angular_rate={tmp_path / 'none.csv'}"
+    line = one_line_error(["calibrate", wrong, "-o", tmp_path / "out"], capsys)
+    assert "none.csv: there is no such file" in line

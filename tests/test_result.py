@@ -136,6 +136,24 @@ def test_a_table_in_units_of_its_own_and_a_file_are_read_alike(log, path):
         )
 
 
+def test_a_table_of_each_sensor(log, result, tmp_path):
+    force, turn = log[["t", *FORCE]], log[["t", *TURN]]
+    with hurried("device"):
+        two = imuloop.calibrate(acceleration=force, angular_rate=turn, progress=False)
+    assert two.calibration.accelerometer.b.tolist() == result.calibration.accelerometer.b.tolist()
+    assert list(two.logs.values()) == ["in memory"]
+    for name, table in (("a.csv", force), ("b.csv", turn)):
+        table.to_csv(tmp_path / name, index=False)
+    files = {"acceleration": tmp_path / "a.csv", "angular_rate": tmp_path / "b.csv"}
+    pd.testing.assert_frame_equal(imuloop.read(files), imuloop.read(log))
+    with pytest.raises(ImuloopError, match=r"b\.csv: there is no such file"):
+        imuloop.read(files | {"angular_rate": tmp_path / "none/b.csv"})
+    with pytest.raises(ImuloopError, match="acceleration: without t it is a path or a DataFrame"):
+        imuloop.calibrate(acceleration=force.to_numpy(), angular_rate=turn)
+    with pytest.raises(ImuloopError, match="no log is given"):
+        imuloop.calibrate(acceleration=force)
+
+
 def test_logs_of_every_kind_are_sessions_of_one_device(log, path, tmp_path, monkeypatch):
     monkeypatch.setattr("imuloop.chain.stages", tuple)
     rest = log[log["t"] < 15]

@@ -32,7 +32,7 @@ from imuloop.core.samples import (
 from imuloop.core.units import STANDARD_GRAVITY
 
 KINDS = ("multi_position", "six_position", "static")
-# of two tables, one a sensor
+# roles of two tables, of one sensor each
 PAIR = ("acceleration", "angular_rate")
 # where a log came from that was no file
 IN_MEMORY = "in memory"
@@ -158,12 +158,13 @@ def calibrate(
 
     Parameters
     ----------
-    t : array_like, shape (n,), or a log, or a list of logs
+    t : array_like, shape (n,), or a log, or a list of logs, optional
         Time stamps, s, of the arrays that follow; or each log of many positions: a path, a
-        DataFrame, or a tuple of arrays ``(t, acceleration, angular_rate[, temperature])``.
-    acceleration, angular_rate : array_like, shape (n, 3), optional
-        m/s^2 and rad/s, or in the `units` that are given. Without `t` a path or a DataFrame of each
-        sensor, with time and three axes, on a clock of its own.
+        DataFrame, a tuple of arrays ``(t, acceleration, angular_rate[, temperature])``, or a
+        mapping of ``acceleration`` and ``angular_rate`` to a path or a DataFrame each.
+    acceleration, angular_rate : array_like, shape (n, 3), or path or DataFrame, optional
+        m/s^2 and rad/s, or in the `units` that are given; without `t` a table of each sensor, on
+        clocks of their own.
     temperature : array_like, shape (n,), optional
         degC.
     static, six_position : a log, or a list of logs
@@ -190,10 +191,12 @@ def calibrate(
     ImuloopError
         If a log does not exist, or is not as declared.
     """
-    if t is None:
-        poses = [dict(zip(PAIR, (acceleration, angular_rate), strict=True))]
-    elif acceleration is None:
+    if t is None and (acceleration is None or angular_rate is None):
+        raise ImuloopError("no log is given: t, or acceleration and angular_rate")
+    if acceleration is None:
         poses = _several(t)
+    elif t is None:
+        poses = [dict(zip(PAIR, (acceleration, angular_rate), strict=True))]
     else:
         poses = [(t, acceleration, angular_rate, temperature)]
     given = zip(KINDS, (poses, _several(six_position), _several(static)), strict=True)
@@ -225,7 +228,7 @@ def calibrate(
             bar.update()
     for text in (*failures, *notes):
         warnings.warn(f"{name}: {text}", stacklevel=2)
-    paths = {n: str(x) if isinstance(x, (str, Path)) else IN_MEMORY for n, x in logs.items()}
+    paths = {session: _where(log) for session, log in logs.items()}
     return Result(device, paths, tuple(failures), tuple(notes), None if folder else kept)
 
 
@@ -287,25 +290,35 @@ def _several(logs):
     return list(logs) if is_list else [logs]
 
 
+def _where(log):
+    """Return the path of a log, of two those of both."""
+    parts = log.values() if isinstance(log, Mapping) else [log]
+    files = [str(part) for part in parts if isinstance(part, (str, Path))]
+    return " and ".join(files) or IN_MEMORY
+
+
 def _ingested(device, session, log, declared):
     """Write the samples of a session; return why they cannot be used, and what to look at."""
-    by_sensor = isinstance(log, Mapping) and set(log) == set(PAIR)
+    two = isinstance(log, Mapping) and {*log} == {*PAIR}
     paths, sources = [], {}
-    for role, each in (log if by_sensor else {"log": log}).items():
-        if isinstance(each, (str, Path)):
-            if not Path(each).exists():
-                raise ImuloopError(f"{each}: there is no such file")
-            refuse_overwriting([device.folder], [each])
-            path, sources[role] = each, {"path": str(each)}
+    for role, part in ({q: log[q] for q in PAIR} if two else {"log": log}).items():
+        if isinstance(part, (str, Path)):
+            path = Path(part)
+            if not path.exists():
+                raise ImuloopError(f"{path}: there is no such file")
+            refuse_overwriting([device.folder], [path])
+            sources[role] = {"path": str(part)}
+        elif two and not isinstance(part, pd.DataFrame):
+            raise ImuloopError(f"{role}: without t it is a path or a DataFrame with its own stamps")
         else:
-            path = device.file(f"{session}_{role}.parquet" if by_sensor else f"{session}.parquet")
+            path = device.file(f"{session}_{role}.parquet" if two else f"{session}.parquet")
             path.parent.mkdir(parents=True, exist_ok=True)
-            _table(each).to_parquet(path, index=False)
+            _table(part).to_parquet(path, index=False)
             sources[role] = {"path": IN_MEMORY}
         paths.append(path)
-    files = [source["path"] for source in sources.values() if source["path"] != IN_MEMORY]
-    shown = " and ".join(files) or session
-    for failure in chain.ingest(device, session, declared | {"sources": sources}, paths):
+    shown = _where(log) if _where(log) != IN_MEMORY else session
+    declared = declared | {"sources": sources}
+    for failure in chain.ingest(device, session, declared, paths):
         # the file's name is enough
         raise ImuloopError(failure.why.removeprefix(f"{device.name}/{session}: "))
     quality = read_json(device.sessions[session]["quality"])

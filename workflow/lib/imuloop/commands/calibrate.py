@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+import re
 import warnings
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,11 +14,12 @@ from imuloop.core.files import refuse_overwriting
 from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.job_log import Printable
-from imuloop.result import KINDS, calibrate
+from imuloop.result import KINDS, PAIR, calibrate
 
 EXAMPLE = """examples:
   imuloop calibrate poses.csv -o results/my_imu
   imuloop calibrate poses.csv static=night.csv -o results/my_imu --acceleration-unit g
+  imuloop calibrate acceleration=acc.csv,angular_rate=gyr.csv -o results/my_imu
 
 Writes calibration.json, noise.json, diagnosis.json and exports, and prints the verdicts; needs
 neither Snakemake nor matplotlib."""
@@ -36,7 +38,12 @@ def add(commands, **how):
 def add_logs(command):
     """Add the logs of a device, and what a config would say of them."""
     command.add_argument(
-        "logs", nargs="+", type=_log, metavar="[KIND=]LOG", help=f"KIND is {', '.join(KINDS)}"
+        "logs",
+        nargs="+",
+        type=_log,
+        metavar="[KIND=]LOG",
+        help=f"KIND is {', '.join(KINDS)}; two files of one sensor each are "
+        "acceleration=FILE,angular_rate=FILE",
     )
     command.add_argument(
         "--kind", choices=KINDS, default=KINDS[0], help=f"of logs without; default {KINDS[0]}"
@@ -64,7 +71,7 @@ def run(arguments):
 
 def kept_in(folder, option, arguments, files=()):
     """Return a folder for results, unless they would overwrite something else."""
-    logs = [path for _, path in arguments.logs]
+    logs = [path for _, log in arguments.logs for path in _files(log)]
     for path in logs:
         if not path.exists():
             raise ImuloopError(f"{path}: there is no such file")
@@ -82,10 +89,11 @@ def kept_in(folder, option, arguments, files=()):
 def made(arguments, folder, log):
     """Run all stages into a folder and give the `Result`; tracebacks go to a log."""
     logs = {kind: [] for kind in KINDS}
-    for kind, path in arguments.logs:
-        if path.suffix == ".parquet" and path.is_file() and is_samples(path):
-            raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
-        logs[kind or arguments.kind].append(path)
+    for kind, log_or_two in arguments.logs:
+        for path in _files(log_or_two):
+            if path.suffix == ".parquet" and path.is_file() and is_samples(path):
+                raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
+        logs[kind or arguments.kind].append(log_or_two)
     what, nominal = declared(arguments)
     # made only where there is a traceback to keep
     handler = logging.FileHandler(log, mode="w", delay=True)
@@ -102,7 +110,7 @@ def made(arguments, folder, log):
                 **what,
                 nominal=nominal,
                 gravity=arguments.gravity,
-                label=arguments.label or arguments.logs[0][1].stem,
+                label=arguments.label or _files(arguments.logs[0][1])[0].stem,
                 folder=folder,
                 log=log,
                 progress=False,
@@ -112,9 +120,19 @@ def made(arguments, folder, log):
 
 
 def _log(text):
-    """Return kind and path of an argument ``static=night.csv``, kind None without."""
-    kind, _, path = text.partition("=")
-    return (kind, Path(path)) if kind in KINDS and path else (None, Path(text))
+    """Return kind and path of an argument ``static=night.csv``, kind None without.
+
+    In place of the path there may be a file of each sensor, ``acceleration=a,angular_rate=b``.
+    """
+    kind, _, rest = text.partition("=")
+    kind, rest = (kind, rest) if kind in KINDS and rest else (None, text)
+    two = re.fullmatch(r"acceleration=(.+),angular_rate=(.+)", rest)
+    return kind, dict(zip(PAIR, map(Path, two.groups()), strict=True)) if two else Path(rest)
+
+
+def _files(log):
+    """Return the paths of a log, one or two."""
+    return [*log.values()] if isinstance(log, dict) else [log]
 
 
 def _gravity(text):
