@@ -36,13 +36,23 @@ def taken(run):
     return call
 
 
-@pytest.mark.parametrize(("every", "said"), [(2, "every other row"), (3, "33% of the rows")])
-def test_reads_that_fail_again_and_again(log, taken, every, said):
-    """Protects from a calibration of half a log: such rows pass for clipped ones."""
+@pytest.mark.parametrize(
+    ("every", "value", "names", "said"),
+    [
+        (2, 32767 * 0.001, ["gy", "gz"], "gy, gz: every other row holds"),
+        (3, 32767 * 0.001, ["gx"], "gx: 33% of rows hold"),
+        (2, -1 / 2048, ACCELERATION, "ax, ay, az: every other row holds"),
+        (2, 0.0, ACCELERATION, "ax, ay, az: every other row holds"),
+        (3, 0.0, ANGULAR_RATE, "gx, gy, gz: 33% of rows hold"),
+        (2, 0.0, CHANNELS, "ax, ay, az, gx, gy, gz: every other row holds"),
+    ],
+)
+def test_reads_that_fail_again_and_again(log, taken, every, value, names, said):
+    """Protects from a calibration of half a log: such rows pass for clipped ones, or padding."""
     log = log.copy()
-    log.loc[1::every, ["gy", "gz"]] = 32767 * 0.001
+    log.loc[1::every, list(names)] = value
     [reason], warnings, _ = taken(log)
-    assert reason.startswith(f"gy, gz: {said} is at the end of its range") and "reads" in reason
+    assert reason.startswith(said) and "failed reads" in reason
     assert warnings == []
 
 
@@ -160,6 +170,14 @@ def test_a_turn_within_a_gap_is_no_change_of_the_sensor(taken, seed):
     assert "was turned while nothing was logged" in warnings[1]
     at = found["faults"]["rests"]["gap_s"]
     assert at == pytest.approx(log.t[moving[0] - 51])
+
+
+def test_lost_samples_do_not_hide_turns(log, taken):
+    """Protects the scale by turns of a log of which one sample in thirty is lost, in moves too."""
+    kept = log[np.random.default_rng(2).random(len(log)) > 0.03]
+    reasons, warnings, found = taken(kept)
+    assert reasons == [] and len(warnings) == 1 and "gaps" in warnings[0]
+    assert found["faults"]["rests"]["turn_ratio"]["moves"] >= 8
 
 
 @pytest.mark.parametrize(("rate", "first"), [(40.0, 0.007), (125.0, 0.0004)])

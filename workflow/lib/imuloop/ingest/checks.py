@@ -32,8 +32,9 @@ COPIED_SHARE, LEAST_CHANGES = 0.99, 50
 # differ by less than that; how far its range may lie from zero, or its width from a power of two
 WRAPPED, FLAT, UNEVEN = 0.9, 0.05, 0.1
 # rows at an end of the range count as failed reads where both neighbours lie in the other half of a
-# range of at least so many steps
-READ_STEPS = 1000
+# range of at least so many steps; and single rows of one value, so many steps from both neighbours,
+# where they are more than this share: at random they are a seventh at most, p (1 - p)^2
+READ_STEPS, FAR_STEPS, OFTEN = 1000, 8, 0.2
 # blocks for spectra: rows per block, blocks per row group, and those at rest that are needed
 BLOCK, BLOCKS, LEAST_BLOCKS = 128, 128, 8
 # share of Nyquist of the bands compared: drift and motion, noise, noise near Nyquist
@@ -56,6 +57,8 @@ KEPT_RUNS, LENGTHS = 1000, 256
 SPAN, WIDE_SPAN = 1.5, 3.5
 # values are held where rows a new value are at least this many, and this share of runs near it
 LEAST_HELD, HELD_SHARE = 1.25, 0.98
+# a gap that a device may be turned in is longer, s
+TURN_GAP = 0.2
 # what a thermometer beside an IMU can show, degC, and how long it may stay the same, s
 PLAUSIBLE_TEMPERATURE, CONSTANT_TEMPERATURE = (-60.0, 150.0), 60.0
 # rates that an IMU's log has, Hz; others are read with a warning
@@ -77,10 +80,10 @@ def measure(samples, metadata, figures, threads=1):
     pairs = list(combinations(names, 2))
     units = metadata.get("raw_units", {}).items()
     zeros = {name: -unit["offset"] * unit["scale"] for s, unit in units for name in SENSORS[s]}
-    gaps = np.flatnonzero(np.diff(samples[TIME]) > figures["gaps"]["longer_than_s"])
+    gaps = np.diff(samples[TIME]) > max(figures["gaps"]["longer_than_s"] or 0.0, TURN_GAP)
     runs = {name: Runs(steps[name]) for name in CHANNELS}
-    zero_rows, in_turn = dict.fromkeys(SENSORS, 0), dict.fromkeys(SENSORS, 0)
-    means, stops, way = RestMeans(rate), Stops(rate, gaps), Axes(rate)
+    zero_rows, in_turn, zero_reads = (dict.fromkeys(SENSORS, 0) for _ in range(3))
+    means, stops, way = RestMeans(rate), Stops(rate, np.flatnonzero(gaps)), Axes(rate)
 
     def groups():
         """Give the rows of each piece, less padding, and the last ones before them."""
@@ -90,6 +93,8 @@ def measure(samples, metadata, figures, threads=1):
             zero = {s: np.all([x[n] == zeros.get(n, 0) for n in SENSORS[s]], 0) for s in SENSORS}
             for sensor, other in (SENSORS, [*SENSORS][::-1]):
                 in_turn[sensor] += int((zero[sensor] & ~zero[other]).sum())
+                single = zero[sensor][1:-1] & ~zero[sensor][:-2] & ~zero[sensor][2:]
+                zero_reads[sensor] += int(single.sum())
             # a gyroscope at rest may well show three zeros; an accelerometer never does
             zero["angular_rate"] &= zero["acceleration"]
             for sensor, axes in SENSORS.items():
@@ -160,11 +165,15 @@ def measure(samples, metadata, figures, threads=1):
     if rests:
         row, gap = rests.pop("jump_row"), rests.pop("gap_row")
         rests |= {"jump_s": float(t[row]), "gap_s": None if gap is None else float(t[gap])}
+    failed = dict(zip(CHANNELS, failed.tolist(), strict=True))
+    for sensor, count in zero_reads.items():
+        if count > OFTEN * len(samples):
+            failed |= dict.fromkeys(SENSORS[sensor], count)
     still = _at_rest([spectra[name] for name in CHANNELS if name not in silent])
     return {
         "zero_rows": zero_rows,
         "in_turn": in_turn,
-        "failed_reads": dict(zip(CHANNELS, failed.tolist(), strict=True)),
+        "failed_reads": failed,
         "stuck": {name: _stuck_figures(stuck[name], rate, t) for name in CHANNELS},
         "spikes": {name: int(n) for name, n in spikes.items()},
         "wraps": dict(zip(CHANNELS, wraps.tolist(), strict=True)),
@@ -355,14 +364,18 @@ def _without_wraps(x, low, high):
 
 
 def _failed_reads(x, low, high, step):
-    """Return how many rows at an end of the range come between values of the other half."""
-    if not step or high - low < READ_STEPS * step:
+    """Return how many rows hold one value again and again, far from those before and after."""
+    if not step:
         return 0
     starts = np.flatnonzero(np.diff(x, prepend=np.nan))
-    values, rows = x[starts], np.diff(starts)
-    far = np.abs(np.diff(values)) > (high - low) / 2
-    found = far[:-1] & far[1:] & ((values[1:-1] == low) | (values[1:-1] == high))
-    return int(rows[1:][found].sum())
+    values, rows, jumps = x[starts][1:-1], np.diff(starts)[1:], np.abs(np.diff(x[starts]))
+    far = np.minimum(jumps[:-1], jumps[1:])
+    at_end = (values == low) | (values == high)
+    railed = at_end & (far > max((high - low) / 2, READ_STEPS * step / 2))
+    single = values[(rows == 1) & (far > FAR_STEPS * step)]
+    common, counts = np.unique(single[:LENGTHS], return_counts=True)
+    often = int((single == common[counts.argmax()]).sum()) if len(single) else 0
+    return max(int(rows[railed].sum()), often if often > OFTEN * len(x) else 0)
 
 
 def _spikes(x, step):

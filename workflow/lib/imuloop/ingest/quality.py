@@ -228,20 +228,20 @@ def unread(figures, counts):
     if fault := counts.clock.fault():
         return [fault]
     faults, rows = figures["faults"], figures["rows"]
-    failed = {n: count for n, count in faults.get("failed_reads", {}).items() if count}
-    if failed and max(failed.values()) > MOST_DROPPED * rows:
-        share = max(failed.values()) / rows
-        often = "every other row" if abs(share - 0.5) < 0.02 else f"{share:.0%} of the rows"
-        return [
-            f"{', '.join(failed)}: {often} is at the end of its range, with ordinary values "
-            "between: failed reads; look at the bus, the driver and the rate of the reads"
-        ]
     turns = faults.get("in_turn", {"none": 0})
     if sum(turns.values()) > IN_TURN * rows and min(turns.values()) > MOST_DROPPED * rows:
         listed = " and ".join(f"{sensor} in {n} rows" for sensor, n in turns.items())
         return [
             f"exactly zero on all axes: {listed}, in turn: rows of two sensors, each with "
             "zeros for the other; leave these fields empty, or write a log for each sensor"
+        ]
+    failed = {n: count for n, count in faults.get("failed_reads", {}).items() if count}
+    if failed and max(failed.values()) > MOST_DROPPED * rows:
+        share = max(failed.values()) / rows
+        often = "every other row holds" if abs(share - 0.5) < 0.02 else f"{share:.0%} of rows hold"
+        return [
+            f"{', '.join(failed)}: {often} the same value, an end of the range, zero or another, "
+            "far from those between: failed reads; look at the bus, the driver and the read rate"
         ]
     return []
 
