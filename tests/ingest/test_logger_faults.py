@@ -122,19 +122,48 @@ def test_a_repeated_stamp_with_other_values_is_not_identical(log, taken):
     assert (found["identical"], found["duplicates"]) == (0, 2)
 
 
-@pytest.mark.parametrize(("size", "share", "late"), [(5, 0.2, 2e-3), (8, 1.0, 0.0), (3, 0.6, 1e-4)])
-def test_packets_that_share_a_stamp_are_rebuilt(log, taken, size, share, late):
-    """Protects their samples: those that repeat a stamp were dropped, and gaps and scales found."""
-    rng, log = np.random.default_rng(5), log.copy()
+def in_packets(log, size, share, late, end=True):
+    """Stamps of a host: some packets have one, that of their last row or of their first."""
+    rng = np.random.default_rng(5)
     t = log.t.to_numpy() + late * rng.random(len(log))
     for start in range(0, len(log) - size, size):
         if rng.random() < share:
-            t[start : start + size] = t[start + size - 1]
-    reasons, [line], found = taken(log.assign(t=t))
+            t[start : start + size] = t[start + (size - 1) * end]
+    return log.assign(t=t)
+
+
+@pytest.mark.parametrize(
+    ("size", "share", "late"), [(5, 0.2, 2e-3), (8, 1.0, 0.0), (3, 0.6, 1e-4), (2, 0.005, 1e-4)]
+)
+@pytest.mark.parametrize("end", [True, False])
+def test_packets_that_share_a_stamp_are_rebuilt(log, taken, size, share, late, end):
+    """Protects their samples: those that repeat a stamp were dropped, and gaps and scales found."""
+    packets = in_packets(log, size, share, late, end)
+    reasons, [line], found = taken(packets)
     assert reasons == [] and "as of packets of samples: t is rebuilt from the row number" in line
     assert found["rows"] == len(log) and found["gaps"]["count"] == found["duplicates"] == 0
     assert found["rate_hz"] == pytest.approx(100, rel=1e-3)
-    assert taken(log.assign(t=t), rate=100)[:2] == ([], [line])
+    assert taken(packets, rate=100)[:2] == ([], [line])
+
+
+@pytest.mark.parametrize("end", [True, False])
+@pytest.mark.parametrize("rate", [None, 100, 50])
+def test_packets_are_spread_where_samples_are_lost_or_the_sensor_pauses(log, run, end, rate):
+    packets = in_packets(log, 4, 0.3, 1e-4, end)
+    packets.loc[4000:, "t"] += 3.0
+    packets = packets[np.random.default_rng(1).random(len(log)) > 0.01]
+    done = run(packets, rate=rate)
+    found = done.quality
+    assert found["reasons"] == [] and found["duplicates"] == found["out_of_order"] == 0
+    assert found["rows"] == len(packets)
+    true = (packets.t.index.to_numpy() + 300 * (packets.t.index >= 4000)) / 100
+    # a packet that lost a row is off by a step
+    away = np.abs(done.samples.t - (true - true[0]))
+    assert np.quantile(away, 0.97) < 0.002 and away.max() < 0.05
+    assert any("s apart within each packet" in line for line in found["warnings"])
+    assert not any("scale" in line for line in found["warnings"])
+    again = run(packets, rate=rate, batch_rows=77)
+    np.testing.assert_array_equal(again.samples, done.samples)
 
 
 @pytest.mark.parametrize("count", [3, 12])

@@ -43,8 +43,9 @@ _EVEN = 0.05
 _KNOWN, _FEWEST = 0.05, 16
 # rounds of least squares, and the percentiles of the lateness beyond which it is clipped
 _ROUNDS, _USUAL = 3, (5, 95)
-# samples came in packets that share a stamp where so large a share of the rows repeats one
-_SHARED = 0.01
+# rows that share a stamp are a packet where half of such are as far from the next stamp, or the one
+# before, as their number of steps, but for this part of one; fewer repeats are dropped
+_PACKET, _LEAST_REPEATS = 0.5, 10
 # points of a line, at most twice so many, and parts of a log whose stamps must lie on one
 POINTS, _PARTS = 1 << 17, 20
 # a line whose rate differs more from the declared one is not the sensor's
@@ -274,7 +275,7 @@ def _follows_stamps(path, step):
     return scatter.followed
 
 
-def line_step(path, counts, measured, rate=None, increments=False):
+def line_step(path, counts, measured, rate=None, increments=False, packets=None):
     """Return the seconds from row to row of stamps that are to be rebuilt; None to keep them.
 
     A host stamps what it receives, and a transfer brings several samples: the steps are short
@@ -288,16 +289,17 @@ def line_step(path, counts, measured, rate=None, increments=False):
     a step; not where rows hold `increments`, whose intervals may differ, nor where the angular rate
     goes with the stamps.
 
-    `path` are the samples as stamped, `measured` their figures, `rate` is the declared one, Hz.
+    `path` are the samples as stamped, `measured` their figures, `rate` is the declared one, Hz,
+    `packets` as of `packet_step`.
     """
-    step = _line_step(counts, measured, rate, increments)
-    kept = step and not shared(counts) and _follows_stamps(path, step)
+    step = _line_step(counts, measured, rate, increments, packets)
+    kept = step and not packets and _follows_stamps(path, step)
     return None if kept else step
 
 
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def _line_step(counts, measured, rate, increments):
+def _line_step(counts, measured, rate, increments, packets):
     points = counts.points.rows()
     if counts.clock.resets or len(points) < 10 * _PARTS:
         return None
@@ -308,7 +310,7 @@ def _line_step(counts, measured, rate, increments):
     parts = np.array_split(away, _PARTS)
     scatter = np.median([np.subtract(*np.percentile(part, [95, 5])) for part in parts])
     limit = scatter
-    if shared(counts):
+    if packets:
         limit = max(scatter, step / 2)
     elif not bursts:
         # the error of a median of n normal values is 1.25 of their deviation over the root of n
@@ -339,15 +341,62 @@ def _line(rows, t):
     return step, t - step * rows
 
 
-def shared(counts):
-    """Tell whether samples share the stamp of their packet."""
-    return counts.duplicates > _SHARED * counts.kept
+# times of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def packet_step(counts, rate=None):
+    """Return the step of rows that share the stamp of their packet, s, and if it is the last one's.
+
+    None where such rows are no packet: then the stamps around them go on as always. The step is by
+    the declared `rate`, Hz, else that from stamp to stamp over the number of rows.
+    """
+    points = counts.points.rows()
+    if counts.duplicates < _LEAST_REPEATS or len(points) < 3:
+        return None
+    rows, t = points.T
+    # of each stamp the number of rows, and the steps to the stamp before and to the next
+    size, steps, found = np.diff(rows)[1:], np.diff(t), []
+    for last, away in ((True, steps[:-1]), (False, steps[1:])):
+        step = 1 / rate if rate else np.median(away / size).item()
+        several = size > 1
+        fits = away[several] / step > size[several] - _PACKET
+        found.append((fits.mean() if several.any() else 0.0, last, step))
+    share, last, step = max(found)
+    return (step, last) if share >= _PACKET else None
 
 
-def rebuilt(logged, step, counts):
+def spread(x, readable, after, held, step, last):
+    """Return stamps in which rows that share one are a `step` apart, in units of the stamps.
+
+    Theirs is of the `last` row, else of the first; `after` is as of `with_lookahead`, `held` what
+    the last call gave, None at first: the last stamp, its rows, and the stamp before. No row comes
+    before the stamp before, nor after the next one.
+    """
+    own, n = np.concatenate((x[readable], after[0][after[1]])), np.count_nonzero(readable)
+    if not n:
+        return x, held
+    starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
+    stamps, size = own[starts], np.diff(starts, append=len(own))
+    run = np.repeat(np.arange(len(starts)), size)[:n]
+    number, before = np.arange(n) - starts[run], stamps[0]
+    if held and held[0] == stamps[0]:
+        # the packet began in the rows of the last call
+        number[run == 0] += held[1]
+        size[0] += held[1]
+        before = held[2]
+    elif held:
+        before = held[0]
+    away = np.diff(stamps, prepend=before) if last else np.diff(stamps, append=stamps[-1])
+    width = np.where(away > 0, np.minimum(step, away / size), step)[run]
+    moved = x.copy()
+    moved[readable] = own[:n] + ((number - (size[run] - 1) * last) * width).astype(x.dtype)
+    end = run[-1]
+    return moved, (stamps[end], number[-1] + 1, stamps[end - 1] if end else before)
+
+
+def rebuilt(logged, step, counts, packets=None):
     """Return the line on stamps rebuilt every `step` s, by figures and counts as logged."""
     median, mean = _steps(logged)
-    if shared(counts):
+    if packets:
         how = f"of {counts.duplicates} rows are those of others, as of packets of samples"
     elif median < BURST * step:
         how = f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
@@ -356,6 +405,8 @@ def rebuilt(logged, step, counts):
             f"scatter about a regular clock ({logged['gaps']['count']} steps look like gaps, no "
             "sample is lost)"
         )
+    if not step:
+        return f"the stamps {how}: they are put {packets[0]:.6g} s apart within each packet"
     return (
         f"the stamps {how}: t is rebuilt from the row number at {1 / step:.6g} Hz; where the "
         "sensor itself pauses, declare its rate"

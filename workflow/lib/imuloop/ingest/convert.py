@@ -10,7 +10,7 @@ from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, OWN_TIME, 
 from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
-from imuloop.ingest.clocks import POINTS, Clock, with_lookahead
+from imuloop.ingest.clocks import POINTS, Clock, spread, with_lookahead
 from imuloop.ingest.columns import HELD, STAMP, unknown_unit
 from imuloop.ingest.rests import EvenSubsample
 from imuloop.ingest.stamps import (
@@ -65,7 +65,17 @@ class Counts:
 
 
 def si_batches(
-    log, *, units, raw_units, rate, time_range, counts, step=None, usual=None, timeline=None
+    log,
+    *,
+    units,
+    raw_units,
+    rate,
+    time_range,
+    counts,
+    step=None,
+    usual=None,
+    timeline=None,
+    packets=None,
 ):
     """Give the samples of a RawLog, batch by batch, `t` strictly increasing from 0.
 
@@ -74,7 +84,8 @@ def si_batches(
     Hz, stamps rows of a log without stamps; `time_range` is a half-open crop, seconds from the
     log's first stamp or ISO 8601, None is open; `counts` are filled on the way. With a `step`, s
     per row, `t` is rebuilt from the row number and `t_logged` is as stamped; `usual` is the step of
-    the stamps, s, that increments after a gap are of; with a `timeline`, of 1PPS, `t` is GNSS time.
+    the stamps, s, that increments after a gap are of; with a `timeline`, of 1PPS, `t` is GNSS time;
+    `packets` are as of `clocks.packet_step`.
     """
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
     for kind in (counts.missing_values, counts.impossible_values):
@@ -84,7 +95,7 @@ def si_batches(
         raise ImuloopError(
             f"units of {' and '.join(summed)}: increments of two sensors have to be on one clock"
         )
-    origin = zero = last = None
+    origin = zero = last = held = None
     for (x, readable, absolute, scale, batch), after in with_lookahead(_clocked(log, units, rate)):
         absent = dict.fromkeys({*CHANNELS} - {*batch.schema.names}, np.zeros(batch.num_rows))
         logged = (name for name in channels if name not in absent)
@@ -100,6 +111,8 @@ def si_batches(
             continue
         if stamped:
             tick = None if absolute else NANOSECONDS[units["time"]]
+            if packets:
+                x, held = spread(x, readable & ~same, after, held, packets[0] / scale, packets[1])
             x, readable = counts.clock.mended(x, readable, after, tick)
             if timeline:
                 x, scale = np.where(readable, timeline.at(x), 0.0), 1.0

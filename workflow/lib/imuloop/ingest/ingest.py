@@ -156,13 +156,17 @@ def ingest(
                     declared["usual"], log = usual, opened()
                 figures = write_and_measure(log, counts, si_batches(log, **declared, counts=counts))
                 summed = bool(increments.factors(units))
-                step = clocks.line_step(temporary, counts, figures, rate, summed)
-                if step:
-                    # once more from the start, now that the line is known
+                packets = clocks.packet_step(counts, rate) or clocks.packet_step(counts)
+                step = clocks.line_step(temporary, counts, figures, rate, summed, packets)
+                if step or packets:
+                    # once more from the start, now that the line or the step is known
                     as_logged, counts, logged, log = counts, Counts(), figures, opened()
-                    declared |= {"step": step, "usual": None}
+                    if step:
+                        declared |= {"step": step, "usual": None}
+                    else:
+                        declared["packets"] = packets
                     batches = si_batches(log, **declared, counts=counts)
-                    figures = write_and_measure(log, counts, batches, rebuilt=True)
+                    figures = write_and_measure(log, counts, batches, rebuilt=bool(step))
             except RejectedLog as error:
                 reasons, logged = [str(error)], None
                 figures = write_and_measure(log, counts, ())
@@ -221,7 +225,7 @@ def ingest(
     summed = increments.figures(log, units, counts, usual, step, rate)
     doubts += increments.warnings(summed, figures)
     if logged:
-        doubts.append(clocks.rebuilt(logged, step, as_logged))
+        doubts.append(clocks.rebuilt(logged, step, as_logged, packets))
     doubts += counts.clock.warnings()
     if absent:
         doubts.append(f"the log holds no {absent}: what needs it is not testable")
