@@ -19,7 +19,7 @@ from bench.fuzz.seeds import ROWS, SIX
 from imuloop.config import resolve
 from imuloop.config_faults import config_faults, unreadable
 from imuloop.core.errors import ImuloopError
-from imuloop.ingest.ingest import ingest
+from imuloop.ingest.ingest import Declared, ingest
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 SCHEMA = REPOSITORY / "workflow/schemas/config.schema.yaml"
@@ -112,7 +112,7 @@ def judge_log(name, declared):
             paths=[name],
             samples_path="out/samples.parquet",
             quality_path="out/quality.json",
-            **declared,
+            declared=Declared(**declared),
         )
     except ImuloopError as error:
         return "declared", None if str(error) else "no words"

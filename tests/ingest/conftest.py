@@ -12,7 +12,7 @@ import pytest
 from imuloop.core.files import read_json
 from imuloop.core.samples import CHANNELS, read_metadata, read_samples
 from imuloop.ingest.formats import FORMATS, find_format
-from imuloop.ingest.ingest import ingest
+from imuloop.ingest.ingest import Declared, ingest
 from imuloop.ingest.stamps import stamp_values
 
 Ingested = namedtuple("Ingested", "samples quality metadata path")
@@ -76,8 +76,11 @@ def run(tmp_path):
             paths[0].to_parquet(tmp_path / "log.parquet", index=False)
             paths = [tmp_path / "log.parquet"]
         target = tmp_path / "out" / "samples.parquet"
+        where = {"device": "imu", "session": "poses", "kind": "multi_position"}
+        where |= {key: declared.pop(key) for key in {*where, "batch_rows", "threads"} & {*declared}}
         ingest(
-            **{"device": "imu", "session": "poses", "kind": "multi_position", **declared},
+            **where,
+            declared=Declared(**declared),
             paths=paths,
             samples_path=target,
             quality_path=tmp_path / "out" / "quality.json",

@@ -31,9 +31,9 @@ def test_mutated_files_are_read_rejected_or_refused_in_one_line():
 def test_harm_is_seen(monkeypatch, harm, end, reported):
     read = worker.ingest
 
-    def harmful(**declared):
+    def harmful(**what):
         harm()
-        read(**{**declared, "columns": None, "units": None, "time_range": None})
+        read(**what | {"declared": None})
 
     monkeypatch.setattr(worker, "ingest", harmful)
     ends, [(*_, fault)] = entry.fuzz(1, only="packed")

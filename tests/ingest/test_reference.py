@@ -9,7 +9,7 @@ import pytest
 
 from bench.study.reference import DECLARED
 from imuloop.core.samples import read_columns
-from imuloop.ingest.ingest import ingest
+from imuloop.ingest.ingest import Declared, ingest
 from imuloop.simulate.reference import Beside, simulate_beside
 
 QUATERNION, PLACE = (DECLARED["columns"][name] for name in ("orientation", "position"))
@@ -34,7 +34,8 @@ def made(folder, truth=None, declared=None, log=lambda x: x, reference=lambda x:
 def ingested(folder, paths, reference, **more):
     results = {f"{k}_path": folder / f"{k}.out" for k in ("samples", "quality")}
     session = {"device": "d", "session": "s", "kind": "reference_motion", "paths": paths}
-    ingest(**session, columns={"time": "t"}, reference=reference, **more, **results)
+    declared = Declared(columns={"time": "t"}, reference=reference, **more)
+    ingest(**session, declared=declared, **results)
     quality = json.loads(results["quality_path"].read_text())
     return quality, read_columns(results["samples_path"])
 

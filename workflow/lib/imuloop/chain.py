@@ -58,7 +58,7 @@ def ingest(device, session, declared, paths):
     ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps`` may be
     declared.
     """
-    from imuloop.ingest.ingest import ingest, write_nothing
+    from imuloop.ingest.ingest import Declared, ingest, write_nothing
 
     files = device.sessions[session]
     what = {
@@ -68,8 +68,10 @@ def ingest(device, session, declared, paths):
         "samples_path": files["samples"],
         "quality_path": files["quality"],
     }
-    given = {key: getattr(device, key) for key in ("nominal", "full_scale", "gravity", "threads")}
-    work = partial(ingest, **what, **declared, paths=paths, **given)
+    given = {key: getattr(device, key) for key in ("nominal", "full_scale", "gravity")}
+    stated = {key: value for key, value in declared.items() if value is not None}
+    how = {"declared": Declared(**stated, **given), "threads": device.threads}
+    work = partial(ingest, **what, paths=paths, **how)
     return attempt(device, "ingest", work, lambda *why: write_nothing(**what, why=why))
 
 

@@ -8,7 +8,7 @@ from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata
 from imuloop.ingest.columns import UNITS
 from imuloop.ingest.formats import guess_format
-from imuloop.ingest.ingest import ingest
+from imuloop.ingest.ingest import Declared, ingest
 
 QUANTITIES = ("time", "acceleration", "angular_rate", "temperature", "interval")
 SENSORS = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
@@ -145,8 +145,7 @@ def log_samples(log, arguments, folder, calibration=None):
             paths=[log],
             samples_path=samples,
             quality_path=quality,
-            nominal=nominal,
-            **what,
+            declared=Declared(nominal=nominal, **what),
         )
         return samples, read_json(quality)
 

@@ -125,8 +125,9 @@ class Columns:
 
     A `time` of two columns is whole seconds and a part of a second in units of `part_ns`. `others`
     holds further raw columns, of numbers or stamps: ``interval.SENSOR``, the interval of a sensor's
-    increments, ``pps.counter``, ``pps.time``, and those declared as ``others``. `increments` holds the sensors whose columns'
-    names say that they are logged as such, `units` the units that the names state.
+    increments, ``pps.counter``, ``pps.time``, and those declared as ``others``. `increments` holds
+    the sensors whose columns' names say that they are logged as such, `units` the units that the
+    names state.
     """
 
     acceleration: tuple[int, int, int] | None = None

@@ -3,6 +3,7 @@
 import json
 import os
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -35,16 +36,45 @@ from imuloop.ingest.stamps import is_iso, iso_text
 # rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
 _COUNTED = (
-    *(
-        "duplicates",
-        "identical",
-        "out_of_order",
-        "non_finite",
-        "missing_values",
-        "impossible_values",
-    ),
-    *("spiked", "spike_values"),
+    *("duplicates", "identical", "out_of_order", "non_finite", "missing_values"),
+    *("impossible_values", "spiked", "spike_values"),
 )
+
+
+@dataclass(frozen=True)
+class Declared:
+    """What the config says of a log; what is left out is found from the log, units else SI.
+
+    Attributes
+    ----------
+    sources : dict of str to dict
+        Role of each file (``log``, or ``acceleration`` and ``angular_rate``; ``reference``,
+        ``pps``) to its source; of one file a log, of two a sensor each.
+    columns, units, nominal, full_scale : dict
+        By quantity.
+    reference, known_rotation : dict, list
+        Of a reference, and of turns that are known.
+    rate, gravity : float
+        Samples per second, Hz, and local gravity, m/s^2.
+    """
+
+    format: str | None = None
+    sources: dict = field(default_factory=dict)
+    columns: dict = field(default_factory=dict)
+    units: dict = field(default_factory=dict)
+    rate: float | None = None
+    time_range: list | None = None
+    pps: dict = field(default_factory=dict)
+    reference: dict = field(default_factory=dict)
+    known_rotation: list = field(default_factory=list)
+    nominal: dict = field(default_factory=dict)
+    full_scale: dict = field(default_factory=dict)
+    gravity: float = STANDARD_GRAVITY
+
+    def of_log(self):
+        """Return what of the log itself is declared, as in the config."""
+        names = ("format", "columns", "units", "rate")
+        return {name: value for name in names if (value := getattr(self, name))}
 
 
 def ingest(
@@ -55,39 +85,23 @@ def ingest(
     paths,
     samples_path,
     quality_path,
-    format=None,
-    sources=None,
-    columns=None,
-    units=None,
-    rate=None,
-    time_range=None,
-    pps=None,
-    reference=None,
-    known_rotation=None,
-    nominal=None,
-    full_scale=None,
-    gravity=STANDARD_GRAVITY,
+    declared=None,
     batch_rows=1 << 16,
     threads=1,
 ):
     """Write samples.parquet and quality.json of one session, each in one step.
 
     What is wrong in the data is a result: `status` is ``rejected``, with reasons, and the samples
-    are empty. What is declared is as in the config; the rest is found from the log, units else SI.
+    are empty.
 
     Parameters
     ----------
     kind : str or None
         What was done with the device, None where that is not known.
     paths : list of path-like
-        Files of the log, or its folder, in the order of `sources`.
-    sources : dict, optional
-        Role of each file (``log``, or ``acceleration`` and ``angular_rate``; ``reference``) to its
-        source.
-    reference, known_rotation : dict, optional
-        What the config says of a reference, and of turns that are known.
-    gravity : float
-        Local gravity, m/s^2.
+        Files of the log, or its folder, in the order of the declared sources.
+    declared : Declared, optional
+        What the config says of the log.
     batch_rows, threads : int
         Rows read at once, about, and how many may work at once; neither changes the result.
 
@@ -96,16 +110,15 @@ def ingest(
     ImuloopError
         If what is declared does not fit the log; one line with device, session and file.
     """
+    declared = declared or Declared()
     paths = [Path(path) for path in paths]
-    roles = sources or (["log"] if len(paths) == 1 else SENSORS)
+    roles = declared.sources or (["log"] if len(paths) == 1 else SENSORS)
     files = dict(zip(roles, paths, strict=True))
     marks_file = files.pop("pps", None)
     reference_file = files.pop("reference", files.get("log"))
-    columns = dict(columns or {})
-    entry = {"format": format, "columns": dict(columns), "units": dict(units or {}), "rate": rate}
-    entry = {key: value for key, value in entry.items() if value}
-    if pps and not marks_file:
-        columns["pps"] = pps
+    columns, rate, full_scale = dict(declared.columns), declared.rate, declared.full_scale
+    if declared.pps and not marks_file:
+        columns["pps"] = declared.pps
     rejected = timeline = logged = step = usual = absent = None
     reasons, counts = [], Counts()
 
@@ -128,33 +141,34 @@ def ingest(
     try:
         _check_paths(paths)
         before = _state(paths)
-        log_format, form = find_format(format, files)
+        log_format, form = find_format(declared.format, files)
         try:
             log = opened()
             absent = absent_sensor(log, columns)
         except RejectedLog as error:
             log, rejected = RawLog(), error
-        units, doubts = used_units(log, units or {})
-        raw_units = {q: raw_unit(q, units[q], (nominal or {}).get(q)) for q in SENSORS}
-        source = dict(sources or {role: {"path": str(p)} for role, p in files.items()})
+        units, doubts = used_units(log, declared.units)
+        raw_units = {q: raw_unit(q, units[q], declared.nominal.get(q)) for q in SENSORS}
+        source = declared.sources or {role: {"path": str(p)} for role, p in files.items()}
         origin = _origin(device, session, kind, units, raw_units, log_format, source)
         origin |= {"sha256": _hashes(paths), "simulated": log.simulated}
-        origin |= {"declared": entry, "sensor_ids": log.sensor_ids}
-        if known_rotation:
-            origin["known_rotation"] = known_rotation
-        declared = {"units": units, "raw_units": raw_units, "rate": rate, "time_range": time_range}
+        origin |= {"declared": declared.of_log(), "sensor_ids": log.sensor_ids}
+        if declared.known_rotation:
+            origin["known_rotation"] = declared.known_rotation
+        how = {"units": units, "raw_units": raw_units, "rate": rate}
+        how["time_range"] = declared.time_range
         with replaced(samples_path) as temporary:
             try:
                 if rejected:
                     raise rejected
-                if pps or marks_file:
-                    timeline = marks.find_timeline(log, units, pps or {}, marks_file)
-                    declared["timeline"], log = timeline, opened()
+                if declared.pps or marks_file:
+                    timeline = marks.find_timeline(log, units, declared.pps, marks_file)
+                    how["timeline"], log = timeline, opened()
                 if increments.by_stamps(log, units):
                     # the usual step has to be known before gaps are
-                    usual = increments.usual_step(si_batches(log, **declared, counts=Counts()))
-                    declared["usual"], log = usual, opened()
-                figures = write_and_measure(log, counts, si_batches(log, **declared, counts=counts))
+                    usual = increments.usual_step(si_batches(log, **how, counts=Counts()))
+                    how["usual"], log = usual, opened()
+                figures = write_and_measure(log, counts, si_batches(log, **how, counts=counts))
                 summed = bool(increments.factors(units))
                 packets = clocks.packet_step(counts, rate) or clocks.packet_step(counts)
                 step = clocks.line_step(temporary, counts, figures, rate, summed, packets)
@@ -162,10 +176,10 @@ def ingest(
                     # once more from the start, now that the line or the step is known
                     as_logged, counts, logged, log = counts, Counts(), figures, opened()
                     if step:
-                        declared |= {"step": step, "usual": None}
+                        how |= {"step": step, "usual": None}
                     else:
-                        declared["packets"] = packets
-                    batches = si_batches(log, **declared, counts=counts)
+                        how["packets"] = packets
+                    batches = si_batches(log, **how, counts=counts)
                     figures = write_and_measure(log, counts, batches, rebuilt=bool(step))
             except RejectedLog as error:
                 reasons, logged = [str(error)], None
@@ -194,7 +208,7 @@ def ingest(
             wrong, doubted = [], []
             # without gravity there is no yardstick
             if absent != "acceleration":
-                wrong, doubted = judged(figures, raw_units, gravity, kind)
+                wrong, doubted = judged(figures, raw_units, declared.gravity, kind)
             if fault:
                 # the rate is wrong, and what was found by it
                 wrong, doubted = ([fault], []) if many else ([], [fault])
@@ -202,11 +216,10 @@ def ingest(
             if unread := quality.unread(figures, counts):
                 reasons, wrong, doubted = reasons or unread, [], []
             reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
-            if reference and not (reasons or wrong):
-                own = {"format": format, "columns": columns, "units": units, "rate": rate}
-                beside, wrong = attach(
-                    temporary, reference_file, files.get("log"), reference, own, counts
-                )
+            if declared.reference and not (reasons or wrong):
+                own = declared.of_log() | {"units": units}
+                both = reference_file, files.get("log")
+                beside, wrong = attach(temporary, *both, declared.reference, own, counts)
                 origin["reference"] = beside
             misdeclared = bool(wrong and not reasons)
             reasons = reasons or wrong
