@@ -54,3 +54,9 @@ def test_schema_has_the_units_and_formats_of_the_library(schema):
         "temperature": set(TEMPERATURE),
     }
     assert set(keys["format"]["enum"]) == set(FORMATS)
+
+
+def test_a_calibration_may_be_in_any_unit_of_a_log(repository):
+    content = (repository / "workflow/schemas/calibration.schema.yaml").read_text()
+    units = yaml.safe_load(content)["$defs"]["sensor"]["properties"]["raw_unit"]["enum"]
+    assert {*units} == {*ACCELERATION, *ANGULAR_RATE, "count"}
