@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.ingest import delimited
-from imuloop.ingest.columns import AXES, SENSORS, lacking, listed, resolve
+from imuloop.ingest.columns import AXES, SENSORS, lacking, listed, resolve, stated_unit
 from imuloop.ingest.guarded import check_unpacked, guarded
 from imuloop.ingest.stamps import YEARS
 from imuloop.ingest.tables import table_log
@@ -248,7 +248,9 @@ def read_netcdf(paths, columns=None, batch_rows=1 << 16):
     for quantity, found in chosen.found(names).items():
         texts = sorted({_units(series[name][0]) for name in np.atleast_1d(found)} - {""})
         if quantity != "pps" and texts and not (quantity == "time" and _since(texts[0])):
-            stated = {chosen.stated(quantity, text) or text for text in texts}
+            stated = {
+                stated_unit(quantity, text, quantity in chosen.increments) or text for text in texts
+            }
             units[quantity] = " and ".join(sorted(stated))
     return table_log(names, chosen, batches(), units=units)
 

@@ -150,10 +150,6 @@ class Columns:
         """Return how many raw columns are stamps."""
         return len(_tuple(self.time)) + len(self.others)
 
-    def stated(self, quantity, text):
-        """Return the contract's name of a unit as the log spells it, or None."""
-        return stated_unit(quantity, text, quantity in self.increments)
-
     def found(self, names):
         """Return quantity -> names of its columns."""
         given = {quantity: getattr(self, quantity) for quantity in _QUANTITIES}

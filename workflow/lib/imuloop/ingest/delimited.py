@@ -403,27 +403,6 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
             raise _unreadable(error) from error
 
 
-def read_series(source, layout, positions, batch_rows, most=-1):
-    """Return the stamps in the first of the columns, the numbers in the others, what is left out.
-
-    Parameters are as of `text_batches`; no more is read after `most` bytes, -1 is all. What is left
-    out is a RawLog with the bad lines and bytes lost, and the number of rows without a stamp.
-    """
-    count, parts, unstamped, held = RawLog(), [], 0, 0
-    for batch in text_batches(source, layout, positions, batch_rows, count, stamps=1):
-        stamps, readable, dates = stamp_values(batch[0])
-        readable = readable & (not dates)
-        unstamped += int((~readable).sum())
-        columns = [x.to_numpy(zero_copy_only=False) for x in batch.columns[1:]]
-        parts.append([x[readable] for x in (stamps, *columns)])
-        held += batch.nbytes
-        if 0 <= most < held:
-            break
-    joined = [np.concatenate(column) for column in zip(*parts, strict=True)]
-    stamps, *values = joined or [np.empty(0)] * len(positions)
-    return stamps, values, count, unstamped
-
-
 def _packing(path):
     """Return how a file is compressed, by its name; None where it is not."""
     try:

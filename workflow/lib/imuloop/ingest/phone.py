@@ -17,10 +17,11 @@ import numpy as np
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line, plural
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import AXES, SENSORS, guess, named_sensor, unit_of
-from imuloop.ingest.delimited import LONGEST_LINE, find_layout, read_series
+from imuloop.ingest.delimited import LONGEST_LINE, find_layout, text_batches
 from imuloop.ingest.guarded import guarded
+from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.streams import Stream, raw_log
-from imuloop.ingest.tables import alone, paired
+from imuloop.ingest.tables import alone, collected, paired
 
 ENDINGS = (".zip",)
 # of text tables in a zip
@@ -62,7 +63,7 @@ _USUAL_UNITS = {"acceleration": "m/s^2", "angular_rate": "rad/s"}
 class _Table:
     """A table on one clock; `sensors` maps sensors, lower case, to their columns x, y, z.
 
-    `count` is what was left out, of `imuloop.ingest.delimited.read_series`.
+    `count` is a RawLog with the lines and bytes that were left out.
     """
 
     app: _App
@@ -227,10 +228,8 @@ def _table(name, text, turned, batch_rows):
         return None
     time = lower.index(app.marks[0])
     others = {each: i for i, each in reversed([*enumerate(names)]) if i != time}
-    stamps, values, count, unstamped = read_series(
-        text, layout, [time, *others.values()], batch_rows
-    )
-    count.bad_lines += unstamped
+    stamps, values, count, lost = _series(text, layout, [time, *others.values()], batch_rows)
+    count.bad_lines += lost
     fields = dict(zip(others, values, strict=True))
     units = {"time": app.time_unit}
     for quantity, usual in _USUAL_UNITS.items():
@@ -244,6 +243,15 @@ def _table(name, text, turned, batch_rows):
         units["acceleration"] = _IOS_UNITS[sensor]
         fields |= {each: -fields[each] for each in sensors[sensor]}
     return _Table(app, Stream(name, stamps, fields, units), sensors, count)
+
+
+def _series(source, layout, places, batch_rows, most=-1):
+    """Return stamps, of the first column, numbers, what was left out, and rows without a stamp."""
+    count = RawLog()
+    batches = text_batches(source, layout, places, batch_rows, count, stamps=1)
+    fields, lost, dates = collected(batches, "0", most)
+    stamps, *values = fields.values() if fields and not dates else [np.empty(0)] * len(places)
+    return stamps, values, count, lost
 
 
 def _sensors(file, names):
@@ -311,7 +319,7 @@ def read_sensorlog(paths, columns=None, batch_rows=1 << 16, most=-1):
         if not {*wanted} <= {*bare} or (name == "motion" and "gyro" in streams):
             continue
         places = [bare.index(each) for each in wanted]
-        stamps, values, count, unstamped = read_series(path, layout, places, batch_rows, most)
+        stamps, values, count, unstamped = _series(path, layout, places, batch_rows, most)
         fresh = np.append(True, np.diff(stamps) != 0)[: len(stamps)]
         if not fresh.any():
             continue

@@ -198,26 +198,34 @@ def paired(logs, batch_rows=1 << 16, most=-1):
     return merged
 
 
-def _stream(quantity, log, most):
-    """Return a log of one sensor as a Stream of its name, and how many of its rows lack a stamp."""
-    parts, held, lost = [], 0, 0
-    for batch in log.batches:
+def collected(batches, stamp=STAMP, most=-1):
+    """Return the columns of batches as arrays, how many rows lack a stamp, and if these are dates.
+
+    Rows without a stamp are left out; no more is read after `most` bytes, -1 is all.
+    """
+    parts, held, lost, dates = [], 0, 0, False
+    for batch in batches:
         fields = {n: batch[n].to_numpy(zero_copy_only=False) for n in batch.schema.names}
-        if STAMP in fields:
-            fields[STAMP], readable, dates = stamp_values(batch[STAMP])
+        if stamp in fields:
+            fields[stamp], readable, dates = stamp_values(batch[stamp])
             lost += int((~readable).sum())
             fields = {name: x[readable] for name, x in fields.items()}
-            if dates:
-                log.units["time"] = "ns"
         parts.append(fields)
         held += batch.nbytes
         if 0 <= most < held:
             break
-    if not parts:
+    names = parts[0] if parts else ()
+    return {n: np.concatenate([part[n] for part in parts]) for n in names}, lost, dates
+
+
+def _stream(quantity, log, most):
+    """Return a log of one sensor as a Stream of its name, and how many of its rows lack a stamp."""
+    fields, lost, dates = collected(log.batches, most=most)
+    if not fields:
         raise RejectedLog(f"the log of {quantity} has no rows")
-    fields = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
-    rows = len(fields[SENSORS[quantity][0]])
-    stamps = fields.get(STAMP, np.arange(rows))
+    if dates:
+        log.units["time"] = "ns"
+    stamps = fields.get(STAMP, np.arange(len(fields[SENSORS[quantity][0]])))
     axes = dict(zip(AXES, SENSORS[quantity], strict=True))
     values = {axis: fields[name] for axis, name in axes.items()}
     if log.temperature:
