@@ -60,7 +60,7 @@ def test_a_part_of_more_than_a_second_is_none(log, run, tmp_path):
 
 
 def test_time_goes_before_whole_seconds(log, run, tmp_path):
-    log.insert(0, "stamp.secs", np.floor(log["t"]).astype(int))
+    log.insert(0, "header.stamp.secs", np.floor(log["t"]).astype(int))
     log.rename(columns={"t": "Time"}).to_csv(tmp_path / "log.csv", index=False)
     done = run(tmp_path / "log.csv")
     np.testing.assert_array_equal(done.samples.t, log["t"])

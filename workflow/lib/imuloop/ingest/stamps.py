@@ -51,8 +51,6 @@ def parse_stamps(text):
     clock = series.where(series.str.fullmatch(_OF_DAY).fillna(False).astype(bool))
     if clock.notna().any():
         return pa.array(pd.to_timedelta(clock).dt.total_seconds(), from_pandas=True)
-    # of years first any sign between, of days first the month's name
-    series = series.str.replace(r"\A(\d{4})/(\d\d)/", r"\1-\2-", regex=True)
     moment = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
     for form in _NAMED_MONTH if moment.isna().all() else ():
         named = pd.to_datetime(series, format=form, utc=True, errors="coerce")
