@@ -77,6 +77,8 @@ def test_missing_angular_rate_and_repeated_names():
         resolve("t x x z gx gy gz".split(), {"acceleration": ["x", "x", "z"]})
     with pytest.raises(ImuloopError, match="not a list of three"):
         resolve("t ax ay az gx gy gz".split(), {"acceleration": "ax"})
+    with pytest.raises(ImuloopError, match=r"time: .* is not a column, nor two of whole seconds"):
+        resolve("t u v ax ay az gx gy gz".split(), {"time": ["t", "u", "v"]})
 
 
 @pytest.mark.parametrize(

@@ -230,7 +230,7 @@ def resolve(names, declared=None, headed=True):
     part_ns = 1
     if isinstance(chosen["time"], tuple):
         units["time"] = "ns"
-        part_ns = _PARTS.get(_last_word(names[chosen["time"][1]]), 1)
+        part_ns = _PARTS.get((_words(names[chosen["time"][1]]) or [""])[-1], 1)
     intervals = _intervals(declared, names, headed, guessed, summed)
     unit = intervals and headed and unit_of("interval", next(iter(intervals.values())), names)
     if unit:
@@ -275,10 +275,6 @@ def _two_parts(names):
     whole = {(*w[:-1],): at for at, w in enumerate(words) if w[-1] in _SECONDS}
     parts = [(whole.get((*w[:-1],)), at) for at, w in enumerate(words) if w[-1] in _PARTS]
     return next((pair for pair in parts if pair[0] is not None), None)
-
-
-def _last_word(name):
-    return [None, *_split(_without_unit(name))][-1]
 
 
 def _only(quantity, found, names):
@@ -339,6 +335,9 @@ def _declared(quantity, value, names, headed):
     several = isinstance(value, (list, tuple))
     if quantity in SENSORS and (not several or len(value) != len(AXES)):
         raise ImuloopError(f"columns.{quantity}: {value!r} is not a list of three columns x, y, z")
+    if several and quantity not in SENSORS and (quantity != "time" or len(value) != 2):
+        more = ", nor two of whole seconds and nanoseconds" * (quantity == "time")
+        raise ImuloopError(f"columns.{quantity}: {value!r} is not a column{more}")
     if several:
         return tuple(position(quantity, item, names, headed) for item in value)
     return position(quantity, value, names, headed)
