@@ -104,7 +104,7 @@ def first_rows(batches):
         while count < HEAD_ROWS and (batch := next(batches, None)) is not None:
             count += batch.num_rows
             head.append(batch)
-    except RejectedLog as error:
+    except Exception as error:
         # for who reads up to there
         batches = _raised(error)
     return head, chain(head, batches)
