@@ -122,6 +122,19 @@ def test_a_time_and_an_arrow_before_each_line(log, run, tmp_path, separator, hea
     np.testing.assert_allclose(done.samples.t, log.t, atol=1e-9)
 
 
+@pytest.mark.parametrize("form", ["{}:{}", "{} = {}"])
+@pytest.mark.parametrize("separator", [",", "\t", ", "])
+def test_a_name_before_each_value(log, run, tmp_path, form, separator):
+    names = ["t", "AccelX", "AccelY", "AccelZ", "GyroX", "GyroY", "GyroZ"]
+    rows = log.itertuples(index=False)
+    lines = [separator.join(map(form.format, names, row)) for row in rows]
+    lines = [f"{arrow}{line}" for arrow, line in zip(arrows(log), lines, strict=True)]
+    (tmp_path / "log.txt").write_text("\n".join([f"{arrows(log)[0]}ready: go", *lines]))
+    done = run(tmp_path / "log.txt", columns={"time": "t"})
+    np.testing.assert_array_equal(done.samples[[*log]], log)
+    assert done.quality["columns"]["angular_rate"] == names[4:]
+
+
 def test_names_in_two_rows(log, run, tmp_path):
     header = (
         "Time;Acceleration;;;Rate gyro;;\n;x;y;z;x;y;z\ns;m/s^2;m/s^2;m/s^2;rad/s;rad/s;rad/s\n"

@@ -59,6 +59,8 @@ MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
 # what a serial monitor puts before each line: its time of the day
 _ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
+# a name before a value, as for a serial plotter: AccelX:0.06
+_LABEL = re.compile(rb"[A-Za-z_][\w .]*[:=][ \t]*(?=[-+.\d])")
 # how files begin that are no text, and what to do about them
 _BINARY = {
     b"\x1f\x8b": "packed by gzip: name it .csv.gz",
@@ -89,7 +91,7 @@ class Layout:
     are numbers where the file has none (`headed`); rows begin at the byte `start`, `preamble` lines
     come before header or rows; `units` are those of a row below the header, else empty; `rows` are
     the fields of the first rows. With an `arrow` each line begins with a time and an arrow: that
-    time is the last column.
+    time is the last column; where `labelled`, the name of each value stands before it.
     """
 
     separator: str
@@ -100,6 +102,7 @@ class Layout:
     preamble: int
     units: list[str] = field(default_factory=list)
     arrow: bool = False
+    labelled: bool = False
     rows: list[list[str]] = field(default_factory=list)
 
 
@@ -117,6 +120,9 @@ def find_layout(path, least=LEAST):
         lines.pop()
     arrow = sum(map(bool, map(_ARROW.match, lines))) > len(lines) / 2
     bare = [_ARROW.sub(rb"\2", line) for line in lines] if arrow else lines
+    labels = [[x.strip(b" \t:=").decode() for x in _LABEL.findall(line)] for line in bare]
+    labelled = sum(len({*each}) >= least for each in labels) > len(lines) / 2
+    bare = [_LABEL.sub(b"", line) for line in bare] if labelled else bare
     texts = [_decoded(line).removeprefix("\ufeff").rstrip("\r") for line in bare]
     rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
     if not rows:
@@ -130,7 +136,9 @@ def find_layout(path, least=LEAST):
     first = next(i for i in rows if len(fields[i]) == width)
     preamble = rows.index(first)
     names, units = None, []
-    if not any(map(_is_number, fields[first])):
+    if labelled:
+        names = next((each for each in labels if len(each) == width), None)
+    elif not any(map(_is_number, fields[first])):
         names, first = fields[first], first + 1
     elif comments := [text for text in texts[:first] if _COMMENT.match(text)]:
         names = _commented_header(comments[-1], separator, width)
@@ -155,6 +163,7 @@ def find_layout(path, least=LEAST):
         preamble=preamble,
         units=units,
         arrow=arrow,
+        labelled=labelled,
         rows=rows,
     )
 
@@ -546,6 +555,8 @@ def _pieces(stream, file, size, layout):
         lost += _weight(text[end + LONGEST_LINE + 1 :])
         if bad_lines:
             lost += _weight(head) - _weight(lines)
+        if layout.labelled:
+            lines = _LABEL.sub(b"", lines)
         if layout.arrow:
             lines = _ARROW.sub(rb"\2" + layout.separator.encode() + rb"\1", lines)
         if layout.separator == BLANKS:
