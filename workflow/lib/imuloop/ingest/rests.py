@@ -24,7 +24,6 @@ the mean of W seconds is then smaller than noise of the level found within a sec
 smaller than Earth's rate. A bias makes both only larger, flicker and drift as well.
 """
 
-from copy import copy
 from itertools import pairwise, permutations, product
 
 import numpy as np
@@ -91,22 +90,23 @@ LEAST_MEANS, LEAST_PAIRS, SIGMAS, EARTH_PART = 24, 32, 6.0, 0.5
 
 
 class EvenSubsample:
-    """Items evenly spread over all that were added, at most twice `kept`."""
+    """Rows of arrays evenly spread over all that were added, at most twice `kept`."""
 
     def __init__(self, kept):
-        self.kept, self.stride, self.seen, self.items = kept, 1, 0, []
+        self.kept, self.stride, self.seen, self.parts, self.count = kept, 1, 0, [], 0
 
-    def add(self, items):
-        """Take in a list, or rows of shape (n, k)."""
-        # copies, so that no row holds all others
-        self.items += map(copy, items[-self.seen % self.stride :: self.stride])
-        self.seen += len(items)
-        while len(self.items) > 2 * self.kept:
-            self.items, self.stride = self.items[::2], 2 * self.stride
+    def add(self, rows):
+        """Take in rows, shape (n, k) or (n,)."""
+        # a copy, so that few rows do not hold all others
+        self.parts.append(rows[-self.seen % self.stride :: self.stride].copy())
+        self.seen, self.count = self.seen + len(rows), self.count + len(self.parts[-1])
+        while self.count > 2 * self.kept:
+            self.parts, self.stride = [self.rows()[::2]], 2 * self.stride
+            self.count = len(self.parts[0])
 
     def rows(self):
         """Return those kept, in order, as one array."""
-        return np.array(self.items) if self.items else np.empty((0, 0))
+        return np.concatenate(self.parts) if self.count else np.empty((0, 0))
 
 
 def _means(x, rows):
@@ -192,7 +192,9 @@ class Stops:
             if gap is None and turn > LEAST_TURN and (b - a) * self.fine * self.dt < LONGEST_MOVE:
                 bias = (turning[:, a - 1] + turning[:, b]) / 2
                 steps = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - self.fine]
-                self.moves.add([(u[:, a - 1], u[:, b], (steps.T - bias) * self.dt)])
+                move = np.empty(1, dtype=object)
+                move[0] = u[:, a - 1], u[:, b], (steps.T - bias) * self.dt
+                self.moves.add(move)
 
     def _gap(self, first, i, j):
         """Return the last row before a gap from window i to window j, or None."""
@@ -227,7 +229,7 @@ class Stops:
         u = force / size[:, None]
         usual = u[np.argmin(_length((u - np.median(u, axis=0)).T))]
         apart = 2 * np.arcsin(np.minimum(_length((u - usual).T) / 2, 1))
-        changes = np.median(self.changes.rows(), axis=0) if self.changes.items else [0.0, 0.0]
+        changes = np.median(self.changes.rows(), axis=0) if self.changes.count else [0.0, 0.0]
         turn_ratio = self.scale(guess)
         jump, row, angle = self.jump
         # a scale that is too small makes turns look as if there were none
@@ -253,8 +255,8 @@ class Stops:
         their number. None where too few moves can be explained by any scale.
         """
         near = NEAR * (guess or 1.0)
-        found = np.log([k for move in self.moves.items if (k := _scale(*move, near))])
-        if len(found) < max(LEAST_MOVES, len(self.moves.items) / 2):
+        found = np.log([k for move in self.moves.rows() if (k := _scale(*move, near))])
+        if len(found) < max(LEAST_MOVES, self.moves.count / 2):
             return None
         middle = np.median(found)
         value = float(np.exp(middle))

@@ -79,18 +79,20 @@ def isolated(x, steps):
             near = values[at[:, None] + _BESIDE]
             curve = near @ _CUBIC.T
             spread = np.abs(near - curve @ _POWERS.T).max(axis=1)
+            far = np.abs(values[at] - curve[:, 0])
+            # nor are those of the rest that are as near as their neighbours
+            out = far > OF_NEIGHBOURS * spread
+            at, far, level = at[out], far[out], curve[out, 0]
             # of a normal e the median of |e| is 0.6745 of its deviation
             noise = np.median(away[:, at[:, None] + _AROUND], axis=2) / 0.6745
             noise = np.maximum(noise, steps[:, None])
-            far = np.abs(values[at] - curve[:, 0])
             beside = away[:, at[:, None] + np.r_[-1:2]].max(axis=2)
             own = np.divide(far, noise[k], out=np.zeros_like(far), where=noise[k] > 0)
             others = np.delete(beside > np.maximum(MOVES, MOVES_SHARE * own) * noise, k, 0)
-            limit = np.maximum(OF_NEIGHBOURS * spread, OF_NOISE * noise[k])
-            at, level = (v[(far > limit) & ~others.any(axis=0)] for v in (at, curve[:, 0]))
-            found[k, at] = True
+            alone = (far > OF_NOISE * noise[k]) & ~others.any(axis=0)
+            found[k, at[alone]] = True
             # seen by the next pass alone
-            values[at] = level
+            values[at[alone]] = level[alone]
         if found.sum() == before:
             break
     return found
