@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
+from imuloop.core.calibration_faults import implausible
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import OF_ONE_LOG, Calibration, SensorCalibration
@@ -121,3 +122,23 @@ def test_what_would_not_be_finite_is_refused(way):
     samples.loc[2, "gy"] = np.nan
     same = Calibration("d", 9.81, nominal, sensor()).apply(samples)
     assert same["gy"].isna().tolist() == [False, False, True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("sensor", "scale", "bias", "text"),
+    [
+        ("accelerometer", 1.15, 4.5, None),
+        ("accelerometer", 0.75, 0.0, "K of x is 0.75 times nominal"),
+        ("accelerometer", 1.0, -5.5, "the bias of x is -5.5 m/s²"),
+        ("gyroscope", 0.85, -1.3, None),
+        ("gyroscope", 2.04, 0.0, "K of x is 2.04 times nominal"),
+        ("gyroscope", 1.0, 2.2, "the bias of x is 2.2 rad/s"),
+    ],
+)
+@pytest.mark.parametrize("unit", [RawUnit("count", 1e-3, 500.0), RawUnit("mrad/s", 1e-3)])
+def test_what_no_sensor_has_is_named_in_any_unit(sensor, scale, bias, text, unit):
+    """Protects a good sensor from being doubted, and a user from the fit of a log that is wrong."""
+    scales, offsets = np.array([scale, 1, 1]), np.array([bias, 0, 0])
+    made = SensorCalibration(unit, np.eye(3), scales * unit.scale, offsets / unit.scale)
+    found = implausible(replace(made, b=made.b + unit.offset), sensor)
+    assert (found is None) if text is None else found.startswith(text)
