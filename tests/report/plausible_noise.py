@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.noise_model import Coefficient, GaussMarkovTerm, SinusoidTerm
-from imuloop.core.samples import CHANNELS
+from imuloop.core.samples import CHANNELS, SENSORS
 
 KEYS = "mean std min q25 median q75 max peak_to_peak std_10s std_100s".split()
 # the coefficient that a disturbance changes most, and how
@@ -42,6 +42,7 @@ def plausible_noise(axes, rate):
         "axes": {a: asdict(noise) for a, noise in axes.items()},
         "notes": ["K would need a record of 40 h"],
         "rate_hz": rate,
+        "rates_hz": dict.fromkeys(SENSORS, rate),
         "curve_fit": fit,
         "spectrum": {a: {"misfit": 0.02, "band_hz": 0.25 * rate} for a in CHANNELS},
         "uncut": {"seconds": 6.0, "axes": {a: asdict(noise) for a, noise in uncut.items()}},

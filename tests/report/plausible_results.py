@@ -78,7 +78,7 @@ def _session(folder, device, session, kind, rng):
         "simulated": warm,
     }
     table = pa.Table.from_pandas(samples, preserve_index=False)
-    metadata = schema(warm, metadata).metadata
+    metadata = schema(metadata).metadata
     pq.write_table(table.replace_schema_metadata(metadata), path / "samples.parquet")
     chosen = {"multiples": [6.0, 12.0], "short_rests": 2}
     write_table(path / "segments.parquet", segment_table(samples, *edges), chosen)
@@ -172,6 +172,7 @@ def _noise(device):
     return {
         # what a noise stage may leave without an answer
         **dict.fromkeys(("rate_hz", "uncut", "repeatability")),
+        "rates_hz": {},
         "curve_fit": {},
         "spectrum": {},
         "format": 1,

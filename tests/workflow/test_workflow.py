@@ -77,7 +77,7 @@ def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished)
     rows = pd.read_csv(folder / "results/comparison.csv", index_col="device")
     assert dict(rows["status"]) == {"posed": "ok", "resting": "failed"}
     assert "export failed: forced" in rows["why"]["resting"]
-    assert rows["why"]["posed"].startswith("broken: 50 of 50 rows")
+    assert rows["why"]["posed"].startswith("broken: 1 of 1 rows")
 
 
 def test_five_mistakes_are_five_lines(checkout, tmp_path):
