@@ -174,6 +174,10 @@ def _opened(source):
     return pa.input_stream(pa.py_buffer(source) if held else source, compression="detect")
 
 
+def _size(source):
+    return len(source) if isinstance(source, bytes) else os.path.getsize(source)
+
+
 def _commented_header(comment, separator, width):
     """Return the names of a header that is a comment right before the rows, or None."""
     names = _fields_of(_COMMENT.sub("", comment, count=1), separator)
@@ -334,10 +338,9 @@ def _by_sensor(source, layout):
             break
     else:
         return {}
-    size = len(source) if isinstance(source, bytes) else os.path.getsize(source)
     with _opened(source) as stream:
-        text = stream.read(MOST_TIMES * size + 1)
-    check_unpacked(size, len(text))
+        text = stream.read(MOST_TIMES * _size(source) + 1)
+    check_unpacked(_size(source), len(text))
     lines = [_decoded(line) for line in text.splitlines()]
     rows = [_fields_of(line, layout.separator) for line in lines]
     comments = [line for line in lines[:_COMMENTS] if _COMMENT.match(line)]
@@ -388,36 +391,26 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
     The first `stamps` of the columns at `positions` are stamps, as of `stamp_array`, the others
     float64; all are text if None. `log` counts bad lines and bytes, and has the number of threads.
     """
-    path = None if isinstance(source, bytes) else os.fspath(source)
-    file = pa.BufferReader(source) if path is None else pa.OSFile(path)
 
     def work(piece):
         text, bad_lines, lost, taken = piece
         batch, more, bytes_ = _parsed(text, layout, positions, stamps)
         return batch, bad_lines + more, lost + bytes_, taken
 
-    with file, pa.input_stream(file, compression=path and _packing(path)) as stream:
-        try:
+    try:
+        with _opened(source) as stream:
             stream.read(layout.start)
             # any row must fit
             size = max(batch_rows * _ROW_BYTES, LONGEST_LINE)
-            pieces = _pieces(stream, path and file, size, layout)
+            pieces = _pieces(stream, _size(source), size, layout)
             for batch, bad_lines, lost, taken in ordered_map(work, pieces, log.threads):
                 log.bad_lines += bad_lines
                 log.lost_bytes += lost
                 log.text_bytes += taken
                 for begin in range(0, batch.num_rows, batch_rows):
                     yield batch.slice(begin, batch_rows)
-        except (pa.ArrowInvalid, OSError) as error:
-            raise _unreadable(error) from error
-
-
-def _packing(path):
-    """Return how a file is compressed, by its name; None where it is not."""
-    try:
-        return pa.Codec.detect(path).name
-    except TypeError:
-        return None
+    except (pa.ArrowInvalid, OSError) as error:
+        raise _unreadable(error) from error
 
 
 def _parsed(text, layout, positions, stamps):
@@ -528,20 +521,18 @@ def _whole(lines):
     return b"".join([lines[a:b] for a, b in kept]), int(bad.sum())
 
 
-def _pieces(stream, file, size, layout):
+def _pieces(stream, packed, size, layout):
     """Give the lines of a stream in plain ASCII, some `size` bytes at once.
 
-    Runs of blanks become tabs, the time before an arrow the last field, as of the `layout`; `file`
-    is what the stream comes out of, None where that is of no concern. With the text, whole lines,
-    come the number of lines left out and the bytes in them, and bytes of the text read, empty ones
-    left out.
+    Runs of blanks become tabs, the time before an arrow the last field, as of the `layout`; the
+    stream comes out of `packed` bytes. With the text, whole lines, come the number of lines left
+    out and the bytes in them, and bytes of the text read, empty ones left out.
     """
     rest, taken, written, lost, ended = b"", 0, 0, 0, False
     while not ended:
         piece = stream.read(size)
         taken += len(piece)
-        if file:
-            check_unpacked(file.size(), taken)
+        check_unpacked(packed, taken)
         ended = not piece
         if not piece.isascii() or b"\0" in piece:
             piece = piece.translate(_ASCII)

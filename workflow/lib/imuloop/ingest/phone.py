@@ -31,28 +31,23 @@ _TABLES = (*delimited.ENDINGS, ".tsv", ".tab")
 _AXIS = re.compile(r"(.{,99}?)\s*([xyz])\s*(?:\((.*)\))?", re.IGNORECASE)
 
 
-@dataclass(frozen=True)
-class _App:
-    """How an app writes: columns that show it, time first, and its sensors, the best first."""
-
-    name: str
-    marks: tuple[str, ...]
-    time_unit: str
-    acceleration: tuple[str, ...]
-    angular_rate: tuple[str, ...]
-
-
-# of Sensor Logger first what is logged before the corrections that the phone makes at run time
-_APPS = (
-    _App("phyphox", ("time (s)",), "s", ("acceleration", "accelerometer"), ("gyroscope",)),
-    _App(
-        "Sensor Logger",
+# how an app writes: columns that show it, time first, unit of time, its sensors, the best first; of
+# Sensor Logger first what is logged before the corrections that the phone makes at run time
+_APPS = {
+    "phyphox": (
+        ("time (s)",),
+        "s",
+        {"acceleration": ("acceleration", "accelerometer"), "angular_rate": ("gyroscope",)},
+    ),
+    "Sensor Logger": (
         ("time", "seconds_elapsed"),
         "ns",
-        ("accelerometeruncalibrated", "totalacceleration"),
-        ("gyroscopeuncalibrated", "gyroscope"),
+        {
+            "acceleration": ("accelerometeruncalibrated", "totalacceleration"),
+            "angular_rate": ("gyroscopeuncalibrated", "gyroscope"),
+        },
     ),
-)
+}
 # units of Sensor Logger's accelerations from iOS, which have its sign unless standardised
 _IOS_UNITS = {"totalacceleration": "m/s^2", "accelerometeruncalibrated": "g"}
 _IOS_UNITS |= {"accelerometer": "m/s^2", "gravity": "m/s^2"}
@@ -66,7 +61,7 @@ class _Table:
     `count` is a RawLog with the lines and bytes that were left out.
     """
 
-    app: _App
+    app: str
     stream: Stream
     sensors: dict
     count: object
@@ -97,9 +92,9 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
             return _plain(archive, members, columns, batch_rows, most)
         events = _events(archive, members)
     app = tables[0].app
-    tables = [table for table in tables if table.app is app]
-    notes = [f"an export of {app.name}"]
-    if app.name == "phyphox":
+    tables = [table for table in tables if table.app == app]
+    notes = [f"an export of {app}"]
+    if app == "phyphox":
         tables = _with_pauses(tables, events, notes)
     elif not about:
         notes.append("no Metadata.csv: taken as SI with Android's signs; see units.acceleration")
@@ -222,22 +217,19 @@ def _table(name, text, turned, batch_rows):
         return None
     name, names = one_line(name), [one_line(each) for each in layout.names]
     lower = [each.lower() for each in names]
-    app = next((app for app in _APPS if {*app.marks} <= {*lower}), None)
+    app = next((name for name, (marks, *_) in _APPS.items() if {*marks} <= {*lower}), None)
     sensors = _sensors(name, names)
     if app is None or not (sensors or guess(names)["temperature"]):
         return None
-    time = lower.index(app.marks[0])
+    marks, time_unit, best = _APPS[app]
+    time = lower.index(marks[0])
     others = {each: i for i, each in reversed([*enumerate(names)]) if i != time}
     stamps, values, count, lost = _series(text, layout, [time, *others.values()], batch_rows)
     count.bad_lines += lost
     fields = dict(zip(others, values, strict=True))
-    units = {"time": app.time_unit}
+    units = {"time": time_unit}
     for quantity, usual in _USUAL_UNITS.items():
-        own = [
-            unit_of(quantity, (0, 1, 2), sensors[sensor])
-            for sensor in getattr(app, quantity)
-            if sensor in sensors
-        ]
+        own = [unit_of(quantity, (0, 1, 2), sensors[s]) for s in best[quantity] if s in sensors]
         units[quantity] = next(filter(None, own), usual)
     for sensor in _IOS_UNITS.keys() & sensors.keys() if turned else ():
         units["acceleration"] = _IOS_UNITS[sensor]
@@ -270,7 +262,7 @@ def _usual(quantity, tables, notes):
     """Return the names of the three columns that the app has for a quantity, the best it has."""
     found = [
         (sensor, table)
-        for sensor in getattr(tables[0].app, quantity)
+        for sensor in _APPS[tables[0].app][2][quantity]
         for table in tables
         if sensor in table.sensors and len(table.stream.stamps)
     ]
