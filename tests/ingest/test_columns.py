@@ -65,6 +65,12 @@ def test_the_time_column_is_one_whose_unit_is_of_time(names, at, unit):
     assert (found.time, found.units["time"]) == (at, unit)
 
 
+def test_what_begins_as_a_sensor_is_none():
+    names = [f"{stem}_{axis}" for stem in ("accuracy", "gyro", "accel_bias") for axis in "xyz"]
+    found = resolve(["t", *names])
+    assert found.acceleration is None and found.angular_rate == (4, 5, 6)
+
+
 def test_the_stamp_of_a_message_comes_before_its_receipt():
     # as rostopic echo -p prints it
     names = "%time field.header.seq field.header.stamp ax ay az gx gy gz".split()

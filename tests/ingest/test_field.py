@@ -146,6 +146,14 @@ def test_names_in_two_rows(log, run, tmp_path):
     assert done.quality["columns"]["angular_rate"] == [f"Rate gyro {a}" for a in "xyz"]
 
 
+def test_text_below_the_names_costs_its_line(log, run, tmp_path):
+    head, body = log.to_csv(index=False).split("\n", 1)
+    (tmp_path / "log.csv").write_text(f"{head}\nstart,of,the,second,recording,at,noon\n{body}")
+    done = run(tmp_path / "log.csv")
+    np.testing.assert_array_equal(done.samples[[*log]], log)
+    assert done.quality["bad_lines"] + done.quality["non_finite"] == 1
+
+
 @pytest.mark.parametrize("form", ["%d-%b-%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f"])
 def test_dates_with_the_name_of_the_month(log, run, tmp_path, form):
     moments = pd.Timestamp("2023-02-28T23:59:58.500") + pd.to_timedelta(log.t, unit="s")

@@ -37,8 +37,8 @@ _NAMES = {
     ),
 }
 _KNOWN = {name for pair in _NAMES.values() for usual in pair for name in usual}
-# beginnings of words that name a sensor among others, and words of what is not its output
-_HINTS = {"acceleration": "acc", "angular_rate": "gyr"}
+# words that name a sensor among others, and words of what is not its output
+_HINTS = {"acceleration": r"(uncal)?acc(s|e|el\w*)?", "angular_rate": r"(uncal)?gyr\w*"}
 _NO_OUTPUT = set(
     "linear lin free user gravity without bias offset scale std var cov covariance variance mean"
     " earth world global ned enu ref reference true setpoint delta inc linacc freeacc".split()
@@ -257,12 +257,12 @@ def lacking(quantity, columns):
 
 
 def _hinted(quantity, names, alone):
-    """Return columns whose names begin a word as a sensor's; of a log of one sensor, any three."""
+    """Return columns in whose names is a sensor's; of a log of one sensor, any three."""
     triples, hint = _triples(names), _HINTS[quantity]
     found = [
         (at, stem)
         for (stem, words), axes in triples.items()
-        if any(word.startswith(hint) for word in words) and not _NO_OUTPUT & {*words}
+        if any(re.fullmatch(hint, word) for word in words) and not _NO_OUTPUT & {*words}
         for at in axes
     ]
     every = [(at, stem) for (stem, _), axes in triples.items() for at in axes]
@@ -422,12 +422,7 @@ def named_sensor(text):
     words = _split(str(text))
     if _NO_OUTPUT & {*words}:
         return None
-    found = {
-        quantity
-        for quantity, hint in _HINTS.items()
-        for word in words
-        if word.removeprefix("uncal").startswith(hint)
-    }
+    found = {q for q, hint in _HINTS.items() for word in words if re.fullmatch(hint, word)}
     return found.pop() if len(found) == 1 else None
 
 

@@ -144,13 +144,17 @@ def find_layout(path, least=LEAST):
         names = _commented_header(comments[-1], separator, width)
     for i in [i for i in rows if i >= first][: _HEADERS if names else 0]:
         more = fields[i]
-        if units or len(more) != width or any(map(_is_number, more)) or not any(more):
+        if units or len(more) != width or any(map(_is_number, more)):
             break
-        first = i + 1
+        letters = {text[:1].lower() for text in more} | {text[-1:].lower() for text in more}
         if _are_units(more):
             units = [*more, *[""] * arrow]
-        elif more != names:
-            names = _joined(names, more)
+        elif {*AXES} <= letters:
+            names = _joined(names, more) if more != names else names
+        else:
+            # what is neither units nor axes costs its line
+            break
+        first = i + 1
     rows = [fields[i] for i in rows if i >= first]
     # the point of a date is not that of the numbers beside it
     numbers = "".join(x for row in rows for x in row if _is_number(x) and not _DATE.match(x))
