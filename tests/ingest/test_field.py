@@ -116,7 +116,7 @@ def test_a_time_and_an_arrow_before_each_line(log, run, tmp_path, separator, hea
     (tmp_path / "log.txt").write_text("\n".join(before + lines) + "\n")
     # columns are counted after the arrow
     numbers = {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]}
-    done = run(tmp_path / "log.txt", columns=None if headed else numbers)
+    done = run(tmp_path / "log.txt", columns={} if headed else numbers)
     assert (len(done.samples), done.quality["bad_lines"]) == (len(log), 0)
     np.testing.assert_array_equal(done.samples[[*CHANNELS]], log[[*CHANNELS]])
     np.testing.assert_allclose(done.samples.t, log.t, atol=1e-9)
@@ -354,3 +354,39 @@ def test_rows_that_begin_with_the_name_of_the_sensor(log, run, tmp_path, head):
     done = run(tmp_path / "log.txt")
     check_two(done, log)
     assert done.metadata["units"]["time"] == ("ns" if head == "comments" else "s")
+
+
+# --- signs
+
+
+def test_a_sign_is_turned_by_the_name_of_a_column(log, run, tmp_path):
+    turned = log.assign(ay=-log.ay, gz=-log.gz)
+    turned.to_csv(tmp_path / "log.csv", index=False)
+    columns = {"acceleration": ["ax", "-ay", "az"], "angular_rate": ["gx", "gy", "-gz"]}
+    done = run(tmp_path / "log.csv", columns=columns)
+    np.testing.assert_array_equal(done.samples[[*CHANNELS]], log[[*CHANNELS]])
+    turned.to_csv(tmp_path / "log.csv", index=False, header=False)
+    columns = {"time": 0, "acceleration": [1, "-2", 3], "angular_rate": [4, 5, "-6"]}
+    done = run(tmp_path / "log.csv", columns=columns)
+    np.testing.assert_array_equal(done.samples[[*CHANNELS]], log[[*CHANNELS]])
+    with pytest.raises(ImuloopError, match="no column 'az2'"):
+        turned.to_csv(tmp_path / "log.csv", index=False)
+        run(tmp_path / "log.csv", columns={"acceleration": ["ax", "ay", "-az2"]})
+
+
+def test_the_sign_of_lpms_is_turned(log, run, tmp_path):
+    """Protects from a calibration with every force reversed, which nothing else shows."""
+    names = ["SensorId", "TimeStamp (s)", "FrameNumber"]
+    names += [f"Acc{a} (g)" for a in "XYZ"] + [f"Gyro{a} (deg/s)" for a in "XYZ"]
+    table = np.column_stack(
+        [
+            *(np.ones(len(log)), log.t, np.arange(len(log))),
+            *(-log[a] / 9.80665 for a in ACCELERATION),
+            *(log[a] / DEGREE for a in ANGULAR_RATE),
+        ]
+    )
+    lines = [", ".join(map(repr, row)) for row in table.tolist()]
+    (tmp_path / "log.csv").write_text("\n".join([", ".join(names), *lines]))
+    done = run(tmp_path / "log.csv")
+    np.testing.assert_allclose(done.samples[[*CHANNELS]], log[[*CHANNELS]], rtol=1e-12)
+    assert any("sign of its acceleration is turned" in line for line in done.quality["warnings"])

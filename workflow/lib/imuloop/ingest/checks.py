@@ -567,5 +567,5 @@ def _axes(found):
         )
     return [
         f"the angular rate fits the turns of gravity with {fits}: {fault}; gravity does not tell "
-        "which sensor is at fault; columns puts axes in order, a sign has to be turned in the log"
+        "which sensor is at fault; columns puts axes in order and turns a sign: -NAME"
     ]

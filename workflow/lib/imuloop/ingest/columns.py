@@ -127,7 +127,7 @@ class Columns:
     holds further raw columns, of numbers or stamps: ``interval.SENSOR``, the interval of a sensor's
     increments, ``pps.counter``, ``pps.time``, and those declared as ``others``. `increments` holds
     the sensors whose columns' names say that they are logged as such, `units` the units that the
-    names state.
+    names state, `turned` the axes whose sign is turned.
     """
 
     acceleration: tuple[int, int, int] | None = None
@@ -138,6 +138,7 @@ class Columns:
     increments: frozenset = frozenset()
     units: dict = field(default_factory=dict)
     part_ns: int = 1
+    turned: frozenset = frozenset()
 
     def raw(self):
         """Return name of each raw column -> its position: those that are stamps come first."""
@@ -242,8 +243,19 @@ def resolve(names, declared=None, headed=True):
         # KEY.NUMBER
         others[name] = position(name.rpartition(".")[0], value, names, headed)
     check_each_once({q: [f"{i}, '{names[i]}'," for i in _tuple(at)] for q, at in chosen.items()})
+    turned = frozenset(
+        axis
+        for quantity, axes in SENSORS.items()
+        for axis, value in zip(axes, declared.get(quantity) or (), strict=False)
+        if without_sign(value, names)[1]
+    )
     return Columns(
-        **chosen, others=others, increments=frozenset(summed), units=units, part_ns=part_ns
+        **chosen,
+        others=others,
+        increments=frozenset(summed),
+        units=units,
+        part_ns=part_ns,
+        turned=turned,
     )
 
 
@@ -338,9 +350,19 @@ def _declared(quantity, value, names, headed):
     if several and quantity not in SENSORS and (quantity != "time" or len(value) != 2):
         more = ", nor two of whole seconds and nanoseconds" * (quantity == "time")
         raise ImuloopError(f"columns.{quantity}: {value!r} is not a column{more}")
+    if quantity in SENSORS:
+        value = [without_sign(item, names)[0] for item in value]
     if several:
         return tuple(position(quantity, item, names, headed) for item in value)
     return position(quantity, value, names, headed)
+
+
+def without_sign(column, names=()):
+    """Return a declared column of a sensor, and whether its sign is turned: ``-AccX``, ``-3``."""
+    if isinstance(column, str) and column.startswith("-") and column not in names:
+        bare = column[1:]
+        return (int(bare) if bare.isdecimal() else bare), True
+    return column, False
 
 
 def position(quantity, value, names, headed):

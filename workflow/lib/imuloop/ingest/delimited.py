@@ -4,7 +4,7 @@ import csv
 import os
 import re
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ import pyarrow.compute as pc
 import pyarrow.csv
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
-from imuloop.core.samples import refuse_calibrated
+from imuloop.core.samples import ACCELERATION, refuse_calibrated
 from imuloop.ingest.columns import (
     AXES,
     SENSORS,
@@ -295,6 +295,10 @@ def _is_number(text):
 # --- its columns
 
 
+# columns of a table whose acceleration has the opposite sign, as of LPMS: face up it reads -1 g
+OPPOSITE = ("SensorId", "TimeStamp (s)", "FrameNumber", "AccX (g)")
+
+
 def read(paths, columns=None, batch_rows=1 << 16):
     """Read a text table, a path or bytes; a compressed file (.gz, .bz2, ...) is unpacked.
 
@@ -314,6 +318,9 @@ def read(paths, columns=None, batch_rows=1 << 16):
     chosen = resolve(layout.names, columns, layout.headed)
     _check_stamps(layout, chosen)
     notes = [f"{layout.preamble} line(s) before the table skipped"] if layout.preamble else []
+    if {*OPPOSITE} <= {*layout.names} and "acceleration" not in (columns or {}):
+        chosen = replace(chosen, turned=frozenset(ACCELERATION))
+        notes.append("a table of LPMS: the sign of its acceleration is turned: specific force")
 
     def batches(log, rows):
         places = [*chosen.raw().values()]

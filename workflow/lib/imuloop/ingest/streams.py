@@ -9,7 +9,15 @@ import pyarrow as pa
 from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean, one_line
 from imuloop.core.samples import GAP_STEPS, SENSORS, TEMPERATURE
 from imuloop.ingest.clocks import Clock
-from imuloop.ingest.columns import AXES, HELD, STAMP, check_each_once, guess, listed
+from imuloop.ingest.columns import (
+    AXES,
+    HELD,
+    STAMP,
+    check_each_once,
+    guess,
+    listed,
+    without_sign,
+)
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS
 
@@ -80,6 +88,9 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
         stamps, units = own.fields[name], {}
     for quantity, (own, fields) in chosen.items():
         values = own.values(fields)
+        declared = columns.get(quantity)
+        if isinstance(declared, (list, tuple)):
+            values *= [[-1.0 if without_sign(column)[1] else 1.0] for column in declared]
         if own is not clock and not np.array_equal(own.stamps, clock.stamps):
             values, arrays[HELD], note = _nearest(clock, own, values)
             slower, notes = _SENSOR_OF[quantity], [*notes, f"{quantity} of {own.name} {note}"]
@@ -195,7 +206,7 @@ def _declared(quantity, columns, streams):
         return found[0]
     if not isinstance(declared, (list, tuple)) or len(declared) != len(AXES):
         raise ImuloopError(f"columns.{quantity}: {declared!r} is not a list of three columns")
-    located = [_locate(quantity, each, streams) for each in declared]
+    located = [_locate(quantity, without_sign(each)[0], streams) for each in declared]
     if len({stream.name for stream, _ in located}) > 1:
         raise ImuloopError(f"columns.{quantity}: x, y and z are not in one stream")
     return located[0][0], [name for _, name in located]

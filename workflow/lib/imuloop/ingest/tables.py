@@ -5,6 +5,7 @@ from itertools import chain
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, RejectedLog
@@ -83,6 +84,7 @@ def named_batches(names, chosen, batches):
 
     for columns in batches:
         arrays = {key: converted(key, x) for key, x in zip(raw, columns, strict=True)}
+        arrays |= {axis: pc.negate(arrays[axis]) for axis in chosen.turned}
         if FRACTION in arrays:
             parts = arrays.pop(FRACTION)
             arrays[STAMP] = joined_stamps(arrays[STAMP], parts, chosen.part_ns)
