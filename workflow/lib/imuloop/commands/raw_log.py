@@ -68,8 +68,8 @@ def add_arguments(command):
         default=[],
         metavar="QUANTITY=NAME",
         help="as in the config: time=stamp acceleration=fx,fy,fz angular_rate=p,q,r temperature=T; "
-        "-fx turns a sign; time=sec,nsec; time=null for none; a stream or variable that holds all three axes, "
-        "acceleration=/imu_a; by number from 0 in a log without header",
+        "-fx turns a sign; time=sec,nsec; time=null for none; a stream or variable that holds all "
+        "three axes, acceleration=/imu_a; by number from 0 in a log without header",
     )
     group.add_argument("--acceleration-unit", metavar="UNIT", help=", ".join(UNITS["acceleration"]))
     group.add_argument("--angular-rate-unit", metavar="UNIT", help=", ".join(UNITS["angular_rate"]))
