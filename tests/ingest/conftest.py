@@ -80,7 +80,7 @@ def run(tmp_path):
         where |= {key: declared.pop(key) for key in {*where, "batch_rows", "threads"} & {*declared}}
         ingest(
             **where,
-            declared=Declared(**declared),
+            declared=Declared(**{key: each for key, each in declared.items() if each is not None}),
             paths=paths,
             samples_path=target,
             quality_path=tmp_path / "out" / "quality.json",
