@@ -103,8 +103,20 @@ def play(values, half_width, t=None, past=None):
     """
     last = _before(past, t)
     at = next(iter(values[:1] if last is None else past["p"][last:]), 0.0)
-    walls = zip((values - half_width).tolist(), (values + half_width).tolist(), strict=True)
-    p = np.array([at := min(max(at, low), high) for low, high in walls])
+    low, high = values - half_width, values + half_width
+    # clamps one after the other are one clamp: that up to each sample of √n stretches side by side
+    count = max(int(np.sqrt(len(values))), 1)
+    more = -len(values) % count
+    low, high = (np.pad(x, (0, more)).reshape(-1, count).T for x in (low, high))
+    lower, upper = low.copy(), high.copy()
+    for k in range(1, count):
+        for ends in (lower, upper):
+            ends[k] = np.minimum(np.maximum(ends[k - 1], low[k]), high[k])
+    starts = []
+    for first, last in zip(lower[-1].tolist(), upper[-1].tolist(), strict=True):
+        starts.append(at)
+        at = min(max(at, first), last)
+    p = np.minimum(np.maximum(starts, lower), upper).T.ravel()[: len(values)]
     if past is not None:
         past.update(t=t, p=p)
     return p

@@ -1,7 +1,7 @@
 """Evidence: products of residuals and patterns under every hypothesis about the noise."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -78,6 +78,8 @@ class Evidence:
     as_estimated_mask: np.ndarray | None = None
     # hypothesis at which nuisances are estimated; that of the parameters by default
     nuisance_index: int | None = None
+    # squares of records of noise that were drawn, by block and record: see `limits`
+    squares: dict = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self):
         """Enter the residuals of each axis."""

@@ -8,6 +8,8 @@ from scipy.special import softmax
 
 # square of the share of a pattern that has to be left by what is known, for it to be seen
 ABSORBED = 1e-6
+# bytes of products beyond which those of a part of the data are not kept
+KEPT = 1 << 23
 
 
 @dataclass(frozen=True)
@@ -15,8 +17,9 @@ class Fit:
     """Least squares of one axis under every hypothesis about the noise."""
 
     theta: np.ndarray  # (h, k): parameters
-    # (h, k, k): their covariance where the noise has the size of the hypothesis
-    inverse: np.ndarray
+    # (h, k, k): products of their columns of length one, and these lengths, (h, k)
+    products: np.ndarray
+    size: np.ndarray
     square: np.ndarray  # (h,): χ² of the residual; (h, m) of m records at once
     log_weight: np.ndarray  # (h,) or (h, m): logarithm of restricted likelihood times prior
     dof: int  # degrees of freedom
@@ -31,6 +34,11 @@ class Fit:
     def spent(self):
         """What the residuals take from the logarithm of the weight, shape (h,) or (h, m)."""
         return (self.dof * np.log(self.scale) + self.square / self.scale) / 2
+
+    @cached_property
+    def inverse(self):
+        """Their covariance where the noise has the size of the hypothesis, (h, k, k)."""
+        return np.linalg.inv(self.products) / self.size[:, :, None] / self.size[:, None]
 
     @property
     def covariance(self):
@@ -132,72 +140,107 @@ class FoldFit:
         self._gram, self._whole = grown, np.append(self._whole, whole)
 
     def release(self):
-        """Let go of all products, 40 MB for each part of the data; they are made again if asked."""
-        self._gram, self._whole = None, np.zeros(0)
-        for kept in (self._place, self._sides, self._fits):
-            kept.clear()
+        """Let go of fits, and of products that are large; they are made again if asked."""
+        self._fits.clear()
+        if self._gram is not None and self._gram.nbytes > KEPT:
+            self._gram, self._whole = None, np.zeros(0)
+            self._place.clear()
+            self._sides.clear()
 
-    def precision(self, i, point):
-        """Return the precision of the rows that are seen of a block, its nuisances taken out."""
+    def weighted(self, i, point, columns):
+        """Return ``P̃ X`` of columns X of a block, (n, k), zero in the rows that are held out.
+
+        P̃ is the precision of the rows that are seen, the nuisances taken out.
+        """
         whole, held = self.evidence.blocks[i].noise.precision[point], self.held[i]
-        seen = np.delete(np.arange(len(whole)), held)
-        side = np.column_stack([whole[:, held], self.evidence.sides[i][point]])[seen]
-        side = side @ self._roots[i][point]
-        return whole[np.ix_(seen, seen)] - side @ side.T
+        found = whole @ columns
+        taken = self._roots[i][point] @ self.taken(i, point, found.T).T
+        found -= whole[:, held] @ taken[: len(held)]
+        found -= self.evidence.sides[i][point] @ taken[len(held) :]
+        found[held] = 0.0
+        return found
+
+    def taken(self, i, point, weighted):
+        """Return t, (..., u), by which ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, of the rows ``xᵀ P`` of x."""
+        nuisance = self.evidence.blocks[i].nuisance
+        side = np.concatenate([weighted[..., self.held[i]], weighted @ nuisance], axis=-1)
+        return side @ self._roots[i][point]
+
+    def with_vectors(self, i, columns, vectors):
+        """Return ``Zᵀ P̃ V`` of columns Z and other vectors V of a block, (n, m), and what V lose.
+
+        (h, k, m), and by how much ``vᵀ P̃ v`` is less than ``vᵀ P v``, (h, m).
+        """
+        self.gram(columns)
+        place, whole = [self._place[c] for c in columns], self.evidence.blocks[i].noise.precision
+        weighted = np.stack([self.evidence.weighted[i][c] for c in columns], axis=1)
+        own = np.swapaxes(self.evidence.sides[i], 1, 2) @ vectors
+        own = np.concatenate([whole[:, self.held[i]] @ vectors, own], axis=1)
+        taken = np.swapaxes(self._roots[i], 1, 2) @ own
+        return weighted @ vectors - self._sides[i][:, place] @ taken, (taken**2).sum(axis=1)
 
     def fit(self, effects, axis):
         """Return the Fit of an axis to effects; None where they are not independent."""
-        key = tuple(effects), axis
+        key = tuple(effects)
         if key not in self._fits:
-            (self._fits[key],) = self.fits(effects, [()], axis)
-        return self._fits[key]
+            self._fits[key] = [fit for (fit,) in self.fits(effects, [()])]
+        return self._fits[key][axis]
 
-    def fits(self, base, more, axis):
-        """Return the Fits of an axis to base effects with each of several tuples of further ones.
+    def fits(self, base, more):
+        """Return by axis the Fits to base effects with each of several tuples of further ones.
 
         None where their columns are not independent, or as many as rows.
         """
-        columns_of, value, found = self.evidence.columns_of, self.values[axis], [None] * len(more)
-        known = columns_of(base, axis)
-        sets = [(*known, *columns_of(effects, axis)) for effects in more]
-        self.gram((value, *(c for columns in sets for c in columns)))
-        for width in set(map(len, sets)):
-            at = [k for k, columns in enumerate(sets) if len(columns) == width]
-            own = np.array([sets[k] for k in at], dtype=int)
-            for k, fit in zip(at, self._fit(value, own), strict=True):
-                found[k] = fit
+        columns_of, groups = self.evidence.columns_of, {}
+        found = [[None] * len(more) for _ in self.values]
+        for axis in range(len(self.values)):
+            known = columns_of(base, axis)
+            for k, effects in enumerate(more):
+                columns = (*known, *columns_of(effects, axis))
+                groups.setdefault(len(columns), {}).setdefault(columns, []).append((axis, k))
+        self.gram((*self.values, *(c for sets in groups.values() for own in sets for c in own)))
+        for sets in groups.values():
+            # axes that have the same columns share what these take
+            for each, own in zip(self._fit(list(sets)), sets.values(), strict=True):
+                for axis, k in own:
+                    found[axis][k] = each and each[axis]
         return found
 
-    def _fit(self, value, sets):
-        """Return the fits to sets of as many columns, shape (s, k)."""
+    def _fit(self, sets):
+        """Return of sets of as many columns the fits by axis, None where not independent."""
+        sets = np.array(sets, dtype=int)
         count, k = sets.shape
         dof, least = self.rows - k, self.evidence.least
         if dof < 1:
             return [None] * count
-        place, at = np.vectorize(self._place.get, otypes=[int])(sets), self._place[value]
-        product, total = self._gram[:, at, :][:, place], self._gram[:, at, at][:, None]
+        place = np.array([self._place[c] for c in sets.ravel().tolist()], int).reshape(count, k)
+        at = np.array([self._place[value] for value in self.values])
+        # (h, s, k, axes), and (h, 1, axes)
+        product, total = self._gram[:, place[:, :, None], at], self._gram[:, None, at, at]
         own = self._gram[:, place[:, :, None], place[:, None]]
         size = np.sqrt(np.maximum(np.einsum("hskk->hsk", own), 0.0))
         independent = np.all(size[0] ** 2 > ABSORBED * self._whole[place], axis=1)
         size = np.where(size > 0, size, 1.0)
-        own, product = own / size[..., :, None] / size[..., None, :], product / size
+        own, product = own / size[..., :, None] / size[..., None, :], product / size[..., None]
         independent &= np.linalg.eigvalsh(own[0]).min(axis=1, initial=1.0) > ABSORBED
         # what is not independent is not inverted
         own[:, ~independent] = np.eye(k)
-        inverse = np.linalg.inv(own)
-        theta = (inverse @ product[..., None])[..., 0]
+        theta = np.linalg.solve(own, product)
         square = np.maximum(total - (theta * product).sum(axis=2), 1e-12 * total)
         log_det = self.log_det[:, None] + np.linalg.slogdet(own)[1] + 2 * np.log(size).sum(axis=2)
-        theta, inverse = theta / size, inverse / size[..., :, None] / size[..., None, :]
+        theta = theta / size[..., None]
         scale = np.maximum(least, square / dof)
-        log_weight = self.evidence.prior[:, None] - log_det / 2
+        log_weight = (self.evidence.prior[:, None] - log_det / 2)[..., None]
         log_weight = log_weight - (dof * np.log(scale) + square / scale) / 2
-        return [
-            Fit(theta[:, s], inverse[:, s], square[:, s], log_weight[:, s], dof, least)
-            if independent[s]
-            else None
-            for s in range(count)
-        ]
+
+        def by_axis(s):
+            each = ((x[:, s, ..., a] for x in (theta, square, log_weight)) for a in range(len(at)))
+            return [
+                Fit(theta, own[:, s], size[:, s], square, log_weight, dof, least)
+                for theta, square, log_weight in each
+            ]
+
+        return [by_axis(s) if independent[s] else None for s in range(count)]
 
     def point(self, fit):
         """Return the hypothesis at which parameters are estimated: the likeliest of the still."""
@@ -265,12 +308,11 @@ class FoldFit:
         Σ, averaged over all.
         """
         point, information, spread = self.point(fit), 0.0, 0.0
-        for i, (held, own) in enumerate(zip(self.held, self.evidence.split(rows), strict=True)):
-            seen = np.delete(np.arange(len(own)), held)
-            weighted = self.precision(i, point) @ own[seen]
+        for i, own in enumerate(self.evidence.split(rows)):
+            weighted = self.weighted(i, point, own)
             noise = self.evidence.blocks[i].noise.mean(fit.weight * fit.scale)
-            information = information + own[seen].T @ weighted
-            spread = spread + weighted.T @ noise[np.ix_(seen, seen)] @ weighted
+            information = information + own.T @ weighted
+            spread = spread + weighted.T @ noise @ weighted
         return information, spread
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
 import numpy as np
-from scipy.linalg import block_diag
+from scipy.linalg import block_diag, solve_triangular
 from scipy.special import ndtr, ndtri
 
 from imuloop.core.fisher import fisher
@@ -52,7 +52,7 @@ def detection_limits(search, base, trial, power, kept=True):
         fit = fold_fit.fit((*base, *trial.effects), axis) if own else None
         if fit is None:
             continue
-        records = _records(fold_fit, fit, search.problem.settings.seed)
+        records = _Records.of(fold_fit, fit, search.problem.settings.seed)
         drawn = _Drawn.of(search, fold_fit, effects, axis, records)
         shown = [names[p] for p in pattern.parameters[axis]]
         for together in dict.fromkeys(map(trial.effect.together, shown)):
@@ -88,16 +88,14 @@ class _Drawn:
     @classmethod
     def of(cls, search, fold_fit, effects, axis, records):
         """Return them for effects of a base model, of its pattern and of what is added."""
-        evidence, (values, variance) = fold_fit.evidence, records
+        evidence, values = fold_fit.evidence, records.values
         columns, own, added = each = [evidence.columns_of(e, axis) for e in effects]
         fits = fold_fit.fit(effects[0], axis), fold_fit.fit((*effects[0], *effects[1]), axis)
-        product, square = 0.0, 0.0
-        every = evidence.split(evidence.matrix((*columns, *own, *added)))
-        for i, (z, own_values) in enumerate(zip(every, values, strict=True)):
-            weighted = [fold_fit.precision(i, h) @ own_values for h in range(len(evidence.prior))]
-            product = product + np.array([z.T @ w for w in weighted])
-            square = square + np.array([(own_values * w).sum(axis=0) for w in weighted])
-        whole = np.concatenate([fold_fit.gram((*columns, *own, *added)), product], axis=2)
+        product, square, numbers = 0.0, 0.0, (*columns, *own, *added)
+        for i, drawn in enumerate(values):
+            of_columns, lost = fold_fit.with_vectors(i, numbers, drawn)
+            product, square = product + of_columns, square + records.squares(i, evidence) - lost
+        whole = np.concatenate([fold_fit.gram(numbers), product], axis=2)
         k, q, left = whole.shape[1], len(added), []
         for n in (len(columns), len(columns) + len(own)):
             side = whole[:, :n, k - q :]
@@ -122,7 +120,7 @@ class _Drawn:
             tuple(left),
             tuple(np.split(e / measure, [RECORDS], axis=1) for e in errors),
             np.array([rows & of_part for rows in search.problem.groups()]),
-            variance / measure[:, 0] ** 2,
+            records.variance / measure[:, 0] ** 2,
             np.random.default_rng(search.problem.settings.seed).multinomial(
                 len(parts), np.full(len(parts), 1 / len(parts)), DRAWS
             ),
@@ -205,20 +203,51 @@ def _least(share, smallest, power):
     return low * (high / low) ** (lacking / (lacking - excess))
 
 
-def _records(fold_fit, fit, seed):
-    """Return drawn noise, (n, m) of each block, and its variance, shape (N,)."""
-    rng, values, variance = np.random.default_rng(seed), [], []
-    # each hypothesis as often as it is likely, by numbers that rounding does not move
-    share = np.cumsum(np.round(fit.weight, 6))
-    drawn = np.searchsorted(share / share[-1], (np.arange(RECORDS) + 0.5) / RECORDS)
-    for block in fold_fit.evidence.blocks:
-        white, spread = rng.standard_normal((len(block.values), RECORDS)), 0.0
-        for h in np.unique(drawn):
-            precision = block.noise.precision[h] / fit.scale[h]
-            # with L Lᵀ = P white numbers become noise by L⁻ᵀ
-            root = np.linalg.cholesky(precision).T
-            white[:, drawn == h] = np.linalg.solve(root, white[:, drawn == h])
-            spread = spread + (drawn == h).mean() / np.diag(precision)
-        values.append(white)
-        variance.append(spread)
-    return values, np.concatenate(variance)
+@dataclass(frozen=True)
+class _Records:
+    """Records of noise that are drawn for a fit."""
+
+    evidence: object  # whose noise they have
+    # (m,): the hypothesis about the noise that each is drawn by, and the size of its variance
+    drawn: np.ndarray
+    scale: np.ndarray
+    values: list  # (n, m) of each block
+    variance: np.ndarray  # (N,): of the noise
+
+    @classmethod
+    def of(cls, fold_fit, fit, seed):
+        """Return them for a Fit of a FoldFit, by a seed."""
+        rng, values, variance = np.random.default_rng(seed), [], []
+        # each hypothesis as often as it is likely, by numbers that rounding does not move
+        share = np.cumsum(np.round(fit.weight, 6))
+        drawn = np.searchsorted(share / share[-1], (np.arange(RECORDS) + 0.5) / RECORDS)
+        for block in fold_fit.evidence.blocks:
+            white, spread = rng.standard_normal((len(block.values), RECORDS)), 0.0
+            for h in np.unique(drawn):
+                precision = block.noise.precision[h] / fit.scale[h]
+                # with L Lᵀ = P white numbers become noise by L⁻ᵀ
+                root = np.linalg.cholesky(precision)
+                white[:, drawn == h] = solve_triangular(root.T, white[:, drawn == h])
+                spread = spread + (drawn == h).mean() / np.diag(precision)
+            values.append(white)
+            variance.append(spread)
+        own = fit.scale[drawn], values, np.concatenate(variance)
+        return cls(fold_fit.evidence, drawn, *own)
+
+    def squares(self, i, evidence):
+        """Return ``vᵀ P v`` of each record in a block by each hypothesis of some evidence, (h, m).
+
+        The white numbers are always the same: those of a record that the same hypothesis drew
+        before differ in size alone, and are not computed twice.
+        """
+        known = evidence.squares.setdefault(i, {}) if evidence is self.evidence else {}
+        drawn = list(zip(self.drawn.tolist(), range(RECORDS), strict=True))
+        new = [m for m, key in enumerate(drawn) if key not in known]
+        if new:
+            values = self.values[i][:, new]
+            each = (
+                (values * (own @ values)).sum(axis=0) for own in evidence.blocks[i].noise.precision
+            )
+            found = np.array(list(each)) / self.scale[new]
+            known |= {drawn[m]: own for m, own in zip(new, found.T, strict=True)}
+        return np.array([known[key] for key in drawn]).T * self.scale

@@ -1,5 +1,7 @@
 """P-values of the parameters that one fit has beyond another, whatever the noise is."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.special import betainc, betaln
 
@@ -46,7 +48,22 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     return total(weight + tail)
 
 
-def log_p_value(without, fit, points=slice(None)):
-    """Return `averaged_log_p` of the parameters that a fit of one record has beyond another."""
-    q = fit.theta.shape[1] - without.theta.shape[1]
-    return float(averaged_log_p(without, fit, q, points))
+def log_p_values(pairs, points=slice(None)):
+    """Return `averaged_log_p` of the parameters that of each pair of Fits the second has more."""
+    found, alike = [None] * len(pairs), {}
+    for k, (without, fit) in enumerate(pairs):
+        alike.setdefault((without.dof, fit.dof), []).append(k)
+    for (more, dof), at in alike.items():
+        each = [_together([pairs[k][side] for k in at]) for side in (0, 1)]
+        log_p = averaged_log_p(*each, more - dof, points).tolist()
+        for k, own in zip(at, log_p, strict=True):
+            found[k] = own
+    return found
+
+
+def _together(fits):
+    """Return what tests need of m fits of as many parameters as one, its records those of all."""
+    square, log_weight = (
+        np.stack([getattr(fit, name) for fit in fits], axis=-1) for name in ("square", "log_weight")
+    )
+    return replace(fits[0], square=square, log_weight=log_weight)

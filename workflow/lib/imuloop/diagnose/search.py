@@ -10,7 +10,7 @@ from imuloop.core.effect import Effect
 from imuloop.core.fisher import fisher
 from imuloop.diagnose.fold_fit import pooled
 from imuloop.diagnose.likeness import ONE, SHARE, imitated_share, share_on_axes
-from imuloop.diagnose.p_values import log_p_value
+from imuloop.diagnose.p_values import log_p_values
 
 # share of log p by which shapes may differ and count as equally significant
 ALIKE = 0.05
@@ -96,23 +96,22 @@ class Search:
         method. With `points`, by some hypotheses alone.
         """
         fold_fit = self.fold_fit(base)
-        patterns = fold_fit.evidence.patterns(effects)
-        log_p = [{} for _ in patterns]
-        for axis in range(fold_fit.evidence.axes):
-            own = [k for k, p in enumerate(patterns) if p.columns[axis] and log_p[k] is not None]
-            without = fold_fit.fit(base, axis)
-            fits = fold_fit.fits(base, [(effects[k],) for k in own], axis)
-            for k, fit in zip(own, fits, strict=True):
-                if fit and without:
-                    log_p[k][axis] = log_p_value(without, fit, points)
-                else:
-                    log_p[k] = None
-        return [
-            Trial((effect,), float(fisher(found.values())), min(found, key=found.get), len(found))
-            if found
-            else None
-            for effect, found in zip(effects, log_p, strict=True)
+        patterns, axes = fold_fit.evidence.patterns(effects), range(fold_fit.evidence.axes)
+        shown = [[axis for axis in axes if p.columns[axis]] for p in patterns]
+        plain = [fold_fit.fit(base, axis) for axis in axes]
+        each = zip(*fold_fit.fits(base, [(e,) for e in effects]), strict=True)
+        pairs = [
+            [(plain[axis], fits[axis]) for axis in own]
+            for own, fits in zip(shown, each, strict=True)
         ]
+        seen = [k for k, own in enumerate(pairs) if own and all(p and f for p, f in own)]
+        log_p = iter(log_p_values([pair for k in seen for pair in pairs[k]], points))
+        found = [None] * len(effects)
+        for k in seen:
+            own = {axis: next(log_p) for axis in shown[k]}
+            joint = float(fisher(own.values()))
+            found[k] = Trial((effects[k],), joint, min(own, key=own.get), len(own))
+        return found
 
     def trial(self, base, cls, hopeful=False):
         """Return the best trial of an effect beside others, or None.
@@ -226,16 +225,19 @@ class Search:
             return []
         kinds = [c for c in self.problem.shapes if c not in used and np.isinf(c.limit)]
         shapes = [s for cls in kinds for s in self.problem.shapes[cls]]
-        alone = fold_fit.fits(base, [(shape,) for shape in shapes], 0)
+        (alone,) = fold_fit.fits(base, [(shape,) for shape in shapes])
         seen = [k for k, fit in enumerate(alone) if fit]
         pairs = [(i, j) for i, j in combinations(seen, 2) if shapes[i].kind != shapes[j].kind]
-        both = fold_fit.fits(base, [(shapes[i], shapes[j]) for i, j in pairs], 0)
+        (both,) = fold_fit.fits(base, [(shapes[i], shapes[j]) for i, j in pairs])
         tries, threshold, found = np.log(max(len(pairs), 1)), self.threshold(len(base)), []
-        for (i, j), fit in zip(pairs, both, strict=True):
-            if not fit:
-                continue
-            joint = log_p_value(fold_fit.fit(base, 0), fit) + tries
-            if max(joint, *(log_p_value(alone[k], fit) for k in (i, j))) >= threshold:
+        known = [(pair, fit) for pair, fit in zip(pairs, both, strict=True) if fit]
+        plain = fold_fit.fit(base, 0)
+        log_p = log_p_values(
+            [p for (i, j), fit in known for p in ((plain, fit), (alone[i], fit), (alone[j], fit))]
+        )
+        for ((i, j), _), own in zip(known, np.reshape(log_p, (-1, 3)), strict=True):
+            joint = float(own[0] + tries)
+            if max(joint, *own[1:]) >= threshold:
                 continue
             if max(imitated_share(fold_fit, base, shapes[i], shapes[j])) < SHARE:
                 found.append(Trial((shapes[i], shapes[j]), joint, 0, 1, tries))

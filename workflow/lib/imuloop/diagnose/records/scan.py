@@ -1,5 +1,7 @@
 """Scans of a record for a line of any frequency and a step at any time."""
 
+from functools import cache, partial
+
 import numpy as np
 
 from imuloop.calibrate.sensor_pair import OfSensor
@@ -21,21 +23,17 @@ POSES_BESIDE = {"accelerometer": 3, "gyroscope": 2}
 MOST_TIMES, CLOSE = 100, 0.01
 
 
-def whitened(search, base, axis):
-    """Return what is seen of one axis in each record, for a scan, and degrees of freedom.
+def residuals(search, base, axis):
+    """Return what effects leave of an axis, (n,) of each record, degrees of freedom, hypothesis.
 
-    Of each record the windows that are seen, (m,), their precision for the likeliest noise without
-    the pattern, the level taken out, (m, m), and the residual in units of the noise's N, (m,).
+    In units of the noise's N, by the likeliest noise without the pattern that is looked for.
     """
     fold_fit = search.fold_fit(base)
     fit, columns = fold_fit.fit(base, axis), fold_fit.evidence.columns_of(base, axis)
-    point, found = int(np.argmax(fit.log_weight)), []
+    point = int(np.argmax(fit.log_weight))
     left = fold_fit.evidence.matrix((fold_fit.values[axis], *columns))
     left = left @ np.append(1.0, -fit.theta[point]) / np.sqrt(fit.scale[point])
-    for i, (own, held) in enumerate(zip(fold_fit.evidence.split(left), fold_fit.held, strict=True)):
-        seen = np.delete(np.arange(len(own)), held)
-        found.append((seen, fold_fit.precision(i, point), own[seen]))
-    return found, fit.dof
+    return fold_fit.evidence.split(left), fit.dof, point
 
 
 def frequencies(records):
@@ -51,16 +49,23 @@ def best_line(search, base, hopeful=False):
 
     `hopeful` leaves out what is no more than chance.
     """
-    records, shapes, waves = search.problem.merged, {}, []
-    tried = frequencies(records)
-    tries, sessions = np.log(max(len(tried), 1)), tuple(dict.fromkeys(r.session for r in records))
-    for record, held in zip(records, search.fold_fit(base).held, strict=True):
-        phase = 2 * np.pi * np.outer(np.delete(record.channels.t, held), tried)
-        waves.append(np.stack([np.cos(phase), np.sin(phase)]))
+    problem, fold_fit, shapes = search.problem, search.fold_fit(base), {}
+    tried, sessions = problem.frequencies, tuple(dict.fromkeys(r.session for r in problem.merged))
+    tries = np.log(max(len(tried), 1))
+
+    @cache
+    def inverse(i, point):
+        """Return the inverse of what the waves of each frequency tell of two sizes, (f, 2, 2)."""
+        weighted, information = problem.weighted_waves(i, point)
+        taken = fold_fit.taken(i, point, weighted)
+        return inverse_of(information - np.einsum("kfu,lfu->fkl", taken, taken))
+
     for axis in range(3) if len(tried) else ():
-        parts, dof = whitened(search, base, axis)
-        gain = sum(_gain(*own, wave) for (_, *own), wave in zip(parts, waves, strict=True))
-        q = 2 * len(parts)
+        parts, dof, point = residuals(search, base, axis)
+        gain, q = 0.0, 2 * len(parts)
+        for i, (left, waves) in enumerate(zip(parts, problem.waves, strict=True)):
+            score = waves @ fold_fit.weighted(i, point, left[:, None])[:, 0]
+            gain = gain + np.einsum("kf,fkl,lf->f", score, inverse(i, point), score)
         log_p = log_f_tail(gain / q, q, dof - q)
         least, line = log_p.min(), Sinusoid(float(tried[log_p.argmin()]), sessions)
         if not hopeful or least + np.log(3) + tries < 0:
@@ -95,31 +100,46 @@ def most_promising_step(search, base, taken=()):
     A few windows about each of the steps that are `taken` already are left out. No step, None,
     where none is left to try.
     """
-    found, count = [(0.0, 3, None)], 0
+    found, count, fold_fit = [(0.0, 3, None)], 0, search.fold_fit(base)
+    held, step_information = fold_fit.held, cache(partial(_step_information, fold_fit))
     for axis in range(3):
-        parts, dof = whitened(search, base, axis)
+        parts, dof, point = residuals(search, base, axis)
         count = 0
-        for (seen, *part), record in zip(parts, search.problem.merged, strict=True):
-            if len(seen) <= 2 * BESIDE:
-                continue
-            windows, length = record.windows[seen], np.median(record.length)
-            starts = windows[BESIDE : len(windows) - BESIDE + 1, 0]
+        for i, (left, record) in enumerate(zip(parts, search.problem.merged, strict=True)):
+            rows = np.delete(np.arange(len(left)), held[i])
+            windows, length = record.windows[rows], np.median(record.length)
+            rows = rows[BESIDE : len(rows) - BESIDE + 1]
+            starts = record.windows[rows, 0]
             for one in taken:
                 if one.sessions == (record.session,):
                     apart = np.abs(starts - one.times[0]) - one.spans[0] / 2
-                    starts = starts[apart > (BESIDE - 0.5) * length]
+                    far = apart > (BESIDE - 0.5) * length
+                    starts, rows = starts[far], rows[far]
             if not len(starts):
                 continue
-            gain = _gain(*part, share_after(windows, starts)[None])
+            weighted = fold_fit.weighted(i, point, left[:, None])[:, 0]
+            score = weighted[::-1].cumsum()[::-1][rows]
+            gain = _gain(score, step_information(i, point)[rows])
             # within the windows beside the best start a step may lie anywhere
             within = starts[np.argmax(gain)] + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
-            gains = _gain(*part, share_after(windows, within)[None])
+            shares = share_after(record.windows, within)
+            gains = _gain(
+                weighted @ shares,
+                np.einsum("nf,nf->f", shares, fold_fit.weighted(i, point, shares)),
+            )
             count += WITHIN * len(starts)
             time, span = unseen(within[np.argmax(gains)], windows)
             log_p = log_f_tail(gains.max(), 1, dof - 1)
             found.append((log_p, axis, Steps((time,), (record.session,), (span,))))
     log_p, _, step = min(found, key=lambda f: f[:2])
     return log_p, step, count
+
+
+def _step_information(fold_fit, i, point):
+    """Return what is seen of a record tells of the size of a step before each of its rows, (n,)."""
+    whole = fold_fit.evidence.blocks[i].noise.precision[point]
+    after = whole[::-1].cumsum(axis=0)[::-1]
+    return np.triu(after).sum(axis=1) - (fold_fit.taken(i, point, after) ** 2).sum(axis=1)
 
 
 def pose_step(sensor, search, base, hopeful=False):
@@ -163,14 +183,17 @@ def unseen(time, windows):
     return float(time), 0.0
 
 
-def _gain(precision, left, patterns):
-    """Return by how much χ² falls with each of f patterns of k columns, (k, m, f)."""
-    weighted = precision @ patterns
-    score = np.einsum("kmf,m->fk", weighted, left)
-    information = np.einsum("kmf,lmf->fkl", patterns, weighted)
+def _gain(score, information):
+    """Return by how much χ² falls with each of f columns, of size ``score/information``, (f,)."""
+    # what a level takes up is no column
+    seen = information > 1e-9 * information.max()
+    return np.where(seen, score**2, 0.0) / np.where(seen, information, 1.0)
+
+
+def inverse_of(information):
+    """Return the inverses of f matrices, (f, k, k), of columns that may not be independent."""
     own = np.einsum("fkk->fk", information)
     # what a level takes up is no column
     size = np.sqrt(np.where(own > 1e-9 * own.max(), own, np.inf))
-    scaled, score = information / size[:, :, None] / size[:, None, :], score / size
-    inverse = np.linalg.pinv(scaled, rcond=1e-6, hermitian=True)
-    return np.einsum("fk,fkl,fl->f", score, inverse, score)
+    size = size[:, :, None] * size[:, None, :]
+    return np.linalg.pinv(information / size, rcond=1e-6, hermitian=True) / size

@@ -10,7 +10,7 @@ import numpy as np
 from imuloop.core.effect import FittedEffect
 from imuloop.diagnose.evidence import Block, Evidence
 from imuloop.diagnose.fold_fit import ABSORBED, pooled
-from imuloop.diagnose.records.scan import best_line, best_steps
+from imuloop.diagnose.records.scan import best_line, best_steps, frequencies
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.sinusoid import Sinusoid
@@ -34,6 +34,7 @@ class StaticProblem:
     tests: int  # number of tests of the family
     noise: tuple | None = None  # Hypotheses of each record; a grid of white and slow noise without
     _derivatives: dict = field(default_factory=dict, repr=False)
+    _weighted_waves: dict = field(default_factory=dict, repr=False)
     # what looks for patterns whose shapes cannot be listed, by effect
     scans: ClassVar = {Sinusoid: best_line, Steps: best_steps}
     # as of PoseProblem
@@ -47,7 +48,7 @@ class StaticProblem:
     def of_session(self, session):
         """Return the problem of the records of one session."""
         own = tuple(r for r in self.records if r.session == session)
-        return replace(self, records=own, _derivatives={})
+        return replace(self, records=own, _derivatives={}, _weighted_waves={})
 
     @cached_property
     def merged(self):
@@ -66,6 +67,28 @@ class StaticProblem:
             (block_of(r, self.parts) + i * self.parts // n) % self.parts
             for i, r in enumerate(self.merged)
         ]
+
+    @cached_property
+    def frequencies(self):
+        """Those of the lines that are looked for, Hz, (f,)."""
+        return frequencies(self.merged)
+
+    @cached_property
+    def waves(self):
+        """Cosine and sine of each frequency in each record, (2, f, n)."""
+        phases = (2 * np.pi * np.outer(self.frequencies, r.channels.t) for r in self.merged)
+        return [np.stack([np.cos(phase), np.sin(phase)]) for phase in phases]
+
+    def weighted_waves(self, i, point):
+        """Return products of the waves of a record with a hypothesis' precision, and with these.
+
+        (2, f, n), and of both waves of each frequency (f, 2, 2).
+        """
+        if (i, point) not in self._weighted_waves:
+            weighted = self.waves[i] @ self.evidence.blocks[i].noise.precision[point]
+            own = np.einsum("kfn,lfn->fkl", weighted, self.waves[i])
+            self._weighted_waves[i, point] = weighted, own
+        return self._weighted_waves[i, point]
 
     @cached_property
     def window(self):
