@@ -97,10 +97,13 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None):
     weight, most = deviations**-2.0, (sizes + FARTHEST * deviations) ** 2
     length = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / np.where(length > 0, length, 1.0)
+    # (k, n²): sums over all components are one product
+    count, n = len(components), len(values)
+    every = np.reshape([c.covariance for c in components], (count, n * n))
 
     def state(squares):
         """Return the loss, its slope and the average information in the squares."""
-        inverse, root = precision(total(fixed, components, np.sqrt(squares)))
+        inverse, root = precision(fixed + (squares @ every).reshape(n, n))
         white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
         q, r = np.linalg.qr(white[:, 1:])
         rest = white[:, 0] - q @ (q.T @ white[:, 0])
@@ -109,8 +112,8 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None):
         loss = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum() + rest @ rest / 2
         own = np.sqrt(squares)
         loss += (own - sizes) @ (weight * (own - sizes)) / 2
-        moved = np.array([c.covariance @ left for c in components])
-        trace = np.array([np.vdot(projected, c.covariance) for c in components])
+        moved = (every.reshape(count * n, n) @ left).reshape(count, n)
+        trace = every @ projected.ravel()
         slope = (trace - moved @ left + weight * (1 - sizes / own)) / 2
         information = moved @ projected @ moved.T / 2
         information += np.diag(weight * sizes / (4 * own**3) + 1e-12 * trace**2)

@@ -26,12 +26,12 @@ def held_out_errors(values, weights, jacobian, folds, counts):
     jacobian = jacobian / np.where(size > 0, size, 1.0)
     product, errors = weights @ jacobian, [np.zeros_like(values) for _ in counts]
     for part in set(folds[:, 0].tolist()) - {-1}:
-        held, hidden = folds[:, 0] == part, (folds == part).any(axis=1)
-        seen = ~hidden
+        held, hidden = folds[:, 0] == part, np.flatnonzero((folds == part).any(axis=1))
         # W J is what the weights of all rows leave without those that are hidden
-        lost = np.linalg.solve(weights[np.ix_(hidden, hidden)], product[hidden])
-        weighted = product[seen] - weights[np.ix_(seen, hidden)] @ lost
-        information, moment = jacobian[seen].T @ weighted, weighted.T @ values[seen]
+        own = weights[:, hidden]
+        weighted = product - own @ np.linalg.solve(own[hidden], product[hidden])
+        weighted[hidden] = 0.0
+        information, moment = jacobian.T @ weighted, weighted.T @ values
         for found, k in zip(errors, counts, strict=True):
             fitted = np.linalg.pinv(information[:k, :k], SINGULAR, hermitian=True) @ moment[:k]
             found[held] = values[held] - jacobian[held, :k] @ fitted
