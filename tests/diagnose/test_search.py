@@ -101,7 +101,7 @@ def test_too_few_poses_are_not_testable():
 def test_a_fit_that_its_weights_do_not_allow_is_not_testable(sensitive, monkeypatch):
     truth, made = sensitive
     pair, own = fitted_pair(truth, made), PairCovariance.by
-    monkeypatch.setattr(PairCovariance, "by", lambda self, noise: -own(self, noise))
+    monkeypatch.setattr(PairCovariance, "by", lambda *given, **how: -own(*given, **how))
     found = diagnose_poses(*pair, made, DiagnoseSettings(), 0)
     assert found.solution is None
     for content in found.contents.values():

@@ -7,7 +7,8 @@ import numpy as np
 
 from imuloop.calibrate import accelerometer
 from imuloop.calibrate.gyroscope import cross_matrix
-from imuloop.core.noise_model import AxisNoise, Coefficient
+from imuloop.calibrate.undersampling import PARTS as ALIASED
+from imuloop.core.noise_model import AxisNoise, Coefficient, edges
 from imuloop.core.samples import ANGULAR_RATE, CHANNELS
 
 # parts of a move over each of which slow noise has a mean: early noise moves a velocity more
@@ -25,26 +26,43 @@ class PairCovariance:
 
     def __init__(self, x, model, recording):
         self.model, self.poses, self.rotations = model, recording.poses, model.turn.rotations
-        self.of_force, *others = model.at(x)
-        self.moves = model.of_moves(self.of_force, *others)
+        self.of_force, self.moves = model.at(x)[0], model.moves_at(x)
         self.gains = self._gains()
 
-    def by(self, noise):
-        """Return the covariance of the residuals that count by a noise model, shape (N, N)."""
+    def by(self, noise, aliasing=True):
+        """Return the covariance of the residuals that count by a noise model, shape (N, N).
+
+        With what samples too far apart lose, or as if they were close enough.
+        """
         found = 0.0
         for gain, axis in zip(self.gains, range(6), strict=True):
-            found = found + gain @ self._of_means(noise, axis) @ gain.T
+            found = found + _through(gain, self._of_means(noise, axis))
         white, at = [noise.axes[name].N.square for name in CHANNELS], self.model.moves
-        found[at[:, :, None], at[:, None]] += np.tensordot(white, self.within, 1) + self.added
+        added = self._added(slice(None) if aliasing else slice(ALIASED, None))
+        found[at[:, :, None], at[:, None]] += np.tensordot(white, self.within, 1) + added
         for axis, columns in zip(ANGULAR_RATE, self.tilted, strict=True):
             found += noise.axes[axis].N.square * (columns @ columns.T)
         return self._counted(found)
 
     def component(self, axis, term):
         """Return that of flicker, 'B', or walk, 'K', of one channel alone, of size one."""
-        one = AxisNoise(**{term: Coefficient(1.0)})
-        gain, means = self.gains[CHANNELS.index(axis)], by_run(*self._windows, one.mean_covariance)
-        return self._counted(gain @ self._about_mean(means) @ gain.T)
+        gain = self.gains[CHANNELS.index(axis)]
+        return self._counted(_through(gain, self._of_one[term]))
+
+    @cached_property
+    def _of_one(self):
+        """Covariance of the means by flicker and by walk of size one, the bias taken out."""
+        ones = {term: AxisNoise(**{term: Coefficient(1.0)}) for term in "BK"}
+        return {
+            term: self._about_mean(by_run(*self._windows, one, self._edges))
+            for term, one in ones.items()
+        }
+
+    def of_aliasing(self):
+        """Return what samples too far apart add to the covariance of the residuals that count."""
+        found, at = np.zeros((len(self.model.counted),) * 2), self.model.moves
+        found[at[:, :, None], at[:, None]] = self._added(slice(ALIASED))
+        return self._counted(found)
 
     def _about_mean(self, means):
         """Return a covariance of means less the mean over all rests: the bias is that mean."""
@@ -66,11 +84,19 @@ class PairCovariance:
         runs = np.append(poses.run, np.repeat(poses.run[rotations.first], PARTS))
         return runs, np.concatenate([poses.windows, parts])
 
+    @cached_property
+    def _edges(self):
+        """What the covariances of all axes share, by run."""
+        runs, windows = self._windows
+        return {run: edges(windows[runs == run]) for run in np.unique(runs).tolist()}
+
     def _of_means(self, noise, axis):
         """Return the covariance of one channel's means at the poses and over the moves."""
         poses, model, n = self.poses, noise.axes[CHANNELS[axis]], len(self.poses)
         fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
-        whole, quick = (by_run(*self._windows, each.mean_covariance) for each in (model, fast))
+        whole = quick = by_run(*self._windows, model, self._edges)
+        if fast != model:
+            quick = by_run(*self._windows, fast, self._edges)
         slow, diagonal = self._about_mean(whole - quick), quick.diagonal().copy()
         if whole.any():
             diagonal[:n] += poses.added[:, axis]
@@ -96,10 +122,9 @@ class PairCovariance:
                 found[axis, :, 2:, 2:] = weighted.swapaxes(1, 2) @ own
         return found
 
-    @cached_property
-    def added(self):
-        """What time stamps, and samples too far apart, add to the residuals, (m, w, w)."""
-        at, added = self.rotations.added_at, self.rotations.added
+    def _added(self, part):
+        """Return what time stamps, and samples too far apart, add to the residuals, (m, w, w)."""
+        at, added = self.rotations.added_at[:, part], self.rotations.added[:, part]
         gain = self.moves.by_turn[np.arange(len(at))[:, None], at]
         return (gain @ added @ gain.swapaxes(2, 3)).sum(axis=1)
 
@@ -158,10 +183,18 @@ class PairCovariance:
         return gains
 
 
-def by_run(runs, windows, covariance):
-    """Return the covariance of means over n windows, (n, n), from what gives that within a run."""
+def _through(gain, covariance):
+    """Return ``G C Gᵀ``; many rows of G are zero."""
+    rows = np.flatnonzero(gain.any(axis=1))
+    found, own = np.zeros((len(gain),) * 2), gain[rows]
+    found[np.ix_(rows, rows)] = own @ covariance @ own.T
+    return found
+
+
+def by_run(runs, windows, noise, shared):
+    """Return the covariance of means over n windows by an AxisNoise, (n, n), and `edges` by run."""
     found = np.zeros((len(runs),) * 2)
-    for run in np.unique(runs):
+    for run, own_edges in shared.items():
         own = np.flatnonzero(runs == run)
-        found[np.ix_(own, own)] = covariance(windows[own])
+        found[np.ix_(own, own)] = noise.mean_covariance(windows[own], own_edges)
     return found

@@ -1,6 +1,6 @@
 """Residuals of both sensors at their poses and in the moves between, by one state."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -65,6 +65,8 @@ class PairModel:
     along: SpecificForce | None = None
     # velocity that a move's own error of rotation lets expect, per rad, (m, 3, 2)
     of_rotation: np.ndarray | None = None
+    # the last MoveResiduals: fit, covariance and derivative at one x share them
+    _moves: dict = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def all(self, x):
         """Return all parameters: those that are estimated, x, and the others."""
@@ -79,6 +81,14 @@ class PairModel:
         directions = force / np.linalg.norm(force, axis=1, keepdims=True)
         return of_force, of_turn, replace(self.turn, directions=directions)
 
+    def moves_at(self, x):
+        """Return the MoveResiduals with parameters x."""
+        key = np.asarray(x, dtype=float).tobytes()
+        if key not in self._moves:
+            self._moves.clear()
+            self._moves[key] = self.of_moves(*self.at(x))
+        return self._moves[key]
+
     def residuals(self, x):
         """Return all residuals in one vector, in the order of `KINDS`, and their derivative."""
         of_force, of_turn, turn = self.at(x)
@@ -89,7 +99,7 @@ class PairModel:
         rates, of_rates = turn.pose_rates(of_turn)
         values[n : 4 * n] = rates.ravel()
         jacobian[n : 4 * n, rate] = of_rates.reshape(3 * n, len(rate))
-        found, rows = self.of_moves(of_force, of_turn, turn), self.moves
+        found, rows = self.moves_at(x), self.moves
         change, first = self.force.derivative(of_force), turn.rotations.first
         by_force = found.by_start @ change[first] + found.by_end @ change[first + 1]
         if self.along:

@@ -14,7 +14,7 @@ from imuloop.calibrate.poses import (
     rounded,
     turns_within,
 )
-from imuloop.core.effect import Channels
+from imuloop.core.effect import Channels, LoggedChannels
 from imuloop.core.memory import filled
 from imuloop.core.samples import (
     ACCELERATION,
@@ -133,8 +133,8 @@ class Recording:
             whole = {}
             for s in set(self.poses.session.tolist()):
                 log = self.logs[s]
-                values = output(getattr(log, own)), see(getattr(log, other))
-                whole[s] = function(Channels(log.t, *values, log.temperature), *constants)
+                outputs = partial(output, getattr(log, own)), partial(see, getattr(log, other))
+                whole[s] = function(LoggedChannels(log.t, log.temperature, *outputs), *constants)
             return seen(whole)
 
         return history

@@ -267,9 +267,10 @@ class SensorPair:
         """Return the PairCovariance of a recording with parameters x."""
         return PairCovariance(x, self.model_at(x, recording, effects), recording)
 
-    def noise_components(self, x, recording, effects=()):
+    def noise_components(self, x, recording, model):
         """Return the covariance of the noise that is known, (N, N), and Components of the rest.
 
+        Takes the PairModel of the recording at parameters x.
         First flicker and walk of each channel as far as they are known, and what turns lose between
         two samples; then of each kind of residual an excess that is even: the residual of what a
         model lacks, or of a hand, is no smaller where a rest is long.
@@ -281,16 +282,15 @@ class SensorPair:
         terms = {(c, term): noise.known(c, term) for c in channels for term in "BK"}
         loose = {term: known for term, known in terms.items() if known[1] > 0}
         without = noise.with_sizes(dict.fromkeys(loose, 0.0))
-        covariance = self.covariance_at(x, recording, effects)
-        fixed = covariance.by(without)
+        covariance = PairCovariance(x, model, recording)
+        aliased = "gyroscope" in self.estimated and recording.rotations.aliased.any()
+        fixed = covariance.by(without, aliasing=not aliased)
         slow = [
             Component(spread**2 * covariance.component(*term), size / spread, 1.0)
             for term, (size, spread) in loose.items()
         ]
-        if "gyroscope" in self.estimated and recording.rotations.aliased.any():
-            whole, even = fixed, recording.without_aliasing()
-            fixed = self.covariance_at(x, even, effects).by(without)
-            slow.append(Component(whole - fixed, 1.0, ALIASED_TO))
+        if aliased:
+            slow.append(Component(covariance.of_aliasing(), 1.0, ALIASED_TO))
         expected = np.diag(total(fixed, slow, [part.size for part in slow]))
         kinds = self.rows(recording)[1]
         rows = [kinds == k for k in np.unique(kinds)]
@@ -317,7 +317,7 @@ class SensorPair:
         # weights and effects depend on the calibrated output, which the start gives to 1 %
         for _ in range(3 if start is None else 2):
             model = self.model_at(x, recording, effects)
-            fixed, slow, missing = self.noise_components(x, recording, effects)
+            fixed, slow, missing = self.noise_components(x, recording, model)
             r, jacobian = model.residuals(x)
             estimated = total(fixed, slow, [part.size for part in slow])
             sizes = likely_sizes(r, jacobian, estimated, missing, (known, known @ x - z))

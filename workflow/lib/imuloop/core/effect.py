@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
 
@@ -49,6 +50,17 @@ class Channels:
             raise ImuloopError(f"{name} needs the whole log: read it and give it to apply")
         past = self.past.setdefault((function, constants), {})
         return function(replace(self, past=past), *constants)
+
+
+class LoggedChannels:
+    """The `Channels` of a log, for functions of it; an output is found when it is used."""
+
+    def __init__(self, t, temperature, output, other, past=None, step=None):
+        self.t, self.temperature, self.past, self.step = t, temperature, past, step
+        self._output, self._other = output, other
+
+    output = cached_property(lambda self: self._output())
+    other = cached_property(lambda self: self._other())
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,10 @@
 """The log of a session at rest, of whose outputs a part is read at a time."""
 
-from functools import cache, cached_property
+from functools import cache, partial
 
 import numpy as np
 
-from imuloop.core.effect import Effect
+from imuloop.core.effect import Effect, LoggedChannels
 from imuloop.core.memory import filled
 from imuloop.core.pieces import FEWEST
 from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME, Samples, sums_over
@@ -80,7 +80,7 @@ class RestLog:
 
         @cache
         def whole(function, *constants):
-            return function(_LoggedChannels(self, sensor, slice(0, n)), *constants)
+            return function(self._channels(sensor, slice(0, n)), *constants)
 
         for first in range(0, n, PART):
             part = slice(first, min(first + PART, n))
@@ -92,23 +92,16 @@ class RestLog:
                 if not getattr(function, "in_pieces", False):
                     return whole(function, *constants)[part]
                 past = pasts.setdefault((function, constants), {})
-                channels = _LoggedChannels(self, sensor, around, past, self.interval)
+                channels = self._channels(sensor, around, past, self.interval)
                 return function(channels, *constants)[inner]
 
             yield part, remembered
 
-
-class _LoggedChannels:
-    """The `Channels` of a sensor in a part of a log at rest; an output is read when it is used."""
-
-    def __init__(self, log, sensor, part, past=None, step=None):
-        self.t, self.past, self.step = log.t[part], past, step
-        self.temperature = None if log.temperature is None else log.temperature[part]
-        self._read = lambda which: log.logged(which, part)
-        self._sensor = sensor
-
-    output = cached_property(lambda self: self._read(self._sensor))
-    other = cached_property(lambda self: self._read(other_sensor(self._sensor)))
+    def _channels(self, sensor, part, *memory):
+        """Return the LoggedChannels of a sensor in a part of the log."""
+        temperature = None if self.temperature is None else self.temperature[part]
+        outputs = (partial(self.logged, s, part) for s in (sensor, other_sensor(sensor)))
+        return LoggedChannels(self.t[part], temperature, *outputs, *memory)
 
 
 def other_sensor(sensor):

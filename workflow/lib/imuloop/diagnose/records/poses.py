@@ -16,6 +16,8 @@ from imuloop.effects.steps import Steps
 
 # from the noise as estimated to what the residuals make of it
 PATH = (0.0, 0.3, 0.6, 1.0)
+# effects whose derivative is found at once
+TOGETHER = 32
 # size at which a part of the noise counts as half a parameter that was fitted
 HALF_A_PARAMETER = 0.1
 
@@ -183,7 +185,7 @@ class PoseProblem:
         jacobian = np.concatenate([jacobian, known])
         nuisances = count + sum(len(e.parameters) for e in self.found)
         own = by_effect(jacobian[:, None, nuisances:], base)
-        covariance, *components = self.sensor.noise_components(x, self.recording, effects)
+        covariance, *components = self.sensor.noise_components(x, self.recording, model)
         # rows of other records are independent, of variance one
         covariance = block_diag(covariance, np.eye(len(z)))
         slow, missing = ([c.padded(len(z)) for c in each] for each in components)
@@ -233,16 +235,21 @@ class PoseProblem:
 
     def added(self, effect):
         """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
-        if effect not in self._columns:
-            solution, shapes = self.linearized(()).solution, self.shapes.get(effect.kind, ())
-            # all shapes of a kind at once: what they have in common is found once
-            shapes = shapes if effect in shapes else (effect,)
-            count = sum(len(e.parameters) for e in shapes)
-            model = self.sensor.model(solution, self.recording, shapes)
-            _, jacobian = model.residuals(np.append(solution.fit.x, np.zeros(count)))
-            columns = np.concatenate([jacobian[:, -count:], self._known_effects(shapes)])
-            self._columns.update(by_effect(columns[:, None], shapes))
+        shapes = self.shapes.get(effect.kind, ())
+        self.enter(shapes if effect in shapes else (effect,))
         return self._columns[effect]
+
+    def enter(self, effects):
+        """Find what several effects add, many at once: what they have in common is found once."""
+        new = [e for e in effects if e not in self._columns]
+        solution = self.linearized(()).solution
+        for first in range(0, len(new), TOGETHER):
+            own = new[first : first + TOGETHER]
+            count = sum(len(e.parameters) for e in own)
+            model = self.sensor.model(solution, self.recording, own)
+            _, jacobian = model.residuals(np.append(solution.fit.x, np.zeros(count)))
+            columns = np.concatenate([jacobian[:, -count:], self._known_effects(own)])
+            self._columns.update(by_effect(columns[:, None], own))
 
     def nearest(self, base):
         """Return the residuals about the fit with the most of some effects that was asked for.

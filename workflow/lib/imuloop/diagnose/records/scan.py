@@ -160,6 +160,7 @@ def pose_step(sensor, search, base, hopeful=False):
     estimated = search.fold_fit(base).evidence.as_estimated_mask
     while True:
         shapes = [OfSensor(Steps((float(t),)), sensor) for t in times]
+        search.problem.enter(shapes)
         tried = [t for t in search.tests(base, shapes, estimated) if t]
         if not tried:
             return None
