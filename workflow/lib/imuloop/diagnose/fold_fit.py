@@ -9,7 +9,7 @@ from scipy.special import softmax
 # square of the share of a pattern that has to be left by what is known, for it to be seen
 ABSORBED = 1e-6
 # bytes of products beyond which those of a part of the data are not kept
-KEPT = 1 << 23
+KEPT = 1 << 21
 
 
 @dataclass(frozen=True)
@@ -70,6 +70,7 @@ class FoldFit:
     _gram: np.ndarray | None = None
     _whole: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _fits: dict = field(default_factory=dict)
+    _steps: dict = field(default_factory=dict)
 
     @cached_property
     def _roots(self):
@@ -107,14 +108,15 @@ class FoldFit:
 
         Of columns Z, with U as of `_roots`: ``Zᵀ P Z - (Uᵀ P Z)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
         """
-        new = [c for c in dict.fromkeys(columns) if c not in self._place]
-        if new:
-            self._enter(new)
+        self._enter(columns)
         place = np.array([self._place[c] for c in columns], dtype=int)
         return self._gram[:, place[:, None], place]
 
-    def _enter(self, new):
-        """Add the products of columns that nobody asked for before."""
+    def _enter(self, columns):
+        """Add the products of those columns that nobody asked for before."""
+        new = [c for c in dict.fromkeys(columns) if c not in self._place]
+        if not new:
+            return
         # they may not be determined: then no column has a place
         first, points, roots = len(self._place), len(self.evidence.prior), self._roots
         self._place |= {c: first + k for k, c in enumerate(new)}
@@ -166,12 +168,22 @@ class FoldFit:
         side = np.concatenate([weighted[..., self.held[i]], weighted @ nuisance], axis=-1)
         return side @ self._roots[i][point]
 
+    def of_steps(self, i, point):
+        """Return what a block tells of the size of a step before each of its rows, (n,)."""
+        if (i, point) not in self._steps:
+            whole = self.evidence.blocks[i].noise.precision[point]
+            # sums over all rows from one on are products with its step
+            after = whole[::-1].cumsum(axis=0)[::-1]
+            lost = (self.taken(i, point, after) ** 2).sum(axis=1)
+            self._steps[i, point] = np.triu(after).sum(axis=1) - lost
+        return self._steps[i, point]
+
     def with_vectors(self, i, columns, vectors):
         """Return ``Zᵀ P̃ V`` of columns Z and other vectors V of a block, (n, m), and what V lose.
 
         (h, k, m), and by how much ``vᵀ P̃ v`` is less than ``vᵀ P v``, (h, m).
         """
-        self.gram(columns)
+        self._enter(columns)
         place, whole = [self._place[c] for c in columns], self.evidence.blocks[i].noise.precision
         weighted = np.stack([self.evidence.weighted[i][c] for c in columns], axis=1)
         own = np.swapaxes(self.evidence.sides[i], 1, 2) @ vectors
@@ -198,7 +210,7 @@ class FoldFit:
             for k, effects in enumerate(more):
                 columns = (*known, *columns_of(effects, axis))
                 groups.setdefault(len(columns), {}).setdefault(columns, []).append((axis, k))
-        self.gram((*self.values, *(c for sets in groups.values() for own in sets for c in own)))
+        self._enter((*self.values, *(c for sets in groups.values() for own in sets for c in own)))
         for sets in groups.values():
             # axes that have the same columns share what these take
             for each, own in zip(self._fit(list(sets)), sets.values(), strict=True):

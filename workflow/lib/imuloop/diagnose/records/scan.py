@@ -1,6 +1,6 @@
 """Scans of a record for a line of any frequency and a step at any time."""
 
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
@@ -101,12 +101,11 @@ def most_promising_step(search, base, taken=()):
     where none is left to try.
     """
     found, count, fold_fit = [(0.0, 3, None)], 0, search.fold_fit(base)
-    held, step_information = fold_fit.held, cache(partial(_step_information, fold_fit))
     for axis in range(3):
         parts, dof, point = residuals(search, base, axis)
-        count = 0
+        count, most, step = 0, -1.0, None
         for i, (left, record) in enumerate(zip(parts, search.problem.merged, strict=True)):
-            rows = np.delete(np.arange(len(left)), held[i])
+            rows = np.delete(np.arange(len(left)), fold_fit.held[i])
             windows, length = record.windows[rows], np.median(record.length)
             rows = rows[BESIDE : len(rows) - BESIDE + 1]
             starts = record.windows[rows, 0]
@@ -119,7 +118,7 @@ def most_promising_step(search, base, taken=()):
                 continue
             weighted = fold_fit.weighted(i, point, left[:, None])[:, 0]
             score = weighted[::-1].cumsum()[::-1][rows]
-            gain = _gain(score, step_information(i, point)[rows])
+            gain = _gain(score, fold_fit.of_steps(i, point)[rows])
             # within the windows beside the best start a step may lie anywhere
             within = starts[np.argmax(gain)] + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
             shares = share_after(record.windows, within)
@@ -128,18 +127,13 @@ def most_promising_step(search, base, taken=()):
                 np.einsum("nf,nf->f", shares, fold_fit.weighted(i, point, shares)),
             )
             count += WITHIN * len(starts)
-            time, span = unseen(within[np.argmax(gains)], windows)
-            log_p = log_f_tail(gains.max(), 1, dof - 1)
-            found.append((log_p, axis, Steps((time,), (record.session,), (span,))))
+            if gains.max() > most:
+                time, span = unseen(within[np.argmax(gains)], windows)
+                most, step = gains.max(), Steps((time,), (record.session,), (span,))
+        if step:
+            found.append((log_f_tail(most, 1, dof - 1), axis, step))
     log_p, _, step = min(found, key=lambda f: f[:2])
     return log_p, step, count
-
-
-def _step_information(fold_fit, i, point):
-    """Return what is seen of a record tells of the size of a step before each of its rows, (n,)."""
-    whole = fold_fit.evidence.blocks[i].noise.precision[point]
-    after = whole[::-1].cumsum(axis=0)[::-1]
-    return np.triu(after).sum(axis=1) - (fold_fit.taken(i, point, after) ** 2).sum(axis=1)
 
 
 def pose_step(sensor, search, base, hopeful=False):
