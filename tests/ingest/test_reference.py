@@ -6,10 +6,12 @@ from functools import cache
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
 from bench.study.reference import DECLARED
 from imuloop.core.samples import read_columns
 from imuloop.ingest.ingest import Declared, ingest
+from imuloop.ingest.reference import read_series
 from imuloop.simulate.reference import Beside, simulate_beside
 
 QUATERNION, PLACE = (DECLARED["columns"][name] for name in ("orientation", "position"))
@@ -143,3 +145,14 @@ def test_reference_in_the_log_itself(tmp_path):
     assert quality["status"] == "ok"
     assert quality["reference"]["lost"] == odd.sum()
     assert quality["reference"]["coverage"] > 0.99
+
+
+def test_a_reference_in_the_variables_of_a_matlab_file(tmp_path):
+    """Protects recordings whose attitudes are one matrix, beside a log of another length."""
+    columns = sound()[1]
+    q = np.column_stack([columns[name] for name in QUATERNION])
+    savemat(tmp_path / "log.mat", {"imu": np.zeros((7, 3)), "q": q, "s": columns["t"][:, None]})
+    names = {"time": "s", "orientation": [f"q.{k}" for k in range(4)]}
+    stamps, values = read_series(tmp_path / "log.mat", None, names)
+    np.testing.assert_array_equal(values, q)
+    np.testing.assert_array_equal(stamps.to_numpy(), columns["t"])

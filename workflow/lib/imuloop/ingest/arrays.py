@@ -8,6 +8,7 @@ import pandas as pd
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
+from imuloop.core.samples import TEMPERATURE
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import AXES, SENSORS, lacking, listed, resolve, stated_unit
 from imuloop.ingest.guarded import check_unpacked, guarded
@@ -100,10 +101,13 @@ def read_matlab(paths, columns=None, batch_rows=1 << 16):
         names = list(series)
         chosen = resolve(names, _by_axis(columns))
         sensors = {q: [names[i] for i in getattr(chosen, q) or ()] for q in SENSORS}
-        first = next((name for of in sensors.values() for name in of), None)
+        raw = chosen.raw()
+        # of a reference the attitudes say how long it is, and of a time alone the time
+        others = [names[i] for key, i in [*raw.items()][::-1] if key != TEMPERATURE]
+        first = next((name for of in (*sensors.values(), others) for name in of), None)
         rows = len(series[first]) if first else 0
         for quantity, each in sensors.items():
-            if unread and not each:
+            if unread and not each and (columns or {}).get(quantity, "") is not None:
                 raise lacking(quantity, listed(names))
             for name in each:
                 if len(series[name]) != rows:
