@@ -120,7 +120,14 @@ def turned(t, rng):
     return force, rate
 
 
-@pytest.mark.parametrize(("force_rate", "turn_rate"), [(62.5, 400), (100, 100.3), (400, 100)])
+@pytest.mark.parametrize(
+    ("force_rate", "turn_rate"),
+    [
+        (62.5, 400),
+        pytest.param(100, 100.3, marks=pytest.mark.study),
+        pytest.param(400, 100, marks=pytest.mark.study),
+    ],
+)
 def test_a_calibration_is_as_good_as_of_one_clock(export, read, force_rate, turn_rate):
     scale_force, scale_rate = np.array([1.01, 0.99, 1.005]), np.array([0.99, 1.012, 1.004])
     t_force, t_rate = stamps(170, force_rate), stamps(170, turn_rate, 0.0031)
