@@ -6,7 +6,8 @@ import pytest
 
 from calibrate.devices import planned
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
-from imuloop.ingest.rests import KEPT, Axes, EvenSubsample
+from imuloop.ingest.axes import KEPT, Axes
+from imuloop.ingest.thinning import EvenSubsample
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 

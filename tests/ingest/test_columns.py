@@ -5,7 +5,8 @@ import re
 import pytest
 
 from imuloop.core.errors import ImuloopError
-from imuloop.ingest.columns import resolve, stated_unit
+from imuloop.ingest.columns import resolve
+from imuloop.ingest.spellings import stated_unit
 
 # headers as loggers write them, each `time, ax ay az, gx gy gz, temperature`
 HEADERS = {

@@ -6,7 +6,7 @@ import pytest
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import DEGREE
-from imuloop.ingest.rests import RestMeans
+from imuloop.ingest.rest_means import RestMeans
 
 STEPS = (None, None, None)
 # white noise of a fair MEMS gyroscope, (rad/s)/sqrt(Hz)

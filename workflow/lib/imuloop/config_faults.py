@@ -12,7 +12,7 @@ from jsonschema import Draft202012Validator
 from imuloop.config import OF_LOGS, merged_devices, without_dates
 from imuloop.core.errors import nearest, one_line
 from imuloop.file_faults import file_faults, marks_faults, path_fault, reference_faults
-from imuloop.ingest.columns import UNITS, stated_unit
+from imuloop.ingest.spellings import UNITS, stated_unit
 from imuloop.ingest.stamps import is_iso
 from imuloop.yaml_traps import yaml_faults
 

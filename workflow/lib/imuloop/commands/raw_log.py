@@ -6,9 +6,9 @@ from contextlib import suppress
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata
-from imuloop.ingest.columns import UNITS
 from imuloop.ingest.formats import guess_format
 from imuloop.ingest.ingest import Declared, ingest
+from imuloop.ingest.spellings import UNITS
 
 QUANTITIES = ("time", "acceleration", "angular_rate", "temperature", "interval")
 SENSORS = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}

@@ -10,8 +10,9 @@ import pyarrow as pa
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.core.samples import TEMPERATURE
 from imuloop.ingest import delimited
-from imuloop.ingest.columns import AXES, SENSORS, lacking, listed, resolve, stated_unit
+from imuloop.ingest.columns import lacking, listed, resolve
 from imuloop.ingest.guarded import check_unpacked, guarded
+from imuloop.ingest.spellings import AXES, SENSORS, stated_unit
 from imuloop.ingest.stamps import YEARS
 from imuloop.ingest.tables import table_log
 

@@ -11,8 +11,8 @@ from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
 from imuloop.ingest.clocks import POINTS, Clock, spread, with_lookahead
-from imuloop.ingest.columns import HELD, STAMP, unknown_unit
-from imuloop.ingest.rests import EvenSubsample
+from imuloop.ingest.columns import HELD, STAMP
+from imuloop.ingest.spellings import unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,
@@ -22,6 +22,7 @@ from imuloop.ingest.stamps import (
     no_stamps,
     stamp_values,
 )
+from imuloop.ingest.thinning import EvenSubsample
 
 # what no sensor gives, whatever it is logged in: counts of 32 bits, taken for SI, end at 4.3e9; the
 # widest accelerometers at 2e6 m/s^2

@@ -7,8 +7,8 @@ from array import array
 import numpy as np
 
 from imuloop.core.errors import RejectedLog, plural
-from imuloop.ingest.columns import AXES
 from imuloop.ingest.guarded import guarded
+from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
 # text logs end in .log as other tables do: format: dataflash tells them

@@ -1,10 +1,7 @@
 """Text tables: comma, tab, semicolon or runs of blanks, with or without a header."""
 
-import csv
-import os
 import re
-from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,22 +10,13 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv
 
-from imuloop.core.errors import ImuloopError, RejectedLog, one_line
+from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import ACCELERATION, refuse_calibrated
-from imuloop.ingest.columns import (
-    AXES,
-    SENSORS,
-    STAMP,
-    guess,
-    listed,
-    named_sensor,
-    resolve,
-    stated_unit,
-    unit_of,
-)
+from imuloop.ingest.columns import STAMP, listed, resolve
 from imuloop.ingest.guarded import MOST_TIMES, check_unpacked
 from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.raw_log import RawLog
+from imuloop.ingest.spellings import SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.stamps import stamp_array, stamp_values
 from imuloop.ingest.tables import (
     HEAD_ROWS,
@@ -41,34 +29,26 @@ from imuloop.ingest.tables import (
     table_log,
     two_streams,
 )
+from imuloop.ingest.text_layout import (
+    ARROW,
+    BLANKS,
+    COMMENT,
+    LABEL,
+    LEAST,
+    LONGEST_LINE,
+    MISSING,
+    decoded,
+    fields_of,
+    find_layout,
+    is_number,
+    opened,
+    size_of,
+    unreadable,
+)
 
 ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc")
 # the table in a folder of EuRoC
 IN_FOLDER = "data.csv"
-
-# how much of a file is looked at to find its layout, bytes
-_HEAD = 1 << 16
-# a longer line is no row, bytes; what has none in its head is no table
-LONGEST_LINE = _HEAD
-BLANKS = " "
-_SEPARATORS = (",", "\t", ";", BLANKS)
-_COMMENT = re.compile(r"\s*(#|%|//)+\s*")
-# columns of a sensor
-LEAST = len(AXES)
-MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
-_DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
-# what a serial monitor puts before each line: its time of the day
-_ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
-# a name before a value, as for a serial plotter: AccelX:0.06
-_LABEL = re.compile(rb"[A-Za-z_][\w .]*[:=][ \t]*(?=[-+.\d])")
-# how files begin that are no text, and what to do about them
-_BINARY = {
-    b"\x1f\x8b": "packed by gzip: name it .csv.gz",
-    b"PK\x03\x04": "a zip or a spreadsheet: save its table as CSV",
-    b"\xd0\xcf\x11\xe0": "a spreadsheet: save its table as CSV",
-}
-# rows by which a separator is judged, at least; most rows of names and units below the first
-_JUDGED, _HEADERS = 64, 3
 # a line that may be a header
 _WORDS = re.compile(rb"(?m)^[ \t]*[^\d\s+\-.,;][^\n]*")
 # most texts in a column that names the sensors, and lines in which their comments stand
@@ -78,223 +58,6 @@ _ROW_BYTES = 64
 # zeros and erased memory become a byte that no number has, so that they spoil their own row alone
 _EMPTY = b"\x01"
 _ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for i in range(256))
-
-
-# --- how a table is written
-
-
-@dataclass(frozen=True)
-class Layout:
-    """How a text table is written.
-
-    `separator` is a comma, tab, semicolon, or a blank that stands for any run of blanks; `names`
-    are numbers where the file has none (`headed`); rows begin at the byte `start`, `preamble` lines
-    come before header or rows; `units` are those of a row below the header, else empty; `rows` are
-    the fields of the first rows. With an `arrow` each line begins with a time and an arrow: that
-    time is the last column; where `labelled`, the name of each value stands before it.
-    """
-
-    separator: str
-    names: list[str]
-    headed: bool
-    start: int
-    decimal_comma: bool
-    preamble: int
-    units: list[str] = field(default_factory=list)
-    arrow: bool = False
-    labelled: bool = False
-    rows: list[list[str]] = field(default_factory=list)
-
-
-def find_layout(path, least=LEAST):
-    """Return the layout of a text table of `least` columns or more (path or bytes)."""
-    try:
-        with _opened(path) as stream:
-            head = stream.read(_HEAD)
-    except OSError as error:
-        raise _unreadable(error) from error
-    if fault := _no_text(head):
-        raise RejectedLog(fault)
-    lines = head.split(b"\n")
-    if len(head) == _HEAD:
-        lines.pop()
-    arrow = sum(map(bool, map(_ARROW.match, lines))) > len(lines) / 2
-    bare = [_ARROW.sub(rb"\2", line) for line in lines] if arrow else lines
-    labels = [[x.strip(b" \t:=").decode() for x in _LABEL.findall(line)] for line in bare]
-    labelled = sum(len({*each}) >= least for each in labels) > len(lines) / 2
-    bare = [_LABEL.sub(b"", line) for line in bare] if labelled else bare
-    texts = [_decoded(line).removeprefix("\ufeff").rstrip("\r") for line in bare]
-    rows = [i for i, text in enumerate(texts) if text.strip() and not _COMMENT.match(text)]
-    if not rows:
-        said = next((one_line(text)[:60] for text in texts if text.strip()), None)
-        fault = (
-            said and f"no rows but lines that begin as comments do: '{said}'; take #, % or // away"
-        )
-        raise RejectedLog(f"the file has {fault or 'no rows; record or copy it again'}")
-    separator, width = _separator([texts[i] for i in rows], least)
-    fields = {i: _fields_of(texts[i], separator) for i in rows}
-    first = next(i for i in rows if len(fields[i]) == width)
-    preamble = rows.index(first)
-    names, units = None, []
-    if labelled:
-        names = next((each for each in labels if len(each) == width), None)
-    elif not any(map(_is_number, fields[first])):
-        names, first = fields[first], first + 1
-    elif comments := [text for text in texts[:first] if _COMMENT.match(text)]:
-        names = _commented_header(comments[-1], separator, width)
-    for i in [i for i in rows if i >= first][: _HEADERS if names else 0]:
-        more = fields[i]
-        if units or len(more) != width or any(map(_is_number, more)):
-            break
-        letters = {text[:1].lower() for text in more} | {text[-1:].lower() for text in more}
-        if _are_units(more):
-            units = [*more, *[""] * arrow]
-        elif {*AXES} <= letters:
-            names = _joined(names, more) if more != names else names
-        else:
-            # what is neither units nor axes costs its line
-            break
-        first = i + 1
-    rows = [fields[i] for i in rows if i >= first]
-    # the point of a date is not that of the numbers beside it
-    numbers = "".join(x for row in rows for x in row if _is_number(x) and not _DATE.match(x))
-    return Layout(
-        separator=separator,
-        names=[*(names or map(str, range(width))), *["time"] * arrow],
-        headed=names is not None,
-        start=sum(len(line) + 1 for line in lines[:first]),
-        decimal_comma="." not in numbers and "," in numbers,
-        preamble=preamble,
-        units=units,
-        arrow=arrow,
-        labelled=labelled,
-        rows=rows,
-    )
-
-
-def _opened(source):
-    """Return the text of a file, unpacked, or of bytes, as a stream."""
-    held = isinstance(source, bytes)
-    return pa.input_stream(pa.py_buffer(source) if held else source, compression="detect")
-
-
-def _size(source):
-    return len(source) if isinstance(source, bytes) else os.path.getsize(source)
-
-
-def _commented_header(comment, separator, width):
-    """Return the names of a header that is a comment right before the rows, or None."""
-    names = _fields_of(_COMMENT.sub("", comment, count=1), separator)
-    # between blanks it may be prose
-    prose = separator == BLANKS and not (
-        any(guess(names).values()) or {*AXES} <= {name[:1].lower() for name in names}
-    )
-    return None if prose or len(names) != width or any(map(_is_number, names)) else names
-
-
-def _joined(names, more):
-    """Return names of two rows: one above several columns is that of each."""
-    above, found = "", []
-    for name, part in zip(names, more, strict=True):
-        above = name or above
-        found.append(f"{above} {part}".strip())
-    return found
-
-
-def _separator(rows, least):
-    """Return the separator by which the most fields are numbers, and the fields in a row."""
-    # an odd step: rows of two kinds in turn both count
-    rows = rows[:: len(rows) // _JUDGED | 1]
-    numbers, shares, widths = {}, {}, {}
-    for separator in _SEPARATORS:
-        table = [_fields_of(row, separator) for row in rows]
-        width = widths[separator] = Counter(map(len, table)).most_common(1)[0][0]
-        # rows of several kinds, each with a number of fields of its own, are a table too
-        given = [text for row in table if len(row) >= least for text in row if text]
-        long = sum(len(row) >= least for row in table) / len(rows)
-        alike = sum(len(row) == width for row in table) / len(rows)
-        numeric = sum(map(_is_number, given)) / max(1, len(given)) * long
-        numbers[separator] = numeric if width >= least else 0.0
-        shares[separator] = numbers[separator] * (1 + alike) / 2
-    best = max(_SEPARATORS, key=shares.get)
-    if numbers[best] < 0.5:
-        raise RejectedLog(
-            "the file is not a table of numbers in rows and columns; save it as CSV, a sample per "
-            "line"
-        )
-    # blanks may be inside of a header's names, or of dates, and fields between tabs empty
-    if best == BLANKS and shares["\t"] > 0.9 * shares[best]:
-        best = "\t"
-    return best, widths[best]
-
-
-def _decoded(line):
-    """Return a line as text; a degree or a square in a header may be of an older encoding."""
-    try:
-        return line.decode("utf-8")
-    except UnicodeDecodeError:
-        return line.decode("latin-1")
-
-
-def _are_units(fields):
-    """Tell whether a row below a header, without numbers, names units."""
-    texts = [field.strip("[](){} ") for field in fields]
-    return any(stated_unit(quantity, text) for quantity in SENSORS for text in texts)
-
-
-def _unreadable(error):
-    """Return the rejection of a file whose reading ended in an error."""
-    return RejectedLog(f"the file cannot be read to its end: {str(error).splitlines()[0]}")
-
-
-def _no_text(head):
-    """Return why a file that begins like this is no text in lines, or None."""
-    for mark in ("utf-32", "utf-16"):
-        if head.startswith(("\ufeff".encode(f"{mark}-le"), "\ufeff".encode(f"{mark}-be"))):
-            return f"the text is {mark.upper()}: save it as UTF-8 (iconv -f {mark} -t utf-8)"
-    for signature, what in _BINARY.items():
-        if head.startswith(signature):
-            return f"the file is {what}"
-    start = head[:256]
-    if start and not start.strip(b"\0"):
-        return "the file begins with zeros: no table"
-    if len(head) == _HEAD and b"\n" not in head:
-        return f"the first line is longer than {LONGEST_LINE >> 10} kB: no table"
-    # every second byte, or three of four
-    if start.count(0) > 0.4 * len(start):
-        if start.replace(b"\0", b"").decode("latin-1").replace("\n", "").isprintable():
-            return "the text looks like UTF-16 or UTF-32: save it as UTF-8"
-        return "the file is binary, no text: format: names what it is, see docs/formats.md"
-    return None
-
-
-def _fields_of(line, separator):
-    """Return the fields of a line, none where its quotes do not fit."""
-    if separator == BLANKS:
-        return line.split()
-    try:
-        # the csv module takes a line end or a zero otherwise than as a part of a field
-        quoted = csv.reader([line], delimiter=separator, skipinitialspace=True)
-        rows = quoted if '"' in line else iter([line.split(separator)])
-        return [field.strip() for field in next(rows, [])]
-    except csv.Error:
-        return []
-
-
-def _is_number(text):
-    """Tell whether a field is a number, a date, or stands for a missing one."""
-    if text in MISSING or _DATE.match(text):
-        return bool(text)
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
-
-
-# --- its columns
-
-
 # columns of a table whose acceleration has the opposite sign, as of LPMS: face up it reads -1 g
 OPPOSITE = ("SensorId", "TimeStamp (s)", "FrameNumber", "AccX (g)")
 
@@ -341,7 +104,7 @@ def _by_sensor(source, layout):
     The header is the table's, or a comment that begins as these rows do.
     """
     for at in range(len(layout.names)):
-        texts = {row[at] for row in layout.rows if at < len(row) and not _is_number(row[at])}
+        texts = {row[at] for row in layout.rows if at < len(row) and not is_number(row[at])}
         names = {q: [text for text in texts if named_sensor(text) == q] for q in SENSORS}
         # what the phone has not corrected goes first
         names = {q: [x for x in of if "uncal" in x.lower()] or of for q, of in names.items()}
@@ -349,13 +112,13 @@ def _by_sensor(source, layout):
             break
     else:
         return {}
-    with _opened(source) as stream:
-        text = stream.read(MOST_TIMES * _size(source) + 1)
-    check_unpacked(_size(source), len(text))
-    lines = [_decoded(line) for line in text.splitlines()]
-    rows = [_fields_of(line, layout.separator) for line in lines]
-    comments = [line for line in lines[:_COMMENTS] if _COMMENT.match(line)]
-    heads = [_fields_of(_COMMENT.sub("", x, count=1), layout.separator) for x in comments]
+    with opened(source) as stream:
+        text = stream.read(MOST_TIMES * size_of(source) + 1)
+    check_unpacked(size_of(source), len(text))
+    lines = [decoded(line) for line in text.splitlines()]
+    rows = [fields_of(line, layout.separator) for line in lines]
+    comments = [line for line in lines[:_COMMENTS] if COMMENT.match(line)]
+    heads = [fields_of(COMMENT.sub("", x, count=1), layout.separator) for x in comments]
     parts = {}
     for quantity, [name] in names.items():
         own = [row for row in rows if row[at : at + 1] == [name]]
@@ -370,7 +133,7 @@ def _check_stamps(layout, chosen):
     at = chosen.raw().get(STAMP)
     texts = [row[at] for row in layout.rows if at is not None and at < len(row)]
     texts = [text for text in texts if text not in MISSING]
-    if not texts or any(map(_is_number, texts)):
+    if not texts or any(map(is_number, texts)):
         return
     if not stamp_values(stamp_array(pa.array(texts)))[1].any():
         raise ImuloopError(
@@ -393,9 +156,6 @@ def _units_below(layout, chosen):
     return {quantity: unit for quantity, unit in units.items() if unit}
 
 
-# --- its rows
-
-
 def text_batches(source, layout, positions, batch_rows, log, stamps=None):
     """Give columns of a text table (path or bytes), at most `batch_rows` rows at once.
 
@@ -409,11 +169,11 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
         return batch, bad_lines + more, lost + bytes_, taken
 
     try:
-        with _opened(source) as stream:
+        with opened(source) as stream:
             stream.read(layout.start)
             # any row must fit
             size = max(batch_rows * _ROW_BYTES, LONGEST_LINE)
-            pieces = _pieces(stream, _size(source), size, layout)
+            pieces = _pieces(stream, size_of(source), size, layout)
             for batch, bad_lines, lost, taken in ordered_map(work, pieces, log.threads):
                 log.bad_lines += bad_lines
                 log.lost_bytes += lost
@@ -421,7 +181,7 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
                 for begin in range(0, batch.num_rows, batch_rows):
                     yield batch.slice(begin, batch_rows)
     except (pa.ArrowInvalid, OSError) as error:
-        raise _unreadable(error) from error
+        raise unreadable(error) from error
 
 
 def _parsed(text, layout, positions, stamps):
@@ -487,8 +247,8 @@ def _check_headers(text, layout, positions):
     """Reject a text in which another header names other columns: other rows follow it."""
     for line in _WORDS.findall(text) if layout.headed else ():
         # runs of blanks are tabs by now
-        names = _fields_of(_COMMENT.sub("", _decoded(line), count=1), _delimiter(layout))
-        if names == layout.names or len(names) < LEAST or any(map(_is_number, names)):
+        names = fields_of(COMMENT.sub("", decoded(line), count=1), _delimiter(layout))
+        if names == layout.names or len(names) < LEAST or any(map(is_number, names)):
             continue
         named, shared = guess(names), len({*names} & {*layout.names})
         known = named["acceleration"] or named["angular_rate"]
@@ -558,9 +318,9 @@ def _pieces(stream, packed, size, layout):
         if bad_lines:
             lost += _weight(head) - _weight(lines)
         if layout.labelled:
-            lines = _LABEL.sub(b"", lines)
+            lines = LABEL.sub(b"", lines)
         if layout.arrow:
-            lines = _ARROW.sub(rb"\2" + layout.separator.encode() + rb"\1", lines)
+            lines = ARROW.sub(rb"\2" + layout.separator.encode() + rb"\1", lines)
         if layout.separator == BLANKS:
             lines = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines)
             # no comma: that may be decimal

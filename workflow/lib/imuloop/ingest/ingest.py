@@ -24,13 +24,13 @@ from imuloop.core.samples import (
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
 from imuloop.ingest import clocks, increments, quality, slower_sensor, spikes
 from imuloop.ingest import pps as marks
-from imuloop.ingest.columns import SENSORS, UNITS, stated_unit, unknown_unit
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged
 from imuloop.ingest.raw_log import RawLog, absent_sensor, rechunked
 from imuloop.ingest.reference import attach
 from imuloop.ingest.sources import sha256
+from imuloop.ingest.spellings import SENSORS, UNITS, stated_unit, unknown_unit
 from imuloop.ingest.stamps import is_iso, iso_text
 
 # rows per row group of samples.parquet: 8 columns of it are 8 MB

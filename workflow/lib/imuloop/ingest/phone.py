@@ -16,12 +16,13 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line, plural
 from imuloop.ingest import delimited
-from imuloop.ingest.columns import AXES, SENSORS, guess, named_sensor, unit_of
-from imuloop.ingest.delimited import LONGEST_LINE, find_layout, text_batches
+from imuloop.ingest.delimited import text_batches
 from imuloop.ingest.guarded import guarded
 from imuloop.ingest.raw_log import RawLog
+from imuloop.ingest.spellings import AXES, SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.streams import Stream, raw_log
 from imuloop.ingest.tables import alone, collected, paired
+from imuloop.ingest.text_layout import LONGEST_LINE, find_layout
 
 ENDINGS = (".zip",)
 # of text tables in a zip

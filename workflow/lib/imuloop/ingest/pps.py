@@ -18,9 +18,10 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import position
 from imuloop.ingest.convert import counter_batches
-from imuloop.ingest.delimited import find_layout, text_batches
+from imuloop.ingest.delimited import text_batches
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS, stamp_values
+from imuloop.ingest.text_layout import find_layout
 
 # a local clock that is further off is none; a mark that is, against its neighbours, is no mark
 MOST_OFF = 500e-6

@@ -13,7 +13,7 @@ from imuloop.core.samples import (
     Samples,
     read_metadata,
 )
-from imuloop.ingest import checks
+from imuloop.ingest import fault_lines, faults
 from imuloop.ingest.convert import BEYOND
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.ordered_map import ordered_map
@@ -66,7 +66,7 @@ def measure(path, full_scale=None, threads=1):
     parts = list(zip(*parts, strict=True)) or [[]] * 3
     figures = _time_figures(samples)
     figures |= _channel_figures(len(samples), names, scales, *parts)
-    return {**figures, "faults": checks.measure(samples, read_metadata(path), figures, threads)}
+    return {**figures, "faults": faults.measure(samples, read_metadata(path), figures, threads)}
 
 
 def _time_figures(samples):
@@ -330,4 +330,4 @@ def warnings(figures, counts, log, *, rate):
     missing = counts.missing_values.get(TEMPERATURE)
     if missing:
         found.append(f"{missing} temperatures are missing")
-    return found + checks.warnings(figures)
+    return found + fault_lines.warnings(figures)

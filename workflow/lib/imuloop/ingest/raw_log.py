@@ -6,7 +6,8 @@ from dataclasses import dataclass, field
 import pyarrow as pa
 
 from imuloop.core.samples import TEMPERATURE
-from imuloop.ingest.columns import AXES, SENSORS, lacking
+from imuloop.ingest.columns import lacking
+from imuloop.ingest.spellings import AXES, SENSORS
 
 
 @dataclass

@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.ingest.columns import AXES
 from imuloop.ingest.guarded import cause, guarded
+from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import Stream, raw_log
 
 ENDINGS = (".bag", ".db3", ".mcap")

@@ -9,16 +9,9 @@ import pyarrow as pa
 from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean, one_line
 from imuloop.core.samples import GAP_STEPS, SENSORS, TEMPERATURE
 from imuloop.ingest.clocks import Clock
-from imuloop.ingest.columns import (
-    AXES,
-    HELD,
-    STAMP,
-    check_each_once,
-    guess,
-    listed,
-    without_sign,
-)
+from imuloop.ingest.columns import HELD, STAMP, check_each_once, listed, without_sign
 from imuloop.ingest.raw_log import RawLog
+from imuloop.ingest.spellings import AXES, guess
 from imuloop.ingest.stamps import NANOSECONDS
 
 _SENSOR_OF = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}

@@ -10,8 +10,9 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE, own_metadata, refuse_calibrated
-from imuloop.ingest.columns import AXES, FRACTION, SENSORS, STAMP, lacking, listed, resolve
+from imuloop.ingest.columns import FRACTION, STAMP, lacking, listed, resolve
 from imuloop.ingest.raw_log import RawLog
+from imuloop.ingest.spellings import AXES, SENSORS
 from imuloop.ingest.stamps import NANOSECONDS, joined_stamps, stamp_array, stamp_values
 from imuloop.ingest.streams import Stream, raw_log
 

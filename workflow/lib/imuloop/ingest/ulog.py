@@ -6,8 +6,8 @@ import re
 import numpy as np
 
 from imuloop.core.errors import RejectedLog
-from imuloop.ingest.columns import AXES
 from imuloop.ingest.guarded import guarded
+from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
 ENDINGS = (".ulg", ".ulog")

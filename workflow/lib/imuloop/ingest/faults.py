@@ -1,19 +1,19 @@
-"""What is wrong in the samples themselves: measured piece by piece, and named in a line each.
+"""What is wrong in the samples themselves, measured piece by piece; nothing is changed.
 
-Nothing is changed. Each sensor's channels are measured by themselves, axes and rests across both.
+Each sensor's channels are measured by themselves, axes and rests across both.
 """
 
 from itertools import combinations
 
 import numpy as np
 
-from imuloop.core.errors import plural
-from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
-from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
+from imuloop.ingest.axes import AGREEMENT, Axes
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.ordered_map import ordered_map
-from imuloop.ingest.rests import AGREEMENT, EARTH_PART, Axes, RestMeans, Stops
+from imuloop.ingest.rest_means import RestMeans
+from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
+from imuloop.ingest.stops import Stops
 
 # Hz; no sensor is as fast
 MOST_RATE = 1e9
@@ -47,22 +47,8 @@ LACKING_SHARE, MOST_DRIFT = 0.05, 10.0
 QUIET_SHARE = 0.25
 # an axis is silent at rest where it never changes in this share of the quieter blocks
 SILENT_SHARE = 0.8
-# a value repeated fewer times is never stuck; a stuck run is so many times longer than the longest
-# of the others, of at least so many; where these vary more than chance lets them (noise below the
-# quantisation step), so many times
-LEAST_STUCK, STUCK_FACTOR, LEAST_RUNS, STUCK_FACTOR_COARSE = 10, 5, 50, 50
-# the longest runs of an axis that are kept, and run lengths that are counted one by one
-KEPT_RUNS, LENGTHS = 1000, 256
-# steps that the noise of 64 rows spans: to tell runs, and to tell a cut tail
-SPAN, WIDE_SPAN = 1.5, 3.5
-# values are held where rows a new value are at least this many, and this share of runs near it
-LEAST_HELD, HELD_SHARE = 1.25, 0.98
 # a gap that a device may be turned in is longer, s
 TURN_GAP = 0.2
-# what a thermometer beside an IMU can show, degC, and how long it may stay the same, s
-PLAUSIBLE_TEMPERATURE, CONSTANT_TEMPERATURE = (-60.0, 150.0), 60.0
-# rates that an IMU's log has, Hz; others are read with a warning
-USUAL_RATE = (0.5, 4e4)
 
 
 # a damaged file may hold 1e306, which a sum of squares does not
@@ -119,7 +105,7 @@ def measure(samples, metadata, figures, threads=1):
         changes = {name: np.flatnonzero(x[name][1:] != x[name][:-1]) for name in names}
         counts = [
             np.array([_common_changes(x[a], x[b], changes[a], changes[b]) for a, b in pairs]),
-            np.array([_held([changes[n] for n in axes]) for axes in SENSORS.values()]),
+            np.array([held_lengths([changes[n] for n in axes]) for axes in SENSORS.values()]),
             np.array([_at_limits(x[n], ranges[n], steps[n]) for n in CHANNELS]),
             np.array([_spikes(joined[n], steps[n] or 0.0) for n in names]),
             # windows of four that end in these rows
@@ -178,7 +164,7 @@ def measure(samples, metadata, figures, threads=1):
         "spikes": {name: int(n) for name, n in spikes.items()},
         "wraps": dict(zip(CHANNELS, wraps.tolist(), strict=True)),
         "clipped_at": clipped,
-        "rows_a_value": {s: _rows_a_value(each) for s, each in zip(SENSORS, held, strict=True)},
+        "rows_a_value": {s: rows_a_value(each) for s, each in zip(SENSORS, held, strict=True)},
         "copies": [
             list(pair)
             for pair, (changed, alike) in zip(pairs, common, strict=True)
@@ -195,64 +181,6 @@ def measure(samples, metadata, figures, threads=1):
     }
 
 
-class Runs:
-    """Runs of one value on an axis, over row groups: their lengths, and the longest."""
-
-    def __init__(self, step):
-        self.step = step or 0.0
-        self.counts = np.zeros(LENGTHS + 1, dtype=int)
-        self.long, self.open, self.last, self.rows = [], 0, np.nan, 0
-        # blocks that change, whose noise spans the quantisation step, and several of it
-        self.varied = self.lively = self.wide = 0
-
-    def add(self, x, row):
-        """Take in a row group that starts at `row`."""
-        starts = np.flatnonzero(np.concatenate(([x[0] != self.last], x[1:] != x[:-1])))
-        if len(starts):
-            ends = starts + row
-            lengths = np.diff(ends, prepend=self.open)
-            self._keep(lengths, ends - lengths, np.where(starts > 0, x[starts - 1], self.last))
-            self.open = int(ends[-1])
-        self.last, self.rows = x[-1], row + len(x)
-        width = np.ptp(x[: len(x) // 64 * 64].reshape(-1, 64), axis=1)
-        self.varied += int((width > 0).sum())
-        self.lively += int((width > SPAN * self.step).sum())
-        self.wide += int((width > WIDE_SPAN * self.step).sum())
-
-    def _keep(self, lengths, starts, values):
-        self.counts += np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
-        chosen = np.flatnonzero(lengths >= LEAST_STUCK)
-        self.long += [(int(lengths[i]), int(starts[i]), float(values[i])) for i in chosen]
-        if len(self.long) > KEPT_RUNS:
-            self.long = sorted(self.long, reverse=True)[:KEPT_RUNS]
-
-    @property
-    def fine(self):
-        """Whether the noise spans the quantisation step."""
-        return self.lively >= 0.5 * self.varied > 0
-
-    def stuck(self):
-        """Return (rows, first row, value) of each run too long for chance."""
-        if self.rows > self.open:
-            last = self.rows - self.open, self.open, self.last
-            self._keep(*(np.array([each]) for each in last))
-            self.open = self.rows
-        long = sorted((run for run in self.long if np.isfinite(run[2])), reverse=True)
-        # the zero-th count is the empty run before the first row
-        counts, usual = self.counts[1:], np.arange(1, LENGTHS + 1)
-        short = np.flatnonzero(counts[: LEAST_STUCK - 1])
-        lengths = [run[0] for run in long] + [int(short[-1]) + 1 if len(short) else 1]
-        for k in range(len(long) - 1, -1, -1) if self.fine else ():
-            rest = np.where(usual <= lengths[k + 1], counts, 0)
-            n = rest.sum()
-            if n < LEAST_RUNS:
-                continue
-            even = lengths[k + 1] <= 1 + 3 * (rest @ usual) / n * np.log(n)
-            if lengths[k] >= (STUCK_FACTOR if even else STUCK_FACTOR_COARSE) * lengths[k + 1]:
-                return long[: k + 1]
-        return []
-
-
 def _stuck_figures(found, rate, t):
     """Return how often, for how many rows, how long at most and when an axis was stuck."""
     spans = sorted([float(t[i]), float(t[i + n - 1])] for n, i, _ in found)
@@ -263,30 +191,6 @@ def _stuck_figures(found, rate, t):
         "first_s": spans[0][0] if found else None,
         "spans_s": spans,
     }
-
-
-def _held(changes):
-    """Return how many runs of rows without a change on any axis there are, by length."""
-    changed = np.zeros(max(at[-1] + 1 if len(at) else 0 for at in changes), dtype=bool)
-    for at in changes:
-        changed[at] = True
-    lengths = np.diff(np.flatnonzero(changed))
-    return np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
-
-
-def _rows_a_value(counts):
-    """Return how many rows a value of a sensor is held, 1 where it is not."""
-    total, counts, lengths = counts.sum(), counts[:LENGTHS], np.arange(LENGTHS)
-    if counts.sum() < LEAST_RUNS:
-        return 1.0
-
-    def near(length):
-        return counts * (np.abs(lengths - length) <= max(1.0, 0.15 * length))
-
-    # of the median, so that a few stuck stretches do not count
-    kept = near(lengths[np.searchsorted(np.cumsum(counts), counts.sum() / 2)])
-    mean = float(kept @ lengths / kept.sum())
-    return mean if mean >= LEAST_HELD and near(mean).sum() >= HELD_SHARE * total else 1.0
 
 
 def _common_changes(x, y, at_x, at_y):
@@ -423,149 +327,3 @@ def _silent(variance, spread):
     """Tell whether an axis hardly ever changes while the force does not move."""
     quiet = spread <= np.median(spread) if len(spread) >= LEAST_BLOCKS else spread < 0
     return bool((variance[quiet] == 0).sum() > SILENT_SHARE * quiet.sum())
-
-
-def warnings(figures):
-    """Return one line for each kind of fault found, from quality figures with `faults`."""
-    found, rate = figures["faults"], figures["rate_hz"]
-    if not found:
-        return []
-    held = {sensor: n for sensor, n in found["rows_a_value"].items() if n > 1}
-    # what is held lacks power too
-    held_axes = [name for sensor in held for name in SENSORS[sensor]]
-    table = [
-        (
-            "exactly zero on all axes",
-            [f"{sensor} in {plural(n, 'row')}" for sensor, n in found["zero_rows"].items() if n],
-            "padding or failed reads, no motion: crop them with time_range or take them out of "
-            "the log",
-        ),
-        (
-            "stuck at one value",
-            [
-                f"{name} {plural(f['rows'], 'sample')}, {plural(f['stretches'], 'time')}, first at "
-                f"{f['first_s']:.6g} s"
-                for name, f in found["stuck"].items()
-                if f["stretches"]
-            ],
-            "left out as a gap: look at the cable and the driver",
-        ),
-        (
-            "no noise at rest",
-            found["silent_at_rest"],
-            "a step too coarse, or firmware that holds the value: noise and bias cannot be known "
-            "from this log",
-        ),
-        (
-            "spikes of a single sample",
-            [f"{name} {n}" for name, n in found["spikes"].items() if n],
-            "check the wiring and the logger",
-        ),
-        (
-            "clipped at a repeated extreme value",
-            [
-                f"{name} {plural(f['rows'], 'sample')} at "
-                f"{' and '.join(f'{v:.6g}' for v in f['values'])} "
-                f"{'m/s²' if name in ACCELERATION else 'rad/s'}"
-                for name, f in found["clipped_at"].items()
-                if f["values"] and not figures["clipped"].get(name)
-            ],
-            "rests, turns and moves with them are left out: choose a wider range or turn more "
-            "slowly, and declare full_scale",
-        ),
-        (
-            "a value is held",
-            [
-                f"{sensor} for {n:.3g} rows ({rate / n:.4g} Hz of new values in {rate:.4g} Hz)"
-                for sensor, n in held.items()
-            ],
-            "log each new value once, else noise comes out wrong",
-        ),
-    ]
-    lines = [f"{what}: {', '.join(items)}; {advice}" for what, items, advice in table if items]
-    lines += [f"{other} is a copy of {one}: see columns" for one, other in found["copies"]]
-    lacking = [
-        f"{name} {share:.2%}"
-        for name, share in found["noise_near_nyquist"].items()
-        if name not in held_axes and share is not None and share < LACKING_SHARE
-    ]
-    if lacking:
-        lines.append(
-            f"power is lacking above {HIGH[0] * rate / 2:.3g} Hz (a filter, or a log that was "
-            f"resampled): {', '.join(lacking)} of the noise below; log the sensor's own output"
-        )
-    lines += _temperature(figures)
-    if not USUAL_RATE[0] <= rate <= USUAL_RATE[1]:
-        lines.append(f"{rate:.3g} Hz is unusual for an IMU: see units.time")
-    return lines + _axes(found) + _mean_at_rest(found["mean_at_rest"])
-
-
-def _temperature(figures):
-    """Return what is wrong with a temperature that is none."""
-    limits = figures["temperature_range"]
-    if not limits or not np.isfinite(limits).all():
-        return []
-    (low, high), (least, most) = limits, PLAUSIBLE_TEMPERATURE
-    if least <= low <= high <= most:
-        if low < high or figures["duration_s"] < CONSTANT_TEMPERATURE:
-            return []
-        return [
-            f"temperature is {low:.5g} degC throughout: not read, or too coarse; it can show no "
-            "effect of temperature"
-        ]
-    hint = "counts, or failed reads"
-    if least <= low - 273.15 <= high - 273.15 <= most:
-        hint = "it looks like K"
-    elif least <= low + 273.15 <= high + 273.15 <= most:
-        hint = "it looks like degC taken as K"
-    return [f"temperature from {low:.5g} to {high:.5g} degC: {hint}, see units.temperature"]
-
-
-def _mean_at_rest(found):
-    """Return how a bias shows that firmware or the logger takes away at rest."""
-    if not found or not found["tracked"]:
-        return []
-    if found["upper"] is not None and found["upper"] < EARTH_PART * EARTH_RATE:
-        per_hour = ANGULAR_RATE_UNITS["deg/h"]
-        why = (
-            f"at most {found['upper'] / per_hour:.3g} deg/h, and Earth alone turns with "
-            f"{EARTH_RATE / per_hour:.4g}; firmware or the logger takes the bias away, or "
-            "units.angular_rate is wrong"
-        )
-    else:
-        why = (
-            f"its means hold {found['noise_share']:.1%} of the power that its own noise gives "
-            "them; firmware or the logger takes the bias away, or a hand held the device, whose "
-            "tremor cancels in a mean"
-        )
-    return [
-        f"the angular rate at rest has no mean: {why}: bias, its drift and K cannot be known from "
-        "this log"
-    ]
-
-
-def _axes(found):
-    """Return how the axes of the two sensors do not fit, and what would mend them."""
-    mapping = found["axes"] and found["axes"]["mapping"]
-    # one axis in two places fits nowhere, and has a line of its own
-    if not mapping or found["copies"]:
-        return []
-    fits = ", ".join(
-        f"{axis} as {'-' * (number < 0)}{ANGULAR_RATE[abs(number) - 1]}"
-        for axis, number in zip("xyz", mapping, strict=True)
-        if number
-    )
-    # the signed permutation that takes each axis from the one given by number and sign
-    matrix = np.eye(3)[np.abs(mapping) - 1] * np.sign(mapping)[:, None]
-    fault = "turned axes"
-    if not all(mapping):
-        fault = "swapped or mirrored axes (the turns of this log leave the others open)"
-    elif np.linalg.det(matrix) < 0:
-        fault = (
-            "swapped or mirrored axes, a left-handed frame that no change of the acceleration "
-            "alone would mend"
-        )
-    return [
-        f"the angular rate fits the turns of gravity with {fits}: {fault}; gravity does not tell "
-        "which sensor is at fault; columns puts axes in order and turns a sign: -NAME"
-    ]
