@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 import imuloop
 from imuloop.core.files import read_json
-from imuloop.core.samples import Samples
+from imuloop.core.samples import Samples, on_gyroscope_clock
 from imuloop.ingest.ingest import ingest
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
@@ -95,6 +95,22 @@ def test_noise_is_that_of_each_sensor_s_own_samples(export, read, force_rate, tu
     assert not [line for line in quality["warnings"] if "a value is held" in line]
 
 
+@pytest.mark.parametrize("every", [2, 3, 5])
+def test_specific_force_beside_a_slower_gyroscope_is_that_at_its_stamps(every):
+    """Protects from an offset in time that the sensors do not have: rows hold a sample early."""
+    t = 0.01 * np.arange(300)
+    own = t[every // 2 :: every]
+    held = own[np.clip(np.searchsorted(own + 0.005 * every, t), 0, len(own) - 1)]
+    ramp = 3 - 2 * t
+    columns = {"t": t, **dict.fromkeys(("ax", "ay", "az"), ramp), "t_gyroscope": held}
+    columns |= dict.fromkeys(("gx", "gy", "gz"), 0 * t)
+    found = on_gyroscope_clock(columns)
+    np.testing.assert_array_equal(found["t"], own)
+    # half a row at most, where as many rows lie before the stamp as after it but one
+    np.testing.assert_allclose(found["ax"][1:-1], 3 - 2 * own[1:-1], atol=0.011)
+    assert abs(np.mean(found["ax"][1:-1] - (3 - 2 * own[1:-1]))) < (0.011 if every == 2 else 1e-12)
+
+
 def turned(t, rng):
     """Return specific force and angular rate of a device that is turned from rest to rest."""
     begin, length, rest = 20.0, 1.5, 4.0
@@ -148,3 +164,6 @@ def test_a_calibration_is_as_good_as_of_one_clock(export, read, force_rate, turn
         assert (error < limit).all()
         assert (np.abs(own.K - scale) < 4 * error).all(), (own.K - scale) / error
         assert verdicts[sensor]["poses"]["verdict"] == "consistent"
+        # a slow accelerometer misses what a move does
+        if force_rate < 0.9 * turn_rate:
+            assert "slower than the gyroscope" in verdicts[sensor]["motion"]["why"]

@@ -19,6 +19,7 @@ from imuloop.core.memory import filled
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
+    OWN_TIME,
     TEMPERATURE,
     TIME,
     at_rail,
@@ -59,13 +60,14 @@ class Recording:
     """The poses and rotations of all usable sessions of one kind.
 
     Without rotations where only poses are looked at. The whole log of each session is for effects
-    with a memory.
+    with a memory. With `slow_force` an accelerometer is slower than its gyroscope: interpolated.
     """
 
     poses: Poses
     rotations: Rotations | None = None
     logs: tuple[Log, ...] = ()
     lost: Lost = field(default_factory=Lost)
+    slow_force: bool = False
 
     def select(self, keep):
         """Return the poses of a mask and the rotations with both ends among them."""
@@ -168,4 +170,11 @@ def record(samples, segments, longest_rotation, rails=None):
     ]
     rotations, lost = gather_rotations(poses, logs, segments, longest_rotation, clipped)
     railed = sum(int(np.sum(np.asarray(table["kind"]) == DISTURBED)) for table in segments)
-    return Recording(poses, rotations, logs, replace(lost, railed=railed))
+    slow_force = any(map(_has_slow_force, samples))
+    return Recording(poses, rotations, logs, replace(lost, railed=railed), slow_force)
+
+
+def _has_slow_force(samples):
+    """Return whether fewer than two of three rows have an accelerometer's sample of their own."""
+    own = samples.get(OWN_TIME["accelerometer"])
+    return own is not None and np.mean(np.diff(own) > 0) < 2 / 3

@@ -216,13 +216,16 @@ def on_own_clock(source, sensor):
 def on_gyroscope_clock(columns):
     """Return columns of samples, dict of arrays, at the gyroscope's own stamps, for its turns.
 
-    The specific force of a slower clock is interpolated linearly, of a faster it is that nearest.
+    The specific force of a slower clock is interpolated linearly, of a faster it is the mean of the
+    samples that lie nearest.
     """
     own_rate, own_force = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
     if own_rate in columns:
-        new = np.diff(columns[own_rate], prepend=-np.inf) > 0
-        columns = {name: np.asarray(x)[new] for name, x in columns.items()}
-        return {**columns, TIME: columns[own_rate]}
+        first = np.flatnonzero(np.diff(columns[own_rate], prepend=-np.inf) > 0)
+        count = np.diff(np.append(first, len(columns[own_rate])))
+        force = {n: np.add.reduceat(np.asarray(columns[n]), first) / count for n in ACCELERATION}
+        columns = {name: np.asarray(x)[first] for name, x in columns.items()}
+        return {**columns, **force, TIME: columns[own_rate]}
     if own_force in columns:
         at, t = np.asarray(columns[own_force]), np.asarray(columns[TIME])
         new = np.diff(at, prepend=-np.inf) > 0

@@ -86,6 +86,9 @@ def diagnose_motion(
     """
     if solution is None or set(pair.estimated) != set(SENSORS):
         return untestable("the poses do not determine both sensors")
+    if recording.slow_force:
+        why = "the accelerometer is slower than the gyroscope, and misses what a move does between"
+        return untestable(f"{why} two of its samples: log both at one rate")
     found, x = solution.effects, solution.fit.x
     every = pair.base.copy()
     every[pair.free] = x[: len(pair.free)]
