@@ -25,13 +25,14 @@ from seeds import least, seeds
 SEEDS = range(11040, 11045)
 
 
-# of quadratic the library has a name, which the search does not know
+# of two of these the library has a name, which the search does not know
 @pytest.mark.study
 @pytest.mark.parametrize(
     ("truth", "plan"),
     [
         ("fy2_fz_on_x", "forty"),
         ("quadratic", "forty"),
+        ("cross_coupling", "forty"),
         ("T2_fx_on_x", "forty"),
         ("settling_on_z", "rests"),
     ],

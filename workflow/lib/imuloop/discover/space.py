@@ -107,6 +107,8 @@ def formulas(sensor, warm, vectors):
     each = [monomials(v, degree) for v in (own, other) for degree in (2, 3)] + turn_and_vibration
     each += [[m + s for m in monomials(v, 1)] for v in (own, other) for s in times]
     forms += [[f"{a}: {m}" for a in AXES for m in products] for products in each]
+    # each axis' own component times another
+    forms += [[f"{a}: {m}" for a in AXES for m in monomials(own, 2) if a in m and "^" not in m]]
     # polynomials in temperature, on one axis or as a matrix of the other sensor's output
     each = ["", *(f"{m}*" for v in (own, other) for m in monomials(v, 1))]
     forms += [[f"{a}: {m}T", f"{a}: {m}T^2"] for a in AXES for m in each]
