@@ -13,8 +13,9 @@ from imuloop.core.precision import precision
 TINY = 1e-6
 # in standard deviations, how far a size is from what is known of it: to the end of its interval
 FARTHEST = 1.96
-# steps of the search, and its end: by so much the logarithm of the likelihood may still rise
-STEPS, RISE = 100, 1e-9
+# steps of the search, and its end: by so much the logarithm of the likelihood may still rise; and
+# where the noise of drawn data is wanted
+STEPS, RISE, ROUGH = 100, 1e-9, 1e-3
 # rise after the last step that makes no other weights; beyond it nothing was found
 UNSETTLED = 1e-3
 
@@ -49,7 +50,7 @@ def total(fixed, components, sizes):
     return found
 
 
-def likely_sizes(values, jacobian, fixed, components, known=None, start=None):
+def likely_sizes(values, jacobian, fixed, components, known=None, start=None, rise=RISE):
     """Return the sizes of components that are likeliest, shape (k,), none beyond what is known.
 
     Maximises, with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``, the restricted likelihood and the
@@ -74,6 +75,8 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None):
         Rows R, (m, p), of what is known of the parameters, and their residuals of variance one.
     start : ndarray, shape (k,), optional
         Sizes to start from; what is known of them without.
+    rise : float, optional
+        By how much the logarithm may still rise where the search ends.
 
     Raises
     ------
@@ -128,7 +131,7 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None):
         root = np.linalg.cholesky(information + damping * np.diag(np.diag(information))).T
         target = solve_triangular(root, -slope, trans=1)
         step = lsq_linear(root, target, (TINY**2 - squares, most - squares), method="bvls").x
-        if -slope @ step < RISE:
+        if -slope @ step < rise:
             break
         tried = np.clip(squares + step, TINY**2, most)
         found = state(tried)

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
-from imuloop.calibrate.noise_components import likely_sizes, total
+from imuloop.calibrate.noise_components import ROUGH, likely_sizes, total
 from imuloop.calibrate.sensor_pair import OF_SENSOR
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.fold_fit import ABSORBED
@@ -197,7 +197,8 @@ class PoseProblem:
 
         def hypotheses(values, start=likeliest):
             """Return what the noise may be, from as estimated to as residuals make it likeliest."""
-            likeliest = likely_sizes(values, jacobian, covariance, components, start=start)
+            data = values, jacobian, covariance, components
+            likeliest = likely_sizes(*data, start=start, rise=ROUGH)
             sizes = (first + s * (likeliest - first) for s in PATH)
             fitted = (likeliest / (likeliest + HALF_A_PARAMETER)).sum() * np.array(PATH)
             return Hypotheses.of((total(covariance, components, each) for each in sizes), fitted)
