@@ -134,8 +134,6 @@ lock:
 	$(COMPILE) $(EVERYTHING) -o requirements.lock
 	sed '/^python-dateutil==/d' requirements.lock | grep -v -e --hash >build/lock/shared.txt
 	$(COMPILE) $(EVERYTHING) --extra slurm --extra s3 --extra moto -c build/lock/shared.txt -o requirements-cluster.lock
-	echo snakemake-executor-plugin-kubernetes | \
-		$(COMPILE) - -c requirements-cluster.lock -o .ci/kubernetes.lock
 
 # docs/licences.md, of what is installed; after `make lock`
 licences: setup

@@ -1,38 +1,11 @@
-"""From raw logs of inertial sensors to results/report.html; one word a stage."""
-
-import sys
-
-from snakemake.utils import min_version
-
-min_version("9.27")
+"""The workflow for who calls it in a clone; all of it is in workflow/Snakefile."""
 
 
-include: "workflow/rules/library.smk"
+include: "workflow/Snakefile"
 
 
-if not workflow.configfiles:
-    from imuloop.config_faults import unreadable
-
-    if fault := unreadable("config.yaml"):
-        print(fault, file=sys.stderr)
-        sys.exit(1)
-
-    configfile: "config.yaml"
-
-
-include: "workflow/rules/common.smk"
-include: "workflow/rules/storage.smk"
-include: "workflow/rules/simulate.smk"
-include: "workflow/rules/ingest.smk"
-include: "workflow/rules/segment.smk"
-include: "workflow/rules/noise.smk"
-include: "workflow/rules/calibrate.smk"
-include: "workflow/rules/diagnose.smk"
-include: "workflow/rules/export.smk"
-include: "workflow/rules/report.smk"
-
-
-rule all:
+# what an included file has for its default target Snakemake does not take
+rule default:
     default_target: True
     input:
-        "results/report.html",
+        rules.all.input,

@@ -1,6 +1,5 @@
 """Logs in an S3, a local one: the results of the local files, and one line where one is missing."""
 
-import os
 import re
 import shlex
 
@@ -19,7 +18,6 @@ from cluster.conftest import (
 
 FOLDER = b"s3://logs/bench 1/"
 TARGET = "results/imu/section.html"
-PLUGIN = "build/kubernetes"
 
 
 @pytest.fixture(scope="module")
@@ -133,15 +131,3 @@ def test_every_command_of_the_document_can_be_planned(repository, stored):
     assert len(lines) == text.count("\n.venv-cluster/bin/snakemake ") == 3
     for line in lines:
         stored(*shlex.split(line.replace("--configfile config.yaml", "")))
-
-
-def test_a_run_on_kubernetes_is_planned(repository, stored):
-    """As far as it can be checked without a cluster."""
-    if not (repository / PLUGIN / "snakemake_executor_plugin_kubernetes").is_dir():
-        pytest.skip(f"no Kubernetes plugin in {PLUGIN}: .ci/cluster installs it")
-    paths = os.pathsep.join([str(repository / PLUGIN), os.environ.get("PYTHONPATH", "")])
-    said = stored("--profile", "profiles/kubernetes", PYTHONPATH=paths)
-    # a device is one pod, logs and results are in the storage, the report is made here
-    assert said.count("Group job device") == 1
-    assert "s3://bucket/imu_static.csv" in said
-    assert "output: s3://imuloop/results/report.html (send to storage)" in said

@@ -10,8 +10,6 @@ rule calibrate:
         "logs/calibrate/{device}.log",
     benchmark:
         "benchmarks/calibrate/{device}.tsv"
-    group:
-        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1

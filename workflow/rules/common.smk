@@ -1,7 +1,6 @@
 """The config, read and checked; what a rule takes from it."""
 
 import os
-import sys
 from functools import cache
 from hashlib import sha256
 from math import ceil
@@ -41,8 +40,7 @@ if workflow.is_main_process:
         mirror=os.environ.get("IMULOOP_MIRROR"),
     )
     if faults:
-        print(*faults, sep="\n", file=sys.stderr)
-        sys.exit(1)
+        raise WorkflowError("\n".join(faults))
 
 DEVICES = resolve(config)
 NAME = r"[A-Za-z][A-Za-z0-9_-]*"
@@ -51,8 +49,6 @@ FETCHED = fetched(DEVICES)
 # by the environment, not as a parameter: where a file came from changes nothing in it
 if "mirror" in config:
     os.environ.setdefault("IMULOOP_MIRROR", config["mirror"])
-# with --jobs, which is for clusters, a device is one submission
-GROUP = "device" if workflow.nodes is not None else None
 
 
 wildcard_constraints:

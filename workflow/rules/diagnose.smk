@@ -18,8 +18,6 @@ rule diagnose:
         "logs/diagnose/{device}.log",
     benchmark:
         "benchmarks/diagnose/{device}.tsv"
-    group:
-        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1

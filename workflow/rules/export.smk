@@ -14,8 +14,6 @@ rule export:
         "logs/export/{device}.log",
     benchmark:
         "benchmarks/export/{device}.tsv"
-    group:
-        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1

@@ -28,8 +28,6 @@ rule ingest:
         "logs/ingest/{device}/{session}.log",
     benchmark:
         "benchmarks/ingest/{device}/{session}.tsv"
-    group:
-        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: threads_by_size

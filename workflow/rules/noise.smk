@@ -11,8 +11,6 @@ rule noise:
         "logs/noise/{device}.log",
     benchmark:
         "benchmarks/noise/{device}.tsv"
-    group:
-        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1
@@ -36,8 +34,6 @@ rule allan:
         "logs/allan/{device}/{session}.log",
     benchmark:
         "benchmarks/allan/{device}/{session}.tsv"
-    group:
-        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1

@@ -36,8 +36,6 @@ rule report_device:
         "logs/report_device/{device}.log",
     benchmark:
         "benchmarks/report_device/{device}.tsv"
-    group:
-        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1

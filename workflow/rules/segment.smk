@@ -7,8 +7,6 @@ rule segment:
         "logs/segment/{device}/{session}.log",
     benchmark:
         "benchmarks/segment/{device}/{session}.tsv"
-    group:
-        GROUP
     conda:
         "../envs/imuloop.yaml"
     threads: 1

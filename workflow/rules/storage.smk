@@ -45,5 +45,4 @@ def storage_faults():
 
 
 if workflow.is_main_process and (faults := list(storage_faults())):
-    print(*faults, sep="\n", file=sys.stderr)
-    sys.exit(1)
+    raise WorkflowError("\n".join(faults))
