@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.stats import t as student
 
 from calibrate.devices import RATE_UNIT, calibrated, known_noise, recording
 from imuloop.calibrate.calibrate import rest_bias, with_sessions, without_pose
@@ -194,6 +195,19 @@ def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, own, variance, w
     silent = replace(poses, variance=0 * poses.variance) if not variance else poses
     found = silent.unknown_noise(NoiseModel("d", {**known.axes, **both}), CHANNELS)
     assert found.startswith(", ".join(c for c in CHANNELS if c in both) + f" {what}")
+
+
+def test_a_bias_that_differs_from_run_to_run_is_as_sure_as_its_runs_agree():
+    made, known = recording(TRUTH, 0), known_noise(TRUTH)
+    rng, off = np.random.default_rng(3), 0.01
+    count, pulls = 4, []
+    run = np.arange(len(made.poses)) * count // len(made.poses)
+    for _ in range(400):
+        w = made.poses.w + off * rng.standard_normal((count, 3))[run]
+        rest = rest_bias(replace(made.poses, w=w, run=run), known, RATE_UNIT, "bias only")
+        pulls.append((rest.b - TRUTH.gyroscope.b) / [rest.std[f"b{k}"] for k in range(3)])
+    # Student's t with three degrees of freedom: within 3.182 in 95 %
+    assert np.mean(np.abs(pulls) < student.ppf(0.975, count - 1)) == pytest.approx(0.95, abs=0.02)
 
 
 def test_missing_poses_are_explained_by_what_became_of_the_sessions(tmp_path):

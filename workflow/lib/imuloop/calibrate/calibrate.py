@@ -258,7 +258,8 @@ def by_turns(turns, unit):
 def rest_bias(poses, noise, unit, reason):
     """Return the calibration of a gyroscope that only rested: its bias, weighted by the noise.
 
-    Nominal without a rest, or where the noise of an axis is not known.
+    Where it differs more from run to run than noise lets expect, the mean over the runs, with the
+    variance ``s²/n`` of n runs. Nominal without a rest, or where the noise of an axis is not known.
     """
     silent = poses.unknown_noise(noise, ANGULAR_RATE)
     if silent or not len(poses):
@@ -267,12 +268,18 @@ def rest_bias(poses, noise, unit, reason):
     covariance = poses.mean_covariance(noise)[3:]
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
     total = weights.sum(axis=1)
-    bias = np.einsum("an,na->a", weights, poses.w) / total
+    bias, variance = np.einsum("an,na->a", weights, poses.w) / total, 1 / total
+    runs = [weights * (poses.run == run) for run in np.unique(poses.run)]
+    if len(runs) > 1:
+        each = np.array([np.einsum("an,na->a", w, poses.w) / w.sum(axis=1) for w in runs])
+        scatter = each.var(axis=0, ddof=1) / len(runs)
+        bias = np.where(scatter > variance, each.mean(axis=0), bias)
+        variance = np.maximum(scatter, variance)
     return replace(
         SensorCalibration.nominal(unit, reason),
         b=unit.from_si(bias),
         names=("b0", "b1", "b2"),
-        covariance=np.diag(1 / total) / unit.scale**2,
+        covariance=np.diag(variance) / unit.scale**2,
         method="static",
     )
 
