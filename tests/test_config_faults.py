@@ -70,8 +70,6 @@ DEVICE = """
     units.time: 'sec' is not a unit; did you mean 's'?
     lable: x
     lable: unknown key; did you mean 'label'?
-    noise: {views: [psd, hadamrd]}
-    noise.views.1: 'hadamrd' is not a view of the noise; did you mean 'hadamard'?
     label:
     label: nothing is given
     type: 2nd

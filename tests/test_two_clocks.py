@@ -80,7 +80,7 @@ def test_noise_is_that_of_each_sensor_s_own_samples(export, read, force_rate, tu
     # a log that rests is one rest, whatever the clocks
     assert segments["kind"].tolist() == ["static"]
     found = estimate_noise(
-        "imu", [RecordedSession("log", "static", samples, segments)], NoiseSettings(views=())
+        "imu", [RecordedSession("log", "static", samples, segments)], NoiseSettings()
     )
     for sensor, axes, density in (
         ("accelerometer", "ax ay az", FORCE_NOISE),

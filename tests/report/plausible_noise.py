@@ -7,6 +7,7 @@ import pandas as pd
 
 from imuloop.core.noise_model import Coefficient, GaussMarkovTerm, SinusoidTerm
 from imuloop.core.samples import CHANNELS, SENSORS
+from imuloop.noise.spectrum import COLUMNS
 
 KEYS = "mean std min q25 median q75 max peak_to_peak std_10s std_100s".split()
 # the coefficient that a disturbance changes most, and how
@@ -50,8 +51,8 @@ def plausible_noise(axes, rate):
     }
 
 
-def plausible_views(samples, rate, allan):
-    """Return views.parquet of a record: periodogram, autocorrelation and all deviations."""
+def plausible_spectra(samples, rate):
+    """Return spectra.parquet of a record, from its periodogram."""
     rows = []
     for axis in CHANNELS:
         x = samples[axis].to_numpy()
@@ -59,12 +60,5 @@ def plausible_views(samples, rate, allan):
         for part in np.array_split(np.arange(1, len(power)), 60):
             share = 1.96 / np.sqrt(len(part))
             density, f = power[part].mean(), part.mean() * rate / len(x)
-            rows.append(("psd", axis, f, density, density * (1 - share), density * (1 + share)))
-        for lag in range(40):
-            rho = 0.5**lag
-            rows.append(("autocorrelation", axis, lag / rate, rho, -0.03, 0.03))
-        curve = allan[(allan["axis"] == axis) & (allan["stage"] == "raw")]
-        for k, view in enumerate(("total", "modified", "hadamard")):
-            for tau, *values in curve[["tau_s", "adev", "ci_low", "ci_high"]].to_numpy():
-                rows.append((view, axis, tau, *(v * (0.9 + 0.1 * k) for v in values)))
-    return pd.DataFrame(rows, columns=["view", "axis", "x", "value", "ci_low", "ci_high"])
+            rows.append((axis, f, density, density * (1 - share), density * (1 + share)))
+    return pd.DataFrame(rows, columns=COLUMNS)

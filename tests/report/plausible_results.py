@@ -26,7 +26,7 @@ from imuloop.noise.noise import no_noise
 from imuloop.report.verdict import UNTESTED
 from imuloop.validate.attitude import no_attitude
 from report.plausible_diagnosis import pose_diagnosis, pose_tables, static_diagnosis
-from report.plausible_noise import plausible_noise, plausible_views, statistics
+from report.plausible_noise import plausible_noise, plausible_spectra, statistics
 
 HOSTILE = '<script>alert(1)</script> $x_2$ & "_b"'
 DEVICES = {
@@ -116,10 +116,10 @@ def _session(folder, device, session, kind, rng):
         allan = allan[:0]
     allan.to_parquet(path / "allan.parquet")
     if session == next(iter(DEVICES[device][1])):
-        views = pd.DataFrame(no_noise(device, [session]).views[session])
+        spectra = pd.DataFrame(no_noise(device, [session]).spectra[session])
         if device == "board":
-            views = plausible_views(samples, RATE, allan)
-        views.assign(session=session).to_parquet(path.parent / "views.parquet")
+            spectra = plausible_spectra(samples, RATE)
+        spectra.assign(session=session).to_parquet(path.parent / "spectra.parquet")
 
 
 def _signal(t, kind, rng):

@@ -11,7 +11,6 @@ from imuloop.core.files import write_json
 from imuloop.core.sphere import direction_words, largest_hole
 from imuloop.report.figures.allan import allan_pictures
 from imuloop.report.figures.attitude import attitude_part
-from imuloop.report.figures.correlations import correlation_matrices
 from imuloop.report.figures.loop import loop_picture, loop_words
 from imuloop.report.figures.poses import pose_picture
 from imuloop.report.figures.residuals import against, goes_with, residual_pictures
@@ -84,21 +83,6 @@ def test_residual_pictures_hold_before_and_after(devices):
     assert set(table["session"]) == {"turns"}
     # each mark says what it is
     assert pictures[0].svg.count("<title>") == len(table)
-
-
-def test_the_matrix_of_correlations_is_that_of_the_calibration(devices):
-    device = devices["board"]
-    covariance = device.calibrations["final"].accelerometer.covariance
-    r = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
-    accelerometer, _ = correlation_matrices(device)
-    size = np.abs(np.tril(r, -1))
-    i, j = np.unravel_index(size.argmax(), r.shape)
-    assert f"{r[i, j]:.2g}".replace("-", "−") in accelerometer.caption
-    pairs = len(r) * (len(r) - 1) // 2
-    assert f"of {pairs} pairs" in accelerometer.caption
-    assert accelerometer.svg.count("<title>") == pairs
-    # biases alone
-    assert correlation_matrices(devices["still"]) == []
 
 
 def test_the_allan_curve_has_its_terms_and_tells_how_well_the_model_fits(devices):

@@ -83,7 +83,7 @@ def test_the_page_of_a_device_is_whole_and_its_links_lead_somewhere(many):
     assert "Unit" in page.text and page.all("section")[0]["id"] == ODD
     names = {e.get("id") for e in page.elements}
     for link in (e["href"] for e in page.all("a")):
-        assert link[1:] in names if link.startswith("#") else (many / ODD / link).is_file()
+        assert link[1:] in names if link.startswith("#") else (many / ODD / link).exists()
 
 
 def test_who_stands_out_is_named_and_nobody_else(page):

@@ -6,7 +6,7 @@ rule noise:
     output:
         noise="results/{device}/noise.json",
         allan="results/{device}/allan_raw.parquet",
-        views="results/{device}/views.parquet",
+        spectra="results/{device}/spectra.parquet",
     log:
         "logs/noise/{device}.log",
     benchmark:

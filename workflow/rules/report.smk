@@ -8,7 +8,7 @@ rule report_device:
         quality=each_session("quality.json"),
         segments=each_session("segments.parquet"),
         allan=each_session("allan.parquet"),
-        views="results/{device}/views.parquet",
+        spectra="results/{device}/spectra.parquet",
         noise="results/{device}/noise.json",
         six_position="results/{device}/six_position.json",
         multi_position="results/{device}/multi_position.json",

@@ -99,7 +99,7 @@ def segment(device):
 
 
 def noise(device):
-    """Write noise.json, and Allan curves as logged and other views, of all sessions in a table."""
+    """Write noise.json, and Allan curves as logged and spectra, of all sessions in a table."""
     from imuloop.core.samples import Samples, read_columns
     from imuloop.core.tables import write_sessions
     from imuloop.noise.noise import estimate_noise, no_noise
@@ -109,7 +109,7 @@ def noise(device):
     def write(result, failed=None):
         result.to_json(device.file("noise.json"), failed)
         write_sessions(device.file("allan_raw.parquet"), result.allan)
-        write_sessions(device.file("views.parquet"), result.views)
+        write_sessions(device.file("spectra.parquet"), result.spectra)
 
     def work():
         sessions = [

@@ -144,7 +144,7 @@ def noise_of(arguments, calibration, kind, samples, segments):
         except (KeyError, TypeError, ValueError) as error:
             raise ImuloopError(f"{path}: not a noise model: {error!r}") from error
     session = RecordedSession(arguments.log.name, kind, samples, segments)
-    found = estimate_noise(calibration.device, [session], NoiseSettings(views=()), uncut=False)
+    found = estimate_noise(calibration.device, [session], NoiseSettings(), views=False)
     return found.model, "of the log itself"
 
 

@@ -1,6 +1,4 @@
-"""Overlapping Allan deviation, and its relatives, of records that may be cut into stretches."""
-
-from itertools import pairwise
+"""Overlapping Allan deviation of records that may be cut into stretches."""
 
 import numpy as np
 from scipy.special import chdtri
@@ -11,9 +9,6 @@ from imuloop.core.tables import table
 COLUMNS = ("axis", "tau_s", "adev", "ci_low", "ci_high", "edf", "stage")
 # terms that are summed at a time: fits the cache
 CHUNK = 32768
-# of each deviation the order of a difference over m samples, and how often the output is
-# integrated before
-DIFFERENCES = {"allan": (2, 1), "total": (2, 1), "hadamard": (3, 1), "modified": (3, 2)}
 
 
 def averaging_factors(length, settings):
@@ -28,19 +23,13 @@ def averaging_factors(length, settings):
     return np.unique(np.rint(np.geomspace(1, longest, count)).astype(int))
 
 
-def terms(factors, length, name="allan"):
+def terms(factors, length):
     """Return the number of overlapping terms of a stretch; 0 where it is below 2."""
-    order, integrals = DIFFERENCES[name]
-    count = np.asarray(length) + integrals - order * np.asarray(factors)
+    count = np.asarray(length) + 1 - 2 * np.asarray(factors)
     return np.where(count < 2, 0, count)
 
 
-def deviation_scale(name, tau):
-    """Return the mean square of the difference over the variance, for averaging times."""
-    return (6.0 if name == "hadamard" else 2.0) * tau ** (2.0 * DIFFERENCES[name][1])
-
-
-def allan_variance(stretches, factors, name="allan"):
+def allan_variance(stretches, factors):
     r"""Return the overlapping Allan variance, pooled over stretches, shape (k,), unit squared.
 
     .. math::
@@ -50,37 +39,24 @@ def allan_variance(stretches, factors, name="allan"):
     of a stretch, so that what lies between two of them, be it a gap, a knock or a lasting change of
     level, does not enter. Not-a-number where no stretch is long enough.
 
-    Another of `DIFFERENCES` gives its variance. The total one takes a term per sample, the ends
-    continued by reflection, and is without the correction for its bias at long averages under
-    flicker and walk (-24 % and -38 % of the variance at half the record).
-
     References
     ----------
-    W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eqs. (11), (14),
-    (20), (25).
+    W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eq. (11).
     """
-    factors, (order, integrals) = np.asarray(factors), DIFFERENCES[name]
+    factors = np.asarray(factors)
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
     for values in stretches:
-        count, first, x = terms(factors, len(values), name), 0 * factors, _integral(values)
-        if integrals == 2:
-            x = _integral(x)
-        if name == "total":
-            count = np.where(factors < len(values), len(values) - 1, 0)
-            first = len(values) + 1 - factors
-            x = np.concatenate([2 * x[0] - x[:0:-1], x, 2 * x[-1] - x[-2::-1]])
+        count, x = terms(factors, len(values)), _integral(values)
         weight += count
         # chunk by chunk, so that the short averages of all factors find their samples in the cache
         for i in range(0, count.max(initial=0), CHUNK):
             for k in np.flatnonzero(count > i):
-                size = min(CHUNK, count[k] - i)
-                places = i + first[k] + factors[k] * np.arange(order + 1)
-                parts = [x[place : place + size] for place in places]
-                while len(parts) > 1:
-                    parts = [after - before for before, after in pairwise(parts)]
-                total[k] += parts[0] @ parts[0]
+                size, m = min(CHUNK, count[k] - i), factors[k]
+                first, middle, last = (x[i + j * m : i + j * m + size] for j in range(3))
+                difference = (last - middle) - (middle - first)
+                total[k] += difference @ difference
     mean = np.divide(total, weight, out=np.full(len(total), np.nan), where=weight > 0)
-    return mean / deviation_scale(name, factors)
+    return mean / (2.0 * factors**2)
 
 
 def allan_table(axis, tau, variance, edf, stage="raw"):

@@ -58,9 +58,7 @@ def noise_again(device, data, calibration, found, noise_settings):
         )
         for name in data.samples
     ]
-    # the curves and the coefficients alone
-    alone = replace(noise_settings, views=())
-    result = estimate_noise(device, sessions, alone, uncut=False)
+    result = estimate_noise(device, sessions, noise_settings, views=False)
     tables = {
         name: table | {"stage": np.full(len(table["tau_s"]), "corrected")}
         for name, table in result.allan.items()

@@ -10,14 +10,7 @@ import pandas as pd
 from scipy.special import xlogy
 
 from imuloop.core.errors import ImuloopError
-from imuloop.noise.allan import (
-    DIFFERENCES,
-    allan_variance,
-    averaging_factors,
-    deviation_scale,
-    interval,
-    terms,
-)
+from imuloop.noise.allan import allan_variance, averaging_factors, interval, terms
 from imuloop.noise.likelihood import weighted_nnls
 from imuloop.noise.settings import NoiseSettings
 
@@ -33,8 +26,8 @@ ROUNDS, ROUNDING = 6, 1e-9
 class NoiseOfCurve:
     r"""Expectation and variance of the points of a pooled curve, for any noise coefficients.
 
-    A point is the mean square of a difference over m samples, c = (1, -2, 1) for the Allan
-    deviation, of the integrated output X, over a scale: :math:`2 \tau^2` for the Allan deviation.
+    A point is the mean square of the difference c = (1, -2, 1) over m samples of the integrated
+    output X, over :math:`2 \tau^2`.
     The difference is Gaussian; at a distance d its covariance is a sum over the processes,
 
     .. math:: r(d) = \sum_p \theta_p r_p(d),\quad r_p(d) = \sum_{a,b} c_a c_b k_p(d + (a - b) m)
@@ -61,20 +54,15 @@ class NoiseOfCurve:
     ramp: np.ndarray
 
     @classmethod
-    def of(cls, factors, lengths, rate, name="allan"):
-        """Return that of averaging `factors` over independent stretches, rate in Hz.
-
-        That of the total deviation is that of the Allan deviation, which has fewer degrees of
-        freedom at long averages, but for those of quantisation alone.
-        """
-        order, integrals = DIFFERENCES[name]
+    def of(cls, factors, lengths, rate):
+        """Return that of averaging `factors` over independent stretches, rate in Hz."""
         lengths, repeats = np.unique(lengths, return_counts=True)
         level, quadratic = np.zeros((len(factors), 5)), np.zeros((len(factors), 4, 4))
         ramp = np.zeros((len(factors), 4))
         # the difference of a difference, as a function of the distance
-        squared = (-1) ** order * np.poly(np.ones(2 * order))
+        squared = np.poly(np.ones(4))
         for i, m in enumerate(np.asarray(factors, dtype=np.int64)):
-            count, tau = terms(m, lengths, name), m / rate
+            count, tau = terms(m, lengths), m / rate
             if not count.any():
                 continue
 
@@ -83,26 +71,23 @@ class NoiseOfCurve:
                 return (repeats @ pairs) * np.where(d > 0, 2.0, 1.0)
 
             def covariance(d, m=m):
-                shifts = np.arange(-order, order + 1)[:, None] * m
-                return squared @ _kernels(np.abs(d + shifts) / rate, integrals, 1 / rate)
+                shifts = np.arange(-2, 3)[:, None] * m
+                return squared @ _kernels(np.abs(d + shifts) / rate)
 
             # white and walk end with the difference; flicker's tail has gone with the fourth power
             step = max(1, min(m, count.max()) // 8)
-            d = np.arange(0, min((order + 1) * m, count.max()), step, dtype=float)
+            d = np.arange(0, min(3 * m, count.max()), step, dtype=float)
             r, weight = covariance(d), pairs(d) * step
             level[i, :4], quadratic[i], ramp[i] = r[:, 0], (r * weight) @ r.T, r @ weight
-            if integrals == 1:
-                # quantisation lives on single lags, exactly
-                d, spike = m * np.arange(order + 1.0), squared[order:]
-                weight, level[i, 0] = pairs(d) * spike, spike[0]
-                quadratic[i, 0] = quadratic[i, :, 0] = covariance(d) @ weight
-                quadratic[i, 0, 0], ramp[i, 0] = weight @ spike, weight.sum()
-            scale, number = deviation_scale(name, tau), repeats @ count
+            # quantisation lives on single lags, exactly
+            d, spike = m * np.arange(3.0), squared[2:]
+            weight, level[i, 0] = pairs(d) * spike, spike[0]
+            quadratic[i, 0] = quadratic[i, :, 0] = covariance(d) @ weight
+            quadratic[i, 0, 0], ramp[i, 0] = weight @ spike, weight.sum()
+            scale, number = 2 * tau**2, repeats @ count
             level[i, :4] /= scale
             quadratic[i] *= 2 / (scale * number) ** 2
-            # the third difference is blind to it, or nearly so
-            seen = order == 2
-            level[i, 4], ramp[i] = seen * tau**2 / 2, seen * ramp[i] / number**2
+            level[i, 4], ramp[i] = tau**2 / 2, ramp[i] / number**2
         return cls(level, quadratic, ramp)
 
     def variance(self, theta):
@@ -122,15 +107,12 @@ class NoiseOfCurve:
         return np.divide(2 * level**2, variance, out=np.full(len(level), np.nan), where=level > 0)
 
 
-def _kernels(lag, integrals, dt):
+def _kernels(lag):
     """Return the generalised covariance of the integrated output for unit Q, N, B, K, (4, ...).
 
-    Without quantisation, which is none beyond lag 0 until it is integrated twice.
+    Without quantisation, which is none beyond lag 0.
     """
-    if integrals == 1:
-        return np.stack([0 * lag, -lag / 2, xlogy(lag**2, lag) / (2 * np.pi), lag**3 / 12])
-    flicker = -xlogy(lag**4, lag) / (24 * np.pi)
-    return np.stack([-lag * dt / 2, lag**3 / 12, flicker, -(lag**5) / 240])
+    return np.stack([0 * lag, -lag / 2, xlogy(lag**2, lag) / (2 * np.pi), lag**3 / 12])
 
 
 def fit_curve(variance, curve):
@@ -165,7 +147,7 @@ def fit_curve(variance, curve):
     return np.sqrt(theta * scale).tolist()
 
 
-def allan(values, rate, deviation="allan"):
+def allan(values, rate):
     """Return the overlapping Allan deviation of an evenly sampled record, without gaps.
 
     Parameters
@@ -174,8 +156,6 @@ def allan(values, rate, deviation="allan"):
         Record of each axis, any unit.
     rate : float
         Samples per second, Hz.
-    deviation : {'allan', 'total', 'modified', 'hadamard'}
-        Which.
 
     Returns
     -------
@@ -195,13 +175,10 @@ def allan(values, rate, deviation="allan"):
     if not len(factors):
         raise ImuloopError(f"values: {len(table)} samples are too few for an Allan deviation")
     curve = NoiseOfCurve.of(factors, [len(table)], rate)
-    asked = NoiseOfCurve.of(factors, [len(table)], rate, deviation)
     for axis, column in table.items():
         x = column.to_numpy(float)
         variance = allan_variance([x], factors)
-        edf = asked.degrees_of_freedom(np.square(fit_curve(variance, curve)))
-        if deviation != "allan":
-            variance = allan_variance([x], factors, deviation)
+        edf = curve.degrees_of_freedom(np.square(fit_curve(variance, curve)))
         low, high = interval(variance, edf)
         rows = {"axis": axis, "tau_s": factors / rate, "adev": np.sqrt(variance)}
         parts.append(pd.DataFrame(rows | {"ci_low": np.sqrt(low), "ci_high": np.sqrt(high)}))

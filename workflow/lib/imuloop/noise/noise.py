@@ -13,8 +13,8 @@ from imuloop.noise.axis import AxisEstimate, estimate_axis
 from imuloop.noise.curve import TERMS, NoiseOfCurve, fit_curve
 from imuloop.noise.modes import modes
 from imuloop.noise.records import closed_up, record_of, records_by_sensor
+from imuloop.noise.spectrum import no_spectrum, spectrum_table
 from imuloop.noise.statistics import repeatability, summary
-from imuloop.noise.views import no_views, record_views
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class NoiseResult:
         See `statistics.repeatability`; for each session used and each axis `statistics.summary`.
     sessions, notes : tuple of str
         Sessions behind the coefficients; what a reader of the coefficients must know.
-    allan, views : dict of str to dict of ndarray
-        For each session given the columns of allan.parquet and of views.parquet; without rows where
-        the session was not used.
+    allan, spectra : dict of str to dict of ndarray
+        For each session given the columns of allan.parquet and of spectra.parquet; without rows
+        where the session was not used.
     """
 
     model: NoiseModel
@@ -54,7 +54,7 @@ class NoiseResult:
     sessions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     allan: dict = field(default_factory=dict)
-    views: dict = field(default_factory=dict)
+    spectra: dict = field(default_factory=dict)
 
     def to_dict(self):
         """Return the content of noise.json."""
@@ -72,19 +72,19 @@ def no_noise(device, sessions, *notes):
         model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise())),
         notes=notes,
         allan={name: table(COLUMNS, "", *[[]] * 5, "") for name in sessions},
-        views={name: no_views() for name in sessions},
+        spectra={name: no_spectrum() for name in sessions},
     )
 
 
-def estimate_noise(device, sessions, settings, uncut=True):
+def estimate_noise(device, sessions, settings, views=True):
     """Return the NoiseResult of a device's static sessions, else of all its rests.
 
     One estimate from all clean stretches of all sessions used; no term is identifiable where there
     is nothing to fit.
 
     Takes the device's name, all its Sessions, of which the static ones count or, where none of them
-    holds a rest, the rests of all others, NoiseSettings, and whether the coefficients are also
-    estimated with the disturbed stretches left in.
+    holds a rest, the rests of all others, NoiseSettings, and whether spectra are wanted too,
+    and coefficients with the disturbed stretches left in.
     """
     notes = []
     by_sensor = records_by_sensor(sessions, notes)
@@ -105,12 +105,12 @@ def estimate_noise(device, sessions, settings, uncut=True):
             f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
             "an upper limit only"
         )
-    with_added = _with_disturbed(by_sensor, settings) if uncut and static else None
+    with_added = _with_disturbed(by_sensor, settings) if views and static else None
     pooled = {s: _curve(np.concatenate(lengths[s]), rates[s], settings) for s in SENSORS}
     names = dict.fromkeys(record.session.name for own in by_sensor.values() for record in own)
     statistics = {name: {} for name in names}
     allan = {name: [each] for name, each in nothing.allan.items()}
-    views = {name: [each] for name, each in nothing.views.items()}
+    spectra = {name: [each] for name, each in nothing.spectra.items()}
     curves = {}
     for sensor, axis in ((s, axis) for s, own in SENSORS.items() for axis in own):
         # curves and spectra take a few missing samples for none
@@ -125,8 +125,8 @@ def estimate_noise(device, sessions, settings, uncut=True):
             allan[name].append(allan_table(axis, m / record.rate, allan_variance(x, m), edf))
             # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
             statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
-            if np.isfinite(statistics[name][axis]["mean"]):
-                views[name].append(record_views(record.rate, x, axis, squares, settings))
+            if views and np.isfinite(statistics[name][axis]["mean"]):
+                spectra[name].append(spectrum_table(axis, x, record.rate))
         # or two axes would be in memory at once
         closed = x = None
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
@@ -142,7 +142,7 @@ def estimate_noise(device, sessions, settings, uncut=True):
         sessions=tuple(statistics),
         notes=tuple(notes),
         allan={name: joined(parts) for name, parts in allan.items()},
-        views={name: joined(parts) for name, parts in views.items()},
+        spectra={name: joined(parts) for name, parts in spectra.items()},
     )
 
 

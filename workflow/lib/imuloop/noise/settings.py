@@ -14,5 +14,3 @@ class NoiseSettings:
     # of the longest clean stretch; below one half
     longest_tau_share: float = 1 / 3
     significance: float = 0.001
-    # psd, autocorrelation, total, modified, hadamard
-    views: tuple = ("psd", "autocorrelation")

@@ -84,7 +84,7 @@ def rest_noise(samples):
     """Return the NoiseModel of a session's rests, flicker and walk included; takes seconds."""
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     session = RecordedSession("poses", "multi_position", samples, segments)
-    return estimate_noise("device", [session], NoiseSettings(views=()), uncut=False).model
+    return estimate_noise("device", [session], NoiseSettings(), views=False).model
 
 
 def _relative(sensor):

@@ -12,7 +12,7 @@ from imuloop.core.files import replaced
 TEMPLATES = Path(__file__).parents[1] / "templates"
 FILES = ("style.css", "page.js", "zoom.js")
 # the headings of a device's part, in its identifiers
-PARTS = ("verdict", "diagnosis", "calibration", "validation", "noise", "data", "segments")
+PARTS = ("verdict", "diagnosis", "calibration", "noise", "data")
 
 
 def write(path, template, **values):

@@ -1,17 +1,16 @@
 """The pictures of a device by their kind: what the report, files and notebooks show."""
 
-from imuloop.report.figures.allan import allan_pictures, corrected_pictures, deviation_pictures
+from imuloop.report.figures.allan import allan_pictures, corrected_pictures
 from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.bias import bias_pictures
 from imuloop.report.figures.composed import composed_pictures
 from imuloop.report.figures.correlates import correlate_pictures
-from imuloop.report.figures.correlations import correlation_matrices
 from imuloop.report.figures.loop import device_loop
 from imuloop.report.figures.poses import pose_picture
 from imuloop.report.figures.reference import reference_pictures
 from imuloop.report.figures.residuals import residual_pictures
-from imuloop.report.figures.spectrum import correlation_pictures, density_pictures
+from imuloop.report.figures.spectrum import density_pictures
 from imuloop.report.figures.time_series import session_pictures
 from imuloop.report.verdict import ABOVE, blocks
 
@@ -42,15 +41,12 @@ def _only(picture):
 OF_DEVICE = {
     "loop": lambda device: _only(device_loop(device)),
     "poses": lambda device: _only(pose_picture(device)),
-    "correlations": correlation_matrices,
     "attitude": lambda device: attitude_part(device)["pictures"],
 }
 OF_SESSION = {
     "series": session_pictures,
     "allan": allan_pictures,
     "spectra": density_pictures,
-    "autocorrelations": correlation_pictures,
-    "deviations": deviation_pictures,
 }
 OF_RECORD = {
     "residuals": _residuals,

@@ -43,7 +43,8 @@ def write_report(folders, provenance, report_path, comparison_path):
     # one device is compared with none: its own part has its curves
     several = devices if len(devices) > 1 else ()
     allan = figures.allan_comparison(several, drawings, together)
-    intervals = figures.parameter_comparison(several, drawings, together)
+    # of few the table says it
+    intervals = figures.parameter_comparison(() if together else several, drawings)
     for picture in (*allan, *intervals):
         write_svg(drawings, picture.stem, picture)
     write_page(

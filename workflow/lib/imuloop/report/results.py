@@ -37,7 +37,7 @@ class SessionResults:
     segments: pd.DataFrame
     segmentation: dict
     allan: pd.DataFrame = field(default_factory=pd.DataFrame)
-    views: pd.DataFrame = field(default_factory=pd.DataFrame)
+    spectra: pd.DataFrame = field(default_factory=pd.DataFrame)
 
     @property
     def rejected(self):
@@ -130,12 +130,12 @@ def of_axes(values, sensor):
 def read_device(name, label, folder, sessions):
     """Return the results of a device in ``results/<device>``; kind of each session by its name."""
     folder = Path(folder)
-    views = pd.read_parquet(folder / "views.parquet")
+    spectra = pd.read_parquet(folder / "spectra.parquet")
     return DeviceResults(
         name,
         label,
         folder,
-        tuple(_session(folder / session, kind, views) for session, kind in sessions.items()),
+        tuple(_session(folder / session, kind, spectra) for session, kind in sessions.items()),
         {method: Calibration.from_json(folder / file) for method, file in CALIBRATIONS.items()},
         *(read_json(folder / f"{stem}.json") for stem in ("noise", "diagnosis")),
         tuple(read_failures(folder, sessions)),
@@ -146,7 +146,7 @@ def read_device(name, label, folder, sessions):
     )
 
 
-def _session(folder, kind, views):
+def _session(folder, kind, spectra):
     samples, segments = folder / "samples.parquet", folder / "segments.parquet"
     return SessionResults(
         folder.name,
@@ -157,7 +157,7 @@ def _session(folder, kind, views):
         pd.read_parquet(segments),
         read_metadata(segments),
         pd.read_parquet(folder / "allan.parquet"),
-        views[views["session"] == folder.name].reset_index(drop=True),
+        spectra[spectra["session"] == folder.name].reset_index(drop=True),
     )
 
 

@@ -13,7 +13,6 @@ from imuloop.core.model import UNEXPLAINED
 from imuloop.export.export import listed
 from imuloop.report import composed
 from imuloop.report.advice import next_steps, what_next
-from imuloop.report.figures.allan import definitions
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.drawing import Picture, write_svg
 from imuloop.report.figures.reference import duration_table
@@ -91,24 +90,17 @@ def content(device):
         "steps": next_steps(device),
         "exports": listed(device.folder / "exports.json"),
         "rejected": [s for s in device.sessions if s.rejected],
-        "data": [data.data_table(device), data.source_table(device)],
+        "data": data.data_table(device),
         "warnings": [(s.name, text) for s in device.sessions for text in s.quality["warnings"]],
-        "segments": data.segment_table(device),
         "basis": [(s, calibration.METHOD_WORDS[getattr(final, s).method]) for s in SENSORS],
         "reasons": calibration.reasons(device),
         "unexplained": [s for s in SENSORS if getattr(final, s).unexplained],
         "unexplained_words": UNEXPLAINED,
         "parameters": tables(calibration.parameter_table),
         "model": tables(calibration.model_table),
-        "definitions": definitions(device),
         "coefficients": tables(noise.coefficient_table),
-        "coefficient_note": noise.coefficient_note(device),
-        "uncut": tables(noise.uncut_table),
-        "stability": tables(noise.stability_table),
-        "statistics": noise.statistics_tables(device),
-        "heldout": diagnosis.heldout_table(device),
         "attitude": attitude_part(device),
-        **{k: pictures(device, k) for k in ("poses", "correlations", *OF_SESSION)},
+        **{k: pictures(device, k) for k in ("poses", *OF_SESSION)},
     }
 
 
@@ -120,11 +112,7 @@ def diagnosis_part(device, sensor, part, block):
     if part == "reference":
         tables.append(duration_table(block))
     elif part == "static_record":
-        tables += [
-            diagnosis.heldout_by_session(device, sensor, block),
-            *diagnosis.session_tables(device, sensor, block),
-            noise.noise_change_table(sensor, block),
-        ]
+        tables.append(noise.noise_change_table(sensor, block))
     return {
         # where links lead
         "identity": f"{device.name}.{sensor}.{part}",
@@ -135,7 +123,6 @@ def diagnosis_part(device, sensor, part, block):
         "sentence": sentence(sensor, block) + composed.words(block),
         "effects": [t for t in tables if t],
         "ranking": candidates.ranking_table(sensor, part, block),
-        "twins": candidates.twin_table(sensor, part, block),
         "next_step": what_next(block) if above else "",
         **{k: make(device, sensor, part, block) for k, make in OF_RECORD.items()},
     }

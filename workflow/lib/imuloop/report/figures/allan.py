@@ -1,20 +1,15 @@
-"""Allan deviation with the fitted model, as logged and corrected, and deviations of other names."""
-
-from itertools import cycle
+"""Allan deviation with the fitted model, as logged and corrected."""
 
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.noise.views import DEFINITIONS
-from imuloop.report.figures.drawing import AXES, INK, PALETTE, Picture, drawn, fill, write_csv
+from imuloop.report.figures.drawing import AXES, INK, Picture, drawn, fill, write_csv
 from imuloop.report.numbers import coefficient_text, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
 
 # each term of a model and its letter
 TERMS = {k: k for k in "QNBKR"} | {"gauss_markov": "GM", "sinusoid": "line"}
-# views that have pictures of their own
-SPECTRA = ("psd", "autocorrelation")
 
 
 def curve(allan, channel, stage="corrected"):
@@ -163,50 +158,3 @@ def _fall(sensor, raw, after):
         f"{number(adev, 2)} → {with_unit(number(level[k], 2), UNITS[sensor])} at "
         f"{with_unit(number(tau, 2), 's')}"
     )
-
-
-def definitions(device):
-    """Return what each deviation beside Allan's means that was asked for."""
-    names = dict.fromkeys(name for s in device.used for name in s.views["view"].unique())
-    return [DEFINITIONS[name] for name in names if name not in SPECTRA]
-
-
-def deviation_pictures(device, session):
-    """Return the deviations beside Allan's that were asked for, each with its definition."""
-    table = session.views[~session.views["view"].isin(SPECTRA)].dropna(subset="value")
-    if table.empty:
-        return []
-    called = {"view": "definition", "x": "tau_s", "value": "deviation"}
-    csv = write_csv(device.figures, f"{session.name}_deviations", table.rename(columns=called))
-    found = {}
-    for name, r in table.groupby("view", sort=False):
-        # the part of its label before what it means
-        found[DEFINITIONS[name].partition(" deviation")[0]] = r
-    allan = session.allan[session.allan["stage"] == "raw"]
-    found = {"Allan": allan.rename(columns={"tau_s": "x", "adev": "value"}), **found}
-
-    def one(sensor, channels):
-        def plot(areas):
-            for area, axis, channel in zip(areas, XYZ, channels, strict=True):
-                for colour, (words, r) in zip(cycle([INK, *PALETTE]), found.items(), strict=False):
-                    r = r[r["axis"] == channel]
-                    area.loglog(r["x"], r["value"], color=colour, label=words)
-                    fill(area, r["x"], r["ci_low"], r["ci_high"], colour, 0.1, words)
-                area.set_xlabel(f"{axis}: averaging time τ, s")
-            areas[0].set_ylabel(f"deviation, {UNITS[sensor]}")
-
-        lows = []
-        for words, r in found.items():
-            low = r.groupby(r["axis"].astype(str))["value"].min().reindex(channels)
-            if low.notna().any():
-                size = with_unit(number(low.max()), UNITS[sensor])
-                lows.append(f"{words} {size} ({low.idxmax()[-1]})")
-        caption = (
-            f"{session.name}, {sensor}: lowest part, by definition, of the axis where it is "
-            f"highest: {'; '.join(lows)}."
-        )
-        name = f"{device.name}.{session.name}.deviations_{sensor}"
-        kind = "Deviations of several definitions"
-        return Picture(name, kind, caption, plot, (1000, 300), csv, (1, 1, 1), zoom=True)
-
-    return [one(*each) for each in SENSORS.items()]

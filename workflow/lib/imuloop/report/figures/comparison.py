@@ -179,8 +179,8 @@ def _named(distances, named):
     return text + ("; …" if count > len(named) else "")
 
 
-def parameter_comparison(summaries, folder, together):
-    """Return pictures of bias, scale factor error and misalignment, as `allan_comparison` does."""
+def parameter_comparison(summaries, folder):
+    """Return how bias, scale factor error and misalignment of many devices spread, in pictures."""
     pictures = []
     for key, (words, display, names) in INTERVALS.items():
         found = [(s["label"], s["axes"][key]) for s in summaries if key in s["axes"]]
@@ -190,43 +190,14 @@ def parameter_comparison(summaries, folder, together):
             value, std = (
                 np.array([r[k] for _, r in found], float) * display.factor for k in ("value", "std")
             )
-            one = _intervals if together else _spread
-            looks = one(words, display.unit, names, labels, value, std)
+            looks = _spread(words, display.unit, names, labels, value)
             numbers = {"device": np.repeat(labels, len(names)), "axis": names * len(labels)}
             numbers |= {f"value_{display.unit}": value.ravel(), f"std_{display.unit}": std.ravel()}
             pictures.append(_drawn(folder, f"comparison_{key}", numbers=numbers, **looks))
     return pictures
 
 
-def _intervals(words, unit, names, labels, value, std):
-    count, shown = len(labels), np.flatnonzero(np.isfinite(value).any(axis=0))
-
-    def plot(area):
-        area.axvline(0, color=INK, lw=0.8)
-        offsets = np.linspace(-0.3, 0.3, len(shown)) if len(shown) > 3 else 0.2 * (shown - 1)
-        for i, offset in zip(shown, offsets, strict=True):
-            area.errorbar(
-                value[:, i],
-                np.arange(count) + offset,
-                xerr=1.96 * np.nan_to_num(std[:, i]),
-                fmt=MARKS[i][1],
-                color=MARKS[i][0],
-                ms=5,
-                label=names[i],
-            )
-        area.set_yticks(range(count), [shortened(label, 22) for label in labels])
-        area.set_ylim(count - 0.5, -0.5)
-        area.set_xlabel(f"{words}, {unit}")
-
-    size = sorted(zip(np.nanmax(np.abs(value), axis=1), labels, strict=True))
-    largest = "largest axis" if names == XYZ else "largest pair of axes"
-    listed = ", ".join(f"{label} {number(v)} {unit}" for v, label in size)
-    caption = f"{words.capitalize()}, {largest}: {listed}."
-    height = 90 + (34 if len(shown) <= 3 else 52) * count
-    return {"kind": "Intervals", "caption": caption, "plot": plot, "size": (380, height)}
-
-
-def _spread(words, unit, names, labels, value, _):
+def _spread(words, unit, names, labels, value):
     shown = np.flatnonzero(np.isfinite(value).any(axis=0))
     names, value = [names[j] for j in shown], value[:, shown]
     distances = far_out(value)

@@ -1,8 +1,8 @@
-"""Power spectral density with the model over it, and autocorrelation, of a record at rest."""
+"""Power spectral density of a record at rest, with the model over it."""
 
 import numpy as np
 
-from imuloop.report.figures.drawing import AXES, GRID, INK, Picture, fill, write_csv
+from imuloop.report.figures.drawing import AXES, GRID, Picture, fill, write_csv
 from imuloop.report.numbers import coefficient_text, joined, number, percent, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
@@ -12,37 +12,28 @@ from imuloop.report.units import quantities
 DEPARTURE, NEIGHBOURS, SURE = 1.1, 10, 5.0
 
 
-def _view(session, name):
-    """Return the rows of one view of a session, sorted."""
-    found = session.views[(session.views["view"] == name) & np.isfinite(session.views["value"])]
-    found = found.astype({"axis": str}).sort_values(["axis", "x"], kind="stable")
-    return found.drop(columns="view")
-
-
-def _by_sensor(found):
-    """Return sensor and rows by axis, of the sensors that have any."""
-    by = [
-        (s, {a: found[found["axis"] == c] for a, c in zip(XYZ, SENSORS[s], strict=True)})
-        for s in SENSORS
-    ]
-    return [(sensor, curves) for sensor, curves in by if any(map(len, curves.values()))]
-
-
 def density_pictures(device, session):
     """Return the power spectral density of a session's accelerometer and gyroscope."""
-    found = _view(session, "psd")
+    found = session.spectra[np.isfinite(session.spectra["psd"])].astype({"axis": str})
     if found.empty:
         return []
-    found["model"] = np.nan
+    found = found.sort_values(["axis", "frequency_hz"], kind="stable").assign(model=np.nan)
     for sensor, channel in ((s, axis) for s, axes in SENSORS.items() for axis in axes):
         at, noise = found["axis"] == channel, device.axes[channel]
         if at.any():
             rate = device.noise["rates_hz"].get(sensor) or session.quality["rate_hz"]
-            f = found["x"][at].to_numpy()
+            f = found["frequency_hz"][at].to_numpy()
             found.loc[at, "model"] = noise.density(f, rate) + noise.R.square * _ramp(f)
-    table = found.rename(columns={"x": "frequency_hz", "value": "psd"})
-    csv = write_csv(device.figures, f"{session.name}_psd", table)
-    return [_density(device, session, *each, csv) for each in _by_sensor(found)]
+    csv = write_csv(device.figures, f"{session.name}_psd", found)
+    by_sensor = {
+        sensor: {a: found[found["axis"] == c] for a, c in zip(XYZ, channels, strict=True)}
+        for sensor, channels in SENSORS.items()
+    }
+    return [
+        _density(device, session, sensor, curves, csv)
+        for sensor, curves in by_sensor.items()
+        if any(map(len, curves.values()))
+    ]
 
 
 def _ramp(frequency):
@@ -71,14 +62,14 @@ def _density(device, session, sensor, curves, csv):
 
     def plot(area):
         for colour, (axis, r) in zip(AXES, curves.items(), strict=True):
-            area.loglog(r["x"], r["value"], color=colour, label=axis)
-            fill(area, r["x"], r["ci_low"], r["ci_high"], colour)
+            area.loglog(r["frequency_hz"], r["psd"], color=colour, label=axis)
+            fill(area, r["frequency_hz"], r["ci_low"], r["ci_high"], colour)
             if (r["model"] > 0).all():
-                area.loglog(r["x"], r["model"], color=colour, ls="--", lw=1)
+                area.loglog(r["frequency_hz"], r["model"], color=colour, ls="--", lw=1)
             at = [f for f, a, _ in lines if a == axis]
             on_top = area.get_xaxis_transform()
             area.plot(at, [0.98] * len(at), "v", color=colour, transform=on_top)
-        highest = max(r["x"].max() for r in curves.values() if len(r))
+        highest = max(r["frequency_hz"].max() for r in curves.values() if len(r))
         if band and band < 0.95 * highest:
             area.axvspan(band, highest, color=GRID, alpha=0.35, lw=0)
         area.set_xlabel("frequency, Hz")
@@ -106,67 +97,20 @@ def _departure(curves, highest):
     size = np.log(DEPARTURE)
     text = f"the record keeps within {percent(DEPARTURE - 1)} of the model, chance left aside"
     for axis, r in curves.items():
-        r = r[(r["model"] > 0) & (r["x"] <= highest)]
+        r = r[(r["model"] > 0) & (r["frequency_hz"] <= highest)]
         # weights from the variance of the estimate over the truth, by the width of the interval
         weight = (3.92 / np.log(r["ci_high"] / r["ci_low"])) ** 2
         # neighbours together: of hundreds of points some leave their intervals by chance
         group = np.arange(len(r)) // NEIGHBOURS
         total = weight.groupby(group).sum()
-        ratio = (weight * r["value"] / r["model"]).groupby(group).sum() / total
+        ratio = (weight * r["psd"] / r["model"]).groupby(group).sum() / total
         left = np.abs(np.log(ratio)) * (np.abs(ratio - 1) * np.sqrt(total) > SURE)
         if left.max() > size:
             size, k = left.max(), left.idxmax()
-            x = r["x"][group == k]
-            ends = with_unit(f"{number(x.iloc[0])} to {number(x.iloc[-1])}", "Hz")
+            at = r["frequency_hz"][group == k]
+            ends = with_unit(f"{number(at.iloc[0])} to {number(at.iloc[-1])}", "Hz")
             text = (
                 f"the record leaves the model most at {ends} ({axis}), with "
                 f"{number(ratio[k], 2)} times its power"
             )
     return text
-
-
-def correlation_pictures(device, session):
-    """Return the autocorrelation of a session's accelerometer and gyroscope."""
-    found = _view(session, "autocorrelation")
-    if found.empty:
-        return []
-    # it is 1 at lag 0
-    found = found[found["x"] > 0]
-    table = found.rename(columns={"x": "lag_s", "value": "autocorrelation"})
-    csv = write_csv(device.figures, f"{session.name}_autocorrelation", table)
-    return [_correlation(device, session, *each, csv) for each in _by_sensor(found)]
-
-
-def _correlation(device, session, sensor, curves, csv):
-    known = {axis: r for axis, r in curves.items() if len(r)}
-    # the band of white noise depends on the number of samples only
-    band = next(iter(known.values()))
-
-    def plot(area):
-        area.axhline(0, color=INK, lw=0.8)
-        fill(area, band["x"], band["ci_low"], band["ci_high"], GRID, 0.6)
-        for colour, (axis, r) in zip(AXES, curves.items(), strict=True):
-            area.semilogx(r["x"], r["value"], color=colour, label=axis)
-        area.set_xlabel("lag, s")
-        area.set_ylabel("autocorrelation, 1")
-
-    first = ", ".join(number(r["value"].iloc[0], 2) for r in known.values())
-    lag = with_unit(number(band["x"].iloc[0]), "s")
-    farthest = {}
-    for axis, r in known.items():
-        # up to where every value leaves the band of white noise
-        inside = r["value"].between(r["ci_low"], r["ci_high"]).to_numpy()
-        count = int(inside.argmax()) if inside.any() else len(inside)
-        farthest[axis] = r["x"].iloc[count - 1] if count else 0.0
-    axis = max(farthest, key=farthest.get)
-    reach = (
-        f"beyond chance up to {with_unit(number(farthest[axis]), 's')} ({axis})"
-        if farthest[axis]
-        else "no lag beyond chance"
-    )
-    caption = (
-        f"{session.name}, {sensor}: {first} from a sample to that {lag} later "
-        f"({', '.join(known)}); {reach}."
-    )
-    name = f"{device.name}.{session.name}.autocorrelation_{sensor}"
-    return Picture(name, "Autocorrelation", caption, plot, csv=csv)

@@ -1,5 +1,7 @@
 """The calibration's parameters with σ, methods side by side, and the model as it is stored."""
 
+import numpy as np
+
 from imuloop.report.numbers import number, typeset, with_sigma
 from imuloop.report.results import SENSORS, UNITS, XYZ, base_parameters
 from imuloop.report.tables.table import Sized, Table
@@ -24,6 +26,9 @@ def parameter_table(device, sensor):
     methods = {m: s for m, c in device.calibrations.items() if (s := getattr(c, sensor)).names}
     if not methods:
         return None
+    final = methods.get("final")
+    for method in [m for m, s in methods.items() if m != "final" and final and _alike(s, final)]:
+        del methods[method]
     columns = [_cells(s, BIAS[sensor]) for s in methods.values()]
     rows = [
         ("Method", "", *(METHOD_WORDS[s.method] for s in methods.values())),
@@ -37,12 +42,16 @@ def parameter_table(device, sensor):
         f"{sensor.capitalize()}: parameters, value ± 1 σ",
         ("Parameter", "Unit", *(METHODS[m] for m in methods)),
         rows,
-        "Bias: what it reads when it should read zero. Scale factor error: how far a unit of its "
-        "output is from a true unit. Misalignment ij: how much of axis j shows on axis i. "
-        "A parameter that is not listed, or not estimated, is not determined by these data. "
-        "Reduced χ² near 1: the fit is as good as the noise allows.",
+        "Misalignment ij: how much of axis j shows on axis i. Not listed: not determined by these "
+        "data. Reduced χ² near 1: as good as the noise allows.",
         sortable=True,
     )
+
+
+def _alike(one, other):
+    """Return whether two calibrations have the same parameters: they are shown once."""
+    pairs = ((one.T, other.T), (one.K, other.K), (one.b, other.b))
+    return one.method == other.method and all(np.array_equal(a, b) for a, b in pairs)
 
 
 def _cells(sensor, bias):

@@ -1,40 +1,17 @@
 """The ranking of the candidates: what became of each and why, and which cannot be told apart."""
 
-from imuloop.core.effect import Effect
 from imuloop.core.errors import plural
 from imuloop.report.numbers import (
     NO_NUMBER,
     duration,
-    missing,
     percent,
-    probability,
     text_of,
     with_unit,
 )
 from imuloop.report.tables.table import Sized, Table
-from imuloop.report.units import RESIDUAL, spans
-from imuloop.report.verdict import PARTS, RESIDUAL_WORDS
+from imuloop.report.units import spans
+from imuloop.report.verdict import PARTS
 
-# what an effect varies with, and the recording in which that varies
-_RECORDINGS = {
-    "temperature": "heat and cool within one record, at more than one rate",
-    "time": "a longer record, or the same again in another order",
-    "attitude": "more attitudes, edges and corners as well as faces",
-    "turn": "turns at varied speeds and in both senses about every axis",
-    "order": "the same attitudes in another order",
-    "vibration": "the same attitudes with and without vibration",
-    "heading": "nothing at one place: the Earth's vertical rate follows from the latitude",
-}
-_VARIES_WITH = {
-    "temperature": "bias_temperature scale_temperature bias_temperature_rate thermal_hysteresis",
-    "time": "warm_up bias_drift ramp steps gauss_markov sinusoid",
-    "attitude": "quadratic cubic asymmetry cross_coupling g_sensitivity g2_sensitivity "
-    "scale_temperature",
-    "turn": "scale_nonlinearity scale_asymmetry",
-    "order": "reorientation",
-    "vibration": "vibration_rectification",
-    "heading": "earth_rate",
-}
 # symbol and unit of the constants of a shape
 CONSTANTS = {
     "order": ("order", ""),
@@ -65,35 +42,31 @@ def ranked(block):
 
 def ranking_table(sensor, part, block):
     """Return all effects that were thought of: what became of each, and why; None without any."""
-    candidates, residuals = ranked(block), block["residuals"]
-    if not candidates:
+    candidates = ranked(block)
+    if all(c["status"] in UNTRIED for c in candidates):
         return None
-    meant = "; ".join(
-        f"in {RESIDUAL[r['unit']].unit}: {RESIDUAL_WORDS[name]}" for name, r in residuals.items()
-    )
-    # a row for each reason why effects could not be tried, with all that share it
-    untried = {}
-    for c in candidates:
-        if c["status"] in UNTRIED:
-            untried.setdefault((c["status"], c["why"]), []).append(c["name"])
+    tried = [c for c in candidates if c["status"] not in UNTRIED]
     return Table(
         f"{sensor.capitalize()}, {PARTS[part]}: candidate effects, best first",
-        (
-            *("Effect", "Status", "p-value", "Held-out error without → with it alone"),
-            *("Detection limit", "Why", "It adds"),
-        ),
-        [_row(c, residuals) for c in candidates if c["status"] not in UNTRIED]
-        + [
-            (", ".join(names), _status(status), *[NO_NUMBER] * 3, why, NO_NUMBER)
-            for (status, why), names in untried.items()
-        ],
-        "p-value: how often noise alone would look this much like the effect. Held-out error: root "
-        f"mean square of the model without effects, and with this one alone added ({meant}). "
-        "Detection limit: the smallest size that these data would have shown in nine of ten "
-        "cases; the least and the greatest of the effect's parameters.",
+        ("Effect", "Status", "Would be seen from"),
+        [_row(c) for c in tried],
+        " ".join(filter(None, (_untried(len(candidates) - len(tried)), _twins(block)))),
         dense=True,
         sortable=True,
     )
+
+
+def _untried(count):
+    return f"{plural(count, 'effect')} more cannot show here: see diagnosis.json." * bool(count)
+
+
+def _twins(block):
+    """Return which effects these data cannot tell apart, each pair once, with the share alike."""
+    pairs = {}
+    for pair in block["confounded"]:
+        pairs.setdefault(frozenset((pair["effect"], pair["with"])), pair)
+    said = (f"{p['effect']} and {p['with']} ({percent(p['share'])})" for p in pairs.values())
+    return f"Cannot be told apart in these data: {', '.join(said)}." if pairs else ""
 
 
 def _status(status, twin=None):
@@ -101,28 +74,12 @@ def _status(status, twin=None):
     return Sized(f"{words} with {twin}" if twin else words, STATUS.index(status))
 
 
-def _row(candidate, residuals):
-    known, p = Effect.library.get(candidate["name"]), candidate["p_value"]
-    adds = (known and known.equation, constants_text(candidate.get("constants", {})))
+def _row(candidate):
     limits = spans(candidate["detection_limit"] or {}, candidate.get("units", {}))
-    error, after = NO_NUMBER, candidate["heldout_after"]
-    # of a residual that the block lacks neither the unit nor the error without it is known
-    residual = residuals.get(candidate.get("residual"))
-    if residual and not missing(after):
-        unit, before = RESIDUAL[residual["unit"]], residual["before"]
-        # residuals of several units share the column
-        error = Sized(
-            f"{unit.size(before)}\u00a0→\u00a0{unit.text(after)}",
-            after / before if before else None,
-        )
     return (
         candidate["name"],
         _status(candidate["status"], candidate["confounded_with"]),
-        Sized(probability(p), p),
-        error,
         "; ".join(limits) or NO_NUMBER,
-        candidate["why"],
-        ", ".join(filter(None, adds)) or NO_NUMBER,
     )
 
 
@@ -138,37 +95,3 @@ def constants_text(constants):
             text = str(value) if isinstance(value, (int, str)) else text_of(value)
             parts.append(f"{symbol} {with_unit(text, unit) if unit else text}")
     return ", ".join(parts)
-
-
-def telling_apart(*names):
-    """Return which recording would tell effects apart: one in which what they depend on varies."""
-    kinds = [k for k, effects in _VARIES_WITH.items() if set(names) & set(effects.split())]
-    if "heading" in kinds:
-        return _RECORDINGS["heading"]
-    return "; ".join(_RECORDINGS[k] for k in kinds or ("attitude", "time"))
-
-
-def twin_table(sensor, part, block):
-    """Return the effects that these data cannot tell apart, and what would; None without any."""
-    twins = {}
-    for pair in block["confounded"]:
-        twins.setdefault(pair["effect"], []).append(pair)
-    if not twins:
-        return None
-    return Table.of(
-        f"{sensor.capitalize()}, {PARTS[part]}: cannot be told apart in these data",
-        twins.items(),
-        {
-            "Effect": lambda twin: twin[0],
-            "Looks like (share of its pattern)": lambda twin: ", ".join(
-                f"{pair['with']} ({percent(pair['share'])})" for pair in twin[1]
-            ),
-            "What would tell them apart": lambda twin: telling_apart(
-                twin[0], *(pair["with"] for pair in twin[1])
-            ),
-        },
-        "From the attitudes, times and temperatures of the recording alone, before its residuals: "
-        "how much of the pattern that the first would leave the other could leave as well. Where "
-        "one of them is named as the cause, it may as well be the other.",
-        sortable=True,
-    )

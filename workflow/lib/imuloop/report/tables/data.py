@@ -1,11 +1,10 @@
 """What was recorded: sessions, quality, source, and what the segmentation made of them."""
 
-from itertools import cycle
-
-from imuloop.core.segments import KINDS
 from imuloop.report.numbers import NO_NUMBER, duration, number, text_of
-from imuloop.report.tables.table import Sized, Table
+from imuloop.report.tables.table import Table
 
+# what a figure is where there is nothing to say
+NOTHING = {NO_NUMBER, "none", "0", "1", "not logged", "not known, no full_scale"}
 # rows that ingest drops, by the reason it counts them under
 DROPPED = {
     "duplicates": "Repeated stamps",
@@ -30,12 +29,12 @@ def data_table(device):
         }
         for s in device.sessions
     ]
-    treatment = [t for s in device.sessions if (t := s.quality["treatment"])]
+    # what no session has is not worth a row
+    rows = [(name, *(column[name] for column in columns)) for name in columns[0]]
     return Table(
         "Sessions and the quality of their logs",
         ("Figure, unit", *(session.name for session in device.sessions)),
-        [(name, *(column[name] for column in columns)) for name in columns[0]],
-        " ".join(["Jitter: scatter of the time between samples.", *treatment[:1]]),
+        [row for row in rows if not NOTHING.issuperset(row[1:])],
     )
 
 
@@ -99,50 +98,3 @@ def _faults(found):
         ),
     }
     return figures if found else dict.fromkeys(figures, NO_NUMBER)
-
-
-def source_table(device):
-    """Return the table of log files: where each came from and its hash."""
-    rows = [
-        # an address, a path, or a member of a package's wheel
-        (session.name, file, ", ".join(str(v) for k, v in source.items() if k != "sha256"), digest)
-        for session in device.sessions
-        for source, (file, digest) in zip(
-            # a folder is one source of several files
-            cycle(session.source["source"].values()),
-            session.source["sha256"].items(),
-            strict=False,
-        )
-    ]
-    columns = ("Session", "File", "Source", "SHA-256")
-    return Table("Log files", columns, rows, sortable=True)
-
-
-def segment_table(device):
-    """Return the table of stretches: how long each session was at rest, moving, disturbed."""
-
-    def counted(count):
-        return lambda session: Sized(text_of(value := count(session)), value)
-
-    lengths = {
-        kind.capitalize(): lambda s, kind=kind: Sized(duration(s.seconds(kind)), s.seconds(kind))
-        for kind in KINDS
-    }
-    return Table.of(
-        "Stretches found in each session",
-        device.used,
-        {
-            "Session": lambda s: s.name,
-            "Poses": counted(lambda s: s.poses),
-            "Rests": counted(lambda s: int((s.segments["pose"] >= 0).sum())),
-            **lengths,
-            "Short rests dropped": counted(lambda s: s.segmentation.get("short_rests")),
-            "Detector, multiples of the rest's variance": lambda s: text_of(
-                s.segmentation.get("multiples")
-            ),
-        },
-        "A pose is one attitude held; several rests in the same attitude count as one pose. "
-        "Detector: a stretch is static where its variance stays below this multiple "
-        "(accelerometer, gyroscope) of the variance at rest.",
-        sortable=True,
-    )

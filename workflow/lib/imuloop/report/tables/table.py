@@ -25,9 +25,8 @@ class Table:
     """A table of the report; the first cell of each row names the row.
 
     Headers have units, the caption where all cells share one; the note is for those who meet these
-    numbers for the first time. Cells of a dense table may break into lines. Rows in `heads` open a
-    group, with its name and the unit of each column. Rows sort by the values of `Sized` cells, else
-    by text.
+    numbers for the first time. Cells of a dense table may break into lines. Rows sort by the values
+    of `Sized` cells, else by text.
     """
 
     caption: str
@@ -35,7 +34,6 @@ class Table:
     rows: list[tuple[str, ...]]
     note: str = ""
     dense: bool = False
-    heads: tuple[int, ...] = ()
     sortable: bool = False
 
     @classmethod

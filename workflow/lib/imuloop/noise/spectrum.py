@@ -1,35 +1,17 @@
-"""What views.parquet holds of a record beside its Allan curve: spectrum, autocorrelation and more.
-
-Of records that may be cut into stretches.
-"""
+"""Power spectral density of records that may be cut into stretches."""
 
 import numpy as np
 from scipy.fft import rfft
 from scipy.signal import welch
 from scipy.signal.windows import hann
 
-from imuloop.core.tables import joined, table
-from imuloop.noise.allan import allan_variance, averaging_factors, interval
-from imuloop.noise.curve import NoiseOfCurve
+from imuloop.core.tables import table
+from imuloop.noise.allan import interval
 
-# columns of views.parquet
-COLUMNS = ("view", "axis", "x", "value", "ci_low", "ci_high")
-# what each is, so that no two of them are taken for the same figure
-DEFINITIONS = {
-    "psd": "Power spectral density, one-sided: Welch with a Hann window, 95 % by chi-square",
-    "autocorrelation": "Autocorrelation about the mean of each stretch; the band is that of white "
-    "noise, 95 %",
-    "total": "Total deviation: the ends continued by reflection; under flicker and walk below the "
-    "Allan deviation at long times",
-    "modified": "Modified Allan deviation: tells quantisation from white noise of the integral; "
-    "not the Allan deviation, below it for white noise",
-    "hadamard": "Hadamard deviation: blind to a constant drift; not the Allan deviation",
-}
-# points of a spectrum, lags of an autocorrelation
+# columns of spectra.parquet
+COLUMNS = ("axis", "frequency_hz", "psd", "ci_low", "ci_high")
+# points of a spectrum
 POINTS = 300
-LAGS = 200
-# lag up to this share of the longest stretch
-LAG_SHARE = 0.1
 # up to three lengths of the segments, each this much shorter than the one before, none below 64
 SHORTER, SHORTEST = 64, 64
 # periods per segment that a frequency has at least where a longer segment is at hand
@@ -38,42 +20,18 @@ PERIODS = 16
 PIECE = 1 << 16
 
 
-def record_views(rate, stretches, axis, theta, settings):
-    """Return the rows of views.parquet of one axis of one session.
+def spectrum_table(axis, stretches, rate):
+    """Return the rows of spectra.parquet of one axis: SI^2/Hz with its 95 % interval.
 
-    x: frequency (Hz), lag or averaging time (s). value: SI^2/Hz, 1, or a deviation in SI. 95 %
-    interval of the value; for the autocorrelation, which has none that holds under any noise, the
-    band in which white noise would lie. Takes the rate, Hz, the output of each stretch, finite, SI,
-    and the squares of its Q, N, B, K and R.
+    By chi-square; takes the output of each stretch, finite, SI, and the rate, Hz.
     """
-    parts = [
-        table(COLUMNS, view, axis, *_columns(view, rate, stretches, theta, settings))
-        for view in dict.fromkeys(settings.views)
-    ]
-    return joined([no_views(), *parts])
+    frequency, density, edf = power_spectrum(stretches, rate)
+    return table(COLUMNS, axis, frequency, density, *interval(density, edf))
 
 
-def no_views():
-    """Return a table of views.parquet without rows."""
-    return table(COLUMNS, "", "", *[[]] * 4)
-
-
-def _columns(view, rate, stretches, theta, settings):
-    """Return x, value, ci_low and ci_high of one view."""
-    if view == "psd":
-        frequency, density, edf = power_spectrum(stretches, rate)
-        return frequency, density, *interval(density, edf)
-    if view == "autocorrelation":
-        lags, value, pairs = autocorrelation(stretches)
-        band = 1.96 / np.sqrt(pairs)
-        return lags / rate, value, -band, band
-    lengths = [len(x) for x in stretches]
-    factors = averaging_factors(max(lengths), settings)
-    variance = allan_variance(stretches, factors, view)
-    edf = NoiseOfCurve.of(factors, lengths, rate, view).degrees_of_freedom(theta)
-    found = np.isfinite(variance)
-    roots = (np.sqrt(each[found]) for each in (variance, *interval(variance, edf)))
-    return factors[found] / rate, *roots
+def no_spectrum():
+    """Return a table of spectra.parquet without rows."""
+    return table(COLUMNS, "", *[[]] * 4)
 
 
 def power_spectrum(stretches, rate):
@@ -160,33 +118,3 @@ def _freedom(frequencies, segments, overlaps):
     pairs = np.where(distance > 0, 2, 1) * (frequencies - distance)
     correlated = segments * (pairs @ SAME[distance]) + 2 * overlaps * (pairs @ NEXT[distance])
     return 2 * (frequencies * segments) ** 2 / correlated
-
-
-def autocorrelation(stretches):
-    r"""Return the autocorrelation about the mean of each stretch, pooled over stretches.
-
-    .. math:: \rho_k = \frac{\sum_s \sum_t y_{s,t}\, y_{s,t+k} / n_k}
-        {\sum_s \sum_t y_{s,t}^2 / n_0},\quad n_k = \sum_s \max(0, n_s - k)
-
-    Taking the mean off lowers it by about the variance of that mean over the variance.
-
-    Returns
-    -------
-    lags, value, pairs : ndarray, shape (k,)
-        At most `LAGS` lags in samples, log-spaced up to a tenth of the longest stretch, without 0;
-        the autocorrelation; and n_k. Empty where the output is constant or has under 10 samples per
-        stretch.
-    """
-    lengths = np.array([len(x) for x in stretches])
-    longest = int(lengths.max() * LAG_SHARE)
-    lags = np.unique(np.rint(np.geomspace(1, max(longest, 1), LAGS)).astype(int))[:longest]
-    products, power = np.zeros(len(lags)), 0.0
-    for x in stretches:
-        if len(lags) and np.ptp(x):
-            y = x - np.mean(x)
-            power += y @ y
-            products += [y[k:] @ y[:-k] for k in lags]
-    if not power:
-        lags, products = lags[:0], products[:0]
-    pairs = np.maximum(lengths[:, None] - lags, 0).sum(axis=0)
-    return lags, products / pairs / (power / lengths.sum() if power else 1.0), pairs
