@@ -16,7 +16,7 @@ METHOD_WORDS = {
     "static": "rests only: bias alone",
     "nominal": "data sheet, nothing estimated",
 }
-NOT_ESTIMATED = "not estimated"
+NOT_ESTIMATED, BY_DEFINITION = "not estimated", "0 (by definition)"
 BIAS = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
 
 
@@ -30,13 +30,10 @@ def parameter_table(device, sensor):
     for method in [m for m, s in methods.items() if m != "final" and final and _alike(s, final)]:
         del methods[method]
     columns = [_cells(s, BIAS[sensor]) for s in methods.values()]
-    rows = [
-        ("Method", "", *(METHOD_WORDS[s.method] for s in methods.values())),
-        ("Reduced χ²", "1", *(number(s.reduced_chi2) for s in methods.values())),
-    ]
+    rows = [("Reduced χ²", "1", *(number(s.reduced_chi2) for s in methods.values()))]
     for name in columns[0]:
         cells = [column[name] for column in columns]
-        if set(cells) != {NOT_ESTIMATED}:
+        if not {NOT_ESTIMATED, BY_DEFINITION}.issuperset(cells):
             rows.append((*name, *cells))
     return Table(
         f"{sensor.capitalize()}: parameters, value ± 1 σ",
@@ -75,7 +72,7 @@ def _cells(sensor, bias):
         if name in estimated:
             text = Sized(with_sigma(value, sigma, display.factor), value)
         elif name[0] == "T" and estimated & {"T01", "K0"}:
-            text = "0 (by definition)"
+            text = BY_DEFINITION
         cells[words, display.unit] = text
     return cells
 

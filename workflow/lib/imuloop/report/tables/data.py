@@ -60,7 +60,6 @@ def quality_figures(q):
         **_faults(q["faults"]),
         "Temperature, °C": " to ".join(map(number, limits)) if limits else "not logged",
         "Start": text_of(q["start"]),
-        "Format": text_of(q["log_format"]),
         "Units as logged": text_of(q["units"]),
     }
 
