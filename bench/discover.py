@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.linalg import block_diag, solve_triangular
+from scipy.linalg import LinAlgError, block_diag, solve_triangular
 from scipy.optimize import brentq
 from scipy.stats import chi2, ncx2
 
@@ -352,6 +352,9 @@ def _work(task):
         made = outcome(*task)
     except OtherPoses:
         return task[:3], None
+    except LinAlgError:
+        # as a diagnosis has it: no formula
+        return task[:3], ((False, False, False, False), np.nan, False)
     named, right = made.discovery.effect is not None, made.right
     words = bool(made.discovery.selection.candidates), named, named and right, named and not right
     return task[:3], (words, made.against_known, named and made.discovery.effect.formula)
