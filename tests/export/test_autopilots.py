@@ -8,7 +8,9 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
 from export.devices import (
+    ARDUPILOT,
     COLD,
+    PX4,
     WARM,
     carried,
     device,
@@ -21,7 +23,6 @@ from export.devices import (
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import SENSORS
 from imuloop.effects.temperature import BiasTemperature
-from imuloop.export.autopilots import ARDUPILOT, PX4
 from imuloop.simulate.reference import Beside, simulate_beside
 
 # float32: half a unit of its last place, relative

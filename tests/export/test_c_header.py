@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from export.devices import (
+    C_HEADER,
     HOSTILE,
     carried,
     device,
@@ -21,7 +22,7 @@ from export.devices import (
 from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.effects.discovered import Discovered
-from imuloop.export.c_header import C_HEADER, EFFECTS
+from imuloop.export.c_code import TERMS
 
 # reads raw values of both sensors and the temperature, writes calibrated ones, as doubles
 PROGRAM = """
@@ -128,7 +129,7 @@ def test_effects_with_a_memory_are_left_out_and_said(calibrated):
     shape = find_effect("bias_temperature_rate")(tau=30.0)
     lag = FittedEffect(shape, dict.fromkeys(shape.parameters, 0.1), {})
     board, table = warm_device(gyroscope=(g_sensitivity(), lag)), warm_samples()
-    applied = carried(board, tuple(EFFECTS)).apply(table)[list(CHANNELS)]
+    applied = carried(board, TERMS).apply(table)[list(CHANNELS)]
     np.testing.assert_allclose(calibrated(board, table), applied, rtol=0, atol=1e-14 * 40)
     assert "Not carried of the gyroscope: bias_temperature_rate" in C_HEADER.text(board)
 

@@ -5,16 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from export.devices import carried, device, samples
+from export.devices import IMU_TK_ACC, IMU_TK_GYRO, OPENVINS, carried, device, samples
 from export.test_densities import opencv
 from imuloop.core.effect import Channels, find_effect
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
-from imuloop.export.imu_tk import ACCELEROMETER, GYROSCOPE
-from imuloop.export.openvins import OPENVINS
 
 
 @pytest.mark.parametrize(
-    ("sensor", "written"), [("accelerometer", ACCELEROMETER), ("gyroscope", GYROSCOPE)]
+    ("sensor", "written"), [("accelerometer", IMU_TK_ACC), ("gyroscope", IMU_TK_GYRO)]
 )
 def test_imu_tk(sensor, written):
     board, table, columns = device(), samples(), list(SENSORS[sensor])

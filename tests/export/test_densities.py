@@ -12,8 +12,18 @@ import pytest
 import yaml
 
 from export.devices import (
+    ALLAN_VARIANCE_ROS,
+    ARDUPILOT,
+    GNSS_INS_SIM,
     HOSTILE,
+    KALIBR,
+    MATLAB_IMU_SENSOR,
+    OPENVINS,
+    ORB_SLAM3,
+    PX4,
     RATE,
+    ROS,
+    VINS_FUSION,
     K,
     N,
     device,
@@ -27,11 +37,6 @@ from export.devices import (
 )
 from imuloop.core.errors import Lacking
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
-from imuloop.export.autopilots import ARDUPILOT, PX4
-from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, VINS_FUSION
-from imuloop.export.gnss_ins_sim import GNSS_INS_SIM
-from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR
-from imuloop.export.openvins import OPENVINS
 
 LOGGED = {"acc_n": N["az"], "gyr_n": N["gy"], "acc_w": K["ax"], "gyr_w": K["gz"]}
 OF_N, OF_K = of_calibrated(device(), N), of_calibrated(device(), K)

@@ -10,7 +10,10 @@ import pytest
 from scipy.signal import lfilter
 
 from export.devices import (
+    GNSS_INS_SIM,
     HOSTILE,
+    MATLAB_IMU_SENSOR,
+    MATLAB_PARAMETERS,
     RATE,
     K,
     N,
@@ -23,8 +26,6 @@ from export.devices import (
 from imuloop.core.noise_model import Coefficient, GaussMarkovTerm
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
 from imuloop.effects.temperature import BiasTemperature
-from imuloop.export.gnss_ins_sim import GNSS_INS_SIM
-from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR, MATLAB_PARAMETERS
 
 # flicker of every axis of the device
 B = 3e-5

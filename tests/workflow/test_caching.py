@@ -114,12 +114,19 @@ def test_an_edited_module_reruns_the_stages_that_import_it(finished, checkout):
     )
 
 
-def test_an_edited_template_reruns_the_pages_and_an_edited_script_its_jobs(finished, checkout):
-    script, style = checkout / "scripts/export.py", checkout / "workflow/templates/style.css"
-    with edited(style, f"{style.read_text()}\n"), edited(script, f"{script.read_text()}\nX = 1\n"):
+@pytest.mark.parametrize(
+    ("file", "stages"),
+    [
+        ("workflow/templates/style.css", ["report_device"]),
+        ("workflow/templates/export/left_out.j2", ["export", "report_device"]),
+        ("scripts/export.py", ["export", "report_device"]),
+    ],
+)
+def test_an_edited_template_or_script_reruns_its_jobs(finished, checkout, file, stages):
+    text = (checkout / file).read_text()
+    with edited(checkout / file, f"{text}\nX = 1\n"):
         found = planned(checkout, finished[0])
-    devices = CONFIG["devices"]
-    assert found == {f"{s}/{d}" for s in ("export", "report_device") for d in devices} | REPORT
+    assert found == {f"{s}/{d}" for s in stages for d in CONFIG["devices"]} | REPORT
 
 
 # what is said of two results that were cut

@@ -66,7 +66,7 @@ def code(script):
 
 
 def templates(*names):
-    """Return the digest of templates of the report."""
+    """Return the digest of templates, by their names."""
     return sha256(b"".join((TEMPLATES / name).read_bytes() for name in names)).hexdigest()
 
 

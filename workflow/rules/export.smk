@@ -1,3 +1,7 @@
+# what the files of other tools are made with
+EXPORTS = sorted(f"export/{path.name}" for path in (TEMPLATES / "export").iterdir())
+
+
 rule export:
     input:
         calibration="results/{device}/calibration.json",
@@ -23,5 +27,6 @@ rule export:
     params:
         device=settings("label"),
         code=code("export.py"),
+        templates=templates(*EXPORTS),
     script:
         "../../scripts/export.py"

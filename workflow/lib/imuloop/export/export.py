@@ -2,29 +2,69 @@
 
 import hashlib
 import shutil
+from functools import cache
+from importlib import resources
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 # a calibration may hold any effect of the library
 import imuloop.effects  # noqa: F401
-from imuloop.core.errors import Lacking, one_line
+from imuloop.core.errors import Lacking
 from imuloop.core.files import read_json, write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.export.autopilots import ARDUPILOT, PX4
-from imuloop.export.c_header import C_HEADER
-from imuloop.export.exported import MODEL, Exported
-from imuloop.export.filters import ALLAN_VARIANCE_ROS, KALIBR, ORB_SLAM3, ROS, VINS_FUSION
-from imuloop.export.gnss_ins_sim import GNSS_INS_SIM
-from imuloop.export.imu_tk import ACCELEROMETER, GYROSCOPE
-from imuloop.export.matlab_imu_sensor import MATLAB_IMU_SENSOR, MATLAB_PARAMETERS
-from imuloop.export.openvins import OPENVINS
+from imuloop.export import c_code, formulas, text
+from imuloop.export.values import Exported, reasons, values
 
-FORMATS = (
-    *(KALIBR, OPENVINS, VINS_FUSION, ORB_SLAM3, ALLAN_VARIANCE_ROS, ROS),
-    *(ACCELEROMETER, GYROSCOPE, PX4, ARDUPILOT, MATLAB_IMU_SENSOR, MATLAB_PARAMETERS),
-    *(GNSS_INS_SIM, C_HEADER),
-)
 README = "README.txt"
+TEMPLATES = resources.files("imuloop") / "templates/export"
+
+
+class ExportFormat(NamedTuple):
+    """A file for another tool; its template is ``templates/export/<file>.j2``."""
+
+    file: str
+    title: str  # the tool
+    needs: tuple[str, ...]  # without what it is not written, words as of `reasons`
+
+    def text(self, exported):
+        """Return the text of an `Exported`; raise Lacking where it lacks what the file needs."""
+        lacking = reasons(exported)
+        for need in self.needs:
+            if need in lacking:
+                raise Lacking(lacking[need])
+        return render(self.file, values(exported))
+
+
+FORMATS = tuple(
+    ExportFormat(file, row["title"], tuple(row["needs"]))
+    for file, row in yaml.safe_load((TEMPLATES / "formats.yaml").read_text("utf-8")).items()
+)
+
+
+@cache
+def environment():
+    """Return what fills templates in: each value as `written`, one that is missing is an error."""
+    found = Environment(
+        loader=PackageLoader("imuloop", "templates/export"),
+        undefined=StrictUndefined,
+        finalize=text.written,
+        keep_trailing_newline=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    found.globals |= {"formulas": formulas, "c": c_code, "np": np, "zip": zip}
+    found.filters |= {name: getattr(text, name) for name in text.FILTERS}
+    return found
+
+
+def render(file, content):
+    """Return the text of a file, its template filled in."""
+    return environment().get_template(f"{file}.j2").render(content)
 
 
 def read_exported(device, label, calibration, noise, quality, diagnosis=None):
@@ -60,28 +100,14 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
 
 def export_files(exported):
     """Return the text of each file by its name; README.txt says which are not there and why."""
-    files, carried, left_out = {}, [], []
+    files, left_out = {}, {}
     for each in FORMATS:
         try:
             files[each.file] = each.text(exported)
-            carried.append(f"{each.file}: {each.title}")
         except Lacking as reason:
-            left_out.append(f"{each.file} ({each.title}): {reason}")
-    lines = [
-        f"Calibration and noise of {exported.label} ({exported.device}) for other tools.",
-        f"All of it, with covariances: ../calibration.json and ../noise.json; {MODEL}.",
-        "What each field holds, and what a format cannot carry, stands in its file.",
-        "",
-        "Files:",
-        *(carried or ["none"]),
-    ]
-    for title, more in (
-        ("Not written:", left_out),
-        ("Not fully calibrated:", exported.calibration.limits()),
-        ("On the noise:", exported.notes),
-    ):
-        lines += ["", title, *more] if more else []
-    files[README] = "".join(f"{one_line(line)}\n" for line in lines)
+            left_out[each] = str(reason)
+    carried = [each for each in FORMATS if each.file in files]
+    files[README] = render(README, values(exported) | {"carried": carried, "not_written": left_out})
     return files
 
 
@@ -94,9 +120,9 @@ def write_exports(folder, files, failed=None):
     folder = Path(folder)
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir(parents=True)
-    for name, text in files.items():
-        (folder / name).write_text(text, encoding="utf-8", newline="\n")
-    hashes = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in files.items()}
+    for name, content in files.items():
+        (folder / name).write_text(content, encoding="utf-8", newline="\n")
+    hashes = {name: hashlib.sha256(content.encode()).hexdigest() for name, content in files.items()}
     write_json(
         folder.with_suffix(".json"), {"sha256": hashes} | ({"failed": failed} if failed else {})
     )

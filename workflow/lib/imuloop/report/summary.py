@@ -5,7 +5,7 @@ from dataclasses import asdict
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.export.exported import UNITS, for_filter, of_calibrated
+from imuloop.export.densities import UNITS, for_filter, of_calibrated
 from imuloop.report.figures.allan import curve
 from imuloop.report.figures.loop import loop_errors
 from imuloop.report.numbers import sigma_of

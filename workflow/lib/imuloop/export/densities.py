@@ -1,0 +1,75 @@
+"""Noise coefficients as a tool takes them: always a number, of samples as logged or calibrated."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from imuloop.effects.axes import AXES
+from imuloop.noise.filters import RANGE, bounding
+
+# SI units of the noise coefficients
+UNITS = {
+    "accelerometer": {"N": "m/s^2/sqrt(Hz)", "B": "m/s^2", "K": "m/s^3/sqrt(Hz)"},
+    "gyroscope": {"N": "rad/s/sqrt(Hz)", "B": "rad/s", "K": "rad/s^2/sqrt(Hz)"},
+}
+
+
+@dataclass(frozen=True)
+class Density:
+    """A noise coefficient, SI, with its axis or channel.
+
+    The estimate, or the one-sided 95 % upper `limit` of a term that was not seen; `raised_from`
+    that, where the value is larger so that N and K bound the Allan curve.
+    """
+
+    value: float
+    axis: str
+    limit: bool
+    raised_from: float | None = None
+
+    @property
+    def words(self):
+        """What a comment says of it."""
+        words = f"{self.axis}, not seen: its 95 % upper limit" if self.limit else self.axis
+        if self.raised_from is None:
+            return words
+        bound = f"so that N and K bound its Allan curve from {RANGE}"
+        return f"{words}; raised from {self.raised_from:.3g} {bound}"
+
+    def times(self, factor):
+        """Return the density in another unit."""
+        raised_from = None if self.raised_from is None else self.raised_from * factor
+        return replace(self, value=self.value * factor, raised_from=raised_from)
+
+
+def estimated(noise, axis, term):
+    """Return coefficient `term` (N, B or K) of an AxisNoise that has an estimate or a limit."""
+    coefficient = getattr(noise, term)
+    return Density(float(coefficient.size), axis, coefficient.value is None)
+
+
+def for_filter(noise, axis, term):
+    """Return N or K of an AxisNoise, raised so that both bound its Allan curve."""
+    own = estimated(noise, axis, term)
+    value = dict(zip("NK", bounding(noise), strict=True))[term]
+    return own if value == own.value else replace(own, value=value, raised_from=own.value)
+
+
+def of_calibrated(sensor, densities):
+    """Return densities of calibrated samples, of a SensorCalibration and those as logged.
+
+    Of axes that are independent, ``N_i^2 = Σ_j M_ij^2 N_j^2`` with M = T K over the nominal scale;
+    what bounds the Allan curves as logged then bounds those of calibrated samples.
+    """
+    at = [AXES.index(density.axis[-1]) for density in densities]
+    M = (sensor.T * sensor.K / sensor.raw_unit.scale)[np.ix_(at, at)]
+
+    def through(values):
+        return np.sqrt(M**2 @ np.square(values)).tolist()
+
+    values = through([d.value for d in densities])
+    own = through([d.value if d.raised_from is None else d.raised_from for d in densities])
+    return [
+        replace(d, value=value, raised_from=d.raised_from and bare)
+        for d, value, bare in zip(densities, values, own, strict=True)
+    ]

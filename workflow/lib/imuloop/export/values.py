@@ -1,0 +1,209 @@
+"""A device as the templates of all formats take it: its numbers and words by name."""
+
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from imuloop.core.model import Calibration
+from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import CHANNELS, SENSORS
+from imuloop.core.units import DEGREE
+from imuloop.effects.axes import AXES
+from imuloop.effects.turn_on_bias import TurnOnBias
+from imuloop.export.densities import UNITS, estimated, for_filter, of_calibrated
+from imuloop.noise.filters import RANGE
+
+# what follows K (raw - b) by the contract; every file says it
+MODEL = "x = T (K (raw - b) - e)"
+# effects that several formats have a place for
+BIAS, G = "bias_temperature", "g_sensitivity"
+
+
+@dataclass(frozen=True)
+class Exported:
+    """What is exported of a device."""
+
+    device: str
+    label: str  # untrusted text
+    calibration: Calibration
+    noise: NoiseModel  # of the samples as logged, SI
+    rate_hz: float | None  # of the logs, if known
+    notes: tuple[str, ...] = ()  # on the noise, for its readers
+    temperature_range: tuple[float, float] | None = None  # of the logs, degC, if known
+    # parameters, SI, of the effects found beside a reference, by sensor and name
+    beside: dict = field(default_factory=dict)
+
+    def sensor(self, name):
+        """Return the `SensorCalibration` of ``accelerometer`` or ``gyroscope``."""
+        return getattr(self.calibration, name)
+
+
+def reasons(exported):
+    """Return why a device lacks what a format may need, by that need; none of what it has.
+
+    Needs are ``calibration`` of either sensor or that of one by its name, ``rate``, the noise
+    coefficients ``N``, ``K``, ``B`` of all axes, and ``drift``, B or a Gauss-Markov process.
+    """
+    calibration, found = exported.calibration, {}
+    if not calibration.measured:
+        found["calibration"] = f"no calibration; {'; '.join(calibration.limits())}"
+    for name in SENSORS:
+        sensor = exported.sensor(name)
+        if not sensor.measured:
+            found[name] = f"no calibration ({sensor.not_testable})"
+    if not exported.rate_hz:
+        found["rate"] = "the rate of the logs is not known: no session could be used"
+    for axis in reversed(CHANNELS):
+        noise = exported.noise.axes[axis]
+        for term in (term for term in "NKB" if getattr(noise, term).size is None):
+            found[term] = f"no noise: {term} of {axis} is neither known nor limited"
+            if term == "B" and not known_processes(noise):
+                found["drift"] = found[term]
+    return found
+
+
+def values(exported):
+    """Return what the templates take: plain values of a device, each sensor's by its name.
+
+    Of noise that is not known there is None: a format names it as its need, see `reasons`.
+    """
+    calibration = exported.calibration
+    sensors = {name: sensor_values(exported, name) for name in SENSORS}
+    return sensors | {
+        "sensors": [*sensors.values()],
+        "device": exported.device,
+        "label": exported.label,
+        "model": MODEL,
+        "gravity": float(calibration.gravity),
+        "measured": calibration.measured,
+        "limits": calibration.limits(),
+        "ids": calibration.log.get("sensor_ids", {}),
+        "rate": exported.rate_hz and float(exported.rate_hz),
+        "notes": exported.notes,
+        "temperatures": exported.temperature_range,
+        "common_temperatures": common([s["temperatures"] for s in sensors.values() if s[BIAS]]),
+        "beside": exported.beside,
+        "bounded": RANGE,
+    }
+
+
+def sensor_values(exported, name):
+    """Return the values of a sensor; z is the SI value that a raw one nominally stands for.
+
+    ``scale`` and ``offset``, (3,): ``K (raw - b) = scale (z - offset)``, near 1 and in SI.
+    ``temperatures``: between which its bias was seen to follow them, degC, else those of the logs.
+    ``logged``, ``calibrated``: `Density` of each axis by coefficient; ``worst``, ``worst_logged``:
+    the largest N and K that a filter needs for an axis. The effects are `FittedEffect`.
+    """
+    sensor, axes = exported.sensor(name), SENSORS[name]
+    scale, units = sensor.K / sensor.raw_unit.scale, UNITS[name]
+    effects = {key: [e for e in sensor.effects if e.name == key] for key in (BIAS, G)}
+    G_total = sum(e.vector.reshape(3, 3) for e in effects[G]) / scale[:, None]
+    spans = [temperature_range(e) or exported.temperature_range for e in effects[BIAS]]
+    found = {
+        "name": name,
+        "unit": units["B"],
+        "units": units,
+        "raw_unit": sensor.raw_unit.name,
+        "method": sensor.method,
+        **{key: getattr(sensor, key) for key in "TKb"},
+        "scale": scale,
+        "offset": sensor.raw_unit.to_si(sensor.b),
+        "limits": exported.calibration.limits(name),
+        "left_out": left_out(sensor, name),
+        "effects": sensor.effects,
+        **effects,
+        "Tg": G_total if effects[G] else np.zeros((3, 3)),
+        "reference": effects[BIAS][0].effect.reference_temperature if effects[BIAS] else None,
+        "temperatures": common(spans),
+        "late": [late_words(e) for e in effects[BIAS] if e.effect.lag],
+        "seen": {key: [s for e in effects[key] if (s := seen_words(e))] for key in (BIAS, G)},
+        "turn_on": [
+            (", ".join(f"{std:.3g}" for std in e.effect.run_to_run(e.values)[0]), e.effect.runs)
+            for e in sensor.effects
+            if e.name == TurnOnBias.name
+        ],
+        "noise": [exported.noise.axes[axis] for axis in axes],
+    }
+    return found | noise_values(sensor, dict(zip(axes, found["noise"], strict=True)))
+
+
+def noise_values(sensor, noise):
+    """Return the noise of `sensor_values`, of a SensorCalibration and an AxisNoise by axis."""
+    known = [t for t in "NKB" if all(getattr(own, t).size is not None for own in noise.values())]
+    both = "NK" if {*"NK"} <= {*known} else ""
+    logged = {t: [estimated(own, axis, t) for axis, own in noise.items()] for t in known}
+    needed = {t: [for_filter(own, axis, t) for axis, own in noise.items()] for t in both}
+
+    def largest(densities):
+        return max(densities, key=lambda density: density.value)
+
+    return {
+        "logged": logged,
+        "calibrated": {t: of_calibrated(sensor, found) for t, found in logged.items()},
+        "worst": {t: largest(of_calibrated(sensor, found)) for t, found in needed.items()},
+        "worst_logged": {t: largest(found) for t, found in needed.items()},
+    }
+
+
+def left_out(sensor, name):
+    """Return what a format may not carry of a SensorCalibration: (its name, words on it)."""
+    found = []
+    if angle := np.abs(sensor.T - np.eye(3)).max() / DEGREE:
+        found.append(("misalignment", f"misalignment T, largest element {angle:.2g} deg"))
+    for fitted in sensor.effects:
+        units, largest = fitted.effect.units(name), {}
+        for key, value in fitted.values.items():
+            largest[units[key]] = max(abs(value), largest.get(units[key], 0.0))
+        sizes = ", ".join(f"{value:.2g} {unit}" for unit, value in largest.items())
+        constants = asdict(fitted.effect).items()
+        words = [f"{fitted.name}: {fitted.effect.equation}", f"largest parameter {sizes}"]
+        words += [f"{key} = {c:g}" for key, c in constants if isinstance(c, (int, float))]
+        found.append((fitted.name, "; ".join(words)))
+    return found
+
+
+def common(spans):
+    """Return the lowest and highest value that all ranges have, None without, or of one unknown."""
+    if not spans or None in spans:
+        return None
+    low, high = max(low for low, _ in spans), min(high for _, high in spans)
+    return (low, high) if low <= high else None
+
+
+def seen_range(fitted, names, offset=0.0):
+    """Return the lowest and highest derivative by parameters that was seen, None if unknown."""
+    found = common([fitted.ranges[name] for name in names if name in fitted.ranges])
+    return found and (offset + found[0], offset + found[1])
+
+
+def temperature_range(fitted):
+    """Return between which temperatures `bias_temperature` was seen, degC; None if unknown."""
+    return seen_range(fitted, [f"c1{axis}" for axis in AXES], fitted.effect.reference_temperature)
+
+
+def late_words(fitted):
+    """Return what a lag of `bias_temperature` behind the thermometer means for a format."""
+    late = f"the thermometer of the logs is {fitted.effect.lag:.0f} s late"
+    return f"{BIAS}: {late}, which is not made up here: right at a steady temperature"
+
+
+def seen_words(fitted):
+    """Return in which range `bias_temperature` or `g_sensitivity` was seen; None if unknown."""
+    if fitted.name == BIAS:
+        span = temperature_range(fitted)
+        return span and f"{BIAS} was seen from {span[0]:g} to {span[1]:g} degC"
+    known = []
+    for j, axis in enumerate(AXES):
+        if force := seen_range(fitted, [f"G{i}{j}" for i in range(3)]):
+            known.append(f"f_{axis} from {force[0]:g} to {force[1]:g}")
+    return f"{G} was seen with {', '.join(known)} m/s^2" if known else None
+
+
+def known_processes(noise):
+    """Return standard deviation, SI, and time constant, s, of the known Gauss-Markov processes."""
+    return [
+        (p.q.value * np.sqrt(p.tc.value / 2), p.tc.value)
+        for p in noise.gauss_markov
+        if p.q.value is not None and p.tc.value is not None
+    ]
