@@ -9,7 +9,6 @@ import pytest
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import schema
-from imuloop.ingest import convert
 from imuloop.ingest.stamps import NANOSECONDS
 
 
@@ -60,20 +59,20 @@ def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch):
     old = run(path)
     before = {p.name: p.read_bytes() for p in old.path.parent.iterdir()}
     assert set(before) == {"samples.parquet", "quality.json"}
-    kept = convert.stamp_values
+    kept = pq.ParquetWriter.write_table
     calls = []
 
-    def stop_later(column):
+    def stop_later(*args, **kwargs):
         calls.append(1)
         if len(calls) == 3:
             raise KeyboardInterrupt
-        return kept(column)
+        return kept(*args, **kwargs)
 
-    monkeypatch.setattr(convert, "stamp_values", stop_later)
+    monkeypatch.setattr(pq.ParquetWriter, "write_table", stop_later)
     monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 64)
     path.write_text(path.read_text().replace("9.8", "9.7"))
     with pytest.raises(KeyboardInterrupt):
-        run(path, batch_rows=70)
+        run(path)
     assert {p.name: p.read_bytes() for p in old.path.parent.iterdir()} == before
 
 

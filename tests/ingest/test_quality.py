@@ -44,6 +44,7 @@ def test_figures_over_pieces_are_those_of_one(log, measured, monkeypatch):
     log.loc[100:, "t"] += 0.5
     whole = measured()
     monkeypatch.setattr(Samples, "pieces", partialmethod(Samples.pieces, rows=64))
+    monkeypatch.setattr("imuloop.ingest.faults.ROWS", 64)
     parts = measured()
     assert parts["gaps"]["list"] == whole["gaps"]["list"]
     assert parts["gaps"]["count"] == whole["gaps"]["count"] == 1

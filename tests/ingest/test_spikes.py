@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy.signal import butter, lfilter
 
-from imuloop.core.samples import CHANNELS, TEMPERATURE, Samples
+from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.ingest import spikes
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
@@ -103,16 +103,18 @@ def test_chance_on_another_axis_makes_no_knock_of_a_large_spike(sigmas, is_spike
     assert spikes.isolated(x, NO_STEP)[3, 5000] == is_spike
 
 
-def test_pieces_do_not_change_what_is_found(monkeypatch):
+def test_pieces_do_not_change_what_is_found(run, monkeypatch):
     x = noise()
     x[1, [99, 100, 299, 300, 450]] += 5.0
     x[1, [100, 300]] -= 5.0
-    log = {"t": np.arange(N) / RATE, **dict(zip(CHANNELS, x, strict=True))}
-    found = []
+    x[2] += 9.8
+    columns = {"t": np.arange(N) / RATE, **dict(zip(CHANNELS, x, strict=True))}
     for rows in (1 << 17, 100):
-        monkeypatch.setattr(spikes, "ROWS", rows)
-        found.append(spikes.find(Samples(log), dict.fromkeys(CHANNELS)).T.tolist())
-    assert found[0] == found[1] == [[99, 1], [299, 1], [450, 1]]
+        monkeypatch.setattr("imuloop.ingest.faults.ROWS", rows)
+        samples, found, *_ = run(pd.DataFrame(columns))
+        assert found["spike_values"] == {**dict.fromkeys(CHANNELS, 0), "ay": 3}
+        left = np.isin(columns["t"][[99, 299, 450]], samples["t"])
+        assert found["spiked"] == 3 and not left.any()
 
 
 def test_their_rows_are_dropped_counted_and_said(run):

@@ -144,13 +144,19 @@ def si_batches(
             steps, starts, wide = increments.steps(x, before, origin, scale, usual, constant)
             raw |= increments.rates(raw, batch, units, steps)
         values = {name: _si(name, raw[name], units, raw_units) for name in channels} | absent
-        missing = {name: ~np.isfinite(raw[name]) for name in channels}
-        beyond = {name: ~missing[name] & (np.abs(values[name]) > BEYOND) for name in channels}
-        finite = readable & ~np.any([missing[n] | beyond[n] for n in CHANNELS], axis=0)
+        missing, beyond, bad = {}, {}, ~readable
+        for name in channels:
+            # one comparison where, as nearly always, all can be used
+            if np.abs(values[name]).max(initial=0.0) <= BEYOND:
+                continue
+            missing[name] = ~np.isfinite(raw[name])
+            beyond[name] = ~missing[name] & (np.abs(values[name]) > BEYOND)
+            if name != TEMPERATURE:
+                bad |= missing[name] | beyond[name]
         # a clock that is rebuilt takes the rows as they come, however late their stamps are
         early = (x < before) & (step is None)
         inside &= ~same
-        good = inside & finite
+        good = inside & ~bad
         # and samples that came together
         repeated = (x == before) & (step is None)
         fits = good & ~repeated & ~early
@@ -158,14 +164,14 @@ def si_batches(
         counts.add(
             identical=same,
             outside=~inside & ~same,
-            non_finite=inside & ~finite,
+            non_finite=inside & bad,
             duplicates=good & repeated,
             out_of_order=good & early,
             without_interval=fits & starts,
             by_usual_step=keep & wide,
             kept=keep,
         )
-        for name in channels:
+        for name in missing:
             counts.missing_values[name] += int((inside & missing[name]).sum())
             counts.impossible_values[name] += int((inside & beyond[name]).sum())
         if not keep.any():
@@ -182,7 +188,7 @@ def si_batches(
             counts.outside_marks += timeline.outside(x[keep])
         elif stamped:
             counts.points.add(np.column_stack([rows[keep], samples[TIME]]))
-        if log.temperature:
+        if TEMPERATURE in missing:
             values[TEMPERATURE][missing[TEMPERATURE] | beyond[TEMPERATURE]] = np.nan
         samples |= {name: values[name][keep] for name in channels}
         if log.slower:

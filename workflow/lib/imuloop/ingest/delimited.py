@@ -1,6 +1,7 @@
 """Text tables: comma, tab, semicolon or runs of blanks, with or without a header."""
 
 import re
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -157,15 +158,19 @@ def _units_below(layout, chosen):
 
 
 def text_batches(source, layout, positions, batch_rows, log, stamps=None):
-    """Give columns of a text table (path or bytes), at most `batch_rows` rows at once.
+    """Give columns of a text table (path or bytes), about `batch_rows` rows at once.
 
     The first `stamps` of the columns at `positions` are stamps, as of `stamp_array`, the others
     float64; all are text if None. `log` counts bad lines and bytes, and has the number of threads.
     """
+    kinds = [pa.string()] * len(positions)
+    if stamps is not None:
+        kinds = [_stamp_kind(layout, at) for at in positions[:stamps]]
+        kinds += [pa.float64()] * len(positions[stamps:])
 
     def work(piece):
         text, bad_lines, lost, taken = piece
-        batch, more, bytes_ = _parsed(text, layout, positions, stamps)
+        batch, more, bytes_ = _parsed(text, layout, positions, kinds, stamps)
         return batch, bad_lines + more, lost + bytes_, taken
 
     try:
@@ -178,22 +183,31 @@ def text_batches(source, layout, positions, batch_rows, log, stamps=None):
                 log.bad_lines += bad_lines
                 log.lost_bytes += lost
                 log.text_bytes += taken
-                for begin in range(0, batch.num_rows, batch_rows):
-                    yield batch.slice(begin, batch_rows)
+                yield batch
     except (pa.ArrowInvalid, OSError) as error:
         raise unreadable(error) from error
 
 
-def _parsed(text, layout, positions, stamps):
+def _stamp_kind(layout, at):
+    """Return the type of stamps by the first rows: int64, float64, or text of what is no number."""
+    rows = [row for row in layout.rows if len(row) == len(layout.names)]
+    texts = pa.array([row[at] for row in rows if row[at] not in MISSING])
+    for kind in (pa.int64(), pa.float64()):
+        with suppress(pa.ArrowInvalid):
+            texts.cast(kind)
+            return kind
+    return pa.string()
+
+
+def _parsed(text, layout, positions, kinds, stamps):
     """Return the columns of a text, how many lines are no row, and the bytes of these."""
-    as_text = [pa.string()] * len(positions)
-    kinds = as_text if stamps is None else as_text[:stamps] + [pa.float64()] * len(as_text[stamps:])
     numeric = stamps is not None
     try:
         columns, bad_lines, lost = _columns(text, layout, positions, kinds)
     except pa.ArrowInvalid:
         # what is no number spoils its own row alone
         numeric = False
+        as_text = [pa.string()] * len(positions)
         columns, bad_lines, lost = _columns(text, layout, positions, as_text)
     if bad_lines or not numeric:
         _check_headers(text, layout, positions)
@@ -271,7 +285,8 @@ def _numbers(text):
 
 def _weight(line):
     """Return how many bytes of a line can hold anything: no zeros, erased memory or blanks."""
-    return len(line) - line.count(_EMPTY) - line.count(b" ")
+    # whether there is any is found ten times as fast as how many there are
+    return len(line) - sum(line.count(x) for x in (_EMPTY, b" ") if x in line)
 
 
 def _whole(lines):
@@ -279,6 +294,9 @@ def _whole(lines):
 
     The last one may lack its line end.
     """
+    half = LONGEST_LINE // 2
+    if b'"' not in lines and all(b"\n" in lines[i : i + half] for i in range(0, len(lines), half)):
+        return lines, 0
     ends = np.flatnonzero(np.frombuffer(lines, np.uint8) == ord("\n")) + 1
     if lines and not lines.endswith(b"\n"):
         ends = np.append(ends, len(lines))

@@ -7,12 +7,13 @@ from itertools import combinations
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, ROWS, TEMPERATURE, TIME
 from imuloop.ingest.axes import AGREEMENT, Axes
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.rest_means import RestMeans
 from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
+from imuloop.ingest.spikes import HALO, isolated
 from imuloop.ingest.stops import Stops
 
 # Hz; no sensor is as fast
@@ -54,68 +55,69 @@ TURN_GAP = 0.2
 # a damaged file may hold 1e306, which a sum of squares does not
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def measure(samples, metadata, figures, threads=1):
-    """Return the faults of samples; empty of none.
+    """Return the faults of samples, empty of none, and row and channel of each spike, (2, k).
 
-    `figures` are quality figures with ``rate_hz``, ``gaps``, ``quantisation_step`` and ``range``.
+    `figures` are quality figures with ``rate_hz``, ``gaps``, ``quantisation_step`` and ``range``;
+    a spike is as of `isolated`.
     """
-    rate, steps, ranges = (figures[key] for key in ("rate_hz", "quantisation_step", "range"))
+    rate, ranges = figures["rate_hz"], figures["range"]
     # stamps of a damaged file may lie 1e-300 s apart: no block of a second holds the rows
     if not len(samples) or not 0 < (rate or 0) < MOST_RATE:
-        return {}
-    names = [name for name in samples.names if name in (*CHANNELS, TEMPERATURE)]
-    pairs = list(combinations(names, 2))
+        return {}, np.empty((2, 0), dtype=int)
+    names = [name for name in (*CHANNELS, TEMPERATURE) if name in samples]
+    pairs = list(combinations(range(len(names)), 2))
+    steps = {name: step or 0.0 for name, step in figures["quantisation_step"].items()}
     units = metadata.get("raw_units", {}).items()
     zeros = {name: -unit["offset"] * unit["scale"] for s, unit in units for name in SENSORS[s]}
-    gaps = np.diff(samples[TIME]) > max(figures["gaps"]["longer_than_s"] or 0.0, TURN_GAP)
+    longest = max(figures["gaps"]["longer_than_s"] or 0.0, TURN_GAP)
+    gaps = long_steps(samples, longest)[0] if figures["gaps"]["count"] else ()
     runs = {name: Runs(steps[name]) for name in CHANNELS}
-    zero_rows, in_turn, zero_reads = (dict.fromkeys(SENSORS, 0) for _ in range(3))
-    means, stops, way = RestMeans(rate), Stops(rate, np.flatnonzero(gaps)), Axes(rate)
-
-    def groups():
-        """Give the rows of each piece, less padding, and the last ones before them."""
-        before = {name: np.empty(0) for name in names}
-        for row, columns in samples.pieces(names):
-            x = dict(zip(names, columns, strict=True))
-            zero = {s: np.all([x[n] == zeros.get(n, 0) for n in SENSORS[s]], 0) for s in SENSORS}
-            for sensor, other in (SENSORS, [*SENSORS][::-1]):
-                in_turn[sensor] += int((zero[sensor] & ~zero[other]).sum())
-                single = zero[sensor][1:-1] & ~zero[sensor][:-2] & ~zero[sensor][2:]
-                zero_reads[sensor] += int(single.sum())
-            # a gyroscope at rest may well show three zeros; an accelerometer never does
-            zero["angular_rate"] &= zero["acceleration"]
-            for sensor, axes in SENSORS.items():
-                zero_rows[sensor] += int(zero[sensor].sum())
-                if zero[sensor].any():
-                    x |= {name: np.where(zero[sensor], np.nan, x[name]) for name in axes}
-            means.add(x)
-            # where an integer wraps around nothing is known of a turn
-            turns = {name: _without_wraps(x[name], *ranges[name]) for name in CHANNELS}
-            way.add(turns)
-            stops.add(turns)
-            for name in CHANNELS:
-                runs[name].add(x[name], row)
-            yield x, before
-            before = {n: np.concatenate((before[n], x[n][-2 * REACH :]))[-2 * REACH :] for n in x}
+    means, stops, way = RestMeans(rate), Stops(rate, gaps), Axes(rate)
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-    def counted(part):
-        """Return counts of the rows of a group, and variance and power in bands of blocks."""
-        x, before = part
-        joined = {name: np.concatenate((before[name], x[name])) for name in names}
-        changes = {name: np.flatnonzero(x[name][1:] != x[name][:-1]) for name in names}
-        counts = [
-            np.array([_common_changes(x[a], x[b], changes[a], changes[b]) for a, b in pairs]),
-            np.array([held_lengths([changes[n] for n in axes]) for axes in SENSORS.values()]),
-            np.array([_at_limits(x[n], ranges[n], steps[n]) for n in CHANNELS]),
-            np.array([_spikes(joined[n], steps[n] or 0.0) for n in names]),
-            # windows of four that end in these rows
-            np.array([_wraps(np.r_[before[n][-3:], x[n]], *ranges[n]).sum() for n in CHANNELS]),
-            np.array([_failed_reads(x[n], *ranges[n], steps[n]) for n in CHANNELS]),
-        ]
-        return counts, np.array([_bands(x[name]) for name in CHANNELS])
+    def counted(first):
+        """Return a piece: its rows, spikes, where it changes and wraps, bands, and what adds up."""
+        low, end = max(first - HALO, 0), min(first + ROWS, len(samples))
+        x = samples.read(names, low, min(end + HALO, len(samples)))
+        single = isolated(x[:6], np.array([steps[name] for name in CHANNELS]))
+        channel, row = np.nonzero(single[:, first - low : end - low])
+        # a few rows before those of the piece show what ends in them
+        before = x[:, max(first - low - 2 * REACH, 0) : end - low]
+        lead = before.shape[1] - (end - first)
+        padding = _without_padding(before, np.array([[zeros.get(n, 0.0)] for n in CHANNELS]), lead)
+        x, w = before[:, lead:], max(lead - 3, 0)
+        sizes = [np.abs(np.diff(values)) for values in before]
+        changed = x[:, 1:] != x[:, :-1]
+        each = list(zip(CHANNELS, x, before, sizes, strict=False))
+        wraps = [_wraps(v[w:], s[w:], *ranges[n]) + w - lead for n, _, v, s in each]
+        counts = (
+            padding,
+            np.array([_common_changes(x, changed, a, b) for a, b in pairs]),
+            np.array([held_lengths(changed[:3]), held_lengths(changed[3:6])]),
+            np.array([_at_limits(v, ranges[n], steps[n]) for n, v, _, _ in each]),
+            np.array([_spikes(*vs, steps[n]) for n, *vs in zip(names, before, sizes, strict=True)]),
+            np.array([_failed_reads(v, s[lead:], *ranges[n], steps[n]) for n, v, _, s in each]),
+            np.array([len(at) for at in wraps]),
+        )
+        bands = np.array([_bands(values) for values in x[:6]])
+        return x, [row + first, channel], changed, wraps, bands, counts
 
-    counts, spectra = zip(*ordered_map(counted, groups(), threads), strict=True)
-    common, held, limits, spikes, wraps, failed = map(sum, zip(*counts, strict=True))
+    found, row = [], 0
+    for x, *more in ordered_map(counted, range(0, len(samples), ROWS), threads):
+        changed, wraps = more[1:3]
+        found.append([more[0], *more[3:]])
+        means.add(dict(zip(CHANNELS, x, strict=False)))
+        for name, values, at in zip(CHANNELS, x, changed, strict=False):
+            runs[name].add(values, row, np.flatnonzero(at) + 1)
+        # where an integer wraps around nothing is known of a turn
+        for values, at in zip(x, wraps, strict=False):
+            values[at[at > 0]] = values[at[at > 0] + 1] = np.nan
+        way.add(dict(zip(CHANNELS, x, strict=False)))
+        stops.add(dict(zip(CHANNELS, x, strict=False)))
+        row += x.shape[1]
+    single, spectra, counts = zip(*found, strict=True)
+    padding, common, held, limits, spikes, failed, wraps = map(sum, zip(*counts, strict=True))
+    zero_rows, in_turn, zero_reads = (dict(zip(SENSORS, n, strict=True)) for n in padding.tolist())
     spectra = dict(zip(CHANNELS, np.concatenate(spectra, axis=2), strict=True))
     limits, spikes = dict(zip(CHANNELS, limits, strict=True)), dict(zip(names, spikes, strict=True))
     stuck = {name: runs[name].stuck() for name in CHANNELS}
@@ -156,7 +158,7 @@ def measure(samples, metadata, figures, threads=1):
         if count > OFTEN * len(samples):
             failed |= dict.fromkeys(SENSORS[sensor], count)
     still = _at_rest([spectra[name] for name in CHANNELS if name not in silent])
-    return {
+    faults = {
         "zero_rows": zero_rows,
         "in_turn": in_turn,
         "failed_reads": failed,
@@ -166,8 +168,8 @@ def measure(samples, metadata, figures, threads=1):
         "clipped_at": clipped,
         "rows_a_value": {s: rows_a_value(each) for s, each in zip(SENSORS, held, strict=True)},
         "copies": [
-            list(pair)
-            for pair, (changed, alike) in zip(pairs, common, strict=True)
+            [names[a], names[b]]
+            for (a, b), (changed, alike) in zip(pairs, common, strict=True)
             if changed >= LEAST_CHANGES and alike >= COPIED_SHARE * changed
         ],
         "silent_at_rest": silent,
@@ -179,6 +181,25 @@ def measure(samples, metadata, figures, threads=1):
         "axes": axes,
         "rests": rests,
     }
+    return faults, np.hstack(single)
+
+
+def _without_padding(x, zeros, lead):
+    """Put not-a-number for the rows of padding; return counts of rows by sensor, (3, 2).
+
+    Of the rows after `lead`: padding, all axes of this sensor alone at zero, and so in a single
+    row.
+    """
+    zero = x[:6] == zeros
+    alone = np.array([zero[:3].all(axis=0), zero[3:].all(axis=0)])
+    # a gyroscope at rest may well show three zeros; an accelerometer never does
+    padded = np.array([alone[0], alone.all(axis=0)])
+    for axes, rows in zip((x[:3], x[3:6]), padded, strict=True):
+        axes[:, rows] = np.nan
+    alone = alone[:, lead:]
+    single = alone[:, 1:-1] & ~alone[:, :-2] & ~alone[:, 2:]
+    of_one = alone & ~alone[::-1]
+    return np.array([each.sum(axis=1) for each in (padded[:, lead:], of_one, single)])
 
 
 def _stuck_figures(found, rate, t):
@@ -193,21 +214,39 @@ def _stuck_figures(found, rate, t):
     }
 
 
-def _common_changes(x, y, at_x, at_y):
+def time_steps(samples):
+    """Give the first row of each piece, the times before its steps, and the steps, s."""
+    last = np.empty(0)
+    for row, (t,) in samples.pieces((TIME,)):
+        t = np.concatenate([last, t])
+        yield row - len(last), t[:-1], np.diff(t)
+        last = t[-1:]
+
+
+def long_steps(samples, longest):
+    """Return the row before each step of time longer than `longest`, s, its time, and the step."""
+    found = [(np.empty(0, dtype=int), np.empty(0), np.empty(0))]
+    for row, t, steps in time_steps(samples):
+        at = np.flatnonzero(steps > longest)
+        found.append((row + at, t[at], steps[at]))
+    return tuple(map(np.concatenate, zip(*found, strict=True)))
+
+
+def _common_changes(x, changed, a, b):
     """Return how often the one changes, more or less than the other, and how often both alike."""
-    if not len(at_x) or not len(at_y):
-        return max(len(at_x), len(at_y)), 0
-    both = at_x[x[at_x] == y[at_x]]
-    return max(len(at_x), len(at_y)), int((x[both + 1] == y[both + 1]).sum())
+    same = x[a] == x[b]
+    alike = same[1:] & same[:-1] & changed[a]
+    return max(map(np.count_nonzero, changed[[a, b]])), np.count_nonzero(alike)
 
 
 def _at_limits(x, limits, step):
     """Return rows at the lowest and the highest value, and at the next few levels of each."""
     found = np.zeros((2, LEVELS + 1), dtype=int)
-    for i, (limit, inside) in enumerate(zip(limits, (x - limits[0], limits[1] - x), strict=True)):
-        found[i, 0] = (x == limit).sum()
+    for i, inside in enumerate((x - limits[0], limits[1] - x)):
+        near = inside[inside < max((LEVELS + 0.5) * step, np.finfo(float).tiny)]
+        found[i, 0] = np.count_nonzero(near == 0)
         if step:
-            near = inside[(inside > 0.5 * step) & (inside < (LEVELS + 0.5) * step)]
+            near = near[near > 0.5 * step]
             found[i] += np.bincount(np.round(near / step).astype(int), minlength=LEVELS + 1)
     return found
 
@@ -240,58 +279,56 @@ def _clipped(axes, ranges, steps, rate):
             yield name, value, int(at)
 
 
-def _wraps(x, low, high):
-    """Tell where a value jumps from one end of its range to the other and stays there, (n - 3,).
+def _wraps(x, size, low, high):
+    """Return the rows before a jump from one end of the range to the other that stays there.
 
-    A value that swings from end to end is not as flat before and after, one that is clipped is
-    flatter: it does not change at all, or is held at an end. A rate that is switched on and off
-    goes from zero to one end; an integer's range lies around zero, or has all values of its bits.
+    `size` are the sizes of the steps. A value that swings from end to end is not as flat before and
+    after, one that is clipped is flatter: it does not change at all, or is held at an end. A rate
+    that is switched on and off goes from zero to one end; an integer's range lies around zero, or
+    has all values of its bits.
     """
-    step, span = np.abs(np.diff(x)), high - low
-    before, jump, after = step[:-2], step[1:-1], step[2:]
+    span = high - low
+    at = np.flatnonzero(size[1:-1] >= WRAPPED * span) + 1
     all_bits = low >= 0 and span > 2**11 and span >= (1 - UNEVEN) * 2 ** np.ceil(np.log2(span))
-    if not (abs(low + high) / 2 <= UNEVEN * span or all_bits):
-        return np.zeros(len(after), dtype=bool)
-    found = (jump >= WRAPPED * span) & (before < FLAT * span) & (after < FLAT * span)
-    end = (x == low) | (x == high)
-    held = ((before == 0) & end[1:-2]) | ((after == 0) & end[2:-1])
-    return found & (before + after > 0) & ~held
+    if not len(at) or not (abs(low + high) / 2 <= UNEVEN * span or all_bits):
+        return at[:0]
+    before, after, end = size[at - 1], size[at + 1], (x == low) | (x == high)
+    held = ((before == 0) & end[at]) | ((after == 0) & end[at + 1])
+    return at[(before < FLAT * span) & (after < FLAT * span) & (before + after > 0) & ~held]
 
 
-def _without_wraps(x, low, high):
-    """Return values with not-a-number where they wrap around."""
-    at = np.flatnonzero(_wraps(x, low, high))
-    if len(at):
-        x = x.copy()
-        x[at + 1] = x[at + 2] = np.nan
-    return x
+def _failed_reads(x, size, low, high, step):
+    """Return how many rows hold one value again and again, far from those before and after.
 
-
-def _failed_reads(x, low, high, step):
-    """Return how many rows hold one value again and again, far from those before and after."""
-    if not step:
+    `size` are the sizes of the steps from row to row.
+    """
+    if not step or len(x) < 3:
         return 0
-    starts = np.flatnonzero(np.diff(x, prepend=np.nan))
-    values, rows, jumps = x[starts][1:-1], np.diff(starts)[1:], np.abs(np.diff(x[starts]))
-    far = np.minimum(jumps[:-1], jumps[1:])
-    at_end = (values == low) | (values == high)
-    railed = at_end & (far > max((high - low) / 2, READ_STEPS * step / 2))
-    single = values[(rows == 1) & (far > FAR_STEPS * step)]
+    far, farther = FAR_STEPS * step, max((high - low) / 2, READ_STEPS * step / 2)
+    single = x[1:-1][(size[1:] > far) & (size[:-1] > far)]
     common, counts = np.unique(single[:LENGTHS], return_counts=True)
-    often = int((single == common[counts.argmax()]).sum()) if len(single) else 0
-    return max(int(rows[railed].sum()), often if often > OFTEN * len(x) else 0)
+    often = np.count_nonzero(single == common[counts.argmax()]) if len(single) else 0
+    railed = 0
+    if (size > farther).any():
+        starts = np.flatnonzero(np.diff(x, prepend=np.nan))
+        values, rows, jumps = x[starts][1:-1], np.diff(starts)[1:], np.abs(np.diff(x[starts]))
+        at_end = (values == low) | (values == high)
+        railed = int(rows[at_end & (np.minimum(jumps[:-1], jumps[1:]) > farther)].sum())
+    return max(railed, often if often > OFTEN * len(x) else 0)
 
 
-def _spikes(x, step):
-    """Return how many single samples lie far outside all their neighbours."""
+def _spikes(x, size, step):
+    """Return how many single samples lie far outside all their neighbours.
+
+    `size` are the sizes of the steps from row to row.
+    """
     if len(x) <= 2 * REACH:
         return 0
-    before, after = np.diff(x)[:-1], np.diff(x)[1:]
-    usual = max(step, np.median(np.abs(before[::16])))
-    height = np.minimum(np.abs(before), np.abs(after))
-    height[(before > 0) == (after > 0)] = 0.0
-    at = np.flatnonzero(height > SPIKE_FACTOR * usual) + 1
+    usual = max(step, np.median(size[:-1:16]))
+    far = size > SPIKE_FACTOR * usual
+    at = np.flatnonzero(far[1:] & far[:-1]) + 1
     at = at[(at >= REACH) & (at < len(x) - REACH)]
+    at = at[(x[at] > x[at - 1]) != (x[at + 1] > x[at])]
     near = x[at[:, None] + np.r_[-REACH:0, 1 : REACH + 1]]
     middle = np.median(near, axis=1)
     spread = np.maximum(np.abs(near - middle[:, None]).max(axis=1), usual)

@@ -17,12 +17,11 @@ from imuloop.core.samples import (
     METADATA_KEY,
     OWN_TIME,
     TEMPERATURE,
-    Samples,
     parquet_file,
     schema,
 )
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
-from imuloop.ingest import clocks, increments, quality, slower_sensor, spikes
+from imuloop.ingest import clocks, increments, quality, slower_sensor
 from imuloop.ingest import pps as marks
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
@@ -186,11 +185,7 @@ def ingest(
                 figures = write_and_measure(log, counts, ())
             fault = clocks.broken(figures, rate)
             many = figures["gaps"]["count"] > clocks.MOST_BURSTS
-            steps = figures["quantisation_step"]
-            if log.slower:
-                dropped, at = slower_sensor.find_spikes(temporary, log.slower, steps, threads)
-            else:
-                dropped, at = spikes.find(Samples(temporary), steps, threads)
+            dropped, at = figures.pop("isolated")
             if len(dropped):
                 counts.spiked = len(np.unique(dropped))
                 number = np.bincount(at, minlength=len(CHANNELS)).tolist()
@@ -199,6 +194,7 @@ def ingest(
                 # the gaps that this leaves are counted as spikes
                 gaps = {"gaps": figures["gaps"]}
                 figures = measured() | gaps
+                del figures["isolated"]
             known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
             if known := {name: found for name, found in known.items() if found}:
                 origin |= known
@@ -328,6 +324,7 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     with replaced(samples_path) as temporary:
         pq.write_table(schema(origin).empty_table(), temporary)
         figures = quality.measure(temporary)
+        del figures["isolated"]
     found = _quality([reason], figures, Counts(), RawLog()) | origin
     write_json(quality_path, found | {"failed": failed})
 
@@ -337,8 +334,7 @@ def _write(path, batches, log, counts, origin, rebuilt=False):
     more = [*[TEMPERATURE] * log.temperature, *[LOGGED_TIME] * rebuilt]
     more += [OWN_TIME[log.slower]] if log.slower else []
     plain = schema({}, more).remove_metadata()
-    # what is known at the end only cannot be in an Arrow schema; doubles need none
-    with pq.ParquetWriter(path, plain, compression="zstd", store_schema=False) as writer:
+    with _writer(path, plain) as writer:
         for table in rechunked(batches, ROW_GROUP):
             writer.write_table(table.select(plain.names), row_group_size=ROW_GROUP)
         if counts.start_ns is not None:
@@ -348,13 +344,28 @@ def _write(path, batches, log, counts, origin, rebuilt=False):
         writer.add_key_value_metadata(schema(origin).metadata)
 
 
+def _writer(path, plain):
+    """Return the writer of a samples file: values of few levels as numbers of these, stamps not."""
+    # what is known at the end only cannot be in an Arrow schema; doubles need none
+    return pq.ParquetWriter(
+        path,
+        plain,
+        compression="zstd",
+        store_schema=False,
+        use_dictionary=[*CHANNELS, TEMPERATURE],
+        use_byte_stream_split=[
+            name for name in plain.names if name not in (*CHANNELS, TEMPERATURE)
+        ],
+    )
+
+
 def _rewrite(path, dropped, known=None):
     """Write samples again without some rows, and with more metadata."""
     with replaced(path) as temporary, parquet_file(path) as file:
         form, first = file.schema_arrow, 0
         metadata = json.loads(form.metadata[METADATA_KEY]) | (known or {})
         plain = form.remove_metadata()
-        with pq.ParquetWriter(temporary, plain, compression="zstd", store_schema=False) as writer:
+        with _writer(temporary, plain) as writer:
             for g in range(file.num_row_groups):
                 table = file.read_row_group(g)
                 keep = ~np.isin(np.arange(first, first + len(table)), dropped)

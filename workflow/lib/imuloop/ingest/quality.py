@@ -1,6 +1,10 @@
 """How good a log is: steps of time, gaps, faults, plausibility, and whether it can be used."""
 
+from functools import partial
+
 import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
 
 from imuloop.core.errors import plural
 from imuloop.core.samples import (
@@ -9,7 +13,6 @@ from imuloop.core.samples import (
     CHANNELS,
     GAP_STEPS,
     TEMPERATURE,
-    TIME,
     Samples,
     read_metadata,
 )
@@ -53,24 +56,22 @@ def measure(path, full_scale=None, threads=1):
     """Return the quality figures of a samples file, as in quality.json, piece by piece.
 
     `full_scale` holds ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s), for clipping. What the
-    rows cannot give is None.
+    rows cannot give is None. Under ``isolated`` are row and channel of each spike to be dropped.
     """
     samples = Samples(path)
-    names = [name for name in samples.names if name in (*CHANNELS, TEMPERATURE)]
+    names = [name for name in (*CHANNELS, TEMPERATURE) if name in samples]
     scales = {n: (full_scale or {}).get(s) for s, axes in SENSORS.items() for n in axes}
-
-    def part(piece):
-        return _part(dict(zip(names, piece[1], strict=True)), scales)
-
-    parts = ordered_map(part, samples.pieces(names), threads)
+    pieces = (columns for _, columns in samples.pieces(names))
+    parts = ordered_map(partial(_part, scales=scales), pieces, threads)
     parts = list(zip(*parts, strict=True)) or [[]] * 3
     figures = _time_figures(samples)
     figures |= _channel_figures(len(samples), names, scales, *parts)
-    return {**figures, "faults": faults.measure(samples, read_metadata(path), figures, threads)}
+    found, isolated = faults.measure(samples, read_metadata(path), figures, threads)
+    return {**figures, "faults": found, "isolated": isolated}
 
 
 def _time_figures(samples):
-    """Return the figures of the steps of time; two columns of a log are held at once, no more."""
+    """Return the figures of the steps of time; one array as long as the log is held, no more."""
     gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
     figures = {
         "rows": len(samples),
@@ -81,25 +82,28 @@ def _time_figures(samples):
     }
     if len(samples) < 2:
         return figures
-    steps = np.diff(samples[TIME])
+    steps = np.empty(len(samples) - 1)
+    for row, _, part in faults.time_steps(samples):
+        steps[row : row + len(part)] = part
     figures["duration_s"] = float(steps.sum())
-    median = float(np.median(steps))
+    # which leaves them in another order
+    median = float(np.median(steps, overwrite_input=True))
     limit = gaps["longer_than_s"] = GAP_STEPS * median
-    wide = np.flatnonzero(steps > limit)
-    gaps["count"], gaps["total_s"] = len(wide), float(steps[wide].sum())
-    listed = wide[:LISTED_GAPS]
-    gaps["list"] = [
-        {"start_s": start, "duration_s": step}
-        for start, step in zip(samples[TIME][listed].tolist(), steps[listed].tolist(), strict=True)
-    ]
-    away = np.delete(steps, wide)
+    wide = steps > limit
+    if wide.any():
+        rows, starts, long = faults.long_steps(samples, limit)
+        gaps["count"], gaps["total_s"] = len(rows), float(long.sum())
+        listed = zip(starts[:LISTED_GAPS].tolist(), long[:LISTED_GAPS].tolist(), strict=True)
+        gaps["list"] = [{"start_s": start, "duration_s": step} for start, step in listed]
+    away, count = steps, len(steps) - gaps["count"]
     away -= median
-    mean = away.mean()
+    away[wide] = 0.0
+    mean = away.sum() / count
     # infinite where the steps of a damaged file are 1e-318 s
     with np.errstate(over="ignore", divide="ignore"):
         figures["rate_hz"] = float(np.divide(1, median + mean))
     figures["jitter"] = {
-        "std_s": float(np.sqrt(max(away @ away / len(away) - mean**2, 0.0))),
+        "std_s": float(np.sqrt(max(away @ away / count - mean**2, 0.0))),
         "max_s": float(max(away.max(), -away.min())),
     }
     return figures
@@ -108,21 +112,16 @@ def _time_figures(samples):
 # a damaged file may hold 1e306
 @np.errstate(over="ignore", invalid="ignore")
 def _part(x, scales):
-    """Return what some rows alone show.
+    """Return what some rows alone show, of channels (k, n).
 
     Ends and smallest step of each channel; samples at each full scale; sums of both magnitudes.
     """
-    finite = {name: np.sort(values[np.isfinite(values)]) for name, values in x.items()}
-    ends = [
-        (each[0], each[-1], _smallest_step(each)) if each.size else (np.nan, np.nan, np.inf)
-        for each in finite.values()
-    ]
     clipped = [
-        0 if scale is None else np.count_nonzero(np.abs(finite[name]) >= CLIPPED_SHARE * scale)
-        for name, scale in scales.items()
+        0 if scale is None else np.count_nonzero(np.abs(values) >= CLIPPED_SHARE * scale)
+        for values, scale in zip(x, scales.values(), strict=False)
     ]
-    force, rate = (np.sqrt(sum(x[name] ** 2 for name in axes)) for axes in SENSORS.values())
-    return ends, clipped, (force.sum(), rate.sum())
+    magnitudes = [np.sqrt(np.einsum("ij,ij->j", axes, axes)).sum() for axes in (x[:3], x[3:6])]
+    return [_levels(values) for values in x], clipped, magnitudes
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -156,14 +155,19 @@ def _channel_figures(rows, names, scales, ends, clipped, magnitudes):
     }
 
 
-def _smallest_step(x):
-    """Return the smallest step of sorted values, infinite where most are distinct."""
-    steps = np.diff(x)
-    distinct = np.count_nonzero(steps) + 1
-    if distinct < 2 or distinct > x.size / 2:
-        return np.inf
-    # closer than rounding of the conversion to SI is the same value
-    return float(steps[steps > 1e-12 * np.abs(x[[0, -1]]).max()].min(initial=np.inf))
+def _levels(x):
+    """Return the ends of values and their smallest step, infinite where most are distinct."""
+    # a table of those seen takes a quarter of the time of a sort
+    levels = np.sort(pc.unique(pa.array(x)))
+    levels = levels[np.isfinite(levels)]
+    if not levels.size:
+        return np.nan, np.nan, np.inf
+    low, high, step = levels[0], levels[-1], np.inf
+    if 2 <= levels.size <= np.count_nonzero(np.isfinite(x)) / 2:
+        steps = np.diff(levels)
+        # closer than rounding of the conversion to SI is the same value
+        step = steps[steps > 1e-12 * max(abs(low), abs(high))].min(initial=np.inf)
+    return low, high, step
 
 
 def reasons(figures, counts, bad_lines, lost_share=0.0):

@@ -47,7 +47,8 @@ class RestMeans:
         columns, force = [], np.zeros(n)
         for name in CHANNELS:
             block = x[name][: n * self.rows].reshape(n, PARTS, -1)
-            means, power = block.mean(axis=2), (block**2).mean(axis=(1, 2))
+            means = np.einsum("ijk->ij", block) / block.shape[2]
+            power = np.einsum("ijk,ijk->i", block, block) / self.rows
             spread = power - means.mean(axis=1) ** 2
             # what rounding leaves of a channel that does not change
             spread[spread < 1e-12 * power] = 0.0

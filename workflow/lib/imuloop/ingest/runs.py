@@ -8,8 +8,9 @@ import numpy as np
 LEAST_STUCK, STUCK_FACTOR, LEAST_RUNS, STUCK_FACTOR_COARSE = 10, 5, 50, 50
 # the longest runs of an axis that are kept, and run lengths that are counted one by one
 KEPT_RUNS, LENGTHS = 1000, 256
-# steps that the noise of 64 rows spans: to tell runs, and to tell a cut tail
-SPAN, WIDE_SPAN = 1.5, 3.5
+# steps that the noise of 64 rows spans: to tell runs, and to tell a cut tail; of a piece so many
+# such blocks, at most twice, are looked at
+SPAN, WIDE_SPAN, BLOCKS = 1.5, 3.5, 256
 # values are held where rows a new value are at least this many, and this share of runs near it
 LEAST_HELD, HELD_SHARE = 1.25, 0.98
 
@@ -24,25 +25,28 @@ class Runs:
         # blocks that change, whose noise spans the quantisation step, and several of it
         self.varied = self.lively = self.wide = 0
 
-    def add(self, x, row):
-        """Take in a row group that starts at `row`."""
-        starts = np.flatnonzero(np.concatenate(([x[0] != self.last], x[1:] != x[:-1])))
+    def add(self, x, row, starts):
+        """Take in a piece that begins at `row`; at `starts`, from 1 on, its values change."""
+        if x[0] != self.last:
+            starts = np.append(0, starts)
         if len(starts):
             ends = starts + row
             lengths = np.diff(ends, prepend=self.open)
-            self._keep(lengths, ends - lengths, np.where(starts > 0, x[starts - 1], self.last))
+            self.counts += np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
+            for i in np.flatnonzero(lengths >= LEAST_STUCK):
+                value = x[starts[i] - 1] if starts[i] else self.last
+                self._keep(lengths[i], ends[i] - lengths[i], value)
             self.open = int(ends[-1])
         self.last, self.rows = x[-1], row + len(x)
-        width = np.ptp(x[: len(x) // 64 * 64].reshape(-1, 64), axis=1)
+        blocks = x[: len(x) // 64 * 64].reshape(-1, 64)
+        width = np.ptp(blocks[:: max(len(blocks) // BLOCKS, 1)], axis=1)
         self.varied += int((width > 0).sum())
         self.lively += int((width > SPAN * self.step).sum())
         self.wide += int((width > WIDE_SPAN * self.step).sum())
 
-    def _keep(self, lengths, starts, values):
-        self.counts += np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
-        chosen = np.flatnonzero(lengths >= LEAST_STUCK)
-        self.long += [(int(lengths[i]), int(starts[i]), float(values[i])) for i in chosen]
-        if len(self.long) > KEPT_RUNS:
+    def _keep(self, length, start, value):
+        self.long.append((int(length), int(start), float(value)))
+        if len(self.long) > 2 * KEPT_RUNS:
             self.long = sorted(self.long, reverse=True)[:KEPT_RUNS]
 
     @property
@@ -53,8 +57,10 @@ class Runs:
     def stuck(self):
         """Return (rows, first row, value) of each run too long for chance."""
         if self.rows > self.open:
-            last = self.rows - self.open, self.open, self.last
-            self._keep(*(np.array([each]) for each in last))
+            length = self.rows - self.open
+            self.counts[min(length, LENGTHS)] += 1
+            if length >= LEAST_STUCK:
+                self._keep(length, self.open, self.last)
             self.open = self.rows
         long = sorted((run for run in self.long if np.isfinite(run[2])), reverse=True)
         # the zero-th count is the empty run before the first row
@@ -72,12 +78,9 @@ class Runs:
         return []
 
 
-def held_lengths(changes):
-    """Return how many runs of rows without a change on any axis there are, by length."""
-    changed = np.zeros(max(at[-1] + 1 if len(at) else 0 for at in changes), dtype=bool)
-    for at in changes:
-        changed[at] = True
-    lengths = np.diff(np.flatnonzero(changed))
+def held_lengths(changed):
+    """Return how many runs of rows without a change on any axis (k, n) there are, by length."""
+    lengths = np.diff(np.flatnonzero(changed.any(axis=0)))
     return np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
 
 

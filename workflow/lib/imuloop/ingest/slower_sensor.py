@@ -13,7 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from imuloop.core.samples import CHANNELS, OWN_TIME, SENSORS, TIME, Samples
-from imuloop.ingest import quality, spikes
+from imuloop.ingest import quality
 from imuloop.ingest.increments import SENSORS as QUANTITIES
 
 # faults that quality.json has by channel
@@ -43,11 +43,20 @@ def own_samples(path, sensor):
 def measure(path, sensor, full_scale, threads):
     """Return quality figures in which the slower sensor's channels are by its own samples.
 
-    Under ``slower`` are the sensor, its rate and its rows.
+    Under ``slower`` are the sensor, its rate and its rows. A spike of it is in all rows that hold
+    it.
     """
     figures, axes = quality.measure(path, full_scale, threads), SENSORS[sensor]
     with own_samples(path, sensor) as target:
         own = quality.measure(target, full_scale, threads)
+    of_slower = np.isin(CHANNELS, axes)
+    rows, at = figures["isolated"]
+    own_rows, own_at = own["isolated"]
+    edges = np.append(first_rows(path, sensor), figures["rows"])
+    held = [np.arange(edges[k], edges[k + 1]) for k in np.unique(own_rows[of_slower[own_at]])]
+    rows = np.concatenate([rows[~of_slower[at]], *held])
+    at = np.append(at[~of_slower[at]], own_at[of_slower[own_at]])
+    figures["isolated"] = rows.astype(int), at
     figures["slower"] = {"sensor": sensor, "rate_hz": own["rate_hz"], "rows": own["rows"]}
     figures["clipped"] |= {name: own["clipped"][name] for name in axes}
     found, of_own = figures["faults"], own["faults"]
@@ -63,19 +72,3 @@ def measure(path, sensor, full_scale, threads):
     if sensor == "gyroscope":
         found["mean_at_rest"] = of_own["mean_at_rest"]
     return figures
-
-
-def find_spikes(path, sensor, steps, threads):
-    """Return the rows of a samples file that hold a spike, and the channel of each spike.
-
-    Arguments as of `spikes.find`; a spike of the slower sensor is in all rows that hold it.
-    """
-    of_slower = np.isin(CHANNELS, SENSORS[sensor])
-    rows, at = spikes.find(Samples(path), steps, threads)
-    rows, at = rows[~of_slower[at]], at[~of_slower[at]]
-    with own_samples(path, sensor) as target:
-        own, own_at = spikes.find(Samples(target), steps, threads)
-    own, own_at = own[of_slower[own_at]], own_at[of_slower[own_at]]
-    edges = np.append(first_rows(path, sensor), len(Samples(path)))
-    held = [np.arange(edges[k], edges[k + 1]) for k in np.unique(own)]
-    return np.concatenate([rows, *held]).astype(int), np.append(at, own_at).astype(int)

@@ -6,14 +6,13 @@ neighbours agree with each other, it is far from them, and no other channel move
 
 import numpy as np
 
-from imuloop.core.samples import CHANNELS, ROWS
-from imuloop.ingest.ordered_map import ordered_map
-
 # samples each side that a cubic is laid through, and that the local noise is of
 NEAR, REACH = 4, 16
 # how many times farther from the cubic than any neighbour, and how many times the noise there, or
 # steps of resolution: jumps of good sensors come to 10
 OF_NEIGHBOURS, OF_NOISE = 10.0, 15.0
+# a value is judged by as many samples each side, and these by their own neighbours
+HALO = 2 * REACH
 # another channel moves where it is so many times its noise from its neighbours' cubic (beside 169
 # knocks of a single sample, of 3.3 million measured rows, one comes to 7 at least), and at least
 # this share of what the spike is times its own: chance alone comes to 7 now and then
@@ -23,27 +22,11 @@ PASSES = 3
 
 _BESIDE = np.r_[-NEAR:0, 1 : NEAR + 1]
 _POWERS = np.vander(_BESIDE, 4, increasing=True).astype(float)
-_CUBIC = np.linalg.pinv(_POWERS)
+# takes neighbours to where their cubic is at the value, and to how far they are from it
+_LEVEL = np.linalg.pinv(_POWERS)[0]
+_AWAY = np.eye(2 * NEAR) - _POWERS @ np.linalg.pinv(_POWERS)
 # what a value adds to the cubics of the two samples each side is no noise of theirs
 _AROUND = np.r_[-REACH:-2, 3 : REACH + 1]
-
-
-def find(samples, steps, threads=1):
-    """Return which values of Samples are spikes, row and channel of each, (2, k).
-
-    `steps` are the resolution of each of `CHANNELS`, None where there is none.
-    """
-    steps = np.array([steps[name] or 0.0 for name in CHANNELS])
-
-    def of_piece(first):
-        # with as many samples around the piece as its own are judged by
-        low, end = max(first - 2 * REACH, 0), min(first + ROWS, len(samples))
-        x = samples.read(CHANNELS, low, min(end + 2 * REACH, len(samples)))
-        channel, row = np.nonzero(isolated(x, steps)[:, first - low : end - low])
-        return np.array([row + first, channel])
-
-    found = [np.zeros((2, 0), int), *ordered_map(of_piece, range(0, len(samples), ROWS), threads)]
-    return np.hstack(found)
 
 
 # a damaged file may hold 1e306
@@ -67,22 +50,22 @@ def isolated(x, steps):
     for _ in range(PASSES):
         before = found.sum()
         away = np.zeros(x.shape)
-        sums = 4 * (x[:, 1:-3] + x[:, 3:-1]) - x[:, :-4] - x[:, 4:]
-        away[:, 2:-2] = np.abs(x[:, 2:-2] - sums / 6)
+        for each, values in zip(away, x, strict=True):
+            sums = 4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]
+            np.abs(values[2:-2] - sums / 6, out=each[2:-2])
         for k, values in enumerate(x):
             # most are none by those next to them already
-            size = away[k, REACH : n - REACH]
-            may = size > OF_NOISE * steps[k]
+            half = away[k, REACH : n - REACH] / 2
+            may = half > OF_NOISE * steps[k] / 2
             for d in (-5, -3, 3, 5):
-                may &= size > 2 * away[k, REACH + d : n - REACH + d]
+                may &= half > away[k, REACH + d : n - REACH + d]
             at = np.flatnonzero(may) + REACH
             near = values[at[:, None] + _BESIDE]
-            curve = near @ _CUBIC.T
-            spread = np.abs(near - curve @ _POWERS.T).max(axis=1)
-            far = np.abs(values[at] - curve[:, 0])
+            level = near @ _LEVEL
+            far = np.abs(values[at] - level)
             # nor are those of the rest that are as near as their neighbours
-            out = far > OF_NEIGHBOURS * spread
-            at, far, level = at[out], far[out], curve[out, 0]
+            out = far > OF_NEIGHBOURS * np.abs(near @ _AWAY).max(axis=1)
+            at, far, level = at[out], far[out], level[out]
             # of a normal e the median of |e| is 0.6745 of its deviation
             noise = np.median(away[:, at[:, None] + _AROUND], axis=2) / 0.6745
             noise = np.maximum(noise, steps[:, None])

@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 
 from imuloop.core.rotation import exponential, matrix, prefix_product
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, sums_over
 from imuloop.ingest.thinning import EvenSubsample, means
 
 # windows, of averages over at least so long, s
@@ -94,51 +94,50 @@ class Stops:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], together, [0]])))
         runs = edges.reshape(-1, 2) + np.array([0, 1])
         self.still += int(np.diff(runs, axis=1).sum())
-        stops = [
-            (a, min(a + LONGEST_STOP, end))
-            for start, end in runs
-            for a in range(start, end, LONGEST_STOP)
-        ]
-        rows = [
-            [first + a * width, b - a, *centre[:, a:b].mean(1), *turning[:, a:b].mean(1)]
-            for a, b in stops
-        ]
-        self.stops.add(np.array(rows).reshape(-1, 8))
-        bias = np.median(np.array(rows).reshape(-1, 8)[:, 5:], axis=0) if rows else None
-        for (_, a), (b, _) in pairwise(stops):
-            # from the last window to the first one: within a stop a hand may turn slowly
-            if b - a <= MAX_WINDOWS_BETWEEN_STOPS:
-                self._judge(a - 1, b, u, centre, turning, bias, first)
+        starts = [np.arange(a, b, LONGEST_STOP) for a, b in runs]
+        ends = [np.minimum(at + LONGEST_STOP, b) for at, (_, b) in zip(starts, runs, strict=True)]
+        if not len(runs):
+            return
+        stops = np.column_stack([np.concatenate(starts), np.concatenate(ends)])
+        windows = np.diff(stops, axis=1)
+        both = sums_over(np.vstack([centre, turning]).T, stops) / windows
+        self.stops.add(np.hstack([first + stops[:, :1] * width, windows, both]))
+        self._judge(stops, u, centre, turning, np.median(both[:, 3:], axis=0), first)
         half = self.fine // 2
         for (_, a), (b, _) in pairwise(runs):
-            turn, gap = _angle(u[:, a - 1], u[:, b]), self._gap(first, a - 1, b)
-            if gap is None and turn > LEAST_TURN and (b - a) * self.fine * self.dt < LONGEST_MOVE:
+            turn, gap = _angle(u[:, a - 1], u[:, b]), self._gaps(first, a - 1, b)
+            if gap < 0 and turn > LEAST_TURN and (b - a) * self.fine * self.dt < LONGEST_MOVE:
                 bias = (turning[:, a - 1] + turning[:, b]) / 2
                 steps = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - self.fine]
                 move = np.empty(1, dtype=object)
                 move[0] = u[:, a - 1], u[:, b], (steps.T - bias) * self.dt
                 self.moves.add(move)
 
-    def _gap(self, first, i, j):
-        """Return the last row before a gap from window i to window j, or None."""
-        start, end = first + i * self.width, first + (j + 1) * self.width
-        found = self.gaps[np.searchsorted(self.gaps, start) :][:1]
-        return int(found[0]) if len(found) and found[0] < end else None
+    def _gaps(self, first, i, j):
+        """Return the last rows before gaps from windows i to windows j, -1 where there is none."""
+        at = np.searchsorted(self.gaps, first + i * self.width)
+        rows = np.append(self.gaps, -1)[at]
+        return np.where(rows < first + (j + 1) * self.width, rows, -1)
 
-    def _judge(self, i, j, u, centre, turning, bias, first):
+    def _judge(self, stops, u, centre, turning, bias, first):
         """Keep the largest change of the force from stop to stop that no rate goes with."""
-        if (gap := self._gap(first, i, j)) is not None:
-            self.gap_turn = max(self.gap_turn, (float(_angle(u[:, i], u[:, j])), gap), key=_first)
-            return
+        # from the last window to the first one: within a stop a hand may turn slowly
+        i, j = stops[:-1, 1] - 1, stops[1:, 0]
+        near = j - i <= MAX_WINDOWS_BETWEEN_STOPS + 1
+        i, j = i[near], j[near]
+        gaps = self._gaps(first, i, j)
+        for k in np.flatnonzero(gaps >= 0):
+            turn = float(_angle(u[:, i[k]], u[:, j[k]]))
+            self.gap_turn = max(self.gap_turn, (turn, int(gaps[k])), key=_first)
+        i, j = i[gaps < 0], j[gaps < 0]
         change = np.linalg.norm(centre[:, j] - centre[:, i], axis=0)
         # with the bias of all stops, as of two of them alone a slow turn would pass for it
-        angle = (
-            np.linalg.norm(turning[:, i : j + 1] - bias[:, None], axis=0).sum()
-            * self.fine
-            * self.dt
-        )
-        if change > max(self.jump[0], UNTURNED * angle * np.linalg.norm(centre[:, i], axis=0)):
-            self.jump = (float(change), first + int(j) * self.width, float(angle))
+        speed = np.linalg.norm(turning - bias[:, None], axis=0)
+        angle = sums_over(speed, np.column_stack([i, j + 1])) * self.fine * self.dt
+        change[change <= UNTURNED * angle * np.linalg.norm(centre[:, i], axis=0)] = 0.0
+        if len(change) and change.max() > self.jump[0]:
+            k = change.argmax()
+            self.jump = float(change[k]), first + int(j[k]) * self.width, float(angle[k])
 
     def figures(self, guess=None):
         """Return what the stops show, as `rests` in quality.schema.yaml, None without any.

@@ -24,5 +24,5 @@ class EvenSubsample:
 
 
 def means(x, rows):
-    """Return means of blocks of a few rows: sums of strides, numpy is slow on short axes."""
-    return sum(x[..., i::rows] for i in range(rows)) / rows
+    """Return means of blocks of a few rows, along the last axis."""
+    return np.einsum("...ij->...i", x.reshape(*x.shape[:-1], x.shape[-1] // rows, rows)) / rows
