@@ -174,7 +174,7 @@ class Samples:
         # batches, threads or buffers would keep a file's worth of memory
         with parquet_file(self._table, metadata=self._metadata, pre_buffer=False) as file:
             table = file.read_row_group(g, columns=list(names), use_threads=False)
-        return np.array([table[name].to_numpy() for name in names], float)
+        return [table[name].to_numpy() for name in names]
 
     def read(self, names, first, last):
         """Return columns of a range of rows, shape (len(names), last - first)."""
@@ -184,8 +184,8 @@ class Samples:
         for g, (begin, end) in enumerate(pairwise(self._edges)):
             low, high = max(first, begin), min(last, end)
             if low < high:
-                group = self._group(tuple(names), g)
-                out[:, low - first : high - first] = group[:, low - begin : high - begin]
+                for column, values in zip(out, self._group(tuple(names), g), strict=True):
+                    column[low - first : high - first] = values[low - begin : high - begin]
         return out
 
     def pieces(self, names, rows=ROWS):

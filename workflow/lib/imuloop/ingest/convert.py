@@ -176,6 +176,8 @@ def si_batches(
             counts.impossible_values[name] += int((inside & beyond[name]).sum())
         if not keep.any():
             continue
+        # no copies where, as nearly always, all are kept
+        keep = slice(None) if keep.all() else keep
         if zero is None:
             zero, first = x[keep][0].item(), rows[keep][0].item()
             counts.begin_s = float((zero - origin) * scale)

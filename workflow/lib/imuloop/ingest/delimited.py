@@ -245,7 +245,10 @@ def _columns(text, layout, positions, kinds):
             decimal_point="," if layout.decimal_comma else ".",
         ),
     )
-    columns = [table[name].combine_chunks() for name in names]
+    # a block of text, a chunk, where it holds a row
+    columns = [
+        x.chunk(0) if (x := table[name]).num_chunks else x.combine_chunks() for name in names
+    ]
     if layout.decimal_comma:
         columns = [
             pc.replace_substring(x, ",", ".") if x.type == pa.string() else x for x in columns
@@ -294,8 +297,10 @@ def _whole(lines):
 
     The last one may lack its line end.
     """
+    # with a line end in each half of that length none is too long
     half = LONGEST_LINE // 2
-    if b'"' not in lines and all(b"\n" in lines[i : i + half] for i in range(0, len(lines), half)):
+    short = all(lines.find(b"\n", i, i + half) >= 0 for i in range(0, len(lines), half))
+    if short and b'"' not in lines:
         return lines, 0
     ends = np.flatnonzero(np.frombuffer(lines, np.uint8) == ord("\n")) + 1
     if lines and not lines.endswith(b"\n"):

@@ -13,7 +13,7 @@ from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.rest_means import RestMeans
 from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
-from imuloop.ingest.spikes import HALO, isolated
+from imuloop.ingest.spikes import EDGE, isolated
 from imuloop.ingest.stops import Stops
 
 # Hz; no sensor is as fast
@@ -74,31 +74,31 @@ def measure(samples, metadata, figures, threads=1):
     runs = {name: Runs(steps[name]) for name in CHANNELS}
     means, stops, way = RestMeans(rate), Stops(rate, gaps), Axes(rate)
 
+    def at(row):
+        return samples.read((TIME,), row, row + 1).item()
+
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def counted(first):
         """Return a piece: its rows, spikes, where it changes and wraps, bands, and what adds up."""
-        low, end = max(first - HALO, 0), min(first + ROWS, len(samples))
-        x = samples.read(names, low, min(end + HALO, len(samples)))
+        low, end = max(first - EDGE, 0), min(first + ROWS, len(samples))
+        x = samples.read(names, low, min(end + EDGE, len(samples)))
         single = isolated(x[:6], np.array([steps[name] for name in CHANNELS]))
         channel, row = np.nonzero(single[:, first - low : end - low])
         # a few rows before those of the piece show what ends in them
         before = x[:, max(first - low - 2 * REACH, 0) : end - low]
         lead = before.shape[1] - (end - first)
         padding = _without_padding(before, np.array([[zeros.get(n, 0.0)] for n in CHANNELS]), lead)
-        x, w = before[:, lead:], max(lead - 3, 0)
-        sizes = [np.abs(np.diff(values)) for values in before]
+        x = before[:, lead:]
         changed = x[:, 1:] != x[:, :-1]
-        each = list(zip(CHANNELS, x, before, sizes, strict=False))
-        wraps = [_wraps(v[w:], s[w:], *ranges[n]) + w - lead for n, _, v, s in each]
-        counts = (
-            padding,
-            np.array([_common_changes(x, changed, a, b) for a, b in pairs]),
-            np.array([held_lengths(changed[:3]), held_lengths(changed[3:6])]),
-            np.array([_at_limits(v, ranges[n], steps[n]) for n, v, _, _ in each]),
-            np.array([_spikes(*vs, steps[n]) for n, *vs in zip(names, before, sizes, strict=True)]),
-            np.array([_failed_reads(v, s[lead:], *ranges[n], steps[n]) for n, v, _, s in each]),
-            np.array([len(at) for at in wraps]),
+        known = zip(CHANNELS, before, strict=False)
+        *numbers, wraps = zip(
+            *[_counts(v, lead, ranges[n], steps[n]) for n, v in known], strict=True
         )
+        if TEMPERATURE in names:
+            numbers[0] += (_spikes(before[-1], np.abs(np.diff(before[-1])), steps[TEMPERATURE]),)
+        common = [_common_changes(x, changed, a, b) for a, b in pairs]
+        held = [held_lengths(changed[:3]), held_lengths(changed[3:6])]
+        counts = [padding, *map(np.array, (common, held, *numbers, [len(at) for at in wraps]))]
         bands = np.array([_bands(values) for values in x[:6]])
         return x, [row + first, channel], changed, wraps, bands, counts
 
@@ -107,16 +107,16 @@ def measure(samples, metadata, figures, threads=1):
         changed, wraps = more[1:3]
         found.append([more[0], *more[3:]])
         means.add(dict(zip(CHANNELS, x, strict=False)))
-        for name, values, at in zip(CHANNELS, x, changed, strict=False):
-            runs[name].add(values, row, np.flatnonzero(at) + 1)
+        for name, values, changes in zip(CHANNELS, x, changed, strict=False):
+            runs[name].add(values, row, np.flatnonzero(changes) + 1)
         # where an integer wraps around nothing is known of a turn
-        for values, at in zip(x, wraps, strict=False):
-            values[at[at > 0]] = values[at[at > 0] + 1] = np.nan
+        for values, rows in zip(x, wraps, strict=False):
+            values[rows[rows > 0]] = values[rows[rows > 0] + 1] = np.nan
         way.add(dict(zip(CHANNELS, x, strict=False)))
         stops.add(dict(zip(CHANNELS, x, strict=False)))
         row += x.shape[1]
     single, spectra, counts = zip(*found, strict=True)
-    padding, common, held, limits, spikes, failed, wraps = map(sum, zip(*counts, strict=True))
+    padding, common, held, spikes, limits, failed, wraps = map(sum, zip(*counts, strict=True))
     zero_rows, in_turn, zero_reads = (dict(zip(SENSORS, n, strict=True)) for n in padding.tolist())
     spectra = dict(zip(CHANNELS, np.concatenate(spectra, axis=2), strict=True))
     limits, spikes = dict(zip(CHANNELS, limits, strict=True)), dict(zip(names, spikes, strict=True))
@@ -149,10 +149,9 @@ def measure(samples, metadata, figures, threads=1):
     axes = way.fit()
     rests = stops.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
     resting = bool(rests) and rests["share"] >= QUIET_SHARE
-    t = samples[TIME]
     if rests:
         row, gap = rests.pop("jump_row"), rests.pop("gap_row")
-        rests |= {"jump_s": float(t[row]), "gap_s": None if gap is None else float(t[gap])}
+        rests |= {"jump_s": at(row), "gap_s": None if gap is None else at(gap)}
     failed = dict(zip(CHANNELS, failed.tolist(), strict=True))
     for sensor, count in zero_reads.items():
         if count > OFTEN * len(samples):
@@ -162,7 +161,7 @@ def measure(samples, metadata, figures, threads=1):
         "zero_rows": zero_rows,
         "in_turn": in_turn,
         "failed_reads": failed,
-        "stuck": {name: _stuck_figures(stuck[name], rate, t) for name in CHANNELS},
+        "stuck": {name: _stuck_figures(stuck[name], rate, at) for name in CHANNELS},
         "spikes": {name: int(n) for name, n in spikes.items()},
         "wraps": dict(zip(CHANNELS, wraps.tolist(), strict=True)),
         "clipped_at": clipped,
@@ -202,9 +201,9 @@ def _without_padding(x, zeros, lead):
     return np.array([each.sum(axis=1) for each in (padded[:, lead:], of_one, single)])
 
 
-def _stuck_figures(found, rate, t):
+def _stuck_figures(found, rate, at):
     """Return how often, for how many rows, how long at most and when an axis was stuck."""
-    spans = sorted([float(t[i]), float(t[i + n - 1])] for n, i, _ in found)
+    spans = [[at(i), at(i + n - 1)] for i, n in sorted((i, n) for n, i, _ in found)]
     return {
         "stretches": len(found),
         "rows": sum(run[0] for run in found),
@@ -279,6 +278,18 @@ def _clipped(axes, ranges, steps, rate):
             yield name, value, int(at)
 
 
+def _counts(x, lead, ends, step):
+    """Return spikes, rows at the ends, failed reads and the rows before wraps, of a channel.
+
+    The first `lead` rows are before those of the piece; `ends` are those of its range.
+    """
+    size, first = np.abs(np.diff(x)), max(lead - 3, 0)
+    wraps = _wraps(x[first:], size[first:], *ends) + first - lead
+    own = x[lead:]
+    failed = _failed_reads(own, size[lead:], *ends, step)
+    return _spikes(x, size, step), _at_limits(own, ends, step), failed, wraps
+
+
 def _wraps(x, size, low, high):
     """Return the rows before a jump from one end of the range to the other that stays there.
 
@@ -305,9 +316,11 @@ def _failed_reads(x, size, low, high, step):
     if not step or len(x) < 3:
         return 0
     far, farther = FAR_STEPS * step, max((high - low) / 2, READ_STEPS * step / 2)
-    single = x[1:-1][(size[1:] > far) & (size[:-1] > far)]
-    common, counts = np.unique(single[:LENGTHS], return_counts=True)
-    often = np.count_nonzero(single == common[counts.argmax()]) if len(single) else 0
+    single = (size[1:] > far) & (size[:-1] > far)
+    values, counts = np.unique(x[1 + np.flatnonzero(single)[:LENGTHS]], return_counts=True)
+    often = 0
+    if len(values):
+        often = np.count_nonzero(single & (x[1:-1] == values[counts.argmax()]))
     railed = 0
     if (size > farther).any():
         starts = np.flatnonzero(np.diff(x, prepend=np.nan))

@@ -127,14 +127,13 @@ def ingest(
         return log
 
     def write_and_measure(log, counts, batches, rebuilt=False):
-        _write(temporary, batches, log, counts, origin, rebuilt)
-        return measured()
+        return measured(_write(temporary, batches, log, counts, origin, rebuilt, full_scale))
 
-    def measured():
+    def measured(parts=None):
         if log.slower:
             figures = slower_sensor.measure(temporary, log.slower, full_scale, threads)
         else:
-            figures = quality.measure(temporary, full_scale, threads)
+            figures = quality.measure(temporary, full_scale, threads, parts)
         return _without(absent, figures)
 
     try:
@@ -329,19 +328,25 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
     write_json(quality_path, found | {"failed": failed})
 
 
-def _write(path, batches, log, counts, origin, rebuilt=False):
-    """Write samples as Parquet; `origin` learns start and time unit on the way."""
+def _write(path, batches, log, counts, origin, rebuilt=False, full_scale=None):
+    """Write samples as Parquet and return the parts of their quality, as of `quality.part`.
+
+    `origin` learns start and time unit on the way.
+    """
+    parts, channels = [], [*CHANNELS, *[TEMPERATURE] * log.temperature]
     more = [*[TEMPERATURE] * log.temperature, *[LOGGED_TIME] * rebuilt]
     more += [OWN_TIME[log.slower]] if log.slower else []
     plain = schema({}, more).remove_metadata()
     with _writer(path, plain) as writer:
         for table in rechunked(batches, ROW_GROUP):
             writer.write_table(table.select(plain.names), row_group_size=ROW_GROUP)
+            parts.append(quality.part([table[name].to_numpy() for name in channels], full_scale))
         if counts.start_ns is not None:
             origin["start"] = iso_text(counts.start_ns)
         if counts.time_unit:
             origin["units"]["time"] = counts.time_unit
         writer.add_key_value_metadata(schema(origin).metadata)
+    return parts
 
 
 def _writer(path, plain):

@@ -52,18 +52,20 @@ TREATMENT = (
 )
 
 
-def measure(path, full_scale=None, threads=1):
+def measure(path, full_scale=None, threads=1, parts=None):
     """Return the quality figures of a samples file, as in quality.json, piece by piece.
 
-    `full_scale` holds ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s), for clipping. What the
-    rows cannot give is None. Under ``isolated`` are row and channel of each spike to be dropped.
+    `full_scale` holds ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s), for clipping; `parts`
+    are those of `part` of its rows where they are known. What the rows cannot give is None. Under
+    ``isolated`` are row and channel of each spike to be dropped.
     """
     samples = Samples(path)
     names = [name for name in (*CHANNELS, TEMPERATURE) if name in samples]
-    scales = {n: (full_scale or {}).get(s) for s, axes in SENSORS.items() for n in axes}
-    pieces = (columns for _, columns in samples.pieces(names))
-    parts = ordered_map(partial(_part, scales=scales), pieces, threads)
+    if parts is None:
+        pieces = (columns for _, columns in samples.pieces(names))
+        parts = ordered_map(partial(part, full_scale=full_scale), pieces, threads)
     parts = list(zip(*parts, strict=True)) or [[]] * 3
+    scales = _scales(full_scale)
     figures = _time_figures(samples)
     figures |= _channel_figures(len(samples), names, scales, *parts)
     found, isolated = faults.measure(samples, read_metadata(path), figures, threads)
@@ -109,18 +111,23 @@ def _time_figures(samples):
     return figures
 
 
+def _scales(full_scale):
+    """Return the full scale of each channel, SI, None where it is not declared."""
+    return {n: (full_scale or {}).get(s) for s, axes in SENSORS.items() for n in axes}
+
+
 # a damaged file may hold 1e306
 @np.errstate(over="ignore", invalid="ignore")
-def _part(x, scales):
-    """Return what some rows alone show, of channels (k, n).
+def part(x, full_scale=None):
+    """Return what some rows alone show, of the channels' values, temperature last.
 
     Ends and smallest step of each channel; samples at each full scale; sums of both magnitudes.
     """
     clipped = [
         0 if scale is None else np.count_nonzero(np.abs(values) >= CLIPPED_SHARE * scale)
-        for values, scale in zip(x, scales.values(), strict=False)
+        for values, scale in zip(x, _scales(full_scale).values(), strict=False)
     ]
-    magnitudes = [np.sqrt(np.einsum("ij,ij->j", axes, axes)).sum() for axes in (x[:3], x[3:6])]
+    magnitudes = [np.sqrt(sum(v * v for v in axes)).sum() for axes in (x[:3], x[3:6])]
     return [_levels(values) for values in x], clipped, magnitudes
 
 
