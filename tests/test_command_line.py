@@ -390,3 +390,27 @@ def test_two_files_of_one_sensor_each(device, tmp_path, capsys, monkeypatch):
     wrong = f"acceleration={a},angular_rate={tmp_path / 'none.csv'}"
     line = one_line_error(["calibrate", wrong, "-o", tmp_path / "out"], capsys)
     assert "none.csv: there is no such file" in line
+
+
+def test_every_command_takes_a_file_of_each_sensor(device, tmp_path, capsys):
+    log = pd.read_csv(device / "2.csv")
+    force, rate = tmp_path / "acc.csv", tmp_path / "gyr.csv"
+    log.rename(columns={"t": "when"})[["when", *ACCELERATION]].to_csv(force, index=False)
+    log[["t", *CHANNELS[3:]]].rename(columns={"t": "tick"}).to_csv(rate, index=False)
+    pair, old = f"acceleration={force},angular_rate={rate}", str(device / "calibration.json")
+    named = ["--columns", "time.acceleration=when", "time.angular_rate=tick"]
+    assert main(["info", pair, *named]) == 0
+    shown = capsys.readouterr().out
+    assert "acc.csv and gyr.csv: log, format csv" in shown
+    assert "time acceleration when, angular_rate tick" in shown
+    assert main(["check", old, pair, *named]) == 0
+    assert "acc.csv and gyr.csv against the calibration" in capsys.readouterr().out
+    for given, out in ((pair, "two.parquet"), (str(device / "2.csv"), "one.parquet")):
+        more = named if given == pair else []
+        assert main(["apply", old, given, "-o", str(tmp_path / out), *more]) == 0
+    one, two = (pd.read_parquet(tmp_path / f"{n}.parquet")[[*CHANNELS]] for n in ("one", "two"))
+    np.testing.assert_array_equal(one, two)
+    line = one_line_error(["info", pair, "--columns", "time=when"], capsys)
+    assert "columns.time: no column 'when'; there are tick" in line
+    line = one_line_error(["apply", old, pair, "-o", force], capsys)
+    assert "acc.csv" in line

@@ -5,7 +5,14 @@ from pathlib import Path
 
 from imuloop import Calibration
 from imuloop.commands.lines import say
-from imuloop.commands.raw_log import add_arguments, log_samples, refuse_rejected
+from imuloop.commands.raw_log import (
+    LOG,
+    add_arguments,
+    files_of,
+    log_of,
+    log_samples,
+    refuse_rejected,
+)
 from imuloop.core.errors import one_line, plural
 from imuloop.core.files import refuse_overwriting
 
@@ -21,7 +28,9 @@ def add(commands, **how):
     """Add the command and its arguments."""
     command = commands.add_parser("apply", help="calibrate a log", epilog=EXAMPLE, **how)
     command.add_argument("calibration", type=Path, help="calibration.json of the device")
-    command.add_argument("log", type=Path, help="log of the same device, in the same units")
+    command.add_argument(
+        "log", type=log_of, help=f"log of the same device, in the same units: {LOG}"
+    )
     command.add_argument(
         "-o", "--output", type=Path, required=True, help="file to write, .csv or .parquet"
     )
@@ -40,8 +49,9 @@ def run(arguments):
     # before the log is read, which may take long
     if not arguments.nominal:
         calibration.refuse_nominal(arguments.calibration)
-    beside = arguments.log.with_name("quality.json")
-    refuse_overwriting([output], [arguments.calibration, arguments.log, beside])
+    logs = files_of(arguments.log)
+    beside = logs[0].with_name("quality.json")
+    refuse_overwriting([output], [arguments.calibration, *logs, beside])
     output.parent.mkdir(parents=True, exist_ok=True)
     # beside the output, where there is room for something as large
     with tempfile.TemporaryDirectory(dir=output.parent, prefix=".imuloop-") as folder:

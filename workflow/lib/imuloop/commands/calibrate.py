@@ -2,19 +2,25 @@
 
 import argparse
 import logging
-import re
 import warnings
 from contextlib import contextmanager
 from pathlib import Path
 
 from imuloop.commands.lines import say
-from imuloop.commands.raw_log import add_arguments, declared, is_samples, local_gravity
+from imuloop.commands.raw_log import (
+    add_arguments,
+    declared,
+    files_of,
+    is_samples,
+    local_gravity,
+    log_of,
+)
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting
 from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.job_log import Printable
-from imuloop.result import KINDS, PAIR, calibrate
+from imuloop.result import KINDS, calibrate
 
 EXAMPLE = """examples:
   imuloop calibrate poses.csv -o results/my_imu
@@ -69,13 +75,13 @@ def run(arguments):
     say(f"wrote {folder / 'calibration.json'}{bare}")
 
 
-def kept_in(folder, option, arguments, files=()):
+def kept_in(folder, option, arguments, more=()):
     """Return a folder for results, unless they would overwrite something else."""
-    logs = [path for _, log in arguments.logs for path in _files(log)]
+    logs = [path for _, each in arguments.logs for path in files_of(each)]
     for path in logs:
         if not path.exists():
             raise ImuloopError(f"{path}: there is no such file")
-    refuse_overwriting([*files, folder], logs)
+    refuse_overwriting([*more, folder], logs)
     for name, mark in (("figures", "section.html"), ("exports", "exports.json")):
         if (folder / name).exists() and not (folder / mark).exists():
             raise ImuloopError(
@@ -90,7 +96,7 @@ def made(arguments, folder, log):
     """Run all stages into a folder and give the `Result`; tracebacks go to a log."""
     logs = {kind: [] for kind in KINDS}
     for kind, log_or_two in arguments.logs:
-        for path in _files(log_or_two):
+        for path in files_of(log_or_two):
             if path.suffix == ".parquet" and path.is_file() and is_samples(path):
                 raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
         logs[kind or arguments.kind].append(log_or_two)
@@ -110,7 +116,7 @@ def made(arguments, folder, log):
                 **what,
                 nominal=nominal,
                 gravity=arguments.gravity,
-                label=arguments.label or _files(arguments.logs[0][1])[0].stem,
+                label=arguments.label or files_of(arguments.logs[0][1])[0].stem,
                 folder=folder,
                 log=log,
                 progress=False,
@@ -120,19 +126,9 @@ def made(arguments, folder, log):
 
 
 def _log(text):
-    """Return kind and path of an argument ``static=night.csv``, kind None without.
-
-    In place of the path there may be a file of each sensor, ``acceleration=a,angular_rate=b``.
-    """
+    """Return kind and log of an argument ``static=night.csv``, kind None without."""
     kind, _, rest = text.partition("=")
-    kind, rest = (kind, rest) if kind in KINDS and rest else (None, text)
-    two = re.fullmatch(r"acceleration=(.+),angular_rate=(.+)", rest)
-    return kind, dict(zip(PAIR, map(Path, two.groups()), strict=True)) if two else Path(rest)
-
-
-def _files(log):
-    """Return the paths of a log, one or two."""
-    return [*log.values()] if isinstance(log, dict) else [log]
+    return (kind, log_of(rest)) if kind in KINDS and rest else (None, log_of(text))
 
 
 def _gravity(text):

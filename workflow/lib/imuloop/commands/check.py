@@ -10,10 +10,15 @@ from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.commands.lines import aligned, say
 from imuloop.commands.raw_log import (
+    LOG,
     add_arguments,
     between,
+    files_of,
     local_gravity,
+    log_of,
     log_samples,
+    name_of,
+    paths_of,
     refuse_rejected,
 )
 from imuloop.core.calibration_faults import implausible
@@ -50,7 +55,7 @@ def add(commands, **how):
         "check", help="test a calibration on a new log: has it drifted?", epilog=EXAMPLE, **how
     )
     command.add_argument("calibration", type=Path, help="calibration.json of the device")
-    command.add_argument("log", type=Path, help="new log of the same device")
+    command.add_argument("log", type=log_of, help=f"new log of the same device: {LOG}")
     command.add_argument(
         "--kind",
         choices=("multi_position", "six_position", "static"),
@@ -91,13 +96,14 @@ def run(arguments):
     """Test a calibration on a log, and update its biases; return the exit status."""
     if arguments.update != bool(arguments.output):
         raise ImuloopError("--update needs -o, the calibration to write, and -o needs --update")
-    calibration, log = Calibration.from_json(arguments.calibration), arguments.log
+    calibration, name = Calibration.from_json(arguments.calibration), name_of(arguments.log)
     noise = arguments.noise or arguments.calibration.with_name("noise.json")
-    read = [arguments.calibration, log, noise, log.with_name("quality.json")]
+    logs = files_of(arguments.log)
+    read = [arguments.calibration, *logs, noise, logs[0].with_name("quality.json")]
     refuse_overwriting([path for path in (arguments.json, arguments.output) if path], read)
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        path, quality = log_samples(log, arguments, Path(folder), calibration=calibration)
-        refuse_rejected(log, quality)
+        path, quality = log_samples(arguments.log, arguments, Path(folder), calibration=calibration)
+        refuse_rejected(arguments.log, quality)
         samples, known = read_samples(path), read_metadata(path)
     rails, stuck = known.get("rails", {}), known.get("stuck", ())
     kind, segments = segmented(samples, arguments.kind, rails, stuck)
@@ -107,10 +113,10 @@ def run(arguments):
     try:
         level, turn_on = arguments.level, arguments.turn_on
         drift = check_drift(*given, gravity=gravity, level=level, turn_on=turn_on)
-        update = update_biases(*given, log.name, gravity=gravity) if arguments.update else None
+        update = update_biases(*given, name, gravity=gravity) if arguments.update else None
     except ImuloopError as error:
-        raise ImuloopError(f"{log}: {error}") from error
-    say(f"{log.name} against the calibration of {drift.device}; noise {source}", *lines(drift))
+        raise ImuloopError(f"{paths_of(arguments.log)}: {error}") from error
+    say(f"{name} against the calibration of {drift.device}; noise {source}", *lines(drift))
     for sensor in SENSORS:
         if why := implausible(getattr(calibration, sensor), sensor):
             say(f"The calibration of the {sensor}: {why}")
@@ -121,7 +127,7 @@ def run(arguments):
         if drift.drifted and not drift.bias_only:
             say("What drifted beside the biases is as it was: calibrate anew.")
     if arguments.json:
-        what = {"calibration": str(arguments.calibration), "log": str(log)}
+        what = {"calibration": str(arguments.calibration), "log": paths_of(arguments.log)}
         write_json(arguments.json, drift.to_dict() | what | {"kind": kind, "noise": source})
     return DRIFTED if drift.drifted else 0
 
@@ -143,7 +149,7 @@ def noise_of(arguments, calibration, kind, samples, segments):
             return NoiseModel.from_json(path), f"of {path}"
         except (KeyError, TypeError, ValueError) as error:
             raise ImuloopError(f"{path}: not a noise model: {error!r}") from error
-    session = RecordedSession(arguments.log.name, kind, samples, segments)
+    session = RecordedSession(name_of(arguments.log), kind, samples, segments)
     found = estimate_noise(calibration.device, [session], NoiseSettings(), views=False)
     return found.model, "of the log itself"
 

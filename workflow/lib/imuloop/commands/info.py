@@ -6,7 +6,7 @@ from pathlib import Path
 
 from imuloop import Calibration
 from imuloop.commands.lines import aligned, say
-from imuloop.commands.raw_log import add_arguments, log_samples
+from imuloop.commands.raw_log import LOG, add_arguments, log_of, log_samples, name_of
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
@@ -24,6 +24,7 @@ from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, WORDS
 EXAMPLE = """examples:
   imuloop info results/my_imu/calibration.json
   imuloop info flight.csv --columns acceleration=fx,fy,fz angular_rate=p,q,r
+  imuloop info acceleration=acc.csv,angular_rate=gyr.csv
 
 FILE is calibration.json, noise.json, diagnosis.json, quality.json, samples.parquet, or a raw log
 of any format that imuloop reads. Values are given with 1 standard deviation; those after < are
@@ -33,7 +34,7 @@ of any format that imuloop reads. Values are given with 1 standard deviation; th
 def add(commands, **how):
     """Add the command and its arguments."""
     command = commands.add_parser("info", help="say what a file is", epilog=EXAMPLE, **how)
-    command.add_argument("file", type=Path)
+    command.add_argument("file", type=log_of, metavar="FILE", help=f"a result, or a log: {LOG}")
     add_arguments(command)
     command.set_defaults(run=run)
 
@@ -41,9 +42,11 @@ def add(commands, **how):
 def run(arguments):
     """Print what a file is; return 1 of a log that is rejected."""
     path = arguments.file
-    if path.suffix == ".json" and path.is_file():
+    # two files are a log
+    suffix = path.suffix if isinstance(path, Path) and path.is_file() else ""
+    if suffix == ".json":
         say(*result_lines(path))
-    elif path.suffix == ".parquet" and path.is_file() and read_metadata(path).get("calibrated"):
+    elif suffix == ".parquet" and read_metadata(path).get("calibrated"):
         device, table = read_metadata(path).get("device"), Samples(path)
         count = plural(len(table), "sample")
         say(f"calibrated samples of {device}: {count}, {', '.join(table.names)}")
@@ -153,7 +156,7 @@ def log_lines(arguments):
         samples, quality = log_samples(path, arguments, Path(folder))
     rejected = quality.get("status") == "rejected"
     if samples != path:
-        first = f"{path.name}: log, format {quality['log_format']}"
+        first = f"{name_of(path)}: log, format {quality['log_format']}"
         return [first, *quality_lines(quality)], rejected
     origin, table = read_metadata(path), Samples(path)
     first = f"samples of {origin['device']}, session {origin['session']}, {origin['kind']}"

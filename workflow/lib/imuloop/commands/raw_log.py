@@ -1,12 +1,14 @@
 """A raw log on the command line: how it is declared, and its samples."""
 
 import argparse
+import re
 from contextlib import suppress
+from pathlib import Path
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata
-from imuloop.ingest.formats import guess_format
+from imuloop.ingest.formats import PAIR, guess_format
 from imuloop.ingest.ingest import Declared, ingest
 from imuloop.ingest.spellings import UNITS
 
@@ -14,12 +16,39 @@ QUANTITIES = ("time", "acceleration", "angular_rate", "temperature", "interval")
 SENSORS = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 
 
+# how a log is given
+LOG = "LOG or acceleration=FILE,angular_rate=FILE"
+
+
+def log_of(text):
+    """Return the path of a log, or of a file of each sensor, ``acceleration=a,angular_rate=b``."""
+    two = re.fullmatch(r"acceleration=(.+),angular_rate=(.+)", text)
+    return dict(zip(PAIR, map(Path, two.groups()), strict=True)) if two else Path(text)
+
+
+def files_of(log):
+    """Return the paths of a log, one or two."""
+    return [*log.values()] if isinstance(log, dict) else [log]
+
+
+def name_of(log):
+    """Return the names of a log's files."""
+    return " and ".join(path.name for path in files_of(log))
+
+
+def paths_of(log):
+    """Return the paths of a log's files as text."""
+    return " and ".join(map(str, files_of(log)))
+
+
 def columns(text):
     """Return quantity and columns of an argument ``acceleration=fx,fy,fz``, as in the config."""
     quantity, _, names = text.partition("=")
     found = [int(name) if name.isdecimal() else name for name in names.split(",")]
     counts = {"time": (1, 2), **dict.fromkeys(SENSORS, (1, 3))}.get(quantity, (1,))
-    if quantity not in QUANTITIES or not all(map(str, found)) or len(found) not in counts:
+    of_one = [f"{q}.{sensor}" for q in ("time", "interval") for sensor in SENSORS]
+    known = quantity in (*QUANTITIES, *of_one)
+    if not known or not all(map(str, found)) or len(found) not in counts:
         raise argparse.ArgumentTypeError(
             f"{text} is not QUANTITY=NAME, time=SECONDS,NANOSECONDS or acceleration=X,Y,Z"
         )
@@ -68,7 +97,8 @@ def add_arguments(command):
         default=[],
         metavar="QUANTITY=NAME",
         help="as in the config: time=stamp acceleration=fx,fy,fz angular_rate=p,q,r temperature=T; "
-        "-fx turns a sign; time=sec,nsec; time=null for none; a stream or variable that holds all "
+        "-fx turns a sign; time=sec,nsec; time=null for none; time.acceleration=ta "
+        "time.angular_rate=tg of two tables; a stream or variable that holds all "
         "three axes, acceleration=/imu_a; by number from 0 in a log without header",
     )
     group.add_argument("--acceleration-unit", metavar="UNIT", help=", ".join(UNITS["acceleration"]))
@@ -119,7 +149,11 @@ def declared(arguments, calibration=None, layout=None):
         given = {q: {"scale": unit.scale, "offset": unit.offset} for q, unit in own.items()}
         nominal = given | nominal
     what = {"format": arguments.format or layout.get("format"), "units": units}
-    what["columns"] = layout.get("columns", {}) | dict(arguments.columns)
+    given = {}
+    for quantity, names in arguments.columns:
+        quantity, _, sensor = quantity.partition(".")
+        given[quantity] = {**given.get(quantity, {}), sensor: names} if sensor else names
+    what["columns"] = layout.get("columns", {}) | given
     return what | {"rate": arguments.rate or layout.get("rate")}, nominal
 
 
@@ -128,9 +162,11 @@ def log_samples(log, arguments, folder, calibration=None):
 
     Samples as ingest wrote them are taken as they are; of a raw log they go to the folder.
     """
-    if not log.exists():
-        raise ImuloopError(f"{log}: there is no such file")
-    if log.suffix == ".parquet" and log.is_file() and is_samples(log):
+    paths = files_of(log)
+    for path in paths:
+        if not path.exists():
+            raise ImuloopError(f"{path}: there is no such file")
+    if len(paths) == 1 and log.suffix == ".parquet" and log.is_file() and is_samples(log):
         beside = log.with_name("quality.json")
         return log, read_json(beside) if beside.is_file() else {}
     samples, quality = folder / "samples.parquet", folder / "quality.json"
@@ -139,10 +175,10 @@ def log_samples(log, arguments, folder, calibration=None):
         what, nominal = declared(arguments, calibration, layout)
         ingest(
             device=calibration.device if calibration else "log",
-            session=log.name,
+            session=name_of(log),
             # what was done with the device is not known
             kind=None,
-            paths=[log],
+            paths=paths,
             samples_path=samples,
             quality_path=quality,
             declared=Declared(nominal=nominal, **what),
@@ -160,7 +196,7 @@ def log_samples(log, arguments, folder, calibration=None):
 def _format(log):
     """Return the format that a log shows, or None."""
     with suppress(ImuloopError):
-        return guess_format({"log": log})
+        return guess_format(log if isinstance(log, dict) else {"log": log})
 
 
 def is_samples(path):
@@ -174,4 +210,4 @@ def is_samples(path):
 def refuse_rejected(log, quality):
     """Raise an error for a log that ingest rejected, with the reasons."""
     if quality.get("status") == "rejected":
-        raise ImuloopError(f"{log}: rejected: {'; '.join(quality['reasons'])}")
+        raise ImuloopError(f"{paths_of(log)}: rejected: {'; '.join(quality['reasons'])}")

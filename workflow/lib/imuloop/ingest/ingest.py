@@ -385,7 +385,8 @@ def used_units(log, declared):
     `declared` are those of the config; an ImuloopError where one is no unit.
     """
     used, doubts = {}, []
-    if isinstance(log.found.get("time"), list):
+    stamps = log.found.get("time")
+    if list in map(type, [stamps, *(stamps.values() if isinstance(stamps, dict) else ())]):
         # two columns are joined to ns, whatever is declared of them
         declared = declared | {"time": "ns"}
     for quantity, known in UNITS.items():

@@ -165,6 +165,9 @@ def alone(quantity, columns):
     """Return what is declared of a table of one sensor among what is of two."""
     [other] = {*SENSORS} - {quantity}
     own = {key: value for key, value in (columns or {}).items() if key in ("time", quantity)}
+    if isinstance(time := own.get("time"), dict):
+        del own["time"]
+        own |= {"time": time[quantity]} if quantity in time else {}
     return own | {other: None}
 
 
@@ -197,6 +200,9 @@ def paired(logs, batch_rows=1 << 16, most=-1):
         # a unit of time that is not known is for the user to declare
         merged.units = log.units | merged.units
         merged.found |= {key: names for key, names in log.found.items() if key in merged.found}
+    stamps = {quantity: log.found.get("time") for quantity, log in logs.items()}
+    if stamps["acceleration"] != stamps["angular_rate"]:
+        merged.found["time"] = stamps
     merged.columns = "; ".join(log.columns for log in logs.values())
     return merged
 
