@@ -6,8 +6,6 @@ from imuloop.core.errors import plural
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
-from imuloop.ingest.faults import HIGH, LACKING_SHARE
-from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.rest_means import EARTH_PART
 
 # what a thermometer beside an IMU can show, degC, and how long it may stay the same, s
@@ -22,8 +20,6 @@ def warnings(figures):
     if not found:
         return []
     held = {sensor: n for sensor, n in found["rows_a_value"].items() if n > 1}
-    # what is held lacks power too
-    held_axes = [name for sensor in held for name in SENSORS[sensor]]
     table = [
         (
             "exactly zero on all axes",
@@ -75,16 +71,6 @@ def warnings(figures):
     ]
     lines = [f"{what}: {', '.join(items)}; {advice}" for what, items, advice in table if items]
     lines += [f"{other} is a copy of {one}: see columns" for one, other in found["copies"]]
-    lacking = [
-        f"{name} {share:.2%}"
-        for name, share in found["noise_near_nyquist"].items()
-        if name not in held_axes and share is not None and share < LACKING_SHARE
-    ]
-    if lacking:
-        lines.append(
-            f"power is lacking above {HIGH[0] * rate / 2:.3g} Hz (a filter, or a log that was "
-            f"resampled): {', '.join(lacking)} of the noise below; log the sensor's own output"
-        )
     lines += _temperature(figures)
     if not USUAL_RATE[0] <= rate <= USUAL_RATE[1]:
         lines.append(f"{rate:.3g} Hz is unusual for an IMU: see units.time")

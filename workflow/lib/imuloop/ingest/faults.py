@@ -36,14 +36,8 @@ WRAPPED, FLAT, UNEVEN = 0.9, 0.05, 0.1
 # range of at least so many steps; and single rows of one value, so many steps from both neighbours,
 # where they are more than this share: at random they are a seventh at most, p (1 - p)^2
 READ_STEPS, FAR_STEPS, OFTEN = 1000, 8, 0.2
-# blocks for spectra: rows per block, blocks per row group, and those at rest that are needed
+# blocks for variances: rows per block, blocks per piece, and those that are needed
 BLOCK, BLOCKS, LEAST_BLOCKS = 128, 128, 8
-# share of Nyquist of the bands compared: drift and motion, noise, noise near Nyquist
-LOW, MIDDLE, HIGH = (1 / 64, 1 / 16), (1 / 16, 1 / 4), (3 / 4, 1)
-# the noise near Nyquist is lacking below this share; a block with more drift on any axis is moving.
-# The ratio of two powers over n blocks is F-distributed: of white noise over LEAST_BLOCKS, some 100
-# degrees of freedom each, none is below a third once in a million times
-LACKING_SHARE, MOST_DRIFT = 0.05, 10.0
 # noise is that of a log that rests for as much of its time
 QUIET_SHARE = 0.25
 # an axis is silent at rest where it never changes in this share of the quieter blocks
@@ -79,7 +73,7 @@ def measure(samples, metadata, figures, threads=1):
 
     @np.errstate(over="ignore", invalid="ignore", divide="ignore")
     def counted(first):
-        """Return a piece: its rows, spikes, where it changes and wraps, bands, and what adds up."""
+        """Return of a piece rows, spikes, changes, wraps, variances of blocks, and what adds up."""
         low, end = max(first - EDGE, 0), min(first + ROWS, len(samples))
         x = samples.read(names, low, min(end + EDGE, len(samples)))
         single = isolated(x[:6], np.array([steps[name] for name in CHANNELS]))
@@ -99,8 +93,8 @@ def measure(samples, metadata, figures, threads=1):
         common = [_common_changes(x, changed, a, b) for a, b in pairs]
         held = [held_lengths(changed[:3]), held_lengths(changed[3:6])]
         counts = [padding, *map(np.array, (common, held, *numbers, [len(at) for at in wraps]))]
-        bands = np.array([_bands(values) for values in x[:6]])
-        return x, [row + first, channel], changed, wraps, bands, counts
+        variances = np.array([_variances(values) for values in x[:6]])
+        return x, [row + first, channel], changed, wraps, variances, counts
 
     found, row = [], 0
     for x, *more in ordered_map(counted, range(0, len(samples), ROWS), threads):
@@ -115,20 +109,20 @@ def measure(samples, metadata, figures, threads=1):
         way.add(dict(zip(CHANNELS, x, strict=False)))
         stops.add(dict(zip(CHANNELS, x, strict=False)))
         row += x.shape[1]
-    single, spectra, counts = zip(*found, strict=True)
+    single, variances, counts = zip(*found, strict=True)
     padding, common, held, spikes, limits, failed, wraps = map(sum, zip(*counts, strict=True))
     zero_rows, in_turn, zero_reads = (dict(zip(SENSORS, n, strict=True)) for n in padding.tolist())
-    spectra = dict(zip(CHANNELS, np.concatenate(spectra, axis=2), strict=True))
+    variances = dict(zip(CHANNELS, np.concatenate(variances, axis=1), strict=True))
     limits, spikes = dict(zip(CHANNELS, limits, strict=True)), dict(zip(names, spikes, strict=True))
     stuck = {name: runs[name].stuck() for name in CHANNELS}
-    force = sum(spectra[name][0] for name in ACCELERATION)
+    force = sum(variances[name] for name in ACCELERATION)
     silent = [
         name
         for name in CHANNELS
         # once or twice is a fault of a moment
         if len(stuck[name]) not in (1, 2)
         and name not in figures["constant"]
-        and _silent(spectra[name][0], force)
+        and _silent(variances[name], force)
     ]
     stuck |= {name: [] for name in silent}
     # all axes of a gyroscope stuck at zero is padding too
@@ -156,7 +150,6 @@ def measure(samples, metadata, figures, threads=1):
     for sensor, count in zero_reads.items():
         if count > OFTEN * len(samples):
             failed |= dict.fromkeys(SENSORS[sensor], count)
-    still = _at_rest([spectra[name] for name in CHANNELS if name not in silent])
     faults = {
         "zero_rows": zero_rows,
         "in_turn": in_turn,
@@ -172,10 +165,6 @@ def measure(samples, metadata, figures, threads=1):
             if changed >= LEAST_CHANGES and alike >= COPIED_SHARE * changed
         ],
         "silent_at_rest": silent,
-        "noise_near_nyquist": {
-            name: _lacking(spectra[name][:, still]) if resting and name not in silent else None
-            for name in CHANNELS
-        },
         "mean_at_rest": means.figures([steps[n] for n in ANGULAR_RATE]) if resting else None,
         "axes": axes,
         "rests": rests,
@@ -348,29 +337,12 @@ def _spikes(x, size, step):
     return int((np.abs(x[at] - middle) > SPIKE_FACTOR * spread).sum())
 
 
-def _bands(x):
-    """Return variance and mean power in the bands of a few blocks, evenly spread, (4, n)."""
+def _variances(x):
+    """Return the variance of a few blocks, evenly spread."""
     blocks = x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
     blocks = blocks[:: max(-(-len(blocks) // BLOCKS), 1)]
-    away = blocks - blocks.mean(axis=1, keepdims=True)
-    power, top = np.abs(np.fft.rfft(away * np.hanning(BLOCK), axis=1)) ** 2, BLOCK // 2
-    bands = [power[:, int(a * top) : int(b * top)].mean(axis=1) for a, b in (LOW, MIDDLE, HIGH)]
-    return np.array([away.var(axis=1), *bands])
-
-
-def _at_rest(spectra):
-    """Return which blocks hold noise alone: on no axis is there much more at low frequencies."""
-    rest = [np.isfinite(each).all(axis=0) & (each[1] <= MOST_DRIFT * each[2]) for each in spectra]
-    return np.all(rest, axis=0) if rest else []
-
-
-def _lacking(resting):
-    """Return the noise near Nyquist as a share of that below; None of too few blocks at rest."""
-    _, _, middle, high = resting[:, resting[0] > 0]
-    if len(middle) < LEAST_BLOCKS:
-        return None
-    quiet = np.argsort(middle)[: max(len(middle) // 2, LEAST_BLOCKS)]
-    return float(high[quiet].sum() / middle[quiet].sum()) if middle[quiet].sum() else None
+    # beside its first value, so that a block that never changes has none
+    return (blocks - blocks[:, :1]).var(axis=1)
 
 
 def _silent(variance, spread):

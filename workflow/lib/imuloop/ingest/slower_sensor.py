@@ -17,7 +17,7 @@ from imuloop.ingest import quality
 from imuloop.ingest.increments import SENSORS as QUANTITIES
 
 # faults that quality.json has by channel
-BY_CHANNEL = ("failed_reads", "stuck", "spikes", "wraps", "clipped_at", "noise_near_nyquist")
+BY_CHANNEL = ("failed_reads", "stuck", "spikes", "wraps", "clipped_at")
 
 
 def first_rows(path, sensor):

@@ -74,7 +74,6 @@ def _faults(found):
         return number((found.get(key) or {}).get(within))
 
     held = {sensor: n for sensor, n in (found.get("rows_a_value") or {}).items() if n > 1}
-    shares = (found.get("noise_near_nyquist") or {}).values()
     rests = found.get("rests") or {}
     figures = {
         "Zero on all axes, rows": text_of(found.get("zero_rows")),
@@ -84,9 +83,6 @@ def _faults(found):
         "Clipped at a repeated extreme, rows": rows("clipped_at"),
         "Rows that a value is held": text_of(held) if held else "1",
         "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
-        "Noise near Nyquist, least share of that below": number(
-            min((share for share in shares if share is not None), default=None)
-        ),
         "Mean angular rate at rest, power as a share of its noise's": size(
             "mean_at_rest", "noise_share"
         ),
