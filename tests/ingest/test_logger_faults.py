@@ -229,8 +229,38 @@ def test_nanoseconds_without_leading_zeros(log, tmp_path, run, rate, first):
     log.assign(t=stamps).to_csv(tmp_path / "log.csv", index=False)
     found = run(tmp_path / "log.csv").quality
     [reason] = found["reasons"]
-    assert "nanoseconds were joined to the seconds without leading zeros" in reason
+    assert "parts of a second were joined without leading zeros" in reason
     assert found["warnings"] == []
     padded = [f"{n // 10**9}.{n % 10**9:09d}" for n in ns.tolist()]
     log.assign(t=padded).to_csv(tmp_path / "log.csv", index=False)
     assert run(tmp_path / "log.csv").quality["reasons"] == []
+
+
+@pytest.mark.parametrize("ms", [0, 5])
+def test_milliseconds_of_dates_without_leading_zeros(log, tmp_path, run, ms):
+    """Protects from a log in pieces, each from one tenth of a second to the next."""
+    moments = pd.Timestamp("2024-11-18 14:58:30") + pd.to_timedelta(log.t + ms / 1000, unit="s")
+    stamps = [f"{m:%Y-%m-%d %H:%M:%S}.{m.microsecond // 1000}" for m in moments]
+    log.assign(t=stamps).to_csv(tmp_path / "log.csv", index=False)
+    found = run(tmp_path / "log.csv").quality
+    assert found["warnings"] == []
+    assert "without leading zeros (3 ms as .3)" in found["reasons"][0]
+    log.assign(t=moments).to_csv(tmp_path / "log.csv", index=False)
+    assert run(tmp_path / "log.csv").quality["reasons"] == []
+
+
+@pytest.mark.parametrize(("rate", "grid"), [(90.0, 0.01), (62.5, 0.01), (26.0, 0.02)])
+def test_stamps_on_a_grid_as_wide_as_a_step(run, rate, grid):
+    """Protects from gaps in every ninth row, and a rate, and a scale, that are those of 100 Hz.
+
+    Where samples are lost stamps stay as they are.
+    """
+    log = poses(rate)
+    log.t = np.floor(log.t / grid + 0.3) * grid
+    found = run(log).quality
+    assert found["rate_hz"] == pytest.approx(rate, rel=1e-4)
+    assert found["gaps"]["count"] == 0 and found["clock"]["jitter_ppm"] < 1
+    [line] = found["warnings"]
+    assert "scatter about a regular clock, no sample is lost" in line
+    kept = log[np.random.default_rng(3).random(len(log)) > 0.05]
+    assert not run(kept).quality["clock"]["rebuilt"]

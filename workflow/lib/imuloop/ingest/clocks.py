@@ -20,8 +20,8 @@ _FORWARD = 0.9
 MOST_FALLS = 10_000
 # largest stamp that is mended, and largest fall: their sums fit 64 bits
 _LARGEST, _LARGEST_FALL = 1 << 61, 1 << 60
-# nanoseconds joined to whole seconds without leading zeros make stamps fall within a second, from
-# 0.9 and more to 0.1, as 100 ms do; seen so often, and in this share of all falls
+# a part of a second without its leading zeros makes stamps fall within a second, from 0.9 and more
+# to 0.1, as 100 ms do; seen so often, and in this share of all falls
 _LEAST_UNPADDED, _UNPADDED_SHARE = 5, 0.45
 # spans of counters, ns: 2^k of ns, us, ms and s, 10^k, a minute, an hour, a day and a week
 SPANS = sorted(
@@ -37,8 +37,11 @@ BURST = 0.5
 _LONGEST_PAUSE = 0.5
 # stamps scatter where nine in ten of them take this share of a step, or more
 _SCATTER = 0.12
-# relative difference of the median step from the mean of stamps that scatter: more is a loss
+# relative difference of the median step from the mean of stamps that scatter, beside what rounding
+# makes: more is a loss
 _EVEN = 0.05
+# part of a grid's width by which times on it may miss it
+_OFF_GRID = 1e-3
 # a level of stamps that scatter is known to this share of a step, so that one lost sample shows
 _KNOWN, _FEWEST = 0.05, 16
 # rounds of least squares, and the percentiles of the lateness beyond which it is clipped
@@ -132,10 +135,11 @@ class Clock:
         if not falls.any():
             self._extend(values)
             return x + self._shift if self._shift else x, readable
-        if tick == 10**9 and values.dtype.kind == "f":
+        if tick is None or (tick == 10**9 and values.dtype.kind == "f"):
+            second = 1 if tick else 10**9
             last, first = around[:-1][falls[: own.size]], values[falls[: own.size]]
-            tenth = (last // 1 == first // 1) & (last - first > 0.1) & (first % 1 < 0.2)
-            self._unpadded += np.count_nonzero(tenth)
+            fell = (last // second == first // second) & (last - first > 0.1 * second)
+            self._unpadded += np.count_nonzero(fell & (first % second < 0.2 * second))
 
         known, valid = x, readable
         if len(after[0]):
@@ -215,8 +219,9 @@ class Clock:
             return None
         return (
             f"the stamps fall within the same second, {_times(self._unpadded)}, each time to 0.1 "
-            "s: nanoseconds were joined to the seconds without leading zeros (3 ms as .3000000); "
-            "write them with nine digits, or as a column of their own, columns.time: [sec, nanosec]"
+            "s: parts of a second were joined without leading zeros (3 ms as .3); write all of "
+            "their digits, or a column of their own, columns.time: [sec, nanosec], or take the "
+            "rows as even: columns.time: null and rate in Hz"
         )
 
     def warnings(self):
@@ -315,7 +320,8 @@ def _line_step(counts, measured, rate, increments, packets):
     elif not bursts:
         # the error of a median of n normal values is 1.25 of their deviation over the root of n
         needed = (1.25 * scatter / 3.29 / (_KNOWN * step)) ** 2
-        even = scatter >= _SCATTER * step and abs(median / step - 1) <= _EVEN
+        away_from_mean = abs(median - step) - _grid(points[:, 1])
+        even = scatter >= _SCATTER * step and away_from_mean <= _EVEN * step
         if increments or not even or not needed < len(away):
             return None
         parts = np.array_split(away, int(len(away) / max(needed, _FEWEST)))
@@ -324,6 +330,14 @@ def _line_step(counts, measured, rate, increments, packets):
     if not on_line or (rate and abs(step * rate - 1) > _RATE_SHARE):
         return None
     return step
+
+
+def _grid(t):
+    """Return what times are whole multiples of, 0 of none."""
+    steps = np.diff(t)
+    least = steps.min(initial=np.inf, where=steps > 0)
+    whole = np.abs(t / least - np.round(t / least)) < _OFF_GRID
+    return least if whole.all() else 0.0
 
 
 def _line(rows, t):
@@ -396,21 +410,18 @@ def spread(x, readable, after, held, step, last):
 def rebuilt(logged, step, counts, packets=None):
     """Return the line on stamps rebuilt every `step` s, by figures and counts as logged."""
     median, mean = _steps(logged)
+    at = step and f"t is rebuilt from the row number at {1 / step:.6g} Hz"
     if packets:
         how = f"of {counts.duplicates} rows are those of others, as of packets of samples"
     elif median < BURST * step:
         how = f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
     else:
-        how = (
-            f"scatter about a regular clock ({logged['gaps']['count']} steps look like gaps, no "
-            "sample is lost)"
-        )
+        gaps = logged["gaps"]["count"]
+        seen = f", though {gaps} of the steps look like gaps" if gaps else ""
+        return f"the stamps scatter about a regular clock, no sample is lost{seen}: {at}"
     if not step:
         return f"the stamps {how}: they are put {packets[0]:.6g} s apart within each packet"
-    return (
-        f"the stamps {how}: t is rebuilt from the row number at {1 / step:.6g} Hz; where the "
-        "sensor itself pauses, declare its rate"
-    )
+    return f"the stamps {how}: {at}; where the sensor itself pauses, declare its rate"
 
 
 def _steps(measured):

@@ -164,9 +164,12 @@ def guess(names, increments=False):
         single = []
         for at, name in enumerate(names):
             words = words_of(name)
-            # T (°) is no time beside Time (s), and whole seconds may have their part elsewhere
             unit = _unit_in(quantity, name, False)
             strange = unit is not None and unit not in _SPELLINGS.get(quantity, _UNITS[quantity])
+            if strange and any(stated_unit(q, unit) for q in _SPELLINGS):
+                # T (°) is no time
+                continue
+            # Time (UTC) may be one, and whole seconds may have their part elsewhere
             last = words[-1] if words else ""
             strange = strange or last in _SECONDS
             bare = words[:-1] if last in _UNITS[quantity] and last not in _OF_CLOCK else words

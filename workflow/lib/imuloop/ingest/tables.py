@@ -17,6 +17,8 @@ from imuloop.ingest.stamps import NANOSECONDS, joined_stamps, stamp_array, stamp
 from imuloop.ingest.streams import Stream, raw_log
 
 PARQUET_ENDINGS = (".parquet", ".pq")
+# what the stream of each sensor is called
+_NAMES = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 # rows by which sensors in turn are told, and the least share of rows of one sensor alone
 HEAD_ROWS, _ALONE = 1000, 0.1
 
@@ -186,9 +188,9 @@ def paired(logs, batch_rows=1 << 16, most=-1):
     for quantity, log in logs.items():
         stream, more = _stream(quantity, log, most)
         streams.append(stream)
-        columns[quantity] = [f"{quantity}.{axis}" for axis in AXES]
+        columns[quantity] = [f"{stream.name}.{axis}" for axis in AXES]
         if log.temperature and TEMPERATURE not in columns:
-            columns[TEMPERATURE] = f"{quantity}.{TEMPERATURE}"
+            columns[TEMPERATURE] = f"{stream.name}.{TEMPERATURE}"
         total.notes += [note for note in log.notes if note not in total.notes]
         total.bad_lines += more
         total.lose(log)
@@ -228,7 +230,7 @@ def collected(batches, stamp=STAMP, most=-1):
 
 
 def _stream(quantity, log, most):
-    """Return a log of one sensor as a Stream of its name, and how many of its rows lack a stamp."""
+    """Return a log of one sensor as a Stream, and how many of its rows lack a stamp."""
     fields, lost, dates = collected(log.batches, most=most)
     if not fields:
         raise RejectedLog(f"the log of {quantity} has no rows")
@@ -242,7 +244,7 @@ def _stream(quantity, log, most):
     units = {key: log.units[key] for key in (quantity, TEMPERATURE) if key in log.units}
     if log.units.get("time") in NANOSECONDS:
         units["time"] = log.units["time"]
-    return Stream(quantity, stamps, values, units), lost
+    return Stream(_NAMES[quantity], stamps, values, units), lost
 
 
 def _of_one_unit(streams):
