@@ -95,6 +95,7 @@ def test_missing_angular_rate_and_repeated_names():
         "imu.acc.x imu.acc.y imu.acc.z raw.acc.x raw.acc.y raw.acc.z",
         "ax ay az raw_ax raw_ay raw_az",
         "acc_x_g acc_y_g acc_z_g acc_x_mps2 acc_y_mps2 acc_z_mps2",
+        "ax ay az gFx gFy gFz",
         "acc[0] acc[1] acc[2] imu_acc[0] imu_acc[1] imu_acc[2]",
     ],
 )

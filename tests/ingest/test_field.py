@@ -217,7 +217,8 @@ def test_rows_of_two_sensors_in_turn(log, run, tmp_path, empty):
     found = [run(tmp_path / name) for name in ("log.csv", "log.parquet")]
     for done in found:
         assert done.quality["status"] == "ok"
-        assert done.quality["warnings"][0].startswith("the rows hold the accelerometer and the gy")
+        line = "the rows hold the accelerometer and the gyroscope in turn"
+        assert line in done.quality["warnings"]
         # those of the sensor whose clock is the log's are as they were logged
         assert max(np.isin(done.samples[c], table[c]).mean() for c in ("ax", "gx")) == 1
     pd.testing.assert_frame_equal(found[0].samples, found[1].samples)
@@ -354,6 +355,91 @@ def test_rows_that_begin_with_the_name_of_the_sensor(log, run, tmp_path, head):
     done = run(tmp_path / "log.txt")
     check_two(done, log)
     assert done.metadata["units"]["time"] == ("ns" if head == "comments" else "s")
+
+
+@pytest.mark.parametrize("timed", [True, False])
+def test_a_table_of_each_sensor_below_the_other(log, run, tmp_path, timed):
+    """Protects the second table: of it nothing is in the first rows."""
+    force, rate = (pd.concat([x] * 6, ignore_index=True) for x in two_clocks(log))
+    time = "t" if timed else "host"
+    header = f"type,{time},3DOF_x,3DOF_y,3DOF_z"
+    lines = []
+    for name, table, step in (("Gyro", rate, 0.0025), ("Accel", force[::2], 0.005)):
+        rows = table.assign(t=np.arange(len(table)) * step).to_csv(index=False, header=False)
+        lines += ["", header, *(f"{name},{row}" for row in rows.splitlines())]
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    if not timed:
+        with pytest.raises(
+            ImuloopError, match=r"no time column of a usual name .*host.* not as ma"
+        ):
+            run(tmp_path / "log.csv")
+    done = run(tmp_path / "log.csv", columns={"time": time})
+    np.testing.assert_array_equal(done.samples[[*ANGULAR_RATE]].iloc[9:99], rate.iloc[9:99, 1:])
+    assert np.isin(done.samples.ax, force.x).all()
+
+
+def test_columns_of_a_sensor_that_end_before_the_others(log, run, tmp_path):
+    """Protects from a log rejected for rows that are of another sensor, as of EMG beside an IMU."""
+    names = ["X[s]", "EMG1", "X[s]"]
+    names += [f"{s}1.{a}" for s in ("ACC", "GYRO") for a in "XYZ"]
+    other = pd.DataFrame({"s": np.arange(1500) / 300, "emg": 0.5})
+    pd.concat([other, log], axis=1).to_csv(tmp_path / "log.csv", index=False, header=names)
+    with pytest.raises(ImuloopError, match="no time column of a usual name"):
+        run(tmp_path / "log.csv")
+    done = run(tmp_path / "log.csv", columns={"time": 2})
+    np.testing.assert_array_equal(done.samples, log)
+    assert (done.quality["status"], done.quality["non_finite"]) == ("ok", 0)
+
+
+# --- text of one maker
+
+
+def test_scales_before_the_table_of_gyroflow(log, run, tmp_path):
+    force, rate = 1 / 4096, 0.001
+    lines = ["GYROFLOW IMU LOG", "version,1.3", "tscale,0.001", f"gscale,{rate}"]
+    lines += [f"ascale,{force}", "t,gx,gy,gz,ax,ay,az"]
+    table = np.column_stack([1000 * log.t, log[[*ANGULAR_RATE]], log[[*ACCELERATION]]])
+    table[:, 1:] = np.round(table[:, 1:] / ([rate] * 3 + [force * 9.80665] * 3))
+    rows = [",".join(f"{x:.0f}" for x in row) for row in table]
+    path = tmp_path / "log.gcsv"
+    path.write_text("\n".join([*lines, *rows]))
+    done = run(path)
+    np.testing.assert_allclose(done.samples.t, log.t)
+    np.testing.assert_allclose(done.samples.gx, table[:, 1] * rate)
+    np.testing.assert_allclose(done.samples.ax, table[:, 4] * force * 9.80665)
+    # what is declared goes first
+    done = run(path, nominal={"angular_rate": {"scale": 2 * rate}})
+    np.testing.assert_allclose(done.samples.gx, 2 * table[:, 1] * rate)
+    path.write_text("\n".join([*lines[:4], "ascale,?", lines[5], *rows]))
+    assert "look like counts" in run(path).quality["reasons"][0]
+
+
+def test_messages_of_novatel(log, run, tmp_path):
+    force, rate = 1e-6, 1e-8
+    table = np.column_stack(
+        [
+            log.t,
+            *(log[a] / force for a in ("az", "ay", "ax")),
+            *(log[a] / rate for a in ("gz", "gy", "gx")),
+        ]
+    )
+    table = np.round(table * [1, 1, -1, 1, 1, -1, 1], 2)
+    rows = [
+        f"%RAWIMUSA,2304,{t + 7:.3f};2304,{t + 7:.6f},00000077,"
+        + ",".join(f"{x:.0f}" for x in values) + "*1a2b3c4d"
+        for t, *values in table
+    ]  # fmt: skip
+    path = tmp_path / "log.asc"
+    path.write_text("\r\n".join(rows))
+    with pytest.raises(
+        ImuloopError, match=r"needs nominal\.acceleration\.scale \(increments: ×"
+    ):
+        run(path)
+    nominal = {"acceleration": {"scale": force}, "angular_rate": {"scale": rate}}
+    done = run(path, nominal=nominal)
+    np.testing.assert_allclose(done.samples.t, log.t, atol=1e-9)
+    for name in CHANNELS:
+        np.testing.assert_allclose(done.samples[name], log[name], atol=force)
 
 
 # --- signs

@@ -264,3 +264,8 @@ def test_stamps_on_a_grid_as_wide_as_a_step(run, rate, grid):
     assert "scatter about a regular clock, no sample is lost" in line
     kept = log[np.random.default_rng(3).random(len(log)) > 0.05]
     assert not run(kept).quality["clock"]["rebuilt"]
+
+
+def test_samples_that_are_lost_at_even_intervals_are_no_rounded_stamps(log, run):
+    """Protects stamps that only the turns tell from those of 90 Hz on a grid of 10 ms."""
+    assert not run(log[log.index % 10 > 0]).quality["clock"]["rebuilt"]

@@ -24,15 +24,17 @@ class Scatter:
     ----------
     step : float
         Usual step, s.
+    grid : float, optional
+        Width of the grid that the stamps are on, s: steps are longer by so much at most.
     """
 
-    def __init__(self, step):
-        self.step = step
+    def __init__(self, step, grid=0.0):
+        self.step, self.longest = step, GAP_STEPS * step + grid
         self._shared = self._square = self._chance = 0.0
 
     def add(self, t, w):
         """Take in a part of a log: time, s, shape (n,), and angular rate, rad/s, shape (3, n)."""
-        whole = np.diff(t) <= GAP_STEPS * self.step
+        whole = np.diff(t) <= self.longest
         whole = whole[1:] & whole[:-1]
         late = (bend(t) * whole)[2:-2]
         for x in w:

@@ -61,7 +61,10 @@ def raw_unit(quantity, name, nominal=None):
     """
     if name == "count":
         if not nominal:
-            raise ImuloopError(f"{quantity} in counts needs nominal.{quantity}.scale and .offset")
+            raise ImuloopError(
+                f"{quantity} in counts needs nominal.{quantity}.scale (increments: × rate) and "
+                ".offset"
+            )
         return RawUnit("count", float(nominal["scale"]), float(nominal.get("offset", 0.0)))
     if name in INCREMENTS[quantity]:
         return RawUnit(_SI[quantity], 1.0)

@@ -272,9 +272,9 @@ def figures(clock, measured, rate=None, logged=None, pps=None):
     }
 
 
-def _follows_stamps(path, step):
+def _follows_stamps(path, step, grid):
     """Tell whether samples (a file) were taken when they are stamped, not evenly every `step` s."""
-    scatter = Scatter(step)
+    scatter = Scatter(step, grid)
     for _, (t, *w) in Samples(path).pieces((TIME, *ANGULAR_RATE)):
         scatter.add(t, w)
     return scatter.followed
@@ -298,7 +298,7 @@ def line_step(path, counts, measured, rate=None, increments=False, packets=None)
     `packets` as of `packet_step`.
     """
     step = _line_step(counts, measured, rate, increments, packets)
-    kept = step and not packets and _follows_stamps(path, step)
+    kept = step and not packets and _follows_stamps(path, step, _grid(counts.points.rows()[:, 1]))
     return None if kept else step
 
 

@@ -13,6 +13,7 @@ import pyarrow.csv
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import ACCELERATION, refuse_calibrated
+from imuloop.core.units import STANDARD_GRAVITY, TIME
 from imuloop.ingest.columns import STAMP, listed, resolve
 from imuloop.ingest.guarded import MOST_TIMES, check_unpacked
 from imuloop.ingest.ordered_map import ordered_map
@@ -31,23 +32,23 @@ from imuloop.ingest.tables import (
     two_streams,
 )
 from imuloop.ingest.text_layout import (
-    ARROW,
     BLANKS,
     COMMENT,
-    LABEL,
     LEAST,
     LONGEST_LINE,
     MISSING,
+    RAWIMU_NAMES,
     decoded,
     fields_of,
     find_layout,
     is_number,
     opened,
+    rewritten,
     size_of,
     unreadable,
 )
 
-ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc")
+ENDINGS = (".csv", ".txt", ".log", ".dat", ".asc", ".gcsv")
 # the table in a folder of EuRoC
 IN_FOLDER = "data.csv"
 # a line that may be a header
@@ -81,18 +82,25 @@ def read(paths, columns=None, batch_rows=1 << 16):
     refuse_calibrated(layout.names, {})
     chosen = resolve(layout.names, columns, layout.headed)
     _check_stamps(layout, chosen)
-    notes = [f"{layout.preamble} line(s) before the table skipped"] if layout.preamble else []
+    notes = [f"{len(layout.before)} line(s) before the table skipped"] if layout.before else []
     if {*OPPOSITE} <= {*layout.names} and "acceleration" not in (columns or {}):
         chosen = replace(chosen, turned=frozenset(ACCELERATION))
         notes.append("a table of LPMS: the sign of its acceleration is turned: specific force")
+
+    rawimu = layout.names == RAWIMU_NAMES
+    if rawimu and not {*SENSORS} & {*(columns or {})}:
+        chosen = replace(chosen, turned=frozenset(("ay", "gy")))
+        notes.append("messages RAWIMU: increments in counts, the sign of y is turned")
 
     def batches(log, rows):
         places = [*chosen.raw().values()]
         read = text_batches(path, layout, places, rows, log, chosen.stamps())
         return named_batches(layout.names, chosen, read)
 
-    units = _units_below(layout, chosen)
-    log = table_log(layout.names, chosen, (), layout.headed, units=units, notes=notes)
+    units, nominal = _gyroflow(layout)
+    units |= dict.fromkeys(SENSORS, "count") if rawimu else {}
+    known = {"units": _units_below(layout, chosen) | units, "nominal": nominal, "notes": notes}
+    log = table_log(layout.names, chosen, (), layout.headed, **known)
     log.batches = batches(log, batch_rows)
     head, _ = first_rows(batches(RawLog(), HEAD_ROWS))
     lacks = in_turn(head)
@@ -105,11 +113,8 @@ def _by_sensor(source, layout):
     The header is the table's, or a comment that begins as these rows do.
     """
     for at in range(len(layout.names)):
-        texts = {row[at] for row in layout.rows if at < len(row) and not is_number(row[at])}
-        names = {q: [text for text in texts if named_sensor(text) == q] for q in SENSORS}
-        # what the phone has not corrected goes first
-        names = {q: [x for x in of if "uncal" in x.lower()] or of for q, of in names.items()}
-        if len(texts) <= _KINDS and all(len(of) == 1 for of in names.values()):
+        texts = _texts(layout.rows, at)
+        if len(texts) <= _KINDS and any(map(named_sensor, texts)):
             break
     else:
         return {}
@@ -117,7 +122,13 @@ def _by_sensor(source, layout):
         text = stream.read(MOST_TIMES * size_of(source) + 1)
     check_unpacked(size_of(source), len(text))
     lines = [decoded(line) for line in text.splitlines()]
-    rows = [fields_of(line, layout.separator) for line in lines]
+    rows = [fields_of(line, layout.separator) for line in lines if not COMMENT.match(line)]
+    # one sensor's rows may all come before the other's
+    names = {q: [x for x in _texts(rows, at) if named_sensor(x) == q] for q in SENSORS}
+    # what the phone has not corrected goes first
+    names = {q: [x for x in of if "uncal" in x.lower()] or of for q, of in names.items()}
+    if any(len(of) != 1 for of in names.values()):
+        return {}
     comments = [line for line in lines[:_COMMENTS] if COMMENT.match(line)]
     heads = [fields_of(COMMENT.sub("", x, count=1), layout.separator) for x in comments]
     parts = {}
@@ -127,6 +138,11 @@ def _by_sensor(source, layout):
         head = head or ([layout.names] if layout.headed else [])
         parts[quantity] = "\n".join(map(_delimiter(layout).join, head + own)).encode()
     return parts
+
+
+def _texts(rows, at):
+    """Return the texts in a column, those that are no numbers."""
+    return {row[at] for row in rows if at < len(row) and not is_number(row[at])}
 
 
 def _check_stamps(layout, chosen):
@@ -155,6 +171,21 @@ def _units_below(layout, chosen):
         if names and at is not None
     }
     return {quantity: unit for quantity, unit in units.items() if unit}
+
+
+def _gyroflow(layout):
+    """Return units and scales of counts that lines before the table of a Gyroflow log state.
+
+    They are s, g and rad/s a count; of other logs there are none.
+    """
+    said = {row[0]: row[1] for row in layout.before if len(row) == 2}
+    try:
+        ticks, g, rate = (float(said[name]) for name in ("tscale", "ascale", "gscale"))
+    except (KeyError, ValueError):
+        return {}, {}
+    unit = next((name for name, scale in TIME.items() if scale == ticks), f"{ticks:g} s")
+    nominal = {"acceleration": {"scale": g * STANDARD_GRAVITY}, "angular_rate": {"scale": rate}}
+    return {"time": unit} | dict.fromkeys(SENSORS, "count"), nominal
 
 
 def text_batches(source, layout, positions, batch_rows, log, stamps=None):
@@ -209,6 +240,10 @@ def _parsed(text, layout, positions, kinds, stamps):
         numeric = False
         as_text = [pa.string()] * len(positions)
         columns, bad_lines, lost = _columns(text, layout, positions, as_text)
+    if stamps and all(column.null_count for column in columns):
+        # rows without a stamp and any value are none, as below the last one of a shorter sensor
+        held = pa.array(np.any([column.is_valid() for column in columns], axis=0))
+        columns = [column.filter(held) for column in columns]
     if bad_lines or not numeric:
         _check_headers(text, layout, positions)
     if stamps is not None:
@@ -318,9 +353,9 @@ def _whole(lines):
 def _pieces(stream, packed, size, layout):
     """Give the lines of a stream in plain ASCII, some `size` bytes at once.
 
-    Runs of blanks become tabs, the time before an arrow the last field, as of the `layout`; the
-    stream comes out of `packed` bytes. With the text, whole lines, come the number of lines left
-    out and the bytes in them, and bytes of the text read, empty ones left out.
+    Runs of blanks become tabs, and what the `layout` rewrites is rewritten; the stream comes out of
+    `packed` bytes. With the text, whole lines, come the number of lines left out and the bytes in
+    them, and bytes of the text read, empty ones left out.
     """
     rest, taken, written, lost, ended = b"", 0, 0, 0, False
     while not ended:
@@ -340,10 +375,7 @@ def _pieces(stream, packed, size, layout):
         lost += _weight(text[end + LONGEST_LINE + 1 :])
         if bad_lines:
             lost += _weight(head) - _weight(lines)
-        if layout.labelled:
-            lines = LABEL.sub(b"", lines)
-        if layout.arrow:
-            lines = ARROW.sub(rb"\2" + layout.separator.encode() + rb"\1", lines)
+        lines = rewritten(lines, layout.rewrites)
         if layout.separator == BLANKS:
             lines = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines)
             # no comma: that may be decimal

@@ -23,6 +23,7 @@ from imuloop.core.samples import (
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
 from imuloop.ingest import clocks, increments, quality, slower_sensor
 from imuloop.ingest import pps as marks
+from imuloop.ingest.columns import PAIR
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged
@@ -146,7 +147,8 @@ def ingest(
         except RejectedLog as error:
             log, rejected = RawLog(), error
         units, doubts = used_units(log, declared.units)
-        raw_units = {q: raw_unit(q, units[q], declared.nominal.get(q)) for q in SENSORS}
+        nominal = log.nominal | declared.nominal
+        raw_units = {q: raw_unit(q, units[q], nominal.get(q)) for q in SENSORS}
         source = declared.sources or {role: {"path": str(p)} for role, p in files.items()}
         origin = _origin(device, session, kind, units, raw_units, log_format, source)
         origin |= {"sha256": _hashes(paths), "simulated": log.simulated}
@@ -236,7 +238,8 @@ def ingest(
         doubts.append(clocks.rebuilt(logged, step, as_logged, packets))
     doubts += counts.clock.warnings()
     if absent:
-        doubts.append(f"the log holds no {absent}: what needs it is not testable")
+        why = f"what needs it is not testable; give both files where another holds it, {PAIR}"
+        doubts.append(f"the log holds no {absent}: {why}")
     told = {
         "misdeclared": misdeclared,
         "warnings": doubts + quality.warnings(figures, counts, log, rate=rate) + doubted,

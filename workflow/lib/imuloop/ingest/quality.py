@@ -16,6 +16,7 @@ from imuloop.core.samples import (
     Samples,
     read_metadata,
 )
+from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import fault_lines, faults
 from imuloop.ingest.convert import BEYOND
 from imuloop.ingest.increments import SENSORS
@@ -214,12 +215,10 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
     rate = figures["rate_hz"]
     if figures["rows"] < LEAST_ROWS:
         found.append(f"{figures['rows']} usable rows, at least {LEAST_ROWS} needed")
-    elif rate and not PLAUSIBLE_RATE[0] <= rate <= PLAUSIBLE_RATE[1]:
-        found.append(f"{rate:.3g} Hz is no rate of an IMU{_time_hint(rate)}")
     elif figures["duration_s"] < LEAST_DURATION:
         found.append(
             f"the log lasts {figures['duration_s']:.3g} s, at least {LEAST_DURATION:g} s needed"
-            + (_time_hint(rate) if rate > 1e4 else "")
+            + (_time_hint(rate, counts.time_unit) if rate > 1e4 else "")
         )
     if set(ACCELERATION) <= set(figures["constant"]):
         found.append("the acceleration never changes: the sensor was not read")
@@ -235,10 +234,12 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
 
 
 def unread(figures, counts):
-    """Return why stamps or rows are none, a list: of such a log nothing else can be said."""
+    """Return why stamps or rows are none: of such a log nothing else can be said."""
     if fault := counts.clock.fault():
         return [fault]
-    faults, rows = figures["faults"], figures["rows"]
+    faults, rows, rate = figures["faults"], figures["rows"], figures["rate_hz"]
+    if rows >= LEAST_ROWS and rate and not PLAUSIBLE_RATE[0] <= rate <= PLAUSIBLE_RATE[1]:
+        return [f"{rate:.3g} Hz is no rate of an IMU{_time_hint(rate, counts.time_unit)}"]
     turns = faults.get("in_turn", {"none": 0})
     if sum(turns.values()) > IN_TURN * rows and min(turns.values()) > MOST_DROPPED * rows:
         listed = " and ".join(f"{sensor} in {n} rows" for sensor, n in turns.items())
@@ -294,12 +295,11 @@ def _impossible(counts):
     return f" ({beyond}; see units and nominal)" if found else ""
 
 
-def _time_hint(rate):
-    """Name the time units, relative to the declared one, that would make a rate plausible."""
-    factors = {"1000 times smaller": 1e3, "a million times smaller": 1e6, "1e9 times smaller": 1e9}
-    factors |= {"1000 times larger": 1e-3, "a million times larger": 1e-6}
-    fits = [text for text, factor in factors.items() if 1 <= rate * factor <= 1e4]
-    return f"; a unit of time {' or '.join(fits)} would fit, see units.time" if fits else ""
+def _time_hint(rate, unit):
+    """Name the units of the stamps that would make a rate, in the unit they have, plausible."""
+    steps = rate * TIME_SCALES[unit] if unit in TIME_SCALES else 0.0
+    fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= 1e4]
+    return f": the stamps look like {' or '.join(fits)}; see units.time" if fits else ""
 
 
 def warnings(figures, counts, log, *, rate):

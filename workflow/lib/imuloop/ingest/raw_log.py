@@ -17,7 +17,8 @@ class RawLog:
     `batches` have the columns `stamp` (int64, float64 or timestamp[ns]; absent without a time
     column), `ax ay az gx gy gz` (of one sensor those alone; `absent_sensor`) and, where
     `temperature`, it too (float64, raw units). `found` and `units` map a quantity to its columns,
-    and to the unit that the file states; `columns` lists all columns, `unread` is how many of a
+    and to the unit that the file states, `nominal` a sensor to the scale of its counts, as in the
+    config, where the file states that; `columns` lists all columns, `unread` is how many of a
     table's are not read, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`,
     `text_bytes` those in all lines, without blanks and unwritten memory; `slower` is the sensor, of
     two with clocks of their own, whose samples are put beside those of the other: its own stamps
@@ -28,6 +29,7 @@ class RawLog:
     batches: Iterable[pa.RecordBatch] = ()
     found: dict = field(default_factory=dict)
     units: dict = field(default_factory=dict)
+    nominal: dict = field(default_factory=dict)
     simulated: bool = False
     notes: list[str] = field(default_factory=list)
     bad_lines: int = 0

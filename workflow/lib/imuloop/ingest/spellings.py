@@ -17,7 +17,7 @@ SENSORS = {"acceleration": FORCES, "angular_rate": RATES}
 _NAMES = {
     "acceleration": (
         "a acc accel accelero accelerometer acceleration accelerometer_acceleration specific_force"
-        " linear_acceleration a_rs_s".split(),
+        " linear_acceleration a_rs_s gf".split(),
         "dv dvel delta_v delta_vel delta_velocity velocity_increment vel_inc velinc".split(),
     ),
     "angular_rate": (
@@ -30,7 +30,7 @@ _NAMES = {
 }
 _KNOWN = {name for pair in _NAMES.values() for usual in pair for name in usual}
 # words that name a sensor among others, and words of what is not its output
-_HINTS = {"acceleration": r"(uncal)?acc(s|e|el\w*)?", "angular_rate": r"(uncal)?gyr\w*"}
+_HINTS = {"acceleration": r"(uncal)?acc(s|e|el\w*)?\d*", "angular_rate": r"(uncal)?gyr\w*"}
 _NO_OUTPUT = set(
     "linear lin free user gravity without bias offset scale std var cov covariance variance mean"
     " earth world global ned enu ref reference true setpoint delta inc linacc freeacc".split()
@@ -192,7 +192,7 @@ def _triples(names):
         if axis in every:
             every.remove(axis)
         elif axis:
-            every[every.index(words[0])] = stem
+            every = [stem, *(word for word in every if word not in words)]
         if axis:
             axes = found.setdefault((stem, (*every,)), {a: [] for a in AXES})
             axes[axis].append(at)
@@ -234,11 +234,12 @@ def _stem_and_axis(words):
         axis = words[-1] if words[-1] in AXES else words[0] if words[0] in AXES else axes[0]
         at = len(words) - 1 - words[::-1].index(axis)
         return "_".join(words[:at] + words[at + 1 :]), axis
-    word = words[0] if words else ""
-    if word[-1:] in AXES and word[:-1] in _KNOWN:
-        return word[:-1], word[-1]
-    if word[:1] in AXES and word[1:] in _KNOWN:
-        return word[1:], word[0]
+    # gFx is two
+    for word in (*words[:1], "".join(words)):
+        if word[-1:] in AXES and word[:-1] in _KNOWN:
+            return word[:-1], word[-1]
+        if word[:1] in AXES and word[1:] in _KNOWN:
+            return word[1:], word[0]
     return "", None
 
 

@@ -194,8 +194,14 @@ def paired(logs, batch_rows=1 << 16, most=-1):
         total.notes += [note for note in log.notes if note not in total.notes]
         total.bad_lines += more
         total.lose(log)
+    listed_columns = "; ".join(dict.fromkeys(log.columns for log in logs.values()))
     if timed == {False}:
         columns["time"] = None
+        if len({len(stream.stamps) for stream in streams}) > 1:
+            raise ImuloopError(
+                f"the log has no time column of a usual name ({listed_columns}), and not as many "
+                "rows of one sensor as of the other; name it in columns.time"
+            )
     merged = raw_log(_of_one_unit(streams), columns, batch_rows, total.notes)
     merged.lose(total)
     for log in logs.values():
@@ -205,7 +211,7 @@ def paired(logs, batch_rows=1 << 16, most=-1):
     stamps = {quantity: log.found.get("time") for quantity, log in logs.items()}
     if stamps["acceleration"] != stamps["angular_rate"]:
         merged.found["time"] = stamps
-    merged.columns = "; ".join(log.columns for log in logs.values())
+    merged.columns = listed_columns
     return merged
 
 

@@ -24,9 +24,12 @@ LEAST = len(AXES)
 MISSING = ("", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "n/a")
 _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
 # what a serial monitor puts before each line: its time of the day
-ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
+_ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
 # a name before a value, as for a serial plotter: AccelX:0.06
-LABEL = re.compile(rb"[A-Za-z_][\w .]*[:=][ \t]*(?=[-+.\d])")
+_LABEL = re.compile(rb"[A-Za-z_][\w .]*[:=][ \t]*(?=[-+.\d])")
+# a row of a NovAtel receiver, and what its fields are: increments in counts, of y of turned sign
+_RAWIMU = re.compile(rb"(?m)^[#%]RAWIMUS?A,[^;\n]*;([^*\n]*)\*\w+")
+RAWIMU_NAMES = "week time_s status acc_z acc_y acc_x gyr_z gyr_y gyr_x".split()
 # how files begin that are no text, and what to do about them
 _BINARY = {
     b"\x1f\x8b": "packed by gzip: name it .csv.gz",
@@ -42,10 +45,10 @@ class Layout:
     """How a text table is written.
 
     `separator` is a comma, tab, semicolon, or a blank that stands for any run of blanks; `names`
-    are numbers where the file has none (`headed`); rows begin at the byte `start`, `preamble` lines
-    come before header or rows; `units` are those of a row below the header, else empty; `rows` are
-    the fields of the first rows. With an `arrow` each line begins with a time and an arrow: that
-    time is the last column; where `labelled`, the name of each value stands before it.
+    are numbers where the file has none (`headed`); rows begin at the byte `start`, `before` are the
+    fields of lines before header and rows; `units` are those of a row below the header, else empty;
+    `rows` are the fields of the first rows. In all lines each pattern of `rewrites` gives place to
+    its replacement, in this order.
     """
 
     separator: str
@@ -53,10 +56,9 @@ class Layout:
     headed: bool
     start: int
     decimal_comma: bool
-    preamble: int
+    before: list[list[str]]
     units: list[str] = field(default_factory=list)
-    arrow: bool = False
-    labelled: bool = False
+    rewrites: list[tuple] = field(default_factory=list)
     rows: list[list[str]] = field(default_factory=list)
 
 
@@ -72,11 +74,16 @@ def find_layout(path, least=LEAST):
     lines = head.split(b"\n")
     if len(head) == _HEAD:
         lines.pop()
-    arrow = sum(map(bool, map(ARROW.match, lines))) > len(lines) / 2
-    bare = [ARROW.sub(rb"\2", line) for line in lines] if arrow else lines
-    labels = [[x.strip(b" \t:=").decode() for x in LABEL.findall(line)] for line in bare]
+    arrow, rawimu = (
+        sum(map(bool, map(x.match, lines))) > len(lines) / 2 for x in (_ARROW, _RAWIMU)
+    )
+    rewrites = [*[(_RAWIMU, rb"\1")] * rawimu, *[(_ARROW, rb"\2")] * arrow]
+    bare = [rewritten(line, rewrites) for line in lines]
+    labels = [[x.strip(b" \t:=").decode() for x in _LABEL.findall(line)] for line in bare]
     labelled = sum(len({*each}) >= least for each in labels) > len(lines) / 2
-    bare = [LABEL.sub(b"", line) for line in bare] if labelled else bare
+    if labelled:
+        rewrites.insert(0, (_LABEL, b""))
+        bare = [_LABEL.sub(b"", line) for line in bare]
     texts = [decoded(line).removeprefix("\ufeff").rstrip("\r") for line in bare]
     rows = [i for i, text in enumerate(texts) if text.strip() and not COMMENT.match(text)]
     if not rows:
@@ -88,9 +95,11 @@ def find_layout(path, least=LEAST):
     separator, width = _separator([texts[i] for i in rows], least)
     fields = {i: fields_of(texts[i], separator) for i in rows}
     first = next(i for i in rows if len(fields[i]) == width)
-    preamble = rows.index(first)
+    before = [fields[i] for i in rows if i < first]
     names, units = None, []
-    if labelled:
+    if rawimu:
+        names = RAWIMU_NAMES
+    elif labelled:
         names = next((each for each in labels if len(each) == width), None)
     elif not any(map(is_number, fields[first])):
         names, first = fields[first], first + 1
@@ -110,6 +119,9 @@ def find_layout(path, least=LEAST):
             break
         first = i + 1
     rows = [fields[i] for i in rows if i >= first]
+    if arrow:
+        # the time becomes the last column
+        rewrites[-1] = _ARROW, rb"\2" + separator.encode() + rb"\1"
     # the point of a date is not that of the numbers beside it
     numbers = "".join(x for row in rows for x in row if is_number(x) and not _DATE.match(x))
     return Layout(
@@ -118,12 +130,18 @@ def find_layout(path, least=LEAST):
         headed=names is not None,
         start=sum(len(line) + 1 for line in lines[:first]),
         decimal_comma="." not in numbers and "," in numbers,
-        preamble=preamble,
+        before=before,
         units=units,
-        arrow=arrow,
-        labelled=labelled,
+        rewrites=rewrites,
         rows=rows,
     )
+
+
+def rewritten(text, rewrites):
+    """Return a text in which each pattern gives place to its replacement, in turn."""
+    for pattern, replacement in rewrites:
+        text = pattern.sub(replacement, text)
+    return text
 
 
 def opened(source):
