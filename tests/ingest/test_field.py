@@ -431,9 +431,7 @@ def test_messages_of_novatel(log, run, tmp_path):
     ]  # fmt: skip
     path = tmp_path / "log.asc"
     path.write_text("\r\n".join(rows))
-    with pytest.raises(
-        ImuloopError, match=r"needs nominal\.acceleration\.scale \(increments: ×"
-    ):
+    with pytest.raises(ImuloopError, match=r"needs nominal\.acceleration\.scale \(increments: ×"):
         run(path)
     nominal = {"acceleration": {"scale": force}, "angular_rate": {"scale": rate}}
     done = run(path, nominal=nominal)

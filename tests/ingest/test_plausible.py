@@ -275,6 +275,25 @@ def test_increments_that_are_not_declared_are_named(taken, kind, rate, units, fo
     assert taken(log, kind="multi_position", units=units)["reasons"] == []
 
 
+@pytest.mark.parametrize("rate", [50.0, 100.0, 400.0])
+def test_increments_at_rest_in_one_attitude_are_named(taken, rate):
+    """Protects a static log of increments: nothing but gravity and noise shows them."""
+    log = simulated("static", 5, example_truth(rate=rate), duration_s=60.0)
+    [reason] = taken(summed(log, rate), kind="static")["reasons"]
+    assert f"rad/s/√Hz: gravity is off by the step of {1 / rate:.4g} s" in reason
+    assert reason.endswith("declare units.acceleration: m/s; see units.angular_rate too")
+    units = dict(zip(COUNTS, ("m/s", "rad"), strict=True))
+    assert taken(summed(log, rate), kind="static", units=units)["reasons"] == []
+    # gravity that was taken out leaves as much by chance; or other values of as little noise
+    taken_out, left = log.copy(), np.array([0, 0, 9.80665 / rate])
+    taken_out[list(ACCELERATION)] += left - log[list(ACCELERATION)].mean()
+    quiet = summed(log, rate)
+    quiet[list(ACCELERATION)] *= 0.9
+    for other in (taken_out, quiet):
+        found = taken(other, kind="static")
+        assert found["reasons"] == [] and "has gravity been taken out" in str(found["warnings"])
+
+
 def test_increments_in_counts_and_without_turns_are_named(taken):
     """Protects the two logs of increments in which a sensor says less: by its scale, or nothing."""
     rate = 125.0

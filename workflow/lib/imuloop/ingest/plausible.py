@@ -7,7 +7,7 @@ far away is a warning. Increments of velocity and angle that nobody declared are
 the log in both sensors.
 """
 
-from math import log
+from math import log, sqrt
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
 from imuloop.core.units import DEGREE, INCREMENTS
+from imuloop.ingest.stops import WINDOW
 
 # the specific force at rest is gravity within this share; that of a log that never rests lies in
 # these parts of it; at a known factor within the last share: biases of a tenth of g, scale errors
@@ -25,6 +26,9 @@ NEAR_TURN, SIGMAS, MOVING_ERROR = 0.05, 3.0, 0.15
 # the mean force of increments that never rest lies this near to gravity's; where turns say nothing,
 # so many attitudes have to hold one force
 NEAR_MOVING, LEAST_ATTITUDES = 0.5, 4
+# in fewer it has to lie this near, beside noise of the angular rate below that of any MEMS
+# gyroscope, rad/s/√Hz: no log of a better one has its gravity taken out
+NEAR_ALONE, LEAST_NOISE = 0.05, 1e-5
 # turns that differ from gravity's by more are worth a warning
 PLAUSIBLE_TURN_RATIO = 0.1
 # how well the axes have to fit for that, and in how many steps
@@ -137,7 +141,8 @@ def _increments(figures, units, gravity, value, sure, turns):
     """Return why a log holds increments that are taken as rates, or None.
 
     Both sensors are then off by its step. Where the turns say nothing, one force in many attitudes
-    is gravity. Wrong units may look the same, as mm/s and mrad over 1 ms: they come first.
+    is gravity, or noise that is off too shows it. Wrong units may look the same, as mm/s and mrad
+    over 1 ms: they come first.
     """
     rests, rate = figures["faults"]["rests"], figures["rate_hz"]
     (low, force, high), plausible, line = _mean_force(figures, gravity)
@@ -149,6 +154,10 @@ def _increments(figures, units, gravity, value, sure, turns):
         line, off = f"{line}, and {turns}", "both sensors are off by"
     elif _in_attitudes(rests, low, high):
         line, off = f"{line}, in {rests['attitudes']} attitudes", "gravity is off by"
+    elif 0 < (noise := _noise_of_rate(rests)) < LEAST_NOISE:
+        seen = [("acceleration", force / gravity, NEAR_ALONE)]
+        line = f"{line}, and the angular rate has noise of {noise:.2g} rad/s/√Hz"
+        off = "gravity is off by"
     else:
         return None
     declare = [_nearest(f, _summed_factors(q, units[q], rate), share) for q, f, share in seen]
@@ -160,6 +169,13 @@ def _increments(figures, units, gravity, value, sure, turns):
         f"{line}: {off} the step of {1 / rate:.4g} s, so the log looks like increments of velocity "
         f"and angle per sample; declare {' and '.join(declare)}{see}"
     )
+
+
+def _noise_of_rate(rests):
+    """Return the noise of the angular rate at rest, rad/s/√Hz, 0 where it is not known."""
+    share = rests and rests["change_share"]
+    # of the difference of two means, of three axes
+    return rests["change"] * sqrt(WINDOW / share / 6) if share else 0.0
 
 
 def _force(figures, unit, gravity, reasons, warnings):
