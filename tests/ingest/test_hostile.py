@@ -66,12 +66,12 @@ TEXT = "t,ax,ay,az,gx,gy,gz\n" + "0.01,0.1,0.2,9.8,0,0,0\n" * 300
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (TEXT.encode("utf-16"), "the text is UTF-16: save it as UTF-8 (iconv -f utf-16 -t utf-8)"),
-        (TEXT.encode("utf-16-le"), "the text looks like UTF-16 or UTF-32: save it as UTF-8"),
+        (TEXT.encode("utf-16"), "the text is UTF-16 or UTF-32: save it as UTF-8"),
+        (TEXT.encode("utf-16-le"), "the file is binary, or text in UTF-16: save it as UTF-8"),
         (TEXT.encode("cp500"), "the file is not a table of numbers in rows and columns"),
         (b"", "the file has no rows"),
         (b"\n \r\n\n" * 9, "the file has no rows"),
-        (bytes(1 << 17), "the file begins with zeros: no table"),
+        (bytes(9) + b"\n" + bytes(1 << 10), "the file is binary, or text in UTF-16"),
         (b"7" * (1 << 17), "the first line is longer than 64 kB: no table"),
         (b"%PDF-1.4 something\nthat is no table\n", "the file is not a table"),
         (b"t,ax,ay,az,gx,gy,gz\n", "the file is not a table"),

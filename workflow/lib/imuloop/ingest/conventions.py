@@ -78,16 +78,13 @@ def convention_faults(reference, t, w, f, declared):
         else:
             why += ", and no other convention or order of the quaternion fits"
         return [f"reference.orientation: {why}"], frame.tolist(), left
-    for factor, text in ((DEGREE, "deg/s taken for rad/s"), (1 / DEGREE, "rad/s for deg/s")):
-        if abs(size * factor - 1) < SCALE:
-            why = (
-                f"its turns are {size:.3g} times those of the gyroscope: units.angular_rate, {text}"
-            )
-            return [f"reference.orientation: {why}"], frame.tolist(), left
-    if abs(size - 1) > SCALE:
-        why = f"its turns are {size:.3g} times those of the gyroscope: wrong unit or full scale"
-        return [f"reference.orientation: {why}"], frame.tolist(), left
-    return [], frame.tolist(), left
+    if abs(size - 1) <= SCALE:
+        return [], frame.tolist(), left
+    units = {DEGREE: "deg/s taken for rad/s", 1 / DEGREE: "rad/s for deg/s"}
+    said = [text for factor, text in units.items() if abs(size * factor - 1) < SCALE]
+    cause = f"units.angular_rate, {said[0]}" if said else "wrong unit or full scale"
+    why = f"its turns are {size:.3g} times those of the gyroscope: {cause}"
+    return [f"reference.orientation: {why}"], frame.tolist(), left
 
 
 def _gain(reference, t, f, frame):

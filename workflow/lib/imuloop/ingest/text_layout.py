@@ -31,10 +31,12 @@ _LABEL = re.compile(rb"[A-Za-z_][\w .]*[:=][ \t]*(?=[-+.\d])")
 _RAWIMU = re.compile(rb"(?m)^[#%]RAWIMUS?A,[^;\n]*;([^*\n]*)\*\w+")
 RAWIMU_NAMES = "week time_s status acc_z acc_y acc_x gyr_z gyr_y gyr_x".split()
 # how files begin that are no text, and what to do about them
+_UTF16 = "the text is UTF-16 or UTF-32: save it as UTF-8"
 _BINARY = {
-    b"\x1f\x8b": "packed by gzip: name it .csv.gz",
-    b"PK\x03\x04": "a zip or a spreadsheet: save its table as CSV",
-    b"\xd0\xcf\x11\xe0": "a spreadsheet: save its table as CSV",
+    b"\x1f\x8b": "the file is packed by gzip: name it .csv.gz",
+    b"PK\x03\x04": "the file is a zip or a spreadsheet: save its table as CSV",
+    b"\xd0\xcf\x11\xe0": "the file is a spreadsheet: save its table as CSV",
+    **dict.fromkeys((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff"), _UTF16),
 }
 # rows by which a separator is judged, at least; most rows of names and units below the first
 _JUDGED, _HEADERS = 64, 3
@@ -222,22 +224,17 @@ def unreadable(error):
 
 def _no_text(head):
     """Return why a file that begins like this is no text in lines, or None."""
-    for mark in ("utf-32", "utf-16"):
-        if head.startswith(("\ufeff".encode(f"{mark}-le"), "\ufeff".encode(f"{mark}-be"))):
-            return f"the text is {mark.upper()}: save it as UTF-8 (iconv -f {mark} -t utf-8)"
-    for signature, what in _BINARY.items():
+    for signature, fault in _BINARY.items():
         if head.startswith(signature):
-            return f"the file is {what}"
-    start = head[:256]
-    if start and not start.strip(b"\0"):
-        return "the file begins with zeros: no table"
+            return fault
     if len(head) == _HEAD and b"\n" not in head:
         return f"the first line is longer than {LONGEST_LINE >> 10} kB: no table"
     # every second byte, or three of four
-    if start.count(0) > 0.4 * len(start):
-        if start.replace(b"\0", b"").decode("latin-1").replace("\n", "").isprintable():
-            return "the text looks like UTF-16 or UTF-32: save it as UTF-8"
-        return "the file is binary, no text: format: names what it is, see docs/formats.md"
+    if head[:256].count(0) > 0.4 * len(head[:256]):
+        return (
+            "the file is binary, or text in UTF-16: save it as UTF-8, or declare its format, see "
+            "docs/formats.md"
+        )
     return None
 
 
