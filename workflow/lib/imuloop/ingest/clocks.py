@@ -40,7 +40,7 @@ _SCATTER = 0.12
 # relative difference of the median step from the mean of stamps that scatter, beside what rounding
 # makes: more is a loss
 _EVEN = 0.05
-# part of a grid's width by which times on it may miss it
+# part of a grid's width by which steps on it may miss it
 _OFF_GRID = 1e-3
 # a level of stamps that scatter is known to this share of a step, so that one lost sample shows
 _KNOWN, _FEWEST = 0.05, 16
@@ -291,8 +291,9 @@ def line_step(path, counts, measured, rate=None, increments=False, packets=None)
 
     Stamps that come singly, but scatter by `_SCATTER` or more, are rebuilt where no sample is
     lost: the medians of parts so long that one is known to `_KNOWN` of a step all lie within half
-    a step; not where rows hold `increments`, whose intervals may differ, nor where the angular rate
-    goes with the stamps.
+    a step, and the median step is the mean one but for what the grid of the stamps rounds. They
+    stay where rows hold `increments`, whose intervals may differ, and where the angular rate goes
+    with them.
 
     `path` are the samples as stamped, `measured` their figures, `rate` is the declared one, Hz,
     `packets` as of `packet_step`.
@@ -333,10 +334,12 @@ def _line_step(counts, measured, rate, increments, packets):
 
 
 def _grid(t):
-    """Return what times are whole multiples of, 0 of none."""
-    steps = np.diff(t)
-    least = steps.min(initial=np.inf, where=steps > 0)
-    whole = np.abs(t / least - np.round(t / least)) < _OFF_GRID
+    """Return what the steps of some rows' times are whole multiples of, s, 0 of nothing."""
+    steps = np.unique(np.round(np.diff(t), 9))
+    least = np.diff(steps, prepend=0.0).min()
+    if not least > 0:
+        return 0.0
+    whole = np.abs(steps / least - np.round(steps / least)) < _OFF_GRID
     return least if whole.all() else 0.0
 
 
