@@ -100,14 +100,14 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
 
 def export_files(exported):
     """Return the text of each file by its name; README.txt says which are not there and why."""
-    files, left_out = {}, {}
+    files, written, left_out = {}, [], []
     for each in FORMATS:
         try:
             files[each.file] = each.text(exported)
+            written.append(f"{each.file}: {each.title}")
         except Lacking as reason:
-            left_out[each] = str(reason)
-    carried = [each for each in FORMATS if each.file in files]
-    files[README] = render(README, values(exported) | {"carried": carried, "not_written": left_out})
+            left_out.append(f"{each.file} ({each.title}): {reason}")
+    files[README] = render(README, values(exported) | {"written": written, "left_out": left_out})
     return files
 
 

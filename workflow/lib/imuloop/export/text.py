@@ -7,7 +7,7 @@ import numpy as np
 
 from imuloop.core.errors import one_line
 
-FILTERS = "braces float32 identifier in_c json_text pretty_json rows sizes unseen".split()
+FILTERS = "braces float32 identifier in_c pretty_json rows sizes unseen".split()
 
 
 def number(value):
@@ -61,11 +61,6 @@ def identifier(text):
 def sizes(densities):
     """Return the values of densities."""
     return [density.value for density in densities]
-
-
-def json_text(text):
-    """Return text as JSON takes it."""
-    return json.dumps(text)
 
 
 def pretty_json(text):
