@@ -59,7 +59,8 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None, ri
         -(log |Σ| + log |Jᵀ Σ⁻¹ J| + rᵀ P r)/2 - Σ_k (s_k - s_k0)²/2σ_k²
 
     by Newton's steps in the squares of the sizes, within the bounds, with the average information
-    ``rᵀ P V_k P V_l P r/2``, damped until it rises.
+    ``rᵀ P V_k P V_l P r/2``, damped until it rises. Residuals that are larger than the noise by a
+    factor have as many times the information that they will have, and are divided by it.
 
     Parameters
     ----------
@@ -118,7 +119,10 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None, ri
         moved = (every.reshape(count * n, n) @ left).reshape(count, n)
         trace = every @ projected.ravel()
         slope = (trace - moved @ left + weight * (1 - sizes / own)) / 2
-        information = moved @ projected @ moved.T / 2
+        # but where a bound leaves them larger
+        free = np.all(squares < most)
+        excess = max(1.0, rest @ rest / (n - jacobian.shape[1])) if free else 1.0
+        information = moved @ projected @ moved.T / (2 * excess)
         information += np.diag(weight * sizes / (4 * own**3) + 1e-12 * trace**2)
         return loss, slope, information
 
