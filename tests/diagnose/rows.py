@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.core.effect import Effect
+from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -88,7 +89,7 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
         Largest p-value that passes.
     """
     n = len(values)
-    noise = Hypotheses.of(covariances or [np.eye(n)])
+    noise = Hypotheses.of(map(precision, covariances or [np.eye(n)]))
     fold = np.arange(n) % PARTS
     block = Block(values[:, None], nuisance, noise, fold[:, None])
     prior, shapes = np.zeros(len(noise.log_det)), {}

@@ -13,6 +13,7 @@ from diagnose.records import LENGTH, windows
 from imuloop.calibrate import least_squares
 from imuloop.calibrate.noise_components import Component
 from imuloop.core.effect import Channels
+from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Hypotheses
 from imuloop.diagnose.records.means import StaticRecord
 from imuloop.diagnose.records.poses import PoseProblem
@@ -137,7 +138,7 @@ def static(problem):
         records.append(StaticRecord(f"s{number}", *still, np.tile(y[:, None], 3), channels))
     # every hypothesis of the grid is the same
     count = len(ratios(LENGTH * max(ROWS), LENGTH)[0])
-    noise = tuple(Hypotheses.of([c] * count) for c in problem.covariances)
+    noise = tuple(Hypotheses.of([precision(c)] * count) for c in problem.covariances)
     return StaticProblem(tuple(records), OF_CLASS, SETTINGS, TESTS, noise)
 
 

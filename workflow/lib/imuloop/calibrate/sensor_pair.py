@@ -44,6 +44,8 @@ OWNER = {kind: sensor for sensor, kinds in OF_SENSOR.items() for kind in kinds}
 OWNER |= dict.fromkeys(VELOCITY, "motion")
 # standard deviation of the error that is foreseen of turns that were sampled too slowly, over it
 ALIASED_TO = 0.2
+# share of its standard deviation by which a parameter may move and the weights stay as they are
+STILL = 0.01
 
 
 @dataclass(frozen=True)
@@ -314,15 +316,18 @@ class SensorPair:
         x = np.append(x, np.zeros(count - len(x)))
         known, z = self.prior_rows() if prior is None else prior
         known = np.pad(known, ((0, 0), (0, count - known.shape[1])))
+        sizes = None
         # weights and effects depend on the calibrated output, which the start gives to 1 %
         for _ in range(3 if start is None else 2):
             model = self.model_at(x, recording, effects)
             fixed, slow, missing = self.noise_components(x, recording, model)
             r, jacobian = model.residuals(x)
             estimated = total(fixed, slow, [part.size for part in slow])
-            sizes = likely_sizes(r, jacobian, estimated, missing, (known, known @ x - z))
+            sizes = likely_sizes(r, jacobian, estimated, missing, (known, known @ x - z), sizes)
             found = fit(model.residuals, x, total(estimated, missing, sizes), (known, z))
-            x = found.x
+            moved, x = np.abs(found.x - x), found.x
+            if np.all(moved < STILL * np.sqrt(np.diag(found.covariance))):
+                break
         r, jacobian = model.residuals(x)
         owner = self.kinds_of_rows(recording)[1]
         owners = np.unique(owner)

@@ -18,9 +18,9 @@ class Hypotheses:
     fitted: float | np.ndarray = 0.0  # (h,): how many parameters of it were fitted to the residuals
 
     @classmethod
-    def of(cls, covariances, fitted=0.0):
-        """Return those of covariances, shape (n, n), taken one at a time."""
-        each = ((own, 2 * np.log(np.diag(root)).sum()) for own, root in map(precision, covariances))
+    def of(cls, each, fitted=0.0):
+        """Return those whose `precision`, inverse and root, are given one at a time."""
+        each = ((own, 2 * np.log(np.diag(root)).sum()) for own, root in each)
         inverses, log_det = zip(*each, strict=True)
         return cls(np.array(inverses), np.array(log_det), fitted)
 

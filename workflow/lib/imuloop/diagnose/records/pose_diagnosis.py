@@ -110,7 +110,8 @@ def diagnose_poses(
             return PoseResult(contents | {s: not_testable(reason) for s in tested}, pair)
         if not tested:
             return PoseResult(contents, pair, *final_solution(problem, ()))
-        problem = pose_problem(pair, recording, settings, tests, found, information, tested)
+        if lost:
+            problem = pose_problem(pair, recording, settings, tests, found, information, tested)
         parts = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
         probes = {s: of_poses(problem, s) for s in tested}
         others = {s: pose_candidates(s, recording, found)[1] for s in tested}

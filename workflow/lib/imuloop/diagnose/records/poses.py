@@ -9,6 +9,7 @@ from scipy.linalg import block_diag
 
 from imuloop.calibrate.noise_components import ROUGH, likely_sizes, total
 from imuloop.calibrate.sensor_pair import OF_SENSOR
+from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.fold_fit import ABSORBED
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -194,14 +195,19 @@ class PoseProblem:
         first = np.array([component.size for component in components])
 
         likeliest = likely_sizes(values, jacobian, covariance, components)
+        as_estimated = precision(total(covariance, components, first))
 
-        def hypotheses(values, start=likeliest):
-            """Return what the noise may be, from as estimated to as residuals make it likeliest."""
-            data = values, jacobian, covariance, components
-            likeliest = likely_sizes(*data, start=start, rise=ROUGH)
-            sizes = (first + s * (likeliest - first) for s in PATH)
+        def hypotheses(likeliest):
+            """Return what the noise may be, from as estimated to some likeliest sizes."""
+            sizes = (first + s * (likeliest - first) for s in PATH[1:])
+            each = (precision(total(covariance, components, own)) for own in sizes)
             fitted = (likeliest / (likeliest + HALF_A_PARAMETER)).sum() * np.array(PATH)
-            return Hypotheses.of((total(covariance, components, each) for each in sizes), fitted)
+            return Hypotheses.of((as_estimated, *each), fitted)
+
+        def noise_with(values):
+            """Return what the noise may be by other residuals."""
+            data = values, jacobian, covariance, components
+            return hypotheses(likely_sizes(*data, start=likeliest, rise=ROUGH))
 
         noisy = likely_sizes(values, jacobian, covariance, slow)
         off = (noisy - estimated) / [component.deviation for component in slow]
@@ -209,7 +215,7 @@ class PoseProblem:
             (-off @ off * s**2 / 2, total(covariance, slow, estimated + s * (noisy - estimated)))
             for s in PATH
         ]
-        block = Block(-values[:, None], jacobian[:, :nuisances], hypotheses(values), self.ends)
+        block = Block(-values[:, None], jacobian[:, :nuisances], hypotheses(likeliest), self.ends)
 
         def design(effect):
             return own[effect] if effect in own else self.added(effect)
@@ -220,7 +226,7 @@ class PoseProblem:
         )
         noise = covariance, components
         return Linearized(
-            solution, model, values, jacobian, alternatives, noise, evidence, hypotheses
+            solution, model, values, jacobian, alternatives, noise, evidence, noise_with
         )
 
     def _known_base(self):

@@ -14,6 +14,7 @@ from imuloop.calibrate.reference.recording import read_reference
 from imuloop.calibrate.reference.sensors import SENSORS, ReferenceSensor, started
 from imuloop.calibrate.reference.tails import spread
 from imuloop.core.effect import Channels, Effect, FittedEffect
+from imuloop.core.precision import precision
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content
@@ -115,7 +116,7 @@ class ReferenceProblem(PoseProblem):
         size = np.median(variance)
         white = np.diag(np.append(np.repeat(variance, 3), np.ones(len(z))))
         common = size * self.common
-        alternatives = Hypotheses.of(white + k * common for k in COMMON)
+        alternatives = Hypotheses.of(precision(white + k * common) for k in COMMON)
 
         def hypotheses(_):
             return alternatives

@@ -4,6 +4,7 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from imuloop.core.noise_model import AxisNoise, Coefficient
+from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Hypotheses
 
 # ratio of neighbouring variances of flicker, and of walk, on the grid
@@ -42,7 +43,7 @@ def unit_noise(name):
 def hypotheses(windows, grid):
     """Return the Hypotheses of means over windows, shape (n, 2), on the grid, for N = 1."""
     white, flicker, walk = (unit_noise(name).mean_covariance(windows) for name in "NBK")
-    return Hypotheses.of(white + b * flicker + k * walk for b, k in grid)
+    return Hypotheses.of(precision(white + b * flicker + k * walk) for b, k in grid)
 
 
 def prediction_errors(values, windows, noise):
