@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg.lapack import dtrtri
 from scipy.special import softmax
 
 # square of the share of a pattern that has to be left by what is known, for it to be seen
@@ -84,11 +85,14 @@ class FoldFit:
         for block, side, held in parts:
             if not np.all(np.any(np.delete(block.nuisance, held, axis=0), axis=0)):
                 raise np.linalg.LinAlgError("a parameter that nothing seen depends on")
-            weighted = np.concatenate([block.noise.precision[:, :, held], side], axis=2)
-            own = np.concatenate([weighted[:, held], block.nuisance.T @ weighted], axis=1)
+            own, beside = block.noise.precision[:, held[:, None], held], side[:, held]
+            corner = np.concatenate([np.swapaxes(beside, 1, 2), block.nuisance.T @ side], axis=2)
+            own = np.concatenate([np.concatenate([own, beside], axis=2), corner], axis=1)
             size = np.sqrt(np.einsum("huu->hu", own))
-            root = np.linalg.inv(np.linalg.cholesky(own / size[:, :, None] / size[:, None]))
-            found.append(np.swapaxes(root, 1, 2) / size[:, :, None])
+            own = np.linalg.cholesky(own / size[:, :, None] / size[:, None])
+            # (L⁻¹)ᵀ
+            root = np.array([dtrtri(each.T)[0] for each in own])
+            found.append(root / size[:, :, None])
         return found
 
     @cached_property
@@ -101,7 +105,8 @@ class FoldFit:
     def log_det(self):
         """``log det`` of the covariance and of the nuisances' information, shape (h,)."""
         blocks = zip(self.evidence.blocks, self._roots, strict=True)
-        return sum(b.noise.log_det - 2 * np.linalg.slogdet(root)[1] for b, root in blocks)
+        each = ((b, np.einsum("huu->hu", root)) for b, root in blocks)
+        return sum(b.noise.log_det - 2 * np.log(own).sum(axis=1) for b, own in each)
 
     def gram(self, columns):
         """Return products of columns, nuisances taken out, summed over the blocks, (h, k, k).

@@ -100,22 +100,23 @@ def most_promising_step(search, base, taken=()):
     A few windows about each of the steps that are `taken` already are left out. No step, None,
     where none is left to try.
     """
-    found, count, fold_fit = [(0.0, 3, None)], 0, search.fold_fit(base)
+    found, fold_fit, places = [(0.0, 3, None)], search.fold_fit(base), []
+    for i, record in enumerate(search.problem.merged):
+        rows = np.delete(np.arange(len(record.windows)), fold_fit.held[i])
+        windows, length = record.windows[rows], np.median(record.length)
+        rows = rows[BESIDE : len(rows) - BESIDE + 1]
+        for one in taken:
+            if one.sessions == (record.session,):
+                apart = np.abs(record.windows[rows, 0] - one.times[0]) - one.spans[0] / 2
+                rows = rows[apart > (BESIDE - 0.5) * length]
+        if len(rows):
+            places.append((i, record, windows, length, rows))
+    count = WITHIN * sum(len(rows) for *_, rows in places)
     for axis in range(3):
         parts, dof, point = residuals(search, base, axis)
-        count, most, step = 0, -1.0, None
-        for i, (left, record) in enumerate(zip(parts, search.problem.merged, strict=True)):
-            rows = np.delete(np.arange(len(left)), fold_fit.held[i])
-            windows, length = record.windows[rows], np.median(record.length)
-            rows = rows[BESIDE : len(rows) - BESIDE + 1]
-            starts = record.windows[rows, 0]
-            for one in taken:
-                if one.sessions == (record.session,):
-                    apart = np.abs(starts - one.times[0]) - one.spans[0] / 2
-                    far = apart > (BESIDE - 0.5) * length
-                    starts, rows = starts[far], rows[far]
-            if not len(starts):
-                continue
+        most, step = -1.0, None
+        for i, record, windows, length, rows in places:
+            left, starts = parts[i], record.windows[rows, 0]
             weighted = fold_fit.weighted(i, point, left[:, None])[:, 0]
             score = weighted[::-1].cumsum()[::-1][rows]
             gain = _gain(score, fold_fit.of_steps(i, point)[rows])
@@ -126,7 +127,6 @@ def most_promising_step(search, base, taken=()):
                 weighted @ shares,
                 np.einsum("nf,nf->f", shares, fold_fit.weighted(i, point, shares)),
             )
-            count += WITHIN * len(starts)
             if gains.max() > most:
                 time, span = unseen(within[np.argmax(gains)], windows)
                 most, step = gains.max(), Steps((time,), (record.session,), (span,))
