@@ -4,6 +4,7 @@ from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from imuloop.calibrate import accelerometer
 from imuloop.calibrate.gyroscope import cross_matrix
@@ -27,7 +28,8 @@ class PairCovariance:
     def __init__(self, x, model, recording):
         self.model, self.poses, self.rotations = model, recording.poses, model.turn.rotations
         self.of_force, self.moves = model.at(x)[0], model.moves_at(x)
-        self.gains = self._gains()
+        # few means enter each residual
+        self.gains = [csr_array(gain) for gain in self._gains()]
 
     def by(self, noise, aliasing=True):
         """Return the covariance of the residuals that count by a noise model, shape (N, N).
@@ -149,12 +151,12 @@ class PairCovariance:
         poses, first, rows = self.poses, self.rotations.first, self.model.moves
         force, found = self.model.force.values(self.of_force), []
         for k in np.flatnonzero(poses.tilt > 0):
-            leaving, arriving = np.zeros((2, self.gains.shape[1], 3))
+            leaving, arriving = np.zeros((2, len(self.model.counted), 3))
             leaving[rows[first == k]] = self.moves.by_start[first == k]
             arriving[rows[first + 1 == k]] = self.moves.by_end[first + 1 == k]
             crossed = np.sqrt(poses.duration_s[k] / 3) * cross_matrix(force[[k]])[0]
             found += [(leaving - arriving / 2) @ crossed, np.sqrt(3) / 2 * arriving @ crossed]
-        return np.array(found).reshape(-1, self.gains.shape[1], 3).transpose(2, 1, 0)
+        return np.array(found).reshape(-1, len(self.model.counted), 3).transpose(2, 1, 0)
 
     def _gains(self):
         """Return what each channel's mean at a pose or over a part of a move adds, (6, N, M)."""
@@ -184,11 +186,8 @@ class PairCovariance:
 
 
 def _through(gain, covariance):
-    """Return ``G C Gᵀ``; many rows of G are zero."""
-    rows = np.flatnonzero(gain.any(axis=1))
-    found, own = np.zeros((len(gain),) * 2), gain[rows]
-    found[np.ix_(rows, rows)] = own @ covariance @ own.T
-    return found
+    """Return ``G C Gᵀ``."""
+    return gain @ (gain @ covariance).T
 
 
 def by_run(runs, windows, noise, shared):

@@ -65,8 +65,9 @@ class PairModel:
     along: SpecificForce | None = None
     # velocity that a move's own error of rotation lets expect, per rad, (m, 3, 2)
     of_rotation: np.ndarray | None = None
-    # the last MoveResiduals: fit, covariance and derivative at one x share them
+    # the last MoveResiduals, and residuals: fit, covariance and derivative at one x share them
     _moves: dict = field(default_factory=dict, init=False, compare=False, repr=False)
+    _residuals: dict = field(default_factory=dict, init=False, compare=False, repr=False)
 
     def all(self, x):
         """Return all parameters: those that are estimated, x, and the others."""
@@ -91,6 +92,13 @@ class PairModel:
 
     def residuals(self, x):
         """Return all residuals in one vector, in the order of `KINDS`, and their derivative."""
+        key = np.asarray(x, dtype=float).tobytes()
+        if key not in self._residuals:
+            self._residuals.clear()
+            self._residuals[key] = self._residuals_at(x)
+        return self._residuals[key]
+
+    def _residuals_at(self, x):
         of_force, of_turn, turn = self.at(x)
         n, (force, rate) = len(self.force.y), self.own.values()
         values = np.zeros(len(self.counted))
