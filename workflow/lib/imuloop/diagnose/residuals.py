@@ -25,16 +25,21 @@ def held_out_errors(values, weights, jacobian, folds, counts):
     size = np.linalg.norm(jacobian, axis=0)
     jacobian = jacobian / np.where(size > 0, size, 1.0)
     product, errors = weights @ jacobian, [np.zeros_like(values) for _ in counts]
-    for part in set(folds[:, 0].tolist()) - {-1}:
-        held, hidden = folds[:, 0] == part, np.flatnonzero((folds == part).any(axis=1))
+    parts, information, moment = sorted(set(folds[:, 0].tolist()) - {-1}), [], []
+    for part in parts:
+        hidden = np.flatnonzero((folds == part).any(axis=1))
         # W J is what the weights of all rows leave without those that are hidden
         own = weights[:, hidden]
         weighted = product - own @ np.linalg.solve(own[hidden], product[hidden])
         weighted[hidden] = 0.0
-        information, moment = jacobian.T @ weighted, weighted.T @ values
-        for found, k in zip(errors, counts, strict=True):
-            fitted = np.linalg.pinv(information[:k, :k], SINGULAR, hermitian=True) @ moment[:k]
-            found[held] = values[held] - jacobian[held, :k] @ fitted
+        information.append(jacobian.T @ weighted)
+        moment.append(weighted.T @ values)
+    for found, k in zip(errors, counts, strict=True):
+        own = np.reshape(information, (-1, *2 * jacobian.shape[1:]))[:, :k, :k]
+        inverses = np.linalg.pinv(own, SINGULAR, hermitian=True)
+        for part, inverse, each in zip(parts, inverses, moment, strict=True):
+            held = folds[:, 0] == part
+            found[held] = values[held] - jacobian[held, :k] @ (inverse @ each[:k])
     return errors
 
 
