@@ -158,6 +158,10 @@ class Evidence:
             self._fold_fits[out] = FoldFit(self, held, self.values)
         return self._fold_fits[out]
 
+    def release(self):
+        """Let go of all fits; they are made again if asked."""
+        self._fold_fits.clear()
+
     def split(self, rows):
         """Return an array of all rows, shape (N, …), block by block."""
         return np.split(rows, self._ends)

@@ -161,6 +161,12 @@ class StaticProblem:
             self._derivatives[effect] = np.concatenate(own)
         return self._derivatives[effect]
 
+    def release(self):
+        """Let go of what a search needs; it is found again if asked."""
+        self.evidence.release()
+        self._derivatives.clear()
+        self._weighted_waves.clear()
+
     def fold_fit(self, base, out):
         """Return the FoldFit: means at rest are straight in every effect."""
         return self.evidence.fold_fit(out)

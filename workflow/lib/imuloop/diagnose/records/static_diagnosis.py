@@ -231,4 +231,5 @@ def find(sensor, records, settings, tests):
     trial = search.trial(choice.base, unconfirmed[0]) if unconfirmed else None
     effects = fitted_effects(search, choice.base)
     doubtful = fitted_effects(search, (*choice.base, *trial.effects)) if trial else effects
+    choices.problem.release()
     return StaticFinding(choices, others, effects, doubtful or effects, errors)
