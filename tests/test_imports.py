@@ -73,6 +73,20 @@ def test_every_package_imported_is_declared(repository):
     assert of["all"] == [f"imuloop[{','.join(EXTRAS)}]"]
 
 
+def test_the_package_holds_all_templates_and_schemas(repository):
+    tool = tomllib.loads((repository / "pyproject.toml").read_text())["tool"]
+    library = repository / "workflow/lib/imuloop"
+    packed = {
+        path
+        for pattern in tool["setuptools"]["package-data"]["imuloop"]
+        for path in library.glob(pattern)
+        if path.is_file()
+    }
+    needed = [p for name in ("templates", "schemas") for p in (library / name).resolve().rglob("*")]
+    needed = {path for path in needed if path.is_file()}
+    assert needed and needed <= {path.resolve() for path in packed}
+
+
 def test_a_device_is_calibrated_without_any_extra(repository, tmp_path):
     calibrated_device(tmp_path, 8, 10.0, 1)
     code = """if True:

@@ -29,7 +29,8 @@ RATE = 200.0
 # degC, of the data
 COLD, WARM = -5.0, 45.0
 HOSTILE = (
-    'x\ny: 1\r\nacc_n: 9\u2028%YAML:1.0\x85"a": {b\x0b\x0c: [1\x00\x1b[2J\u202e\ud800 # */ ??/ \\'
+    'x\ny: 1\r\nacc_n: 9\u2028%YAML:1.0\x85"a": {b\x0b\x0c: [1\x00\x1b[2J\u202e\ud800 '
+    "{{ 1 // 0 }} {% x # */ ??/ \\"
 )
 
 

@@ -65,7 +65,8 @@ def reasons(exported):
 def values(exported):
     """Return what the templates take: plain values of a device, each sensor's by its name.
 
-    Of noise that is not known there is None: a format names it as its need, see `reasons`.
+    A coefficient of noise that is not known has no entry: a format names it as its need, see
+    `reasons`.
     """
     calibration = exported.calibration
     sensors = {name: sensor_values(exported, name) for name in SENSORS}
@@ -93,12 +94,13 @@ def sensor_values(exported, name):
     ``scale`` and ``offset``, (3,): ``K (raw - b) = scale (z - offset)``, near 1 and in SI.
     ``temperatures``: between which its bias was seen to follow them, degC, else those of the logs.
     ``logged``, ``calibrated``: `Density` of each axis by coefficient; ``worst``, ``worst_logged``:
-    the largest N and K that a filter needs for an axis. The effects are `FittedEffect`.
+    the largest N and K that a filter needs for an axis. ``Tg``, (3, 3): what specific force, on the
+    body's axes, adds to z. The effects are `FittedEffect`.
     """
     sensor, axes = exported.sensor(name), SENSORS[name]
     scale, units = sensor.K / sensor.raw_unit.scale, UNITS[name]
     effects = {key: [e for e in sensor.effects if e.name == key] for key in (BIAS, G)}
-    G_total = sum(e.vector.reshape(3, 3) for e in effects[G]) / scale[:, None]
+    of_force = sum((e.vector.reshape(3, 3) for e in effects[G]), np.zeros((3, 3)))
     spans = [temperature_range(e) or exported.temperature_range for e in effects[BIAS]]
     found = {
         "name": name,
@@ -113,7 +115,7 @@ def sensor_values(exported, name):
         "left_out": left_out(sensor, name),
         "effects": sensor.effects,
         **effects,
-        "Tg": G_total if effects[G] else np.zeros((3, 3)),
+        "Tg": of_force / scale[:, None],
         "reference": effects[BIAS][0].effect.reference_temperature if effects[BIAS] else None,
         "temperatures": common(spans),
         "late": [late_words(e) for e in effects[BIAS] if e.effect.lag],
