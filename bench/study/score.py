@@ -81,15 +81,15 @@ def judge(case, outcome):
 def ratio(case, outcome, whole=False):
     """Return the held-out error after over that of the control, the largest of the residuals.
 
-    None for noise, which has a name but cannot be subtracted. For steps only the blocks of time
-    count in which none happened, but for the `whole`: no other block tells when.
+    None for noise, which has a name but cannot be subtracted. For steps in a static record only the
+    blocks of time count in which none happened, but for the `whole`: no other block tells when.
     """
     if STAYS & {*case.names}:
         return None
     found, control = (
         outcome[who]["sensors"][case.sensor][case.record] for who in ("diagnosis", "control")
     )
-    if "steps" in case.names and not whole:
+    if "steps" in case.names and case.record == "static_record" and not whole:
         held = unforetold(found["points"], outcome["injected"][0]["constants"]["times"])
         after, before = (
             np.mean([p[when] ** 2 for p in part["points"] if p["start_s"] not in held])
