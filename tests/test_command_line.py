@@ -327,7 +327,7 @@ def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys):
     text = unescape(page.read_text())
     assert text.index("Rejected sessions") < text.index(cause) < text.index("Is its model complete")
     assert "Nothing needed" not in text
-    [advice] = re.findall(r"What would help most</h4>\s*<p>(.*?)</p>", text)
+    [advice] = re.findall(r"What would help most:</strong> (.*?)</p>", text)
     assert advice.startswith("Correct what is declared of session multi_position_1 and run again")
     assert cause in advice
 

@@ -96,7 +96,7 @@ def filter_notes(log, kind):
     """Return what the noise of a log says of power that a filter took."""
     segments, _ = segment_session(log, kind, SegmentSettings())
     session = RecordedSession("log", kind, log, segments)
-    found = estimate_noise("imu", [session], NoiseSettings(views=()))
+    found = estimate_noise("imu", [session], NoiseSettings(), views=False)
     return [note for note in found.notes if "power is lacking" in note]
 
 

@@ -22,7 +22,7 @@ from imuloop.report.report import write_report
 DEVICE = "imu"
 SESSION = ("quality.json samples.parquet segments.parquet allan.parquet").split()
 JSON = "noise six_position multi_position calibration diagnosis attitude summary exports".split()
-TABLES = "attitude poses moves views".split()
+TABLES = "attitude poses moves spectra".split()
 FILES = [*(f"{name}.json" for name in JSON), *(f"{name}.parquet" for name in TABLES)]
 FILES += ["exports/README.txt"]
 # columns in which a value may be missing
