@@ -14,7 +14,7 @@ from imuloop.noise.spectrum import COLUMNS, power_spectrum
 from imuloop.report.figures.spectrum import density_pictures
 from imuloop.report.results import SENSORS
 from imuloop.report.tables.noise import coefficient_table
-from imuloop.report.units import COEFFICIENTS, quantities
+from imuloop.report.units import COEFFICIENTS
 from report.plausible_noise import known
 from report.plausible_results import RATE
 
@@ -39,25 +39,6 @@ def row_of(table, start):
 
 def with_noise(device, **changes):
     return replace(device, noise={**copy.deepcopy(device.noise), **changes})
-
-
-def test_units_per_sample_are_those_of_simulated_samples():
-    rng, rate = np.random.default_rng(5), 50.0
-    count, factor = 200_000, {k: q.sample.factor for k, q in quantities("gyroscope", rate).items()}
-    quantised = np.diff(0.3 * rng.standard_normal(count)) * rate
-    assert quantised.std() == pytest.approx(0.3 * factor["Q"], rel=0.01)
-    # N: the mean over 10 s scatters by N / sqrt(10 s)
-    white = factor["N"] * rng.standard_normal(count)
-    means = white[: count // int(10 * rate) * int(10 * rate)].reshape(-1, int(10 * rate)).mean(1)
-    assert means.std() == pytest.approx(1 / np.sqrt(10), rel=4 / np.sqrt(2 * len(means)))
-    # K: over 10 s a walk goes K sqrt(10 s) far
-    steps = factor["K"] * rng.standard_normal(count)
-    ways = steps[: count // int(10 * rate) * int(10 * rate)].reshape(-1, int(10 * rate)).sum(1)
-    assert ways.std() == pytest.approx(np.sqrt(10), rel=4 / np.sqrt(2 * len(ways)))
-    # R: after a second of such steps the output has moved by R; B and an amplitude stay
-    assert factor["R"] * rate == pytest.approx(1)
-    assert factor["B"] == factor["amplitude"] == 1
-    assert factor["frequency"] == pytest.approx(1 / rate) and factor["tc"] == rate
 
 
 def test_every_coefficient_stands_in_the_units_of_data_sheets(board):

@@ -1,11 +1,9 @@
 """The units that people think in, and how many of each an SI unit is."""
 
 from dataclasses import dataclass
-from math import sqrt
 
 from imuloop.core.units import DEGREE, HOUR, STANDARD_GRAVITY
 from imuloop.report.numbers import missing, number, typeset, with_unit
-from imuloop.report.results import UNITS
 
 
 @dataclass(frozen=True)
@@ -113,46 +111,35 @@ def spans(values, units):
 
 @dataclass(frozen=True)
 class Quantity:
-    """A noise coefficient: letter and name, its unit in SI, those of data sheets, usual one first.
-
-    `sample` is what it is for a filter that runs at the logged rate; None where that is not known.
-    """
+    """A noise coefficient: letter and name, its unit in SI, those of data sheets, usual first."""
 
     words: str
     si: Display
     sheet: tuple[Display, ...]
-    sample: Display | None
 
 
-def quantities(sensor, rate=None):
-    r"""Return the `Quantity` of each coefficient of a sensor by its name in noise.json.
-
-    Per sample, with r the rate of the log, Hz: white noise has the standard deviation
-    :math:`N \sqrt{r}`, where the sensor passes the whole band up to r/2; quantisation
-    :math:`\sqrt{2} Q r`, because sample k is :math:`(q_{k+1} - q_k) r` with errors q of standard
-    deviation Q; a walk steps by :math:`K/\sqrt{r}`, a ramp by R/r. B is no density and stays.
-    """
-    si, r, units = UNITS[sensor], rate or 1.0, _NOISE[sensor]
+def quantities(sensor):
+    """Return the `Quantity` of each coefficient of a sensor by its name in noise.json."""
+    units = _NOISE[sensor]
     units = units | {"q": units["K"], "tc": (("s", 1.0),) * 2, "frequency": (("Hz", 1.0),) * 2}
     walk, white = (
         ("acceleration random walk", "velocity random walk")
         if sensor == "accelerometer"
         else ("rate random walk", "angle random walk")
     )
-    step, same = (f"{si}, σ of a step", 1 / sqrt(r)), (f"{si}, as in SI", 1.0)
     found = {
-        "Q": ("Q, quantisation", (f"{si}, σ of a sample", sqrt(2) * r)),
-        "N": (f"N, white noise ({white})", (f"{si}, σ of a sample", sqrt(r))),
-        "B": ("B, bias instability", same),
-        "K": (f"K, {walk}", step),
-        "R": ("R, ramp", (f"{si} per sample", 1 / r)),
-        "q": ("q, drive of a Gauss–Markov process", step),
-        "tc": ("T, its correlation time", ("samples", r)),
-        "amplitude": ("Ω, amplitude of a line", same),
-        "frequency": ("f, its frequency", ("periods per sample", 1 / r)),
+        "Q": "Q, quantisation",
+        "N": f"N, white noise ({white})",
+        "B": "B, bias instability",
+        "K": f"K, {walk}",
+        "R": "R, ramp",
+        "q": "q, drive of a Gauss–Markov process",
+        "tc": "T, its correlation time",
+        "amplitude": "Ω, amplitude of a line",
+        "frequency": "f, its frequency",
     }
     result = {}
-    for key, (words, sample) in found.items():
+    for key, words in found.items():
         shown, *sheet = (Display(*each) for each in units[key])
-        result[key] = Quantity(words, shown, tuple(sheet), Display(*sample) if rate else None)
+        result[key] = Quantity(words, shown, tuple(sheet))
     return result

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from imuloop.report.numbers import missing, number
+from imuloop.report.numbers import missing
 
 
 class Sized(str):
@@ -13,11 +13,6 @@ class Sized(str):
         cell = super().__new__(cls, text)
         cell.value = None if missing(value) else f"{value:.6g}"
         return cell
-
-
-def sized(value, factor=1.0):
-    """Return a number in the unit shown, `factor` times that in SI, by which it is sorted."""
-    return Sized(number(None if missing(value) else value * factor), value)
 
 
 @dataclass(frozen=True)
