@@ -10,8 +10,9 @@ from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, OWN_TIME, 
 from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments
-from imuloop.ingest.clocks import POINTS, Clock, spread, with_lookahead
+from imuloop.ingest.clocks import Clock, with_lookahead
 from imuloop.ingest.columns import HELD, STAMP
+from imuloop.ingest.even_stamps import POINTS, spread
 from imuloop.ingest.spellings import unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
@@ -86,7 +87,7 @@ def si_batches(
     log's first stamp or ISO 8601, None is open; `counts` are filled on the way. With a `step`, s
     per row, `t` is rebuilt from the row number and `t_logged` is as stamped; `usual` is the step of
     the stamps, s, that increments after a gap are of; with a `timeline`, of 1PPS, `t` is GNSS time;
-    `packets` are as of `clocks.packet_step`.
+    `packets` are as of `even_stamps.packet_step`.
     """
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
     for kind in (counts.missing_values, counts.impossible_values):

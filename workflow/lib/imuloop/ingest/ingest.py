@@ -21,7 +21,7 @@ from imuloop.core.samples import (
     schema,
 )
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
-from imuloop.ingest import clocks, increments, quality, slower_sensor
+from imuloop.ingest import clocks, even_stamps, increments, quality, slower_sensor
 from imuloop.ingest import pps as marks
 from imuloop.ingest.columns import PAIR
 from imuloop.ingest.convert import Counts, si_batches
@@ -170,8 +170,8 @@ def ingest(
                     how["usual"], log = usual, opened()
                 figures = write_and_measure(log, counts, si_batches(log, **how, counts=counts))
                 summed = bool(increments.factors(units))
-                packets = clocks.packet_step(counts, rate) or clocks.packet_step(counts)
-                step = clocks.line_step(temporary, counts, figures, rate, summed, packets)
+                packets = even_stamps.packet_step(counts, rate) or even_stamps.packet_step(counts)
+                step = even_stamps.line_step(temporary, counts, figures, rate, summed, packets)
                 if step or packets:
                     # once more from the start, now that the line or the step is known
                     as_logged, counts, logged, log = counts, Counts(), figures, opened()
@@ -184,8 +184,8 @@ def ingest(
             except RejectedLog as error:
                 reasons, logged = [str(error)], None
                 figures = write_and_measure(log, counts, ())
-            fault = clocks.broken(figures, rate)
-            many = figures["gaps"]["count"] > clocks.MOST_BURSTS
+            fault = even_stamps.broken(figures, rate)
+            many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
             dropped, at = figures.pop("isolated")
             if len(dropped):
                 counts.spiked = len(np.unique(dropped))
@@ -235,7 +235,7 @@ def ingest(
     summed = increments.figures(log, units, counts, usual, step, rate)
     doubts += increments.warnings(summed, figures)
     if logged:
-        doubts.append(clocks.rebuilt(logged, step, as_logged, packets))
+        doubts.append(even_stamps.rebuilt(logged, step, as_logged, packets))
     doubts += counts.clock.warnings()
     if absent:
         why = f"what needs it is not testable; give both files where another holds it, {PAIR}"
