@@ -1,4 +1,4 @@
-"""Advice is made of a device's own numbers, what gains most first."""
+"""Advice is made of a device's own numbers: what is wrong first, then what gains most."""
 
 from dataclasses import replace
 
@@ -275,6 +275,20 @@ def test_short_rests_are_taken_only_where_they_are_enough(good, then):
     [step] = [s for s in next_steps(good(sessions=(hasty,))) if "too short" in s]
     assert step.endswith("old each for 4 s or more.")
     assert ("shortest_rest_s: 0.5} there are 30" in step) == (then == 30)
+
+
+def test_rests_in_the_hand_come_before_poses_and_hours_at_rest_come_last(good):
+    """Protects the one step that is read first: 5 h at rest gain 99 % of a limit, and little."""
+    turns, rest = good().sessions
+    tilted = turns.segments.assign(tilt_rad=0.02)
+    held = replace(turns, segments=tilted, segmentation={"tilted_rests": 5, "hand_held": True})
+    limited = noise(K=coefficient(upper=1e-4), B=coefficient(1e-5))
+    plans = diagnosis(weight=5.0, accelerometer=above("gravity_norm", "m/s^2", 2e-3, 1e-3))
+    steps = next_steps(good(sessions=(held, rest), noise=limited, diagnosis=plans))
+    assert "instead of holding it in the hand" in steps[0]
+    kinds = "the device tilts", "20 more poses", "h at rest"
+    places = [next(i for i, step in enumerate(steps) if words in step) for words in kinds]
+    assert places == sorted(places) and places[-1] == len(steps) - 1
 
 
 def test_advice_is_short_and_ordered_by_gain(good):

@@ -117,32 +117,25 @@ def _structure(block):
 
 
 def next_steps(device):
-    """Return what would help most, a sentence each, what gains most first.
+    """Return what would help most, a sentence each.
 
-    The gain is a share: of a standard error, of a residual above its floor, of an upper limit.
-    What is not known at all, for want of a recording, gains all of it.
+    What is wrong with a recording comes first, hours at rest come last: they show noise alone.
+    Among equals what gains most is first. The gain is a share: of a standard error, of a residual
+    above its floor, of an upper limit; what is not known at all, for want of a recording, gains all
+    of it.
     """
-    sources = (
-        _rejected,
-        _doubted,
-        first_session,
-        _clipped,
-        _unexplained,
-        _short_rests,
-        _tilted_rests,
-        best_recording,
-        hole,
-        turns_needed,
-        initial_rest,
-        static_record,
-        _heat_and_cool,
-    )
+    mend = (_rejected, _doubted, first_session, _clipped, _short_rests, _tilted_rests)
+    record = (_unexplained, best_recording, hole, turns_needed, initial_rest, _heat_and_cool)
+    ranks = mend, record, (static_record,)
     # what is wrong with a log or its entry makes every other number doubtful
-    mend = device.failures or any(s.quality["misdeclared"] for s in device.sessions)
-    if mend:
-        sources = (_failed, _rejected)
-    found = sorted((step for source in sources for step in source(device)), key=lambda s: -s[0])
-    steps, last = [text for _, text in found[:MOST]], not mend and enough(device)
+    misdeclared = device.failures or any(s.quality["misdeclared"] for s in device.sessions)
+    if misdeclared:
+        ranks = ((_failed, _rejected),)
+    steps = []
+    for sources in ranks:
+        found = [step for source in sources for step in source(device)]
+        steps += [text for _, text in sorted(found, key=lambda step: -step[0])]
+    steps, last = steps[:MOST], not misdeclared and enough(device)
     if not steps:
         return [f"Nothing needed. {last}" if last else "See why a verdict is not testable, above."]
     return [*steps[: MOST - 1], last] if last else steps
