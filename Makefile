@@ -100,7 +100,7 @@ fuzz-chain: setup
 processors: setup
 	PYTHONPATH=workflow/lib $(BIN)/python -m bench.processors --workers $(CORES)
 
-setup: $(READY)
+setup: $(BIN)/imuloop
 
 NEW_ENOUGH := 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
 # pip and setuptools first, pinned: a package that is no wheel is built with them, with nothing fetched
@@ -112,6 +112,11 @@ $(READY): requirements-build.lock requirements.lock
 	$(BIN)/python -m $(PINNED) --only-binary :all: -r requirements-build.lock
 	$(BIN)/$(PINNED) --no-build-isolation -r requirements.lock
 	touch $@
+
+# the command, and the library as it is in workflow/lib: an edit needs no new set-up
+LIBRARY := pip install --quiet --no-index --no-deps --no-build-isolation --editable .
+$(BIN)/imuloop: $(READY) pyproject.toml
+	$(BIN)/$(LIBRARY)
 
 # .venv with Snakemake's plugins for SLURM and S3, an environment of its own: each call loads them
 setup-cluster: .venv-cluster/.ready

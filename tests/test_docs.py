@@ -7,6 +7,8 @@ import os
 import re
 import runpy
 import shlex
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ import pandas as pd
 import pytest
 import yaml
 
+import imuloop
 from imuloop import Calibration
 from imuloop.__main__ import main
 from imuloop.config_faults import config_faults
@@ -217,6 +220,14 @@ def test_commands_work(results, tmp_path, command):
     else:
         assert tool.endswith("pytest"), f"no test knows how to run {tool}"
         assert all((REPOSITORY / word).exists() for word in arguments if not word.startswith("-"))
+
+
+def test_set_up_installs_the_command():
+    command = Path(sys.executable).with_name("imuloop")
+    if not command.exists():
+        pytest.skip("this Python has no imuloop beside it: make setup")
+    done = subprocess.run([command, "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"imuloop {imuloop.__version__}\n"
 
 
 def rows(document):
