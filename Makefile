@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := build/bench
 
-.PHONY: report picture test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock licences clean
+.PHONY: report picture test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock api licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
 report: setup
@@ -140,7 +140,11 @@ lock:
 	sed '/^python-dateutil==/d' requirements.lock | grep -v -e --hash >build/lock/shared.txt
 	$(COMPILE) $(EVERYTHING) --extra slurm --extra s3 --extra moto -c build/lock/shared.txt -o requirements-cluster.lock
 
-# docs/licences.md, of what is installed; after `make lock`
+# build/api.md: the Python reference, from docstrings
+api: setup
+	$(BIN)/python docs/api.py
+
+# build/licences.md: the licence of each installed package
 licences: setup
 	$(BIN)/python docs/licences.py
 

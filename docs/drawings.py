@@ -1,4 +1,4 @@
-"""Draw how to record: ``python docs/drawings.py`` writes the drawings of recording.md beside it.
+"""Draw how to record and how to judge: ``python docs/drawings.py`` writes the drawings beside it.
 
 Each drawing has a ground of its own, so that it is readable on a light and on a dark page.
 """
@@ -230,7 +230,57 @@ def temperature():
     return "Heat and cool, twice, within one record", about, 820, 178, drawn
 
 
-DRAWINGS = (session, attitudes, turns, static, faces, temperature)
+def held_out():
+    """Return how an effect is chosen and judged: ten parts, and errors beside the floor."""
+    drawn = [text(24, 30, "ten parts of a recording", "soft", "start")]
+    for part in range(10):
+        css = "turn" if part == 7 else "rest"
+        drawn.append(f'<rect class="{css}" x="{24 + 42 * part}" y="42" width="36" height="26"/>')
+    drawn += [
+        text(24, 92, "nine: fit, and search for effects", "rest", "start"),
+        text(442, 92, "the tenth is predicted", "turn", "end"),
+        path([(452, 55), (512, 55)], "line", 2, ' marker-end="url(#tip)"'),
+        text(524, 52, "held-out error, over all ten:", "soft", "start"),
+        text(524, 72, "before (no effect), after (effects added)", "soft", "start"),
+    ]
+    floor, tall = 206, 80
+    # heights of the error before and after above the floor, as shares: a picture, not data
+    for x, (before, after), verdict in (
+        (120, (0, None), "consistent"),
+        (310, (1, 0), "explained"),
+        (500, (1, 0.45), "partly explained"),
+        (690, (1, None), "unexplained"),
+    ):
+        for at, share, words in ((-36, before, "before"), (36, after, "after")):
+            css, high = ("side c", "side a")[words == "after"], 22 + tall * (share or 0)
+            shown = share is not None
+            if shown:
+                drawn.append(
+                    f'<rect class="{css}" x="{x + at - 20:g}" y="{floor + 22 - high:g}" width="40" '
+                    f'height="{high:g}"/>'
+                )
+            named = words if shown else "nothing added"
+            drawn.append(text(x + at, floor + 40, named, "soft", size=12))
+        drawn.append(text(x, floor + 66, verdict))
+    drawn.append(
+        f'<path class="good" d="M40 {floor}H770" stroke-width="2" stroke-dasharray="7 5"/>'
+    )
+    drawn.append(text(776, floor + 5, "floor", "soft", "start", 13))
+    about = (
+        "Ten parts of a recording: the fit and the search for effects see nine of them, and the "
+        "tenth is predicted. Below, the held-out error before and after, beside the floor of the "
+        "noise: at the floor with no effect is consistent; at the floor after effects were added "
+        "is explained; lower, but above it, is partly explained; above it with nothing added is "
+        "unexplained."
+    )
+    return "How an effect is chosen, and what the verdicts say", about, 820, 290, drawn
+
+
+# by the name of the file
+DRAWINGS = {
+    f"recording_{draw.__name__}": draw
+    for draw in (session, attitudes, turns, static, faces, temperature)
+} | {"method_held_out": held_out}
 
 
 def svg(title, about, width, height, drawn):
@@ -256,6 +306,6 @@ aria-labelledby="title about" font-family="system-ui, sans-serif">
 
 
 if __name__ == "__main__":
-    for draw in DRAWINGS:
-        target = Path(__file__).with_name(f"recording_{draw.__name__}.svg")
+    for name, draw in DRAWINGS.items():
+        target = Path(__file__).with_name(f"{name}.svg")
         target.write_text(svg(*draw()), encoding="utf-8")

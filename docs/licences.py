@@ -1,18 +1,17 @@
-"""The licences of what `make setup` installs: ``make licences`` writes the table of licences.md.
+"""The licences of what `make setup` installs: ``make licences`` writes build/licences.md.
 
-Names are those of the lock files, licences those of the installed packages' metadata. What is not
-installed here, as it is for another platform, keeps what the document says.
+Names are those of the lock files, licences those of the installed packages' metadata.
 """
 
 import re
-from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-HERE = Path(__file__).resolve().parent
+ROOT = Path(__file__).resolve().parents[1]
 LOCKS = ("requirements-build.lock", "requirements.lock")
 NOT_STATED = "not stated"
-RULE = "|---|---|\n"
+NOT_INSTALLED = "not installed on this platform"
+HEAD = "# Licences of the packages in .venv\n\n| licence | packages |\n|---|---|\n"
 
 
 def pins(text):
@@ -20,8 +19,12 @@ def pins(text):
     return re.findall(r"^([\w.-]+)==", text, re.M)
 
 
-def licence(found):
+def licence(name):
     """Return the licence that a distribution states, in a few words."""
+    try:
+        found = distribution(name)
+    except PackageNotFoundError:
+        return NOT_INSTALLED
     if expression := found.metadata.get("License-Expression"):
         return expression
     classifiers = found.metadata.get_all("Classifier") or []
@@ -34,42 +37,23 @@ def licence(found):
     return next(iter(stated), NOT_STATED).removesuffix(" License")
 
 
-def licences(locks, before):
-    """Return the licence of each package of lock files.
-
-    Parameters
-    ----------
-    locks : sequence of str
-        Their texts.
-    before : dict of str to str
-        Licences as they were, for what is not installed here.
-    """
-    found = {}
-    for name in sorted({name for text in locks for name in pins(text)}):
-        found[name] = before.get(name, NOT_STATED)
-        with suppress(PackageNotFoundError):
-            found[name] = licence(distribution(name))
-    return found
-
-
-def parsed(document):
-    """Return what stands before the document's table, and the licence of each package."""
-    head, rule, table = document.partition(RULE)
-    lines = [line.strip("| ").split(" | ") for line in table.splitlines()]
-    return head + rule, {name: stated for stated, names in lines for name in names.split(", ")}
+def licences():
+    """Return the licence of each package of the lock files, by name."""
+    names = {name for lock in LOCKS for name in pins((ROOT / lock).read_text())}
+    return {name: licence(name) for name in sorted(names)}
 
 
 def table(found):
-    """Return the table's lines, one per licence."""
+    """Return the page: one line per licence."""
     lines = [
         f"| {stated} | {', '.join(name for name in found if found[name] == stated)} |\n"
         for stated in sorted(set(found.values()))
     ]
-    return "".join(lines)
+    return HEAD + "".join(lines)
 
 
 if __name__ == "__main__":
-    path = HERE / "licences.md"
-    head, old = parsed(path.read_text())
-    locks = [(HERE.parent / name).read_text() for name in LOCKS]
-    path.write_text(head + table(licences(locks, old)))
+    path = ROOT / "build/licences.md"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(table(licences()), encoding="utf-8")
+    print(path)

@@ -63,7 +63,7 @@ def ahead(channels, lag):
 
 
 # K; over less a curved line is straight: it leaves its chord by c2 span²/8, 1 % of c1 span with
-# c2/c1 = 1/50 per K, the median of twelve axes in two recordings (docs/effects.md)
+# c2/c1 = 1/50 per K, the median of twelve axes in two recordings
 SPAN_OF_AN_ORDER = 5.0
 
 
