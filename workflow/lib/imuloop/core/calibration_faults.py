@@ -1,4 +1,4 @@
-"""What is wrong with a calibration, whatever its file holds: one line, or nothing."""
+"""Faults of a calibration, each one line of text."""
 
 import json
 import math
@@ -42,7 +42,7 @@ def _validator():
 
 
 def content_fault(content):
-    """Return what of a calibration's JSON, a dict, is not as its schema has it, or None."""
+    """Return how a calibration's JSON, a dict, violates its schema; None if it does not."""
     if error := next(_validator().iter_errors(content), None):
         key, text = ".".join(map(str, error.absolute_path)), error.message
         if len(text) > _SHOWN:
@@ -57,13 +57,13 @@ def content_fault(content):
 
 
 def sensor_fault(calibration, sensor):
-    """Return why a SensorCalibration can be none of a sensor, in a line; None if it can."""
+    """Return why no sensor can have a SensorCalibration, in one line; None if one can."""
     faults = _base_faults, _effect_faults, _covariance_faults
     return next((fault for each in faults for fault in each(calibration, sensor)), None)
 
 
 def implausible(calibration, sensor):
-    """Return why a SensorCalibration, though it can be applied, is of no good log; None if it is.
+    """Return why a SensorCalibration, though valid, must come from a faulty log; else None.
 
     Its K or b is further from the nominal one than any data sheet allows.
     """

@@ -34,7 +34,7 @@ class Channels:
     clamped: dict | None = None
 
     def remembered(self, function, *constants):
-        """Return what depends on the past of the log, at these points, shape (n, …).
+        """Return a function of the log's past at these points, shape (n, …).
 
         The function takes the Channels of a whole log and constants, and gives an array whose first
         axis is the log's samples; at a pose their mean over it is taken. Of a log in pieces it gets
@@ -53,7 +53,7 @@ class Channels:
 
 
 class LoggedChannels:
-    """The `Channels` of a log, for functions of it; an output is found when it is used."""
+    """The `Channels` of a whole log; an output is computed when it is first used."""
 
     def __init__(self, t, temperature, output, other, past=None, step=None):
         self.t, self.temperature, self.past, self.step = t, temperature, past, step
@@ -65,7 +65,7 @@ class LoggedChannels:
 
 @dataclass(frozen=True)
 class Effect:
-    """Base of all effects; a subclass that has a name joins the library by being written.
+    """Base class of all effects; a subclass with a name registers itself in the library.
 
     An effect adds ``e = Σ_k p_k D_k`` to the sensor's output, SI, on the sensor's own axes, in the
     model ``x = T (K (raw - b) - e)``. D, its derivative, is what a subclass gives. Constants that D
@@ -106,7 +106,7 @@ class Effect:
 
     @property
     def kind(self):
-        """What effects of other constants are too: the class."""
+        """The class, which effects with other constants share."""
         return type(self)
 
     @property
@@ -124,12 +124,12 @@ class Effect:
         return np.where(design == 0, 0.0, np.clip(design, low, high))
 
     def moved(self, factor):
-        """Return the effect whose time constant, or width, is some times as large."""
+        """Return the effect with its time constant, or width, multiplied by a factor."""
         constants = [n for n in FINE if hasattr(self, n)]
         return replace(self, **{n: float(factor * getattr(self, n)) for n in constants})
 
     def together(self, name):
-        """Return which parameters a detection limit takes to be as large as one, itself too."""
+        """Return the parameters that a detection limit sets equal to one, itself included."""
         return (name,)
 
     def __init_subclass__(cls, **kwargs):
@@ -151,7 +151,7 @@ class Effect:
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
     def design_at(self, channels, values):
-        """Return D of which ``D p`` is `e` where p is `values`; not `design` if e is not linear."""
+        """Return D with ``D p = e`` at p = `values`; unlike `design` where e is not linear."""
         return self.design(channels)
 
 
@@ -208,7 +208,7 @@ class FittedEffect:
         return design @ self.vector
 
     def with_ranges(self, channels):
-        """Return the same with the ranges of its derivative in data that show it, Channels each."""
+        """Return the effect with the ranges of its derivative in the data, a list of Channels."""
         parts = [self.effect.design_at(each, self.vector) for each in channels]
         ranges = dict(self.ranges)
         for k, name in enumerate(self.effect.parameters):

@@ -20,12 +20,12 @@ class RejectedLog(ImuloopError):
 
 
 def printable(text):
-    """Return `text` without what a terminal would obey, its lines kept: it can come from a log."""
+    """Return `text` without terminal control characters, lines kept: it may come from a log."""
     return "".join(c if c.isprintable() or c == "\n" else "?" for c in str(text))
 
 
 def one_line(text):
-    """Return `text` on one line, without what a terminal would obey: it can come from a log.
+    """Return `text` on one line, without terminal control characters: it may come from a log.
 
     Of a package that is not installed, with what installs it.
     """

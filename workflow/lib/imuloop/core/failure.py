@@ -1,4 +1,4 @@
-"""What goes wrong in a stage of a device: written in the place of its results, with the reason."""
+"""Failures of a stage: written in place of the results of a device, with the reason."""
 
 import errno
 import logging
@@ -29,7 +29,7 @@ class Failure:
 
 
 def attempt(device, stage, work, write_placeholder, before=()):
-    """Do the work of a stage; where it fails, or one before it did, write what stands instead.
+    """Run a stage; if it fails, or an earlier one did, write the placeholder of its results.
 
     ``work()`` writes the stage's results; ``write_placeholder(reason, failed)`` writes some that
     say why there are none, with the content of their key of that name, None where a stage before

@@ -1,4 +1,4 @@
-"""Result files: written beside and renamed, so that a kill leaves nothing half-written."""
+"""Result files, written to a temporary file and renamed: a kill leaves none half-written."""
 
 import errno
 import json
@@ -17,7 +17,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 @contextmanager
 def replaced(path):
-    """Give a temporary path beside `path` that takes its place when the block succeeds.
+    """Yield a temporary path beside `path`, which replaces it when the block succeeds.
 
     It is removed if the block raises; one that a kill left is the next writer's. A MachineFault if
     the disk is full.
@@ -37,7 +37,7 @@ def replaced(path):
 
 
 def refuse_overwriting(targets, sources):
-    """Refuse to write files, or below folders, that are read, by whatever name: links, other case.
+    """Refuse to overwrite an input, also by way of a link, a folder or another case.
 
     The ImuloopError names both.
     """
@@ -91,7 +91,7 @@ def write_json(path, content):
 
 
 def read_json(path, most=None):
-    """Return the content of a JSON file of at most so many bytes.
+    """Return the content of a JSON file of at most `most` bytes.
 
     An ImuloopError if it is no regular file, is larger, or is no JSON: no UTF-8, nested too deep,
     with a key given twice or NaN; a FileNotFoundError if it is not there.

@@ -1,4 +1,4 @@
-"""Functions of a log that remember its past: lag, play, moving mean; gaps of a slow channel."""
+"""Functions of a log's past: lag, play, moving mean; and gaps of a slow channel."""
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
@@ -18,7 +18,7 @@ _INSTANT = 1e-6
 
 
 def in_pieces(function):
-    """Mark a function of a log's channels that gives the same of its pieces as of the whole.
+    """Mark a function of a log's channels that may be evaluated piece by piece.
 
     It keeps what it needs of a piece for the next in ``channels.past``, and looks no further than
     its effect's `reach`.
@@ -33,7 +33,7 @@ def usual_step(t):
 
 
 def filled(t, values):
-    """Fill what is not a number: on a line between neighbours, held before the first and after.
+    """Fill NaNs: linear between neighbours, constant before the first and after the last.
 
     Of a channel that is logged more slowly than the others, or with gaps; t, values shape (n,).
     """
@@ -52,7 +52,7 @@ def _before(past, t):
 
 
 def first_order_lag(t, values, tau, past=None):
-    """Return the response ``τ dy/dt = x - y`` of a first-order lag, at rest in the first value.
+    """Return the response ``τ dy/dt = x - y`` of a first-order lag that starts at the first value.
 
     Exact for values on straight lines between the stamps, however far apart these are: over a
     step of r time constants, with a = exp(-r) and g = (1 - a)/r,
@@ -92,7 +92,7 @@ def first_order_lag(t, values, tau, past=None):
 
 
 def play(values, half_width, t=None, past=None):
-    """Return the play operator: what is dragged along by walls `half_width` to either side.
+    """Return the play operator: a point dragged by walls `half_width` to either side.
 
     ``p₁ = min(max(p₀, x - w), x + w)``, p = x at the start. Time and `past` are as of
     `first_order_lag`.
@@ -123,7 +123,7 @@ def play(values, half_width, t=None, past=None):
 
 
 def fast_part(t, values, period, step=None):
-    """Return what is faster than a moving mean that is taken twice.
+    """Return values less a moving mean that is taken twice: a high-pass.
 
     At a frequency f, ``1 - sinc²(f period)`` of it is left: half at 0.44/period, within 5 % all
     above 1/period; of what moves evenly, nothing. Takes increasing time, s, values, (n, m), the

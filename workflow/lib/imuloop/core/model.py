@@ -60,20 +60,20 @@ class SensorCalibration:
 
     @classmethod
     def nominal(cls, raw_unit, not_testable):
-        """Return the calibration that the data sheet promises, with the reason for it."""
+        """Return the data sheet's calibration, with the reason why nothing was measured."""
         scale, offset = np.full(3, raw_unit.scale), np.full(3, raw_unit.offset)
         return cls(raw_unit, np.eye(3), scale, offset, not_testable=not_testable)
 
     @property
     def measured(self):
-        """Whether anything in it was measured, so that it is not what the data sheet promises."""
+        """Whether any parameter was measured; otherwise all are the data sheet's."""
         promised = self.nominal(self.raw_unit, None)
         same = all(np.array_equal(getattr(self, x), getattr(promised, x)) for x in "TKb")
         return self.method != "nominal" or bool(self.effects) or not same
 
     @property
     def unexplained(self):
-        """Whether it was measured by data that it does not explain."""
+        """Whether the data that it was measured from are unexplained."""
         return self.measured and self.verdict == "unexplained"
 
     def output(self, values):
@@ -157,7 +157,7 @@ class Calibration:
         return self.accelerometer.measured or self.gyroscope.measured
 
     def limits(self, *sensors):
-        """Return lines on sensors, or on both, that are not fully calibrated or explained.
+        """Return one line per sensor, or for both, that is not fully calibrated or explained.
 
         And on effects of the calibrated log alone, as a step: they are not in the next one.
         """
@@ -300,7 +300,7 @@ class Calibration:
         return f, w
 
     def to_json(self, path, failed=None):
-        """Write the calibration as JSON; `failed` is what went wrong where it is none.
+        """Write the calibration as JSON; `failed` is the failure that it stands in for, if any.
 
         Raises an ImuloopError for one that cannot be: see `imuloop.core.calibration_faults`.
         """

@@ -1,4 +1,4 @@
-"""Noise coefficients of a device, and the covariance that they give means."""
+"""Noise coefficients of a device, and the covariance of means that follows from them."""
 
 from dataclasses import asdict, dataclass, replace
 
@@ -220,7 +220,7 @@ class NoiseModel:
     axes: dict[str, AxisNoise]  # one entry for each of ax, ay, az, gx, gy, gz
 
     def known(self, axis, term):
-        """Return what is known of an axis' flicker, 'B', or walk, 'K': size, standard deviation.
+        """Return size and standard deviation of an axis' flicker, 'B', or walk, 'K', as known.
 
         Of a term that was not seen the size is zero; it may have one, below its limit with a
         probability of 95 %.
@@ -278,7 +278,7 @@ class NoiseModel:
 
 
 def without_weight(covariance):
-    """Return which covariances weigh nothing: no variance, or lines and no noise beside them.
+    """Return which covariances give no weight: zero variance, or lines without noise.
 
     Lines are as many patterns as there are lines: some sums of the values would have no error.
     Of covariances, shape (k, n, n), returned are those with a value of no variance, and those with

@@ -40,7 +40,7 @@ FEWEST = 16
 
 
 def apply_file(calibration, source, target, rows=ROWS):
-    """Write the calibrated samples of a file, of which time and temperature alone are read whole.
+    """Write the calibrated samples of a file; only time and temperature are read whole.
 
     Gives what `Calibration.apply` gives of the whole, whatever the rows of a piece. Columns that
     are no samples are kept. Returned is by (sensor, effect) the number of samples at which the

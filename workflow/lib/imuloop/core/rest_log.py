@@ -1,4 +1,4 @@
-"""The log of a session at rest, of whose outputs a part is read at a time."""
+"""The log of a session at rest, whose outputs are read in parts."""
 
 from functools import cache, partial
 
@@ -14,7 +14,7 @@ PART = 1 << 18
 
 
 class RestLog:
-    """The log of a session at rest, SI as logged; of the outputs only a part is read at a time.
+    """The log of a session at rest, SI as logged; its outputs are read in parts.
 
     Time and, where logged, temperature with missing values filled are of the whole log.
     """
@@ -68,7 +68,7 @@ class RestLog:
         return self._means[key]
 
     def parts(self, sensor):
-        """Yield part after part of the log and what gives a function's values at its samples.
+        """Yield each part of the log, with a callable that evaluates functions at its samples.
 
         The function takes the Channels of a log, outputs as logged, and constants. One that is not
         marked as `imuloop.core.memory.in_pieces` gets the whole log.

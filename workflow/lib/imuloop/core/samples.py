@@ -56,7 +56,7 @@ CALIBRATED = "calibrated_by_imuloop"
 
 
 def lost_samples(steps, usual):
-    """Return how many samples are missing in steps, s; one below `GAP_STEPS` usual ones has all."""
+    """Return how many samples each step, s, has lost; none below `GAP_STEPS` usual steps."""
     wide = steps > GAP_STEPS * usual
     return np.where(wide, np.rint(steps / usual), 1).astype(int) - 1
 
@@ -101,7 +101,7 @@ def calibrated_attrs(device):
 
 
 def refuse_calibrated(names, metadata):
-    """Raise a RejectedLog for a table whose columns or own metadata say that it is calibrated."""
+    """Raise a RejectedLog for a table that its columns or metadata mark as calibrated."""
     if CALIBRATED in names or metadata.get("calibrated"):
         device = str(metadata.get("device", ""))[:80]
         by = device and f", by a calibration of {device}"

@@ -1,4 +1,4 @@
-"""Stamps that scatter: whether samples were taken when they say."""
+"""Scattering time stamps: whether the samples were taken at these times."""
 
 import numpy as np
 
@@ -52,5 +52,5 @@ class Scatter:
 
 
 def bend(x):
-    """Return what is left of each sample beside the straight line through its neighbours."""
+    """Return each sample less the straight line through its neighbours."""
     return x[1:-1] - (x[:-2] + x[2:]) / 2

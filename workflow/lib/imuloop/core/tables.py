@@ -50,7 +50,7 @@ def read_session(path, session):
 
 
 def text_cell(text):
-    """Return a text of a config or log that no spreadsheet runs: a formula behind an apostrophe."""
+    """Return a text that no spreadsheet executes: an apostrophe goes before a formula."""
     return f"'{text}" if text.startswith(_FORMULA) else text
 
 

@@ -1,4 +1,4 @@
-"""Units at the edges: everything inside is SI."""
+"""Units of logs and configs; everything inside the library is SI."""
 
 from dataclasses import dataclass
 

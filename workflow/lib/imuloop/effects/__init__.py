@@ -1,4 +1,4 @@
-"""The library of effects: every module here is loaded, so an effect joins by being written."""
+"""The library of effects; every module here is loaded, and its effects register themselves."""
 
 from importlib import import_module
 from pkgutil import iter_modules

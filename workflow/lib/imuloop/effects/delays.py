@@ -1,4 +1,4 @@
-"""Stamps that are late: of a sensor, of one axis, or by a clock that runs at another rate."""
+"""Late time stamps: of a sensor, of one axis, or of a clock that runs fast or slow."""
 
 from dataclasses import dataclass
 
@@ -32,12 +32,12 @@ def other_slope(channels):
 
 
 def unclamped(self, design, low, high):
-    """Return the derivative of a delay as it is: a time is the same however fast all changes."""
+    """Return the derivative of a delay unclamped: a delay does not depend on the rate of change."""
     return design
 
 
 class TimeOffset(Effect):
-    """``e = y(t) - y(t - Δt)``: the sensor shows what was Δt ago (negative) or will be.
+    """``e = y(t) - y(t - Δt)``: the sensor is late by -Δt, or early by Δt.
 
     The other sensor's stamps are the clock: two sensors show what one is late by after the other,
     and a difference of their low-pass filters is the same. Leaves: velocity at the end of a move,
@@ -58,14 +58,14 @@ class TimeOffset(Effect):
     clamped = unclamped
 
     def design(self, channels, values=(0.0,)):
-        """Return the rate of change since what the sensor shows was there, shape (n, 3, 1)."""
+        """Return the rate of change over the delay, shape (n, 3, 1)."""
         return channels.remembered(own_change, -float(values[0]))[:, :, None]
 
     design_at = design
 
 
 class GyroAxisDelay(Effect):
-    """``e_i = y_i(t) - y_i(t + Δt_i)``: axis i shows what was Δt_i ago, z is the clock.
+    """``e_i = y_i(t) - y_i(t + Δt_i)``: axis i is late by Δt_i relative to z.
 
     Three axes that are late together are a `time_offset`. Leaves: errors of rotations about axes
     that change, and velocity at the end of a move.
@@ -95,7 +95,7 @@ class GyroAxisDelay(Effect):
 
 @dataclass(frozen=True)
 class ClockDrift(Effect):
-    """``e = y(t) - y(t - d (t - t_m))``: what the sensor shows gains d seconds a second.
+    """``e = y(t) - y(t - d (t - t_m))``: the sensor's clock gains d seconds per second.
 
     t_m is the middle of the log: what is late there is `time_offset`. Leaves beside a reference: an
     offset in time that grows; 50 ppm are 9 ms after three minutes.

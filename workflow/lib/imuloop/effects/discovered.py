@@ -1,4 +1,4 @@
-"""An effect that no other file of the library describes: a sum of products of what is logged."""
+"""An effect composed by a search: a sum of products of logged quantities."""
 
 import re
 from dataclasses import dataclass
@@ -90,7 +90,7 @@ def parse(formula):
 
 @dataclass(frozen=True)
 class Discovered(Effect):
-    """``e_i = Σ_k c_k Π_j x_j^p``: products of what is logged, composed by a search.
+    """``e_i = Σ_k c_k Π_j x_j^p``: products of logged quantities, composed by a search.
 
     Factors: f and w specific force and angular rate on x, y, z, one of them the sensor's own
     output; T temperature less `reference_temperature`; R its rate; t time since the start of the
@@ -138,7 +138,7 @@ class Discovered(Effect):
 
     @property
     def complexity(self):
-        """Degree, and longest time constant, s: of less, less follows.
+        """Degree, and longest time constant, s: the order in which formulas are preferred.
 
         One that is longer than the rests says of the bias what none of them shows.
         """
@@ -152,7 +152,7 @@ class Discovered(Effect):
 
     @property
     def timed(self):
-        """Whether it depends on what was before."""
+        """Whether it depends on the log's past."""
         return bool(self.letters & set("Rtsvq"))
 
     def design(self, channels):

@@ -1,4 +1,4 @@
-"""A bias that changes slowly with time: evenly, after power-on, or by chance."""
+"""A bias that changes slowly with time: linearly, after power-on, or randomly."""
 
 from dataclasses import dataclass
 
@@ -44,7 +44,7 @@ class WarmUp(Effect):
 
     @classmethod
     def shapes(cls, channels):
-        """Return the time constants of which the data hold several, and several points in each."""
+        """Return the time constants that the data span several times, with several points each."""
         several = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
         longest = np.ptp(channels.t) / SETTLINGS
         return tuple(cls(tau) for tau in several if tau <= longest) or (cls(),)
@@ -55,7 +55,7 @@ class WarmUp(Effect):
 
 
 class BiasDrift(Effect):
-    """``e_i = d_i t``: the bias changes evenly with time, from the start of each log.
+    """``e_i = d_i t``: the bias drifts linearly from the start of each log.
 
     Leaves: an error of pose means that grows with time whatever the attitude. Imitated by:
     `bias_temperature` where the temperature only rises or falls, a long `warm_up`, and the noise's

@@ -21,7 +21,7 @@ def creep(channels, tau):
 
 @dataclass(frozen=True)
 class Reorientation(Effect):
-    """``e_i = k_i (y_i,lag - y_i)``: part k_i of the load is borne by what creeps, τ in s.
+    """``e_i = k_i (y_i,lag - y_i)``: the share k_i of the load creeps, with time constant τ, s.
 
     ``τ dy_lag/dt = y - y_lag``, at rest at the start of the log. After a turn the output starts
     k_i times the change of load short, and relaxes with exp(-t/τ).

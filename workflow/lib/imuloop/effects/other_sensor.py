@@ -1,4 +1,4 @@
-"""What one sensor shows of what the other measures."""
+"""Cross-sensitivity of one sensor to the quantity that the other measures."""
 
 from dataclasses import dataclass
 from typing import ClassVar

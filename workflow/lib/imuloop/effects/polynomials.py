@@ -1,4 +1,4 @@
-"""Polynomials of a sensor's own output: its scale factor is not the same for all outputs."""
+"""Polynomials of a sensor's own output: its scale factor depends on the output."""
 
 import numpy as np
 

@@ -33,7 +33,7 @@ class Sinusoid(Effect):
         return {f"{part}{axis}{end}": "output" for end in ends for part in "cs" for axis in AXES}
 
     def together(self, name):
-        """Return the same parameter of every session: a line that is there comes back."""
+        """Return the same parameter of every session: a line recurs."""
         return tuple(p for p in self.parameters if p[:2] == name[:2])
 
     def in_session(self, channels, session, windows):

@@ -1,4 +1,4 @@
-"""Temperature: bias and scale factor follow it, with a lag or by the way that it came."""
+"""Temperature: bias and scale factor follow it, with lag or hysteresis."""
 
 from dataclasses import dataclass
 
@@ -91,12 +91,12 @@ class BiasTemperature(Effect):
 
     @property
     def timed(self):
-        """Whether the thermometer is late: then what was before counts."""
+        """Whether the thermometer lags, so that the past counts."""
         return self.lag > 0
 
     @property
     def price(self):
-        """What a lag has to gain."""
+        """By how much a lag has to lower the logarithm of the p-value."""
         return PRICE_OF_A_LAG if self.lag else 0.0
 
     @property
@@ -125,7 +125,7 @@ class BiasTemperature(Effect):
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
 
     def clamped(self, design, low, high):
-        """Return the powers of a temperature that is clamped: an even one has but one end."""
+        """Return the powers of the clamped temperature; an even power alone would lose its sign."""
         first = super().clamped(design[:, :, :3], low[:3], high[:3])
         return np.concatenate([first**k for k in range(1, self.order + 1)], axis=2)
 
@@ -196,7 +196,7 @@ class BiasTemperatureRate(Effect):
 
     @classmethod
     def shapes(cls, channels):
-        """Return the lags of which the data hold several."""
+        """Return the lags that the data span several times."""
         longest = np.ptp(channels.t) / RELAXATIONS
         return tuple(cls(tau) for tau in LAGS if tau <= longest) or (cls(),)
 
@@ -219,7 +219,7 @@ def branch(channels, half_width):
 
 @dataclass(frozen=True)
 class ThermalHysteresis(Effect):
-    """``e_i = h_i (θ - play_w θ)/w``: the bias depends on where the temperature θ came from.
+    """``e_i = h_i (θ - play_w θ)/w``: the bias depends on the direction from which θ came.
 
     play_w is dragged along between two walls w (the half-width, K) on either side of θ: the bracket
     is 1 while heating goes on, -1 while cooling does, 0 at the log's start, and crosses over within

@@ -1,4 +1,4 @@
-"""A bias that is another each time the device is switched on."""
+"""A bias that differs each time the device is switched on."""
 
 from dataclasses import dataclass
 

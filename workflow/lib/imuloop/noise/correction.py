@@ -1,4 +1,4 @@
-"""Samples of static records without the effects that were added, and their noise."""
+"""Samples of static records corrected for the added effects, and their noise."""
 
 from dataclasses import replace
 

@@ -55,7 +55,7 @@ class NoiseOfCurve:
 
     @classmethod
     def of(cls, factors, lengths, rate):
-        """Return that of averaging `factors` over independent stretches, rate in Hz."""
+        """Return the noise of a curve at averaging `factors` over stretches, rate in Hz."""
         lengths, repeats = np.unique(lengths, return_counts=True)
         level, quadratic = np.zeros((len(factors), 5)), np.zeros((len(factors), 4, 4))
         ramp = np.zeros((len(factors), 4))
@@ -116,7 +116,7 @@ def _kernels(lag):
 
 
 def fit_curve(variance, curve):
-    r"""Return Q, N, B, K, R, SI, that fit an Allan curve best, none negative, none tested.
+    r"""Return the non-negative Q, N, B, K, R, SI, that best fit an Allan curve; none is tested.
 
     The variance (not the deviation) is linear in the squares of the coefficients,
 

@@ -1,4 +1,4 @@
-"""White noise and random walk for a filter that knows no other noise."""
+"""White noise and random walk for a filter that models no other noise."""
 
 from dataclasses import replace
 from functools import lru_cache
@@ -16,7 +16,7 @@ ROUNDING = 1e-12
 
 @lru_cache(maxsize=64)
 def bounding(noise):
-    r"""Return N and K of which the Allan variance is nowhere below that of an axis.
+    r"""Return N and K whose Allan variance is nowhere below that of an axis.
 
     .. math::
         N^2/\tau + K^2 \tau/3 \ge \sigma^2(\tau),

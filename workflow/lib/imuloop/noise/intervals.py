@@ -1,4 +1,4 @@
-"""Coefficients with intervals, and limits of those that are not supported."""
+"""Coefficients with intervals, and upper limits of those that are not supported."""
 
 from functools import cache
 from math import exp, inf, log, sqrt

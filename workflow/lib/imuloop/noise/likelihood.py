@@ -138,7 +138,7 @@ class Likelihood:
         return float(value)
 
     def error(self, unit, expected):
-        """Return the standard error of a variance, that of all else known, for a spectrum."""
+        """Return the standard error of a variance, all else known, for a spectrum."""
         return 1 / np.sqrt(self.count @ (unit / self.above_rounding(expected)) ** 2 / 2)
 
     def ramp_error(self, expected):
@@ -152,11 +152,11 @@ class Likelihood:
 
     @cached_property
     def floor(self):
-        """Mean square below which there is nothing but rounding."""
+        """Mean square below which only rounding is left."""
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
     def above_rounding(self, squares):
-        """Return mean squares, or expected ones, that are at least those of rounding."""
+        """Return mean squares, measured or expected, raised to that of rounding."""
         return np.maximum(squares, self.floor)
 
     @cached_property

@@ -33,7 +33,7 @@ class Line:
     parts: tuple[FittedSinusoid, ...]
 
     def subtract(self, runs):
-        """Return the runs without the line; those that do not show it are the same objects."""
+        """Return the runs without the line; runs that do not show it are returned unchanged."""
         shown = {part.run for part in self.parts}
         result = [
             replace(run, values=np.array(run.values, float)) if i in shown else run
@@ -54,7 +54,7 @@ class Line:
 
 
 def find_line(runs, spectrum, level):
-    """Return the sinusoid that stands out most from the noise, if chance does not explain it.
+    """Return the most significant sinusoid; None if chance explains it.
 
     The largest ratio of the periodogram to the spectrum and its local background, see
     `Periodogram`, is a line where the chance of it is below the level. A line that wanders is one

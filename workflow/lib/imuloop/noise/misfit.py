@@ -1,4 +1,4 @@
-"""Where a spectrum leaves its model: a band that a filter emptied, and what counts less."""
+"""Where a spectrum departs from its model: a filtered band, and the weights that follow."""
 
 import numpy as np
 from scipy.special import chdtrc, chdtri, fdtr, polygamma, psi
@@ -47,7 +47,7 @@ def band(selection):
 
 
 def misfit(selection, terms):
-    r"""Return the largest relative misfit of a spectrum, and the weight that it leaves each row.
+    r"""Return the largest relative misfit of a spectrum, and the weight of each row given it.
 
     Power over expected power r of n values is a chi-square over n: its logarithm has the mean
     :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. What is left of its mean

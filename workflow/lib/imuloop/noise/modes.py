@@ -1,4 +1,4 @@
-"""The modes of a record: amplitudes in which its noise is uncorrelated, and what they expect."""
+"""The modes of a record: uncorrelated amplitudes of its noise, and their expected squares."""
 
 from dataclasses import dataclass
 from functools import cached_property

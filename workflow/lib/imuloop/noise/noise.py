@@ -62,12 +62,12 @@ class NoiseResult:
         return self.model.to_dict() | others
 
     def to_json(self, path, failed=None):
-        """Write noise.json; `failed` is what went wrong where there is nothing to write."""
+        """Write noise.json; `failed` is the failure that it stands in for, if any."""
         write_json(path, self.to_dict() | ({"failed": failed} if failed else {}))
 
 
 def no_noise(device, sessions, *notes):
-    """Return the NoiseResult of a device and names of sessions that knows nothing, and why."""
+    """Return an empty NoiseResult of a device and its sessions, with the reason."""
     return NoiseResult(
         model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise())),
         notes=notes,

@@ -23,7 +23,7 @@ SURE = 1e-9
 
 @dataclass(frozen=True)
 class Periodogram:
-    r"""Periodogram over spectrum of one run, and the medians of its blocks.
+    r"""Periodogram of one run relative to its spectrum, and the medians of its blocks.
 
     The periodogram :math:`I(f) = 2 |\sum x_j e^{-2 \pi i f t_j}|^2/(n r)`, level means and one
     slope removed, gaps filled with zeros, padded to twice the record, is divided by the spectrum
@@ -71,7 +71,7 @@ class Periodogram:
 
     @classmethod
     def of(cls, run, spectrum):
-        """Return that of one run, None where it is too short or too sparse, or has no noise."""
+        """Return the periodogram of one run; None if it is too short, sparse or has no noise."""
         n, (first, last) = int(run.lengths.sum()), run.extent
         # frequencies in units of rate/n, the distance of independent ones
         low = SHORTEST * n / (last + 1 - first)

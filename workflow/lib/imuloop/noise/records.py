@@ -1,4 +1,4 @@
-"""Clean stretches of a device's sessions, which its noise is estimated from."""
+"""Clean stretches of a device's sessions, from which its noise is estimated."""
 
 from dataclasses import dataclass, replace
 
@@ -175,7 +175,7 @@ def records_by_sensor(sessions, notes):
 
 
 def used_records(sessions, notes):
-    """Return the Records of one rate that count: of static sessions, else of all that hold a rest.
+    """Return the Records of one rate to use: of static sessions, else of all with a rest.
 
     Notes are added on what is left out, and on what a reader of the coefficients must know.
     """

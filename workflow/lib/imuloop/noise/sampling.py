@@ -33,7 +33,7 @@ class Sampling:
 
     @classmethod
     def unbroken(cls, rate, samples):
-        """Return that of one stretch."""
+        """Return the Sampling of one stretch."""
         return cls(rate, *np.array([[0], [samples], [0]]))
 
     @property

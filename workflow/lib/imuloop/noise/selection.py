@@ -88,7 +88,7 @@ class Selection:
         return dict(zip(variances(terms), self.fit(terms).theta, strict=True))
 
     def p_value(self, term, gain):
-        """Return the probability of such a gain of log-likelihood by a term that is not there.
+        """Return the probability that an absent term gains so much log-likelihood.
 
         Half a chi-square of one degree for a variance, which cannot be negative; a ramp can.
         """
@@ -106,7 +106,7 @@ class Selection:
 
     @property
     def tests(self):
-        """Independent tests that the correlation times amount to."""
+        """Effective number of independent tests of the correlation times."""
         times = self.times
         return 1.0 if len(times) < 2 else 1 + TESTS * np.log10(times[-1] / times[0])
 

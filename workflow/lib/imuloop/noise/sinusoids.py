@@ -1,4 +1,4 @@
-"""Sinusoids by least squares in the clean stretches of a run, at little memory."""
+"""Sinusoids by least squares in the clean stretches of a run, with little memory."""
 
 from dataclasses import dataclass
 
@@ -83,7 +83,7 @@ def fit_sinusoid(run, start, number):
 
 
 def follow(run, sinusoid, density):
-    """Return the sinusoids of the parts of a run through which one wanders, or it alone.
+    """Return one sinusoid per part of a run where its frequency wanders, else the one given.
 
     Halved as long as smaller parts explain more than chance; `density` is that of the noise there,
     one-sided, SI^2/Hz.

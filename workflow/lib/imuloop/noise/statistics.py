@@ -1,4 +1,4 @@
-"""Summary figures of a static record that people compare devices by."""
+"""Summary figures of a static record, by which devices are compared."""
 
 import numpy as np
 
@@ -41,7 +41,7 @@ def consecutive_means(stretches, count):
 
 
 def repeatability(means):
-    """Return how far the mean output differs from run to run.
+    """Return the scatter of the mean output from run to run.
 
     The sample standard deviation of the means of the static sessions. Gravity enters the
     accelerometer's mean with the attitude, so its axes count only where all sessions point the
