@@ -77,7 +77,7 @@ def without_pose(sessions, kind):
 
 
 def with_sessions(reason, sessions):
-    """Return a reason; of poses that are missing also what became of the sessions."""
+    """Return a reason; for missing poses, also what happened to the sessions."""
     for kind in ("multi_position", "six_position"):
         bare = without_pose({}, kind)
         if reason and reason.startswith(bare):
@@ -122,7 +122,7 @@ def raw_units(sessions):
 
 
 def layout(sessions):
-    """Return what was declared of the first log, and what its autopilot calls the sensors."""
+    """Return the declaration of the first log, and its autopilot's names of the sensors."""
     first = first_log(sessions)
     ids = first.get("sensor_ids")
     return first.get("declared", {}) | ({"sensor_ids": ids} if ids else {})
@@ -310,7 +310,7 @@ def calibrate_six_position(poses, noise, gravity, units, settings):
 
 
 def best(*candidates):
-    """Return the calibration that rests on most: multi-position, six-position, rest, nominal."""
+    """Return the best calibration: multi-position, six-position, rest, nominal, in that order."""
     return min(candidates, key=lambda c: METHODS.index(c.method))
 
 
@@ -341,7 +341,7 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
 
 
 def write_nominal(*, device, gravity, sessions, six_path, multi_path, why):
-    """Write both calibrations as the data sheet has them, where there are none.
+    """Write both calibrations with the data sheet's values, where nothing was measured.
 
     Arguments as of `calibrate_device`; `why` is a reason, and the content of the key ``failed``.
     """

@@ -1,4 +1,4 @@
-"""Both sensors of a device at a calibration: its parameters as one fit of both has them."""
+"""Both sensors of a device at a calibration: the parameters of their joint fit."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""Whether data determine the base parameters of a sensor, and whether a fit to them is one."""
+"""Whether data determine the base parameters of a sensor, and whether a fit is valid."""
 
 import numpy as np
 
@@ -43,7 +43,7 @@ def _accelerometer_condition(jacobian, x, gravity):
 
 
 def accelerometer_lost(jacobian, x, gravity, largest):
-    """Return why a fit of gravity's norm is none, or None if it is one.
+    """Return why a fit of gravity's norm is invalid, or None if it is valid.
 
     Gravity's norm is also met where K tends to zero and K b to a vector as long as gravity. What
     lies on no ellipsoid is drawn there, and there the poses determine nothing; or to axes that no
@@ -89,7 +89,7 @@ def gyroscope_undetermined(jacobian, largest):
 
 
 def gyroscope_lost(jacobian, white, covariance, K, largest):
-    """Return why a fit of rotations is none, or None if it is one: it ends undetermined.
+    """Return why a fit of rotations is undetermined at its solution, or None if it is not.
 
     Takes the derivative of the errors of m rotations with respect to T and K, (2 m, 9), these
     errors, each given those before it, (2 m,), the covariance of T and K, and K, (3,).
@@ -116,7 +116,7 @@ def gyroscope_lost(jacobian, white, covariance, K, largest):
 
 
 def direction_unknown(force):
-    """Return why an accelerometer's calibration gives no direction of gravity, None if it does.
+    """Return why an accelerometer's calibration gives no direction of gravity; None if it does.
 
     One as its data sheet has it may be degrees off: what a gyroscope fits to that is no better than
     its own data sheet. One that is nominal for no reason is taken as known.

@@ -1,4 +1,4 @@
-"""Time in a rotation: what lost samples and late stamps cost, measured on the motion itself.
+"""Errors of rotations by lost samples and late stamps, measured on the motion itself.
 
 Over a gap the rate is the cubic through the two samples on either side (`mean_rates`). Where the
 same rotation lost nothing, samples are left out as in the gap and the interpolation is compared
@@ -30,7 +30,7 @@ LATE = 0.02
 
 @dataclass(frozen=True)
 class Lost:
-    """Rotations that gaps took, of all that are short enough to be used.
+    """Rotations lost to gaps, of all that are short enough to be used.
 
     They are left out as a gap is too long, or its error not known or too large; `longest` is the
     most samples lost in a row in one of them. Others are left out as the angular rate is `clipped`.
@@ -45,7 +45,7 @@ class Lost:
 
     @property
     def reason(self):
-        """What they were left out for, in words; empty where none was."""
+        """Why they were left out, in words; empty where none was."""
         reasons = ""
         if self.left_out:
             samples = f"{self.longest} sample{'s' * (self.longest != 1)} in a row"
@@ -60,7 +60,7 @@ class Lost:
 
     @property
     def rests_reason(self):
-        """What rests were left out for, in words; empty where none was."""
+        """Why rests were left out, in words; empty where none was."""
         if not self.railed:
             return ""
         return (

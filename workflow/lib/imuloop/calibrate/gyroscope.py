@@ -15,7 +15,7 @@ NAMES = ("T01", "T02", "T10", "T12", "T20", "T21", "K0", "K1", "K2", "b0", "b1",
 
 
 class AngularRate(SensorModel):
-    """Angular rate on the axes of the body, which the accelerometer sets."""
+    """Angular rate on the body axes, which the accelerometer defines."""
 
     entries: ClassVar = ((0, 0, 1, 1, 2, 2), (1, 2, 0, 2, 0, 1))
 

@@ -44,7 +44,7 @@ class KnownTurns:
         return AngularRate(self.turned / self.seconds[:, None], np.zeros((len(self), 3, 0)))
 
     def start(self):
-        """Return T, K and b as the turns alone have them, nominal where they do not say: (12,)."""
+        """Return T, K and b by the turns alone, nominal where they determine nothing: (12,)."""
         raw = self.turned - self.seconds[:, None] * self.bias
         found = np.eye(3)
         if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:

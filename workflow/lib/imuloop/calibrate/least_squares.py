@@ -22,7 +22,7 @@ SINGULAR = (
 
 
 class NotConverged(LinAlgError):
-    """A search for the best fit that ends before it is found."""
+    """A search for the best fit that did not converge."""
 
 
 def why_no_fit(error):
@@ -203,6 +203,6 @@ def condition_number(jacobian, scales):
 
 
 def too_large(condition, largest):
-    """Return what a reason says of a condition number; what rounding makes of one has no digits."""
+    """Return the words for a condition number that is too large; beyond rounding, no digits."""
     found = f"{condition:.3g}" if condition < 1e9 else "beyond 1e9"
     return f"condition number {found}, at most {largest:g} allowed"

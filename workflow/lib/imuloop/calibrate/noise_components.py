@@ -1,4 +1,4 @@
-"""How large the components of the noise are, by the residuals and by what was known before."""
+"""Sizes of the components of the noise, from the residuals and from prior knowledge."""
 
 from dataclasses import dataclass
 
@@ -38,7 +38,7 @@ class Component:
     deviation: float = np.inf
 
     def padded(self, count):
-        """Return the same with so many rows more, which do not have it."""
+        """Return the component with more rows, on which it is zero."""
         return Component(np.pad(self.covariance, (0, count)), self.size, self.deviation)
 
 
@@ -51,7 +51,7 @@ def total(fixed, components, sizes):
 
 
 def likely_sizes(values, jacobian, fixed, components, known=None, start=None, rise=RISE):
-    """Return the sizes of components that are likeliest, shape (k,), none beyond what is known.
+    """Return the most likely sizes of components, shape (k,), within their prior bounds.
 
     Maximises, with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``, the restricted likelihood and the
     normal probability of what was known:

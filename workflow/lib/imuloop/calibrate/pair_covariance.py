@@ -112,7 +112,7 @@ class PairCovariance:
 
     @cached_property
     def within(self):
-        """What white noise of each channel within a move makes of its residuals, (6, m, w, w)."""
+        """Covariance of a move's residuals by white noise of each channel, (6, m, w, w)."""
         width, (T, K, _) = self.moves.values.shape[1], accelerometer.unpack(self.of_force)
         found = np.zeros((6, len(self.rotations), width, width))
         for axis in range(3):
@@ -142,7 +142,7 @@ class PairCovariance:
 
     @cached_property
     def tilted(self):
-        """What white noise of each rate makes of residuals where a rest tilts, (3, N, k).
+        """Effect of white noise of each rate on residuals where a rest tilts, (3, N, k).
 
         A direction at a tilted pose is turned by the gyroscope to where its rotation starts or
         ends. With white noise n over T those turns are off by ``∫ n s/T ds`` to the end and

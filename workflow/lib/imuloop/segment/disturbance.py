@@ -32,7 +32,7 @@ TOGETHER = 1 << 18
 
 
 def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
-    """Return the covariance of vectors about zero, as if a part of them were not there, (k, k).
+    """Return a covariance of vectors about zero that outliers do not affect, (k, k).
 
     Starting from a covariance that is the same in every direction of a sensor, the half of the
     vectors nearest to zero gives the next covariance, until it stands still. Its scale follows
@@ -80,7 +80,7 @@ def squared_distance(x, covariance):
 
 
 def distance_beyond(probability, k, m):
-    """Return the squared distance that a vector of noise is beyond with a probability.
+    """Return the squared distance that a vector of noise exceeds with a given probability.
 
     The covariance of the k channels is known from m other vectors, so that the distance is
     Hotelling's T², (m² − 1) k / (m (m − k)) times F with k and m − k degrees of freedom. F is

@@ -1,4 +1,4 @@
-"""Rests in the hand: the device keeps its attitude, but for tremor and sway."""
+"""Rests in the hand: the device keeps its attitude except for tremor and sway."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ MOST = 0.8
 
 
 def held_rests(w, stretches, step, bias, sway, shortest):
-    """Return where a hand holds the device for a while, (m, 2).
+    """Return the stretches in which a hand holds the device, (m, 2).
 
     By the mean rate over `WINDOW`, less the bias, (3,): from where it is first below `HOLDS` to
     where it is for the last time before it rises above `sway`, rad/s. None is shorter than
@@ -39,7 +39,7 @@ def held_rests(w, stretches, step, bias, sway, shortest):
 
 
 def united(still, held):
-    """Return rests that lie still and those in the hand in order, (m, 2), and which are held, (m,).
+    """Return rests on a support and in the hand in order, (m, 2), and which are in the hand, (m,).
 
     One in the hand takes the place of rests that are a part of it, unless they are most of it.
     """

@@ -1,4 +1,4 @@
-"""Multiples: choose the thresholds of the static detector by what a calibration would be worth."""
+"""Thresholds of the static detector, chosen by the accuracy of the resulting calibration."""
 
 import itertools
 

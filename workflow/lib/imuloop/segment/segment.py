@@ -1,4 +1,4 @@
-"""Segment: the one entry of the stage, from samples to segments."""
+"""The segment stage: from samples to segments."""
 
 from dataclasses import asdict, replace
 
@@ -114,7 +114,7 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
 
 
 def no_segments(kind):
-    """Return the segments of a session of a kind that has none, as `segment_session` does."""
+    """Return the empty result of `segment_session`, for a kind of session without segments."""
     return segment_session({name: [] for name in (TIME, *CHANNELS)}, kind, SegmentSettings())
 
 

@@ -7,7 +7,7 @@ from imuloop.core.samples import LONG_GAP_STEPS
 
 @dataclass(frozen=True)
 class SegmentSettings:
-    """What the segment stage asks of a rest and of a disturbance; s, rad and rad/s.
+    """Settings of rests and disturbances; s, rad and rad/s.
 
     The schema of the config describes each.
     """

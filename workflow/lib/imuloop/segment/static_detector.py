@@ -25,7 +25,7 @@ EDGE_S = 0.1
 
 @dataclass(frozen=True)
 class Activity:
-    """How much moves about each sample.
+    """Windowed variances and mean rate about each sample.
 
     Variances, (2, n), are the sums of the three windowed ones of accelerometer and gyroscope,
     (m/s²)² and (rad/s)²; infinite where no whole window fits between two gaps, the accelerometer's
@@ -43,7 +43,7 @@ class Activity:
 
 @dataclass(frozen=True)
 class RestLevel:
-    """What the windows show when the device rests: sums of variances, SI², and the bias, rad/s.
+    """Level of the windows at rest: sums of variances, SI², and the bias, rad/s.
 
     The source is "initial rest", with its duration, or "quietest windows".
     """
@@ -108,7 +108,7 @@ def rest_level(force, rate, moving, step, settings):
 
 
 def rate_at_rest(moving, level, settings):
-    """Return what the gyroscope shows at rest, its bias, rad/s, (3, 1), or (3, n) where it jumps.
+    """Return the bias of the gyroscope at rest, rad/s, (3, 1), or (3, n) where it jumps.
 
     A turn that no variance shows ends; a bias that jumps stays. So it jumps once where the windows
     that are still by their variances are nearly all within `rate_tolerance` of the level up to
@@ -162,13 +162,13 @@ def detect_rests(still, stretches, step, settings):
 
 
 def long_enough(rests, shortest, step):
-    """Return which rests last so long, s, and hold enough samples, (m,)."""
+    """Return which rests are long enough, s, and hold enough samples, (m,)."""
     samples = lengths(rests)
     return (samples * step >= shortest - step / 2) & (samples >= FEWEST_SAMPLES)
 
 
 def widened(f, w, rests, stretches, step):
-    """Return rests that go on as far as short means of both sensors are those of the rest.
+    """Return rests extended as far as short means of both sensors agree with the rest.
 
     The window of the detector ends a rest half its length early. From each end on, the mean over
     `EDGE_S` of each sensor is compared with that of the rest, by the variance of its samples there:

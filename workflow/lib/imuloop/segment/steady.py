@@ -1,4 +1,4 @@
-"""Steadiness: slow turns and tremor inside rests, against the device's own rests."""
+"""Slow turns and tremor inside rests, compared with the device's other rests."""
 
 import numpy as np
 from scipy.special import ndtri, stdtrit
@@ -17,7 +17,7 @@ FEWEST_OF_A_PART = 3
 
 
 def shortest_half(x):
-    """Return centre and standard deviation of the values as the densest half of them has it.
+    """Return centre and standard deviation of values by their densest half.
 
     References
     ----------

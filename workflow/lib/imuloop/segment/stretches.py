@@ -31,7 +31,7 @@ def lengths(ranges):
 
 
 def merged(ranges):
-    """Return ranges, at least one, in order, those that overlap or touch as one."""
+    """Return ranges, at least one, in order, with overlapping or touching ones merged."""
     first, last = ranges[np.argsort(ranges[:, 0])].T
     reached = np.maximum.accumulate(last)
     apart = first[1:] > reached[:-1]
@@ -39,7 +39,7 @@ def merged(ranges):
 
 
 def without(ranges, cuts):
-    """Return what is left of each of the ranges, in order, less the cuts, as `merged` has them."""
+    """Return ranges, in order, less the cuts, which are as `merged` returns them."""
     parts = [np.empty((0, 2), dtype=int)]
     for i, j in ranges:
         low, high = np.searchsorted(cuts[:, 1], i, side="right"), np.searchsorted(cuts[:, 0], j)

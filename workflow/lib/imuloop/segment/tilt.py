@@ -1,4 +1,4 @@
-"""Tilts of a device that should rest: gravity turns, and the gyroscope turns it as well."""
+"""Tilts of a device that should rest: gravity's direction turns as the gyroscope says."""
 
 import numpy as np
 from scipy.signal import detrend
