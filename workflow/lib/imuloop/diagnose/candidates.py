@@ -1,4 +1,4 @@
-"""Which effects of the library can be tried on a sensor, and why not the others."""
+"""Which effects of the library can be tried on a sensor, and why the others cannot."""
 
 from imuloop.core.effect import Effect
 from imuloop.effects.temperature import LEAST_SPAN, span

@@ -1,4 +1,4 @@
-"""What is added: effects that pass the test, and lower the error of data that are held out."""
+"""The choice of effects: those that pass the test and lower the held-out error are added."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,7 +10,7 @@ from imuloop.diagnose.search import Search, Trial, kinds_of
 
 @dataclass(frozen=True)
 class Added:
-    """An effect beside all others that were added."""
+    """An added effect, tested beside all other added ones."""
 
     effect: Effect  # in its shape
     trial: Trial  # its test
@@ -22,7 +22,7 @@ class Added:
 
 @dataclass(frozen=True)
 class Choice:
-    """What a search adds."""
+    """The effects that a search adds."""
 
     base: tuple[Effect, ...] = ()  # each in the shape that is best beside the others
     added: tuple[Added, ...] = ()  # the same, each beside all others
@@ -192,7 +192,7 @@ class Choices:
 
 
 def ratio_interval(fold, before, after, settings):
-    """Return the 95 % interval of held-out error after over before, whole parts drawn again.
+    """Return the 95 % bootstrap interval, over whole parts, of held-out error after over before.
 
     `fold`, (n,), is the part that each of the errors, (n, k), was held out with.
     """

@@ -1,4 +1,4 @@
-"""What diagnosis.json holds of the search in one kind of record: effects and candidates."""
+"""Content of diagnosis.json on the search in one kind of record: effects and candidates."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from imuloop.diagnose.verdict import above_floor, leaves, unseen
 
 
 def search_content(choices, fitted, others, probes, sensor):
-    """Return the contract's fields on what was looked for and found of a sensor.
+    """Return the fields of a sensor's search: candidates, and effects that were found.
 
     `fitted` are the effects that the choices added, `others` status and reason of what cannot be
     tried, `probes` as of `correlates`.

@@ -1,4 +1,4 @@
-"""What a residual goes with: signposts for a person, no effects."""
+"""What a residual correlates with: hints for a person, not effects."""
 
 import numpy as np
 from scipy.linalg import orth

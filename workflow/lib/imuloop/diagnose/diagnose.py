@@ -1,4 +1,4 @@
-"""Diagnose a device: is anything missing in its model, what is it, and what remains with it."""
+"""Diagnose a device: what is missing in its model, and what remains unexplained."""
 
 from dataclasses import dataclass, replace
 
@@ -43,7 +43,7 @@ RECORDS = ("poses", "static_record", "motion")
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """The diagnosis of a device, and what its validation and the next recording take from there."""
+    """The diagnosis of a device, as validation and the next recording use it."""
 
     content: dict  # content of diagnosis.json, but for the next recording
     calibration: Calibration  # with the effects that were added
@@ -167,7 +167,7 @@ def _content(device, *records):
 
 
 def calibrated(six_position, multi_position):
-    """Return the calibration that the stages before give: of each sensor what rests on most."""
+    """Return the calibration of the earlier stages: for each sensor the best one."""
     six, multi = Calibration.from_json(six_position), Calibration.from_json(multi_position)
     return replace(
         multi,
@@ -197,7 +197,7 @@ def final_calibration(base, found, effects, records, bias_refitted):
 
 
 def with_validity_ranges(calibration, found, recording, records, static_effects):
-    """Return the calibration with every effect held to what the data show.
+    """Return the calibration with the range of validity of every effect.
 
     Those of a sensor that the poses determine, by `found`, were seen there, the gyroscope's along
     the rotations too; the others in `records`, by sensor the static records.

@@ -11,7 +11,7 @@ from imuloop.diagnose.fold_fit import FoldFit
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """What the noise of some rows may be."""
+    """Hypotheses about the noise of some rows."""
 
     precision: np.ndarray  # (h, n, n): inverse of the covariance under each hypothesis
     log_det: np.ndarray  # (h,): logarithm of the covariance's determinant
@@ -44,7 +44,7 @@ class Block:
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """What one shape of an effect adds to the rows: ``design``, (N, a, q), SI.
+    """The derivative of the rows by one shape of an effect: ``design``, (N, a, q), SI.
 
     Of each axis: the numbers of its columns in the evidence, which parameters these belong to, and
     the norms that they were divided by.
@@ -159,7 +159,7 @@ class Evidence:
         return self._fold_fits[out]
 
     def release(self):
-        """Let go of all fits; they are made again if asked."""
+        """Free the memory of all fits; they are recomputed if needed."""
         self._fold_fits.clear()
 
     def split(self, rows):

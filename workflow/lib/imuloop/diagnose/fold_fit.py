@@ -1,4 +1,4 @@
-"""The fit of a fold: rows that are seen, and least squares of them under every hypothesis."""
+"""The fit of a fold: least squares of its training rows under every noise hypothesis."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -61,7 +61,7 @@ class Fit:
 
 @dataclass
 class FoldFit:
-    """What a fit sees: the rows outside some parts."""
+    """The training rows of a fold: all rows outside some parts."""
 
     evidence: object  # all rows
     held: tuple  # rows of each block that are held out
@@ -147,7 +147,7 @@ class FoldFit:
         self._gram, self._whole = grown, np.append(self._whole, whole)
 
     def release(self):
-        """Let go of fits, and of products that are large; they are made again if asked."""
+        """Free the memory of fits and large products; they are recomputed if needed."""
         self._fits.clear()
         if self._gram is not None and self._gram.nbytes > KEPT:
             self._gram, self._whole = None, np.zeros(0)
@@ -294,7 +294,7 @@ class FoldFit:
         return nuisances, found
 
     def residuals(self, effects, axis):
-        """Return what effects and nuisances, fitted to what is seen, leave of all rows, (N,)."""
+        """Return the residuals of all rows by a fit to the training rows, (N,)."""
         nuisances, theta = self.solved(effects, axis)
         blocks = zip(self.evidence.blocks, nuisances, strict=True)
         taken = np.concatenate([b.nuisance @ nuisance for b, nuisance in blocks])

@@ -1,4 +1,4 @@
-"""Effects that these data cannot tell apart: before the data are seen, and after."""
+"""Effects that these data cannot tell apart: by their patterns, and by the fit."""
 
 from itertools import permutations
 
@@ -12,7 +12,7 @@ ONE = 0.999
 
 
 def imitated_share(fold_fit, base, first, second, axis=0):
-    """Return which share of a pattern another takes, and which share of that the first takes.
+    """Return the share of a pattern that another imitates, and the reverse.
 
     ``cos²`` of the largest principal angle between the columns that nuisances and base leave:
     whatever its parameters, the other takes that share of its square at least. At the likeliest

@@ -1,4 +1,4 @@
-"""Detection limits: what would have been found, and kept, with the wanted power."""
+"""Detection limits: the sizes that would have been found, and kept, with the wanted power."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -182,7 +182,7 @@ def _least(share, smallest, power):
     """Return the size, not below the smallest, of which a share is found; None at none."""
 
     def missing(size):
-        """Return what a size lacks of the power in normal quantiles."""
+        """Return by how much a size misses the wanted power, in normal quantiles."""
         return float(ndtri(power) - ndtri(np.clip(share(size), 1 / RECORDS, 1 - 1 / RECORDS)))
 
     low, high = None, smallest

@@ -1,4 +1,4 @@
-"""P-values of the parameters that one fit has beyond another, whatever the noise is."""
+"""P-values of the additional parameters of a fit, averaged over the noise hypotheses."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Residuals against their floor: what the noise alone would leave, in the fit and held out."""
+"""Residuals and their floor, which the noise alone would leave, in the fit and held out."""
 
 import numpy as np
 from scipy.special import chdtrc

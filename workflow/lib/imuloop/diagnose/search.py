@@ -1,4 +1,4 @@
-"""The search: test every shape of every effect beside those found, by the rows that a fold sees."""
+"""The search: test every shape of every effect beside those found, on the rows of a fold."""
 
 from dataclasses import dataclass, field, replace
 from itertools import combinations

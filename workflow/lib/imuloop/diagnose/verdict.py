@@ -1,4 +1,4 @@
-"""The verdict on a residual, in the words of the contract."""
+"""The verdict on a residual: consistent, explained, partly explained or unexplained."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ def not_testable(why):
 
 @dataclass(frozen=True)
 class Judged:
-    """What a fit leaves, against the noise, which is known to alternatives only."""
+    """The residual of a fit, compared with alternatives of the noise."""
 
     p_value: float  # probability that the noise leaves as much
     heldout: float  # probability that the noise gives as large errors of what is held out

@@ -1,1 +1,1 @@
-"""From a calibration to the next recording: what another would bring, before it is made."""
+"""From a calibration to the next recording: what it would improve, before it is made."""

@@ -1,4 +1,4 @@
-"""While a session is recorded: what it shows so far, and what to do next."""
+"""Coaching while a session is recorded: what it shows so far, and what to do next."""
 
 from dataclasses import dataclass, replace
 

@@ -1,4 +1,4 @@
-"""What a device's parameters are known to, and what another recording would add to it."""
+"""Information on a device's parameters, and what another recording would add."""
 
 from dataclasses import dataclass, replace
 

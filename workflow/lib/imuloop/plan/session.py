@@ -1,4 +1,4 @@
-"""A multi-position session that is only planned: its poses and rotations as a sensor logs them."""
+"""A planned multi-position session: its poses and rotations as a sensor would log them."""
 
 from dataclasses import dataclass, replace
 

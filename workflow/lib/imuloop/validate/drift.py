@@ -23,7 +23,7 @@ _FLICKER = np.sqrt(2 * np.log(2) / np.pi)
 
 @dataclass(frozen=True)
 class Change:
-    """What became of one parameter: new less old, in SI, relative for a scale factor.
+    """The change of one parameter: new less old, in SI, relative for a scale factor.
 
     Its name is that of the calibration's covariance, or ``b along (x, y, z)``, on the sensor axes,
     where the log shows one direction of the bias alone. Its standard error is that of the old

@@ -1,4 +1,4 @@
-"""Residuals of a new log under an old calibration, and which of its changes the log determines."""
+"""Residuals of a new log under an old calibration, and the changes that the log determines."""
 
 from dataclasses import dataclass
 

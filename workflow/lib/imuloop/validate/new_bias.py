@@ -1,4 +1,4 @@
-"""The biases of a new log: those of a calibration, replaced; all else in it stays."""
+"""A calibration with the biases of a new log; all else in it stays."""
 
 from dataclasses import replace
 

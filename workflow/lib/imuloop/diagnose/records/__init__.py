@@ -1,1 +1,1 @@
-"""Kinds of records: what each shows of a device."""
+"""The kinds of records, each with its residuals, noise and diagnosis."""

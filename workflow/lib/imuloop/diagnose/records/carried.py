@@ -1,4 +1,4 @@
-"""Attitudes that a gyroscope carries along beside a reference, and how far they err."""
+"""Attitudes integrated from a gyroscope, and their errors beside a reference."""
 
 from dataclasses import dataclass
 

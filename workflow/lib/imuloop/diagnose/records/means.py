@@ -1,4 +1,4 @@
-"""A static record: means of consecutive windows at rest, and what an effect sees in them."""
+"""A static record: means of consecutive windows at rest, and the derivatives of effects."""
 
 from dataclasses import dataclass
 from functools import cache

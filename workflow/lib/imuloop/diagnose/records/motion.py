@@ -1,4 +1,4 @@
-"""The motion between the poses: velocity that a model of both sensors leaves at its end."""
+"""The motion between poses: the velocity that a model of both sensors leaves at its end."""
 
 from dataclasses import replace
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""Was an accelerometer moved by a disturbance? Then what follows is a record of its own."""
+"""Records cut where a disturbance has moved the device."""
 
 import numpy as np
 

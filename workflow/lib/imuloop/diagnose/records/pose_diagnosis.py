@@ -1,4 +1,4 @@
-"""Both sensors of a device: what is missing in their model, what it is, and what remains."""
+"""Diagnosis of both sensors at the poses: what their model lacks, and what remains."""
 
 from dataclasses import dataclass, field, replace
 from functools import partial

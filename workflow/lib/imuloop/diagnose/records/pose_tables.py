@@ -1,4 +1,4 @@
-"""The tables of poses and of the moves between them: what was measured, and what is left of it."""
+"""The tables of poses and of the moves between them: measurements and residuals."""
 
 import numpy as np
 

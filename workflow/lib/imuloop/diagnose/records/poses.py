@@ -1,4 +1,4 @@
-"""The poses of a device and what lies between them: residuals of a calibration, and their noise."""
+"""The poses of a device and the rotations between: residuals of a calibration, and their noise."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property

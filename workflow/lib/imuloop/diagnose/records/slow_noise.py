@@ -1,4 +1,4 @@
-"""Noise of a static record: on a grid where it is not known, and what it foretells where it is."""
+"""Noise of a static record: a grid of hypotheses, and the predictions of known noise."""
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
@@ -47,7 +47,7 @@ def hypotheses(windows, grid):
 
 
 def prediction_errors(values, windows, noise):
-    """Return how far each mean is from what those before it foretell, shape (n,), SI.
+    """Return the error of predicting each mean from those before it, shape (n,), SI.
 
     The foretold is the conditional mean by an AxisNoise beside a level of which nothing is known:
     with its covariance ``Σ = L Lᵀ`` the error is ``diag(L) L⁻¹ x``. Takes means x, shape (n,), over

@@ -1,4 +1,4 @@
-"""Static records: means at rest, whose slow noise nobody knows beforehand."""
+"""Static records: means at rest, whose slow noise is not known beforehand."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -162,7 +162,7 @@ class StaticProblem:
         return self._derivatives[effect]
 
     def release(self):
-        """Let go of what a search needs; it is found again if asked."""
+        """Free the memory of a search; it is recomputed if needed."""
         self.evidence.release()
         self._derivatives.clear()
         self._weighted_waves.clear()

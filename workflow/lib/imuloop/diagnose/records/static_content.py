@@ -1,4 +1,4 @@
-"""What diagnosis.json holds of the static records of a sensor."""
+"""Content of diagnosis.json on the static records of a sensor."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Static records: means at rest against their noise, the effects in them, the noise without."""
+"""Diagnosis of static records: the effects in means at rest, and the noise without them."""
 
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
