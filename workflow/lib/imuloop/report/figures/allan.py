@@ -10,6 +10,8 @@ from imuloop.report.units import quantities
 
 # each term of a model and its letter
 TERMS = {k: k for k in "QNBKR"} | {"gauss_markov": "GM", "sinusoid": "line"}
+# terms whose values stand beside their letters
+VALUED = "NBK"
 
 
 def curve(allan, channel, stage="corrected"):
@@ -19,32 +21,54 @@ def curve(allan, channel, stage="corrected"):
     return (chosen if len(chosen) else known[known["stage"] == "raw"]).sort_values("tau_s")
 
 
-def draw_allan(area, measured, noise, colour=INK, lowest=0.0):
+def draw_allan(area, measured, noise, sensor, colour=INK, lowest=0.0):
     """Draw an Allan curve with its interval, the model of an `AxisNoise` and each of its terms.
 
-    A term has its letter where it is largest, if it is above the `lowest` level.
+    In the unit of the tables. A term has its letter where it is largest, if it is above the
+    `lowest` level, SI; N, B and K have their values beside it.
     """
+    unit = deviation_unit(sensor)
     tau = measured["tau_s"].to_numpy()
     words = "measured, 95 % band"
-    area.loglog(tau, measured["adev"], color=colour, lw=1.6, label=words)
-    fill(area, tau, measured["ci_low"], measured["ci_high"], colour, curve=words)
+    area.loglog(tau, unit.factor * measured["adev"], color=colour, lw=1.6, label=words)
+    band = (unit.factor * measured[end] for end in ("ci_low", "ci_high"))
+    fill(area, tau, *band, colour, curve=words)
     grid = np.geomspace(tau[0], tau[-1], 30) if len(tau) else tau
     model = noise.allan_variance(grid)
     if not len(tau) or not (model > 0).all():
         return
-    area.loglog(grid, np.sqrt(model), color=INK, ls="--", lw=1.2, label="model")
+    area.loglog(grid, unit.factor * np.sqrt(model), color=INK, ls="--", lw=1.2, label="model")
     for term, letter in TERMS.items():
         values = np.sqrt(AxisNoise(**{term: getattr(noise, term)}).allan_variance(grid))
         if not values.any():
             continue
         looks = {"color": INK, "ls": ":", "lw": 1, "label": "its terms", "gid": f"curve={letter}"}
-        area.loglog(grid, values, **looks)
+        area.loglog(grid, unit.factor * values, **looks)
         shown = np.flatnonzero(values > lowest)
-        if len(shown):
-            # at the end where the term is largest
-            at = shown[values[shown].argmax()]
-            side = "left" if at < len(grid) / 2 else "right"
-            area.text(grid[at], values[at], letter, ha=side, va="bottom", fontsize=10)
+        if not len(shown):
+            continue
+        # at the end where the term is largest
+        at = shown[values[shown].argmax()]
+        side = "left" if at < len(grid) / 2 else "right"
+        if term in VALUED:
+            sheet = quantities(sensor)[term].sheet[0]
+            letter += f" {sheet.size(getattr(noise, term).size)}"
+            area.plot(grid[at], unit.factor * values[at], "o", color=INK, ms=4)
+        area.text(grid[at], unit.factor * values[at], letter, ha=side, va="bottom", fontsize=10)
+
+
+def deviation_unit(sensor):
+    """Return the unit of an Allan deviation: that of the bias instability in the tables."""
+    return quantities(sensor)["B"].sheet[0]
+
+
+def _add_si_scale(area, sensor):
+    """Draw a second scale, in SI, on the right of what was drawn."""
+    scale = area.twinx()
+    scale.set_gid("twin=SI")
+    scale.set_yscale("log")
+    scale.set_ylim([end / deviation_unit(sensor).factor for end in area.get_ylim()])
+    scale.set_ylabel(UNITS[sensor])
 
 
 def allan_pictures(device, session):
@@ -73,11 +97,13 @@ def allan_pictures(device, session):
             for area, axis, colour, (channel, r) in zip(
                 areas, XYZ, AXES, curves.items(), strict=True
             ):
-                draw_allan(area, r, device.axes[channel], colour, low)
+                draw_allan(area, r, device.axes[channel], sensor, colour, low)
                 area.set_xlabel(f"{axis}: averaging time τ, s")
             # a term may lie far below the curve
-            areas[0].set_ylim(low / 1.3, high * 1.3)
-            areas[0].set_ylabel(f"Allan deviation, {UNITS[sensor]}")
+            unit = deviation_unit(sensor)
+            areas[0].set_ylim(unit.factor * low / 1.3, unit.factor * high * 1.3)
+            areas[0].set_ylabel(f"Allan deviation, {unit.unit}")
+            _add_si_scale(areas[-1], sensor)
 
         found.append(
             Picture(
@@ -128,13 +154,17 @@ def corrected_pictures(device, sensor):
             continue
 
         def plot(area, curves=curves):
+            unit = deviation_unit(sensor)
             for colour, (axis, (raw, after)) in zip(AXES, curves.items(), strict=True):
-                area.loglog(after["tau_s"], after["adev"], color=colour, label=axis)
-                fill(area, after["tau_s"], after["ci_low"], after["ci_high"], colour, curve=axis)
+                tau = after["tau_s"]
+                adev, low, high = (unit.factor * after[c] for c in ("adev", "ci_low", "ci_high"))
+                area.loglog(tau, adev, color=colour, label=axis)
+                fill(area, tau, low, high, colour, curve=axis)
                 looks = {"color": colour, "ls": ":", "lw": 1.6, "gid": f"curve={axis}"}
-                area.loglog(raw["tau_s"], raw["adev"], **looks)
+                area.loglog(raw["tau_s"], unit.factor * raw["adev"], **looks)
             area.set_xlabel("averaging time τ, s")
-            area.set_ylabel(f"Allan deviation, {UNITS[sensor]}")
+            area.set_ylabel(f"Allan deviation, {unit.unit}")
+            _add_si_scale(area, sensor)
 
         of_sensor = session.allan[session.allan["axis"].isin(SENSORS[sensor])]
         parts = [f"{axis} {text}" for axis, p in curves.items() if (text := _fall(sensor, *p))]

@@ -14,7 +14,14 @@ from markupsafe import Markup
 from matplotlib import cycler
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator, ScalarFormatter
+from matplotlib.ticker import (
+    FuncFormatter,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    NullLocator,
+    ScalarFormatter,
+)
 from pyarrow import csv
 
 from imuloop.core.files import replaced
@@ -60,6 +67,8 @@ STYLE = {
     "path.simplify_threshold": 0.4,
     "xtick.major.size": 0,
     "ytick.major.size": 0,
+    "xtick.minor.size": 0,
+    "ytick.minor.size": 0,
     **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
 }
 CLEAR = dict.fromkeys(("figure.facecolor", "axes.facecolor"), "none")
@@ -117,13 +126,18 @@ class Picture:
             )
             areas, key = areas.ravel().tolist(), {}
             self.plot(areas if len(areas) > 1 else areas[0])
-            for area in areas:
+            for area in figure.axes:
                 # no wider than the area, and each asks for all ticks again
                 area.spines[:].set_in_layout(False)
                 key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
                 for axis in (area.xaxis, area.yaxis):
                     if axis.get_scale() == "log":
                         _mark_decades(axis)
+                if area in areas:
+                    area.grid(which="minor", lw=0.3)
+                else:
+                    # a second scale lies over the first
+                    area.grid(False)
             if self.zoom:
                 for area in areas:
                     _mark_curves(area)
@@ -177,13 +191,15 @@ def _mark_curves(area):
 def _mark_decades(axis):
     """Mark powers of ten; 1, 2 and 5 times them, or round numbers, where these are few."""
     low, high = axis.get_view_interval()
+    axis.set_minor_formatter(NullFormatter())
     if high < 4 * low:
         axis.set_major_locator(MaxNLocator(4, steps=(1, 2, 5, 10)))
         axis.set_major_formatter(ScalarFormatter())
+        axis.set_minor_locator(NullLocator())
     else:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
         axis.set_major_formatter(FuncFormatter(_decade))
-    axis.set_minor_locator(NullLocator())
+        axis.set_minor_locator(LogLocator(subs=range(2, 10)))
 
 
 def _decade(value, _):
@@ -213,7 +229,7 @@ def _clean(svg, alt, titles, digits):
         flags=re.S,
     )
     # where the text of a mark has a quotation mark, it stands in others
-    svg = re.sub(r"<g id=(['\"])(area|axis|curve)=", r"<g data-\2=\1", svg[svg.index("<svg") :])
+    svg = re.sub(r"<g id=(['\"])(area|axis|curve|twin)=", r"<g data-\2=\1", svg[svg.index("<svg") :])
     svg = re.sub(r'<g id="[^"]*"', "<g", svg)
     svg = re.sub(r"font-family: [^;\"]*; | transform=\"rotate\(-?0 [^\"]*\"", "", svg)
     svg = re.sub(r' [dxy]="[^"]*"', lambda m: _rounded(m[0], digits), re.sub(r"\s+", " ", svg))
