@@ -7,9 +7,12 @@ PEERS := build/bench
 
 .PHONY: report picture test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock api licences clean
 
-# of the devices of config.yaml, or of another config: make report CONFIG=my.yaml
+# of the devices of config.yaml, or of another config: make report CONFIG=my.yaml; with VERBOSE=1
+# what Snakemake says of each job
+QUIET := PYTHONPATH=workflow/logger $(BIN)/snakemake --logger imuloop
 report: setup
-	$(BIN)/snakemake $(if $(CONFIG),--configfile $(CONFIG)) -c$(CORES) results/report.html
+	@$(if $(VERBOSE),$(BIN)/snakemake,$(QUIET)) $(if $(CONFIG),--configfile $(CONFIG)) -c$(CORES) \
+		results/report.html
 	@echo "Open results/report.html"
 
 # docs/report.png, the first screen of the report of config.yaml; needs Chromium

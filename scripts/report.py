@@ -3,16 +3,15 @@
 from pathlib import Path
 
 import imuloop
-from imuloop.job_log import open_log
+from imuloop.job_log import open_log, say
 from imuloop.report.provenance import provenance
-from imuloop.report.report import write_report
+from imuloop.report.report import verdict_lines, write_report
 
 params, output = snakemake.params, snakemake.output
 open_log(snakemake.log[0], "report")
 
-write_report(
-    [Path(path).parent for path in snakemake.input.sections],
-    provenance(Path(imuloop.__file__).parents[3], params.command, params.config),
-    output.report,
-    output.comparison,
-)
+folders = [Path(path).parent for path in snakemake.input.sections]
+made_by = provenance(Path(imuloop.__file__).parents[3], params.command, params.config)
+write_report(folders, made_by, output.report, output.comparison)
+for line in verdict_lines(folders):
+    say(line)

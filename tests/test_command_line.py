@@ -8,6 +8,7 @@ from html import unescape
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 from scipy.io import savemat
 
 import imuloop
@@ -321,11 +322,12 @@ def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys):
     log.to_csv(tmp_path / "log.csv", index=False)
     page = tmp_path / "report.html"
     assert main(["report", str(tmp_path / "log.csv"), "-o", str(page)]) == 0
-    first, last = capsys.readouterr().out.splitlines()
+    first, verdicts, last = capsys.readouterr().out.splitlines()
+    assert verdicts.startswith("log: accelerometer not testable: ")
     assert first.startswith(f"{tmp_path / 'log.csv'}: rejected: ") and cause in first
     assert last == f"wrote {page}"
     text = unescape(page.read_text())
-    assert text.index("Rejected sessions") < text.index(cause) < text.index("Is its model complete")
+    assert text.index("Rejected sessions") < text.index(cause) < text.index("value ± 1 σ")
     assert "Nothing needed" not in text
     [advice] = re.findall(r"What would help most:</strong> (.*?)</p>", text)
     assert advice.startswith("Correct what is declared of session multi_position_1 and run again")
@@ -414,3 +416,39 @@ def test_every_command_takes_a_file_of_each_sensor(device, tmp_path, capsys):
     assert "columns.time: no column 'when'; there are tick" in line
     line = one_line_error(["apply", old, pair, "-o", force], capsys)
     assert "acc.csv" in line
+
+
+def test_the_noise_of_a_log_with_the_files_of_filters(tmp_path, capsys):
+    rng, rate = np.random.default_rng(5), 100.0
+    log = pd.DataFrame({"t": np.arange(60_000) / rate})
+    sizes = dict.fromkeys(ACCELERATION, 2e-3) | dict.fromkeys(CHANNELS[3:], 1e-4)
+    for channel, density in sizes.items():
+        log[channel] = density * np.sqrt(rate) * rng.standard_normal(len(log))
+    log["az"] += 9.81
+    log.to_csv(tmp_path / "rest.csv", index=False)
+    out = tmp_path / "out"
+    assert main(["noise", str(tmp_path / "rest.csv"), "-o", str(out)]) == 0
+    shown = capsys.readouterr().out
+    assert "white noise (angle random walk)" in shown
+    noise = json.loads((out / "noise.json").read_text())
+    for channel, density in sizes.items():
+        assert noise["axes"][channel]["N"]["value"] == pytest.approx(density, rel=0.02)
+    for name in ("kalibr_imu.yaml", "vins_fusion_imu.yaml", "openvins_kalibr_imu_chain.yaml"):
+        assert f"wrote {out / name}" in shown
+    kalibr = yaml.safe_load((out / "kalibr_imu.yaml").read_text())
+    white = max(noise["axes"][channel]["N"]["value"] for channel in ACCELERATION)
+    assert white <= kalibr["accelerometer_noise_density"] < 1.5 * white
+    for sensor in ("accelerometer", "gyroscope"):
+        svg = (out / f"allan_{sensor}.svg").read_text()
+        assert ">N " in svg and svg.startswith("<svg")
+    curve = pd.read_csv(out / "allan.csv").query("axis == 'ax'").iloc[0]
+    assert curve["adev"] == pytest.approx(2e-3 * np.sqrt(rate), rel=0.02)
+
+
+def test_the_noise_of_what_is_no_rest_is_one_line(tmp_path, capsys):
+    log = pd.DataFrame({"t": np.arange(6000) / 100})
+    for k, channel in enumerate(CHANNELS):
+        log[channel] = 5 * np.sin((1 + 0.3 * k) * log["t"])
+    log.to_csv(tmp_path / "moving.csv", index=False)
+    line = one_line_error(["noise", tmp_path / "moving.csv"], capsys)
+    assert "moving.csv" in line and "no session holds a rest" in line

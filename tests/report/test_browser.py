@@ -221,6 +221,8 @@ def test_values_at_the_cursor_are_those_of_the_file(page, curves, results):
             assert line.startswith(f"{channel[1]}: averaging time")
             tau = number(re.search(r"τ, s (\S+)\. ", line)[1])
             near = rows.loc[(np.log(rows["tau_s"] / tau)).abs().idxmin(), "adev"]
+            # in °/h, as the tables
+            near *= np.degrees(1) * 3600
             found = number(re.search(r"95 % band (\S+),", line)[1])
             assert found == pytest.approx(near, rel=5e-3)
 

@@ -88,7 +88,7 @@ def test_effects_of_the_other_kind_of_data_are_named(devices):
     )
     said = sentence("accelerometer", block)
     assert said.startswith("consistent")
-    assert "bias_temperature, found in the static record, is part of the model" in said
+    assert "bias over temperature, found in the static record, is part of the model" in said
 
 
 def test_temperatures_are_those_of_the_windows(devices):
@@ -200,10 +200,10 @@ def test_what_one_effect_would_leave_is_said_of_the_residual_that_it_changes():
     tried |= {"residual": "pose_rate", "heldout_after": DEGREE}
     block = {"verdict": "unexplained", "residuals": residuals, "candidates": [tried]}
     said = sentence("gyroscope", UNTESTED | block).replace("\u202f", " ")
-    assert "warm_up alone would leave 1.00 °/s of 2.00 °/s of the angular rate left at rest" in said
+    assert "warm-up alone would leave 1.00 °/s of 2.00 °/s of the angular rate left at rest" in said
     tried |= {"residual": "rotation", "heldout_after": 1e-3}
     said = sentence("gyroscope", UNTESTED | block).replace("\u202f", " ")
-    assert "warm_up alone would leave 0.0573°: error of gravity's direction" in said
+    assert "warm-up alone would leave 0.0573°: error of gravity's direction" in said
 
 
 @pytest.mark.parametrize("kind", RESIDUAL_WORDS)

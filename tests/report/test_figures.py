@@ -11,10 +11,11 @@ from imuloop.core.files import write_json
 from imuloop.core.sphere import direction_words, largest_hole
 from imuloop.report.figures.allan import allan_pictures
 from imuloop.report.figures.attitude import attitude_part
-from imuloop.report.figures.loop import loop_picture, loop_words
+from imuloop.report.figures.loop import headline, loop_picture, loop_words
 from imuloop.report.figures.poses import pose_picture
 from imuloop.report.figures.residuals import against, goes_with, residual_pictures
 from imuloop.report.figures.time_series import session_pictures
+from imuloop.report.numbers import number
 from imuloop.report.results import DeviceResults
 
 
@@ -97,8 +98,11 @@ def test_the_allan_curve_has_its_terms_and_tells_how_well_the_model_fits(devices
     }
     worse, _ = allan_pictures(replace(device, noise={"axes": axes}), device.sessions[0])
     assert int(re.search(r"at (\d+) of", worse.caption)[1]) < inside
-    for letter in ("N", "B", "line"):
-        assert f">{letter}</text>" in force.svg
+    assert ">line</text>" in force.svg
+    # with the values of the table
+    for key in "NB":
+        value = number(device.noise["axes"]["ax"][key]["value"] * 1e6 / 9.80665)
+        assert f">{key} {value}</text>" in force.svg
     assert ">GM</text>" in turn.svg
     assert "hump of a line of 0.0800 Hz (z)." in force.caption
     assert "hump of a Gauss–Markov process, T = 30.0 s (x)." in turn.caption
@@ -156,7 +160,7 @@ def test_the_error_of_the_vertical_is_said_of_every_model_or_why_not(tmp_path):
 
 
 def error(what="a", final=None, **sizes):
-    effects = ["g_sensitivity"] if final else []
+    effects = ["g-sensitivity"] if final else []
     sizes = {"logged": None, "calibrated": 2e-3, "floor": 1e-3, "slow_noise": False} | sizes
     return {"what": what, "unit": "rad", "final": final, "effects": effects} | sizes
 
@@ -164,7 +168,7 @@ def error(what="a", final=None, **sizes):
 def test_the_loop_says_the_error_that_fell_most_with_factor_and_floor():
     words = loop_words([error(), error("vertical after a turn", 1e-3, logged=0.1)])
     expected = (
-        "Vertical after a turn: 5.7° as logged, 0.11° calibrated, 0.057° with g sensitivity, "
+        "Vertical after a turn: 5.7° as logged, 0.11° calibrated, 0.057° with g-sensitivity, "
     )
     assert plain(words) == f"{expected}2.0 times less. Noise alone gives 0.057°."
     # slow noise that no rest shows is a guess
@@ -176,3 +180,21 @@ def test_the_loop_says_the_error_that_fell_most_with_factor_and_floor():
     # an error far below what slow noise may give is still in the picture
     area = loop_picture("a", [error(calibrated=2e-4, slow_noise=True)]).figure().axes[0]
     assert area.get_xlim()[0] < 2e-4 / error()["floor"]
+
+
+def test_the_headline_is_the_largest_find_and_a_small_gain_is_none():
+    def device(label, verdict, *loop):
+        return {"label": label, "answers": [("gyroscope", verdict, "")], "loop": list(loop)}
+
+    good = device("A", "consistent", error())
+    found = device("B", "explained", error(final=1.9e-3), error("gravity at rest", 1e-3))
+    words = plain(headline([good, found]))
+    assert words == "B: undeclared g-sensitivity. Gravity at rest 0.11° → 0.057°"
+    # it is the device's own sentence
+    assert all(size in plain(loop_words(found["loop"])) for size in ("0.11°", "0.057°"))
+    slight = device("C", "explained", error(final=1.95e-3))
+    assert headline([slight]) == "C: what was missing is small"
+    assert headline([good, good]) == "2 devices: nothing is missing"
+    missing = device("D", "unexplained", error())
+    assert headline([good, missing]) == "2 devices: something is still missing"
+    assert "too few data" in headline([device("E", "not_testable")])

@@ -44,13 +44,9 @@ def test_effects_of_both_sensors_are_one_answer():
     found = diagnosis(
         "partly_explained", accelerometer=["lever_arm"], gyroscope=["gyro_axis_delay"]
     )
-    assert answers(found)[2:] == [
-        (
-            "both in motion",
-            "partly_explained",
-            "better with lever arm and gyro axis delay corrected, but something is still missing",
-        )
-    ]
+    effects = "lever arm and delays between the gyroscope's axes"
+    words = f"better with {effects} corrected, but something is still missing"
+    assert answers(found)[2:] == [("both in motion", "partly_explained", words)]
     # what is given to one sensor is none of the other's
     assert [c["status"] for c in motion_of(found)["candidates"]] == ["added"]
     # at its floor, or without a test, motion is no answer

@@ -120,7 +120,7 @@ def test_fewer_than_three_sessions_are_said_to_be_few(sessions, said):
     assert "left out of the calibration" not in text
     more = [ARM, ARM | {"name": "quadratic"}]
     text = sentence("accelerometer", block(sessions=sessions, effects=more))
-    assert ("quadratic is seen within a session only" in text) == said
+    assert ("quadratic nonlinearity is seen within a session only" in text) == said
 
 
 def test_sensor_beside_a_reference_is_a_part_and_an_answer_of_its_own():

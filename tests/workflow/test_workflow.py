@@ -14,7 +14,7 @@ import yaml
 from imuloop import chain
 from imuloop.config import STAGES, resolve
 from workflow.conftest import CONFIG, QUICK, RESTING
-from workflow.run import snakemake
+from workflow.run import command, snakemake
 
 
 def test_a_csv_log_becomes_a_report(finished):
@@ -232,3 +232,22 @@ def test_jobs_ask_for_more_memory_than_they_take(finished, repository):
                 peaks[job] = pd.read_csv(table, sep="\t")["max_rss"].max() / int(asked)
         assert folder == repository or len(peaks) > 20
         assert {job: share for job, share in peaks.items() if share > 1 / 1.3} == {}
+
+
+def test_the_terminal_has_a_line_per_device_and_stage_and_the_verdicts(finished, checkout):
+    logger = {"PYTHONPATH": str(checkout / "workflow/logger")}
+    again = ("--logger", "imuloop", "--forcerun", "noise", "report", "--quiet", "host")
+    done = subprocess.run(
+        command(checkout, finished[0], *again),
+        cwd=finished[0],
+        env=os.environ | logger,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    lines = [line for line in done.stderr.splitlines() if not line.startswith("Using profile")]
+    stages = [line for line in lines if re.fullmatch(r"\w+  \w+(  \d+ sessions?)?", line)]
+    assert {"posed  noise", "resting  noise", "posed  report_device"} <= set(stages)
+    assert len(lines) <= 8 * len(CONFIG["devices"])
+    assert any(re.match("posed: accelerometer .*; gyroscope ", line) for line in lines)
+    assert any(line.startswith("Rest & <b>peace</b>") for line in lines)

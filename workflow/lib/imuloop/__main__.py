@@ -8,10 +8,10 @@ import sys
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from imuloop import __version__
-from imuloop.commands import apply, calibrate, check, coach, info, propose, report
+from imuloop.commands import apply, calibrate, check, coach, info, noise, propose, report
 from imuloop.core.errors import ImuloopError, one_line
 
-COMMANDS = (apply, calibrate, check, coach, info, propose, report)
+COMMANDS = (apply, calibrate, check, coach, info, noise, propose, report)
 
 
 def main(argv=None):

@@ -20,6 +20,7 @@ from imuloop.commands.raw_log import (
     name_of,
     paths_of,
     refuse_rejected,
+    segmented,
 )
 from imuloop.core.calibration_faults import implausible
 from imuloop.core.errors import ImuloopError, plural
@@ -32,8 +33,6 @@ from imuloop.noise.settings import NoiseSettings
 from imuloop.report.numbers import number, p_text, with_sigma
 from imuloop.report.units import MILLIRADIAN, RESIDUAL, data_sheet
 from imuloop.report.verdict import RESIDUAL_WORDS
-from imuloop.segment.segment import segment_session
-from imuloop.segment.settings import SegmentSettings
 from imuloop.validate.drift import check_drift
 from imuloop.validate.new_bias import update_biases
 
@@ -130,15 +129,6 @@ def run(arguments):
         what = {"calibration": str(arguments.calibration), "log": paths_of(arguments.log)}
         write_json(arguments.json, drift.to_dict() | what | {"kind": kind, "noise": source})
     return DRIFTED if drift.drifted else 0
-
-
-def segmented(samples, kind, rails, stuck):
-    """Return the kind of a log and its segments; poses if it has several and no kind is given."""
-    how = kind or "multi_position"
-    segments, found = segment_session(samples, how, SegmentSettings(), rails, stuck)
-    if kind or found["poses"] > 1:
-        return how, segments
-    return "static", segment_session(samples, "static", SegmentSettings(), stuck=stuck)[0]
 
 
 def noise_of(arguments, calibration, kind, samples, segments):

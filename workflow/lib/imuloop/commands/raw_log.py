@@ -11,6 +11,8 @@ from imuloop.core.samples import read_metadata
 from imuloop.ingest.formats import PAIR, guess_format
 from imuloop.ingest.ingest import Declared, ingest
 from imuloop.ingest.spellings import UNITS
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
 
 QUANTITIES = ("time", "acceleration", "angular_rate", "temperature", "interval")
 SENSORS = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
@@ -211,3 +213,12 @@ def refuse_rejected(log, quality):
     """Raise an error for a log that ingest rejected, with the reasons."""
     if quality.get("status") == "rejected":
         raise ImuloopError(f"{paths_of(log)}: rejected: {'; '.join(quality['reasons'])}")
+
+
+def segmented(samples, kind, rails, stuck):
+    """Return the kind of a log and its segments; poses if it has several and no kind is given."""
+    how = kind or "multi_position"
+    segments, found = segment_session(samples, how, SegmentSettings(), rails, stuck)
+    if kind or found["poses"] > 1:
+        return how, segments
+    return "static", segment_session(samples, "static", SegmentSettings(), stuck=stuck)[0]

@@ -35,6 +35,9 @@ def add(commands, **how):
 
 def run(arguments):
     """Write the report of one device."""
+    # loads matplotlib
+    from imuloop.report.report import verdict_lines
+
     page = arguments.output
     log = page.with_name(f"{page.name}.log")
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
@@ -44,4 +47,5 @@ def run(arguments):
                 say(line)
             command = f"imuloop report {shlex.join(sys.argv[2:])}"
             result.report(page, command, linked=bool(arguments.keep))
+            say(*verdict_lines([result.device.folder]))
     say(f"wrote {page}")

@@ -6,11 +6,13 @@ from pathlib import Path
 import yaml
 from markupsafe import Markup
 
+import imuloop
+from imuloop.core.errors import plural
 from imuloop.core.files import plain, read_json, replaced
 from imuloop.noise.filters import RANGE
 from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.drawing import write_svg
-from imuloop.report.figures.loop import loop_picture
+from imuloop.report.figures.loop import headline, loop_picture
 from imuloop.report.page import write_page
 from imuloop.report.tables import comparison as tables
 from imuloop.report.verdict import WORDS, grouped
@@ -50,6 +52,9 @@ def write_report(folders, provenance, report_path, comparison_path):
     write_page(
         report_path,
         "report.html.j2",
+        headline=headline(devices),
+        recorded=recorded(devices),
+        version=imuloop.__version__,
         many=not together,
         groups=grouped(devices),
         # escaped when they were written
@@ -73,8 +78,35 @@ def write_report(folders, provenance, report_path, comparison_path):
         comparison=comparison,
         facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},
         texts={
-            k: yaml.safe_dump(plain(v), sort_keys=False, allow_unicode=True)
+            k: yaml.safe_dump(_given(plain(v)), sort_keys=False, allow_unicode=True)
             for k, v in provenance.items()
             if isinstance(v, Mapping)
         },
     )
+
+
+def verdict_lines(folders):
+    """Return a line per device with its verdicts; of many devices one per group that has them."""
+    devices = [read_json(Path(folder) / "summary.json") for folder in folders]
+    if len(devices) <= TOGETHER:
+        given = [(device["label"], device["answers"]) for device in devices]
+    else:
+        given = [(plural(len(found), "device"), answers) for answers, found in grouped(devices)]
+    return [
+        f"{name}: {'; '.join(f'{sensor} {words}' for sensor, _, words in answers)}"
+        for name, answers in given
+    ]
+
+
+def recorded(devices):
+    """Return the first and the last day of the logs, ``YYYY-MM-DD`` each, None where unknown."""
+    starts = [s["start"] for d in devices for s in d["sessions"].values() if s["start"]]
+    return (min(starts)[:10], max(starts)[:10]) if starts else None
+
+
+def _given(content):
+    """Return what a mapping says, without keys that hold nothing."""
+    if not isinstance(content, Mapping):
+        return content
+    known = {key: _given(value) for key, value in content.items()}
+    return {key: value for key, value in known.items() if value not in (None, {}, [], "")}

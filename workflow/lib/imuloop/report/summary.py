@@ -52,7 +52,8 @@ def summarise(device, steps=()):
             if s.rejected
         ],
         "sessions": {
-            s.name: {"kind": s.kind, "duration_s": s.quality["duration_s"]} for s in device.sessions
+            s.name: {"kind": s.kind} | {key: s.quality[key] for key in ("duration_s", "start")}
+            for s in device.sessions
         },
         "verdicts": {
             sensor: {

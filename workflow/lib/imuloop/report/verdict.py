@@ -30,8 +30,26 @@ RESIDUAL_WORDS = {
     "reference_rotation": "error of the rotation over 1 s",
     "reference_force": "error of specific force over 0.4 s",
 }
-# what is no effect of the library
-FORMULA = {"discovered": "a formula of no known cause"}
+# effects whose words are not their names with spaces
+EFFECT_WORDS = {
+    "discovered": "a formula of no known cause",
+    "bias_temperature": "bias over temperature",
+    "bias_temperature_rate": "bias over the rate of temperature",
+    "g_sensitivity": "g-sensitivity",
+    "g2_sensitivity": "g²-sensitivity",
+    "gauss_markov": "a Gauss–Markov process",
+    "gyro_axis_delay": "delays between the gyroscope's axes",
+    "earth_rate": "Earth rate",
+    "quadratic": "quadratic nonlinearity",
+    "cubic": "cubic nonlinearity",
+    "scale_asymmetry": "scale factor asymmetry",
+    "scale_nonlinearity": "scale factor nonlinearity",
+    "scale_temperature": "scale factor over temperature",
+    "sinusoid": "a sinusoid",
+    "steps": "bias steps",
+    "turn_on_bias": "turn-on bias",
+    "warm_up": "warm-up",
+}
 # an effect that is noise: it can be told from other noise, and not be corrected
 MEMORY = "gauss_markov"
 # what a residual that is left is compared with
@@ -99,6 +117,11 @@ def motion_of(diagnosis):
     # what is given to one sensor is none of the other's
     named = {c["name"]: c for c in reversed(both["candidates"])}
     return force | both | {"candidates": list(reversed(named.values()))}
+
+
+def effect_words(name):
+    """Return the words for an effect, given its name in results."""
+    return EFFECT_WORDS.get(name, name.replace("_", " "))
 
 
 def blocks(diagnosis):
@@ -219,7 +242,8 @@ def _tried(sensor, block):
         return "no effect that was tried helps"
     kind = best["residual"]
     left = shown(residuals[kind] | {"after": best["heldout_after"]}, "after")
-    text = f"no effect that was tried is certain, though {best['name']} alone would leave {left}"
+    alone = effect_words(best["name"])
+    text = f"no effect that was tried is certain, though {alone} alone would leave {left}"
     if kind != quoted(sensor, block)[0]:
         text += f" of {shown(residuals[kind], 'before')} of the {RESIDUAL_WORDS[kind]}"
     return text
@@ -231,7 +255,7 @@ def sentence(sensor, block):
     if verdict == "not_testable":
         return f"not testable: {block['why']}{'' if block['why'].endswith('?') else '.'}"
     name, residual = quoted(sensor, block)
-    effects = joined([FORMULA.get(e["name"], e["name"]) for e in block["effects"]])
+    effects = joined([effect_words(e["name"]) for e in block["effects"]])
     words = {
         "consistent": "consistent with its model and noise",
         "explained": f"explained by {effects}",
@@ -245,7 +269,10 @@ def sentence(sensor, block):
     own = {e["name"] for e in block["effects"]}
     added = [c for c in block["candidates"] if c["status"] == "added" and c["name"] not in own]
     if added:
-        listed, verb = joined([c["name"] for c in added]), "is" if len(added) == 1 else "are"
+        listed, verb = (
+            joined([effect_words(c["name"]) for c in added]),
+            "is" if len(added) == 1 else "are",
+        )
         text += f"; {listed}, {added[0]['why']}, {verb} part of the model"
     text += "."
     if verdict in ABOVE:
@@ -277,7 +304,7 @@ def sentence(sensor, block):
 
 def _within(block):
     """Return what it means that a reference was there in fewer sessions than can be held out."""
-    own = [e["name"] for e in block["effects"] if e["name"] not in BESIDE]
+    own = [effect_words(e["name"]) for e in block["effects"] if e["name"] not in BESIDE]
     text = " Held out were parts of a session, not a session: what the reference gets wrong in one "
     text += f"attitude it gets wrong there again; {WHOLE} sessions would tell."
     if own:
@@ -326,8 +353,7 @@ def _words(block):
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
     found = [e["name"] for e in block["effects"]]
-    names = (FORMULA.get(n, n).replace("_", " ") for n in found if n != MEMORY)
-    effects = joined(list(names))
+    effects = joined([effect_words(name) for name in found if name != MEMORY])
     corrected = f" with {effects} corrected" if effects else ""
     better = f"better{corrected}" if effects else "its noise has a memory"
     few = undersampled(block)[0]

@@ -76,53 +76,55 @@ def allan_pictures(device, session):
     if not len(session.allan):
         return []
     csv = write_csv(device.figures, f"{session.name}_allan", session.allan)
-    found = []
-    for sensor, channels in SENSORS.items():
-        curves = {c: curve(session.allan, c, "raw") for c in channels}
-        # without noise there is no deviation above 0
-        if not any(len(r) for r in curves.values()):
-            continue
-
-        inside, count = 0, 0
-        for channel, r in curves.items():
-            variance = device.axes[channel].allan_variance(r["tau_s"].to_numpy())
-            inside += int(np.sum((r["ci_low"] ** 2 <= variance) & (variance <= r["ci_high"] ** 2)))
-            count += len(r) if (variance > 0).all() else 0
-        fit = f" The model lies in the band at {inside} of {count} averaging times." * (count > 0)
-
-        def plot(areas, curves=curves, sensor=sensor):
-            ends = [r[c] for r in curves.values() for c in ("ci_low", "ci_high")]
-            low = min(v[v > 0].min() for v in ends if (v > 0).any())
-            high = max(np.nanmax(v) for v in ends if np.isfinite(v).any())
-            for area, axis, colour, (channel, r) in zip(
-                areas, XYZ, AXES, curves.items(), strict=True
-            ):
-                draw_allan(area, r, device.axes[channel], sensor, colour, low)
-                area.set_xlabel(f"{axis}: averaging time τ, s")
-            # a term may lie far below the curve
-            unit = deviation_unit(sensor)
-            areas[0].set_ylim(unit.factor * low / 1.3, unit.factor * high * 1.3)
-            areas[0].set_ylabel(f"Allan deviation, {unit.unit}")
-            _add_si_scale(areas[-1], sensor)
-
-        found.append(
-            Picture(
-                f"{device.name}.{session.name}.allan_{sensor}",
-                "Allan deviation",
-                f"{session.name}, {sensor}: {_finding(device, sensor)}{fit}",
-                plot,
-                (1000, 280),
-                csv,
-                columns=(1, 1, 1),
-                zoom=True,
-            )
-        )
-    return found
+    name = f"{device.name}.{session.name}"
+    each = (allan_picture(name, s, session.allan, device.axes, csv) for s in SENSORS)
+    return [picture for picture in each if picture]
 
 
-def _finding(device, sensor):
+def allan_picture(name, sensor, allan, axes, csv=""):
+    """Return the Allan deviation of a sensor as logged; None where there is none above 0.
+
+    Takes the rows of allan.parquet, and an `AxisNoise` by channel.
+    """
+    curves = {c: curve(allan, c, "raw") for c in SENSORS[sensor]}
+    if not any(len(r) for r in curves.values()):
+        return None
+    inside, count = 0, 0
+    for channel, r in curves.items():
+        variance = axes[channel].allan_variance(r["tau_s"].to_numpy())
+        inside += int(np.sum((r["ci_low"] ** 2 <= variance) & (variance <= r["ci_high"] ** 2)))
+        count += len(r) if (variance > 0).all() else 0
+    fit = f" The model lies in the band at {inside} of {count} averaging times." * (count > 0)
+    found = _finding(of_axes(axes, sensor), sensor)
+
+    def plot(areas):
+        ends = [r[c] for r in curves.values() for c in ("ci_low", "ci_high")]
+        low = min(v[v > 0].min() for v in ends if (v > 0).any())
+        high = max(np.nanmax(v) for v in ends if np.isfinite(v).any())
+        for area, axis, colour, (channel, r) in zip(areas, XYZ, AXES, curves.items(), strict=True):
+            draw_allan(area, r, axes[channel], sensor, colour, low)
+            area.set_xlabel(f"{axis}: averaging time τ, s")
+        # a term may lie far below the curve
+        unit = deviation_unit(sensor)
+        areas[0].set_ylim(unit.factor * low / 1.3, unit.factor * high * 1.3)
+        areas[0].set_ylabel(f"Allan deviation, {unit.unit}")
+        _add_si_scale(areas[-1], sensor)
+
+    return Picture(
+        f"{name}.allan_{sensor}",
+        "Allan deviation",
+        f"{name.rpartition('.')[2]}, {sensor}: {found}{fit}",
+        plot,
+        (1000, 280),
+        csv,
+        columns=(1, 1, 1),
+        zoom=True,
+    )
+
+
+def _finding(axes, sensor):
     """Return white noise, bias instability and humps of the three axes in words."""
-    axes, parts = of_axes(device.axes, sensor), []
+    parts = []
     for key, words in (("N", "white noise"), ("B", "bias instability")):
         unit = quantities(sensor)[key].sheet[0]
         found = [getattr(noise, key) for _, noise in axes]

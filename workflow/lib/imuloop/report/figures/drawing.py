@@ -229,7 +229,9 @@ def _clean(svg, alt, titles, digits):
         flags=re.S,
     )
     # where the text of a mark has a quotation mark, it stands in others
-    svg = re.sub(r"<g id=(['\"])(area|axis|curve|twin)=", r"<g data-\2=\1", svg[svg.index("<svg") :])
+    svg = re.sub(
+        r"<g id=(['\"])(area|axis|curve|twin)=", r"<g data-\2=\1", svg[svg.index("<svg") :]
+    )
     svg = re.sub(r'<g id="[^"]*"', "<g", svg)
     svg = re.sub(r"font-family: [^;\"]*; | transform=\"rotate\(-?0 [^\"]*\"", "", svg)
     svg = re.sub(r' [dxy]="[^"]*"', lambda m: _rounded(m[0], digits), re.sub(r"\s+", " ", svg))

@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from imuloop.core.errors import plural
 from imuloop.core.files import read_json
 from imuloop.core.samples import ACCELERATION, SENSORS
 from imuloop.core.units import DEGREE
 from imuloop.report.figures.drawing import BLUE, GREEN, GRID, INK, ORANGE, PAGE, Picture, write_csv
 from imuloop.report.numbers import joined, number
 from imuloop.report.units import RESIDUAL
-from imuloop.report.verdict import FORMULA, block_of, motion_of
+from imuloop.report.verdict import block_of, effect_words, motion_of, rank
 
 # what an error was before and after, its words in the key, and its mark
 STAGES = {
@@ -64,7 +65,7 @@ def loop_errors(device):
 
 
 def _of_residual(what, residual, block, logged=None):
-    names = list(dict.fromkeys(FORMULA.get(e["name"], e["name"]) for e in block["effects"]))
+    names = list(dict.fromkeys(effect_words(e["name"]) for e in block["effects"]))
     sizes = {"logged": logged, "calibrated": residual["before"]}
     sizes |= {"final": residual["after"] if names else None, "floor": residual["floor"]}
     known = {"effects": names, "slow_noise": bool(block.get("slow_noise"))}
@@ -88,13 +89,36 @@ def loop_words(errors):
         if error[stage] is not None
     ]
     if error["final"] is not None:
-        effects = joined([name.replace("_", " ") for name in error["effects"]])
+        effects = joined(error["effects"])
         path.append(f"{display.text(error['final'], 2)} with {effects}")
     text = f"{error['what'].capitalize()}: {', '.join(path)}"
     if fall(error) >= WORTH_SAYING:
         text += f", {number(fall(error), 2)} times less"
     gives = "may give" if error["slow_noise"] else "gives"
     return f"{text}. Noise alone {gives} {display.text(error['floor'], 2)}."
+
+
+def headline(summaries):
+    """Return what was found in all devices in a line, given summary.json: the fall that is largest.
+
+    An effect that lowers no error by `WORTH_SAYING` is no news.
+    """
+    found = [(fall(error), error, s) for s in summaries for error in s["loop"]]
+    found = [each for each in found if each[1]["effects"] and each[0] >= WORTH_SAYING]
+    if found:
+        _, error, summary = max(found, key=lambda each: each[0])
+        display = RESIDUAL[error["unit"]]
+        before, after = (display.text(error[stage], 2) for stage in ("calibrated", "final"))
+        what = error["what"].capitalize()
+        effects = joined(error["effects"])
+        return f"{summary['label']}: undeclared {effects}. {what} {before} → {after}"
+    verdicts = {verdict for s in summaries for _, verdict, _ in s["answers"]} - {"not_testable"}
+    named = summaries[0]["label"] if len(summaries) == 1 else plural(len(summaries), "device")
+    if not verdicts:
+        return f"{named}: too few data to tell whether anything is missing"
+    worst = max(verdicts, key=rank)
+    words = {"consistent": "nothing is missing", "explained": "what was missing is small"}
+    return f"{named}: {words.get(worst, 'something is still missing')}"
 
 
 def draw_loop(area, errors):
@@ -139,7 +163,7 @@ def loop_picture(name, errors):
         "Error as logged, calibrated and with the effects found",
         loop_words(errors),
         lambda area: draw_loop(area, errors),
-        (500, 80 + 42 * len(errors)),
+        (500, 80 + 36 * len(errors)),
         f"{name}/figures/loop.csv",
     )
 

@@ -1,0 +1,111 @@
+"""``imuloop noise``: noise coefficients and Allan deviation of one log, for a filter's settings."""
+
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+import pandas as pd
+
+from imuloop.commands.info import noise_lines
+from imuloop.commands.lines import say
+from imuloop.commands.raw_log import (
+    LOG,
+    add_arguments,
+    files_of,
+    log_of,
+    log_samples,
+    name_of,
+    paths_of,
+    refuse_rejected,
+    segmented,
+)
+from imuloop.core.errors import ImuloopError, Lacking
+from imuloop.core.files import refuse_overwriting
+from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.samples import SENSORS, read_metadata, read_samples
+from imuloop.core.units import STANDARD_GRAVITY, RawUnit
+from imuloop.export.export import FORMATS, render
+from imuloop.export.values import Exported, values
+from imuloop.noise.noise import estimate_noise
+from imuloop.noise.records import RecordedSession
+from imuloop.noise.settings import NoiseSettings
+
+EXAMPLE = """examples:
+  imuloop noise night.csv
+  imuloop noise night.bag -o results/noise
+
+Angle and velocity random walk N, bias instability B and random walk K of a log at rest, with
+intervals; hours of it for B and K. With -o noise.json, allan.csv, the Allan deviations as SVG, and
+the files that Kalibr, OpenVINS, VINS-Fusion, ORB-SLAM3, allan_variance_ros and ROS read."""
+# what needs no calibration; OpenVINS wants matrices, and gets those of a perfect sensor
+NEEDS, IDENTITY = {"N", "K", "rate"}, "openvins_kalibr_imu_chain.yaml"
+
+
+def add(commands, **how):
+    """Add the command and its arguments."""
+    command = commands.add_parser(
+        "noise", help="noise of a log at rest: Allan deviation, N, B, K", epilog=EXAMPLE, **how
+    )
+    command.add_argument("log", type=log_of, help=LOG)
+    command.add_argument("-o", "--output", type=Path, help="folder of the results")
+    add_arguments(command)
+    command.set_defaults(run=run)
+
+
+def run(arguments):
+    """Print the noise of a log, and write it for other tools."""
+    log, folder = arguments.log, arguments.output
+    if folder:
+        refuse_overwriting([folder], files_of(log))
+    with tempfile.TemporaryDirectory(prefix="imuloop-") as temporary:
+        path, quality = log_samples(log, arguments, Path(temporary))
+        refuse_rejected(log, quality)
+        samples, known = read_samples(path), read_metadata(path)
+    kind, segments = segmented(samples, None, known.get("rails", {}), known.get("stuck", ()))
+    session = RecordedSession(name_of(log), kind, samples, segments)
+    found = estimate_noise(name_of(log), [session], NoiseSettings(), views=False)
+    if found.rate_hz is None:
+        raise ImuloopError(f"{paths_of(log)}: {'; '.join(found.notes)}")
+    say(*noise_lines(found.to_dict()), *(f"warning: {w}" for w in quality.get("warnings", ())))
+    if folder:
+        folder.mkdir(parents=True, exist_ok=True)
+        say(*(f"wrote {path}" for path in written(folder, name_of(log), found)))
+
+
+def written(folder, name, found):
+    """Write a NoiseResult, its curves and the files of other tools; return the paths."""
+    found.to_json(folder / "noise.json")
+    allan = pd.DataFrame(found.allan[name])
+    allan.to_csv(folder / "allan.csv", index=False)
+    paths = [folder / "noise.json", folder / "allan.csv"]
+    why = "this log is of the noise alone"
+    sensors = [SensorCalibration.nominal(RawUnit(unit, 1.0), why) for unit in ("m/s^2", "rad/s")]
+    nominal = Calibration(name, STANDARD_GRAVITY, *sensors)
+    exported = Exported(name, name, nominal, found.model, found.rate_hz, found.notes)
+    for each in FORMATS:
+        with suppress(Lacking):
+            if each.file == IDENTITY:
+                text = render(each.file, values(exported))
+            elif NEEDS.issuperset(each.needs):
+                text = each.text(exported)
+            else:
+                continue
+            paths.append(folder / each.file)
+            paths[-1].write_text(text, encoding="utf-8", newline="\n")
+    return paths + drawings(folder, name, allan, found)
+
+
+def drawings(folder, name, allan, found):
+    """Draw the Allan deviation of each sensor; return the paths, none without matplotlib."""
+    try:
+        from imuloop.report.figures.allan import allan_picture
+        from imuloop.report.figures.drawing import write_svg
+    except ModuleNotFoundError as error:
+        say(f"no drawing: {error.name} is not installed")
+        return []
+    paths = []
+    for sensor in SENSORS:
+        picture = allan_picture(name, sensor, allan, found.model.axes)
+        write_svg(folder, f"allan_{sensor}", picture)
+        paths.append(folder / f"allan_{sensor}.svg")
+    return paths
