@@ -1,8 +1,11 @@
 """One device from logs in memory or in files, without a config: what the chain finds."""
 
+from __future__ import annotations
+
 import os
 import re
 import tempfile
+import textwrap
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,6 +16,7 @@ from urllib.parse import quote
 
 import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 import imuloop
@@ -32,8 +36,12 @@ from imuloop.core.samples import (
 from imuloop.core.units import STANDARD_GRAVITY
 
 KINDS = ("multi_position", "six_position", "static")
+# what `calibrate` takes for a log
+Log = str | Path | pd.DataFrame | tuple | Mapping
 # roles of two tables, of one sensor each
 PAIR = ("acceleration", "angular_rate")
+# columns of a result that is printed
+WIDTH = 100
 # where a log came from that was no file
 IN_MEMORY = "in memory"
 
@@ -122,7 +130,8 @@ class Result:
         for sensor, part, block in blocks(self.diagnosis):
             text = sentence(sensor, block) + words(block)
             lines.append(f"  {sensor}, {part.replace('_', ' ')}: {text}")
-        return "\n".join(lines)
+        wrapped = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)
+        return "\n".join(line for lines in wrapped for line in lines)
 
     def __repr__(self):
         verdicts = [f"{s} {r} {v}" for s, of in self.verdict.items() for r, v in of.items()]
@@ -133,13 +142,13 @@ class Result:
 
 
 def calibrate(
-    t=None,
-    acceleration=None,
-    angular_rate=None,
-    temperature=None,
+    t: ArrayLike | Log | list[Log] | None = None,
+    acceleration: ArrayLike | None = None,
+    angular_rate: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
     *,
-    static=(),
-    six_position=(),
+    static: Log | list[Log] = (),
+    six_position: Log | list[Log] = (),
     gravity: float = STANDARD_GRAVITY,
     units: Mapping | None = None,
     columns: Mapping | None = None,
@@ -149,8 +158,8 @@ def calibrate(
     name: str = "device",
     label: str = "",
     settings: Mapping | None = None,
-    folder=None,
-    log=None,
+    folder: str | Path | None = None,
+    log: str | Path | None = None,
     threads: int = 1,
     progress: bool = True,
 ) -> Result:
