@@ -11,6 +11,7 @@ import imuloop
 from imuloop import Calibration
 from imuloop.__main__ import main
 from imuloop.core.errors import ImuloopError
+from imuloop.core.files import write_json
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
@@ -193,3 +194,27 @@ def test_what_cannot_be_used_is_one_line(tmp_path, calibration, capsys):
         command = ["apply", calibration, tmp_path / name, "-o", out]
         assert line in one_line_error(command, capsys)
         assert not out.exists()
+
+
+def test_an_offset_in_time_is_said_and_added_where_asked(tmp_path, calibration, capsys):
+    log = pd.DataFrame({"t": np.arange(300) / 100})
+    noise = np.random.default_rng(2).normal(size=(300, 6))
+    log[[*CHANNELS]] = noise + np.repeat([35125.0, 1.0], 3)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    out = tmp_path / "out.csv"
+    given = ["apply", str(calibration), str(tmp_path / "log.csv"), "-o", str(out)]
+    assert "no offset in time" in one_line_error([*given, "--shift"], capsys)
+    effect = {"name": "time_offset", "parameters": {"dt": -0.004}}
+    sensors = {"gyroscope": {"reference": {"effects": [effect]}}}
+    write_json(tmp_path / "diagnosis.json", {"sensors": sensors})
+    for more, words, shift in (
+        ([], "not applied: the gyroscope's stamps are -4 ms", 0.0),
+        (["--shift"], "stamps moved by -4 ms", -0.004),
+    ):
+        assert main(given + more) == 0
+        assert words in capsys.readouterr().out
+        np.testing.assert_allclose(pd.read_csv(out)["t"], log["t"] + shift, atol=1e-12)
+    # of a reference whose clock began apart it says nothing of the next log
+    (tmp_path / "hand").mkdir()
+    write_json(tmp_path / "hand/quality.json", {"reference": {"clock": {"own": True}}})
+    assert "no offset in time" in one_line_error([*given, "--shift"], capsys)

@@ -13,8 +13,9 @@ from imuloop.commands.raw_log import (
     log_samples,
     refuse_rejected,
 )
-from imuloop.core.errors import one_line, plural
-from imuloop.core.files import refuse_overwriting
+from imuloop.core.errors import ImuloopError, one_line, plural
+from imuloop.core.files import read_json, refuse_overwriting
+from imuloop.export.export import beside_reference
 
 EXAMPLE = """example:
   imuloop apply results/my_imu/calibration.json flight.csv -o calibrated.csv
@@ -39,6 +40,11 @@ def add(commands, **how):
         action="store_true",
         help="apply a calibration of which nothing was measured all the same",
     )
+    command.add_argument(
+        "--shift",
+        action="store_true",
+        help="add to the stamps the offset in time that was found beside a reference",
+    )
     add_arguments(command)
     command.set_defaults(run=run)
 
@@ -49,6 +55,11 @@ def run(arguments):
     # before the log is read, which may take long
     if not arguments.nominal:
         calibration.refuse_nominal(arguments.calibration)
+    shift = offset_in_time(arguments.calibration)
+    if arguments.shift and not shift:
+        raise ImuloopError(
+            f"{arguments.calibration}: --shift: the diagnosis.json beside it has no offset in time"
+        )
     logs = files_of(arguments.log)
     beside = logs[0].with_name("quality.json")
     refuse_overwriting([output], [arguments.calibration, *logs, beside])
@@ -59,8 +70,26 @@ def run(arguments):
             arguments.log, arguments, Path(folder), calibration=calibration
         )
         refuse_rejected(arguments.log, quality)
-        held = calibration.apply_file(samples, output, nominal=arguments.nominal)
+        added = shift if arguments.shift else 0.0
+        held = calibration.apply_file(samples, output, nominal=arguments.nominal, shift=added)
     say(*map(one_line, calibration.limits()))
+    if added:
+        say(f"stamps moved by {1e3 * added:.3g} ms, the gyroscope's offset from the reference")
+    elif shift:
+        say(
+            f"not applied: the gyroscope's stamps are {1e3 * shift:.3g} ms from the reference's; "
+            "--shift adds that"
+        )
     for (sensor, name), count in held.items():
         seen = "the range of the data that show it"
         say(f"{sensor}: {name} held to {seen} in {plural(count, 'sample')}")
+
+
+def offset_in_time(calibration):
+    """Return the offset of the gyroscope's stamps, s, found beside a reference; 0 without one."""
+    diagnosis = calibration.with_name("diagnosis.json")
+    if not diagnosis.is_file():
+        return 0.0
+    qualities = map(read_json, calibration.parent.glob("*/quality.json"))
+    found = beside_reference(read_json(diagnosis), [*qualities])
+    return found.get(("gyroscope", "time_offset"), {}).get("dt", 0.0)

@@ -263,14 +263,14 @@ class Calibration:
         f, w = self.calibrated(f, w, t, temperature)
         return f.reshape(shape), w.reshape(shape)
 
-    def apply_file(self, source, target, *, nominal=False):
+    def apply_file(self, source, target, *, nominal=False, shift=0.0):
         """Write the calibrated samples of a samples file; see `imuloop.core.pieces`.
 
-        `nominal` as of `apply`.
+        `nominal` as of `apply`; `shift`, s, is added to the stamps.
         """
         if not nominal:
             self.refuse_nominal()
-        return apply_file(self, source, target)
+        return apply_file(self, source, target, shift=shift)
 
     def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, clamped=(None, None)):
         """Return calibrated specific force and angular rate, shape (n, 3) each.

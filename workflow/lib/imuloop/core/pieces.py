@@ -39,14 +39,14 @@ from imuloop.core.tables import text_cell, text_cells
 FEWEST = 16
 
 
-def apply_file(calibration, source, target, rows=ROWS):
+def apply_file(calibration, source, target, rows=ROWS, shift=0.0):
     """Write the calibrated samples of a file; only time and temperature are read whole.
 
     Gives what `Calibration.apply` gives of the whole, whatever the rows of a piece. Columns that
     are no samples are kept. Returned is by (sensor, effect) the number of samples at which the
-    effect was clamped to the range of its data. The source is Parquet as ingest writes it, the
-    target ``.csv`` or ``.parquet``; an ImuloopError if the source lacks a column or is calibrated
-    already, or the target is the source or has another ending.
+    effect was clamped to the range of its data. `shift`, s, is added to the stamps. The source is
+    Parquet as ingest writes it, the target ``.csv`` or ``.parquet``; an ImuloopError if the source
+    lacks a column or is calibrated already, or the target is the source or has another ending.
     """
     source, target = Path(source), Path(target)
     if target.suffix not in (".csv", ".parquet"):
@@ -90,6 +90,8 @@ def apply_file(calibration, source, target, rows=ROWS):
                 )
             for name, column in zip(CHANNELS, np.hstack([f, w])[piece].T, strict=True):
                 table = table.set_column(table.column_names.index(name), name, pa.array(column))
+            stamps = pa.array(t[piece] + shift)
+            table = table.set_column(table.column_names.index(TIME), TIME, stamps)
             table = _as_text(table) if is_text else table.replace_schema_metadata(metadata)
             if writer is None and is_text:
                 writer = stack.enter_context(_csv(temporary, table))

@@ -73,17 +73,9 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
     The quality of its sessions gives the temperatures, and the rate where the noise has none; the
     diagnosis what a reference shows of clock and place.
     """
-    sensors = read_json(diagnosis)["sensors"] if diagnosis else {}
     content = read_json(noise)
     used = [found for path in quality if (found := read_json(path))["status"] == "ok"]
-    # a reference whose clock began apart has no offset that holds in the next recording
-    own_clock = any(found.get("reference", {}).get("clock", {}).get("own") for found in used)
-    beside = {
-        (sensor, effect["name"]): effect["parameters"]
-        for sensor, parts in sensors.items()
-        for effect in parts.get("reference", {}).get("effects", ())
-        if not (own_clock and effect["name"] == "time_offset")
-    }
+    beside = beside_reference(read_json(diagnosis), used) if diagnosis else {}
     longest = max(used, key=lambda found: found["rows"], default={})
     spans = [span for found in used if (span := found["temperature_range"])]
     return Exported(
@@ -96,6 +88,21 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
         (min(map(min, spans)), max(map(max, spans))) if spans else None,
         beside,
     )
+
+
+def beside_reference(diagnosis, qualities):
+    """Return the parameters, SI, of the effects found beside a reference, by sensor and effect.
+
+    Takes the content of diagnosis.json and of each session's quality.json. A reference whose clock
+    began apart has no offset that holds in the next recording.
+    """
+    own_clock = any(found.get("reference", {}).get("clock", {}).get("own") for found in qualities)
+    return {
+        (sensor, effect["name"]): effect["parameters"]
+        for sensor, parts in diagnosis["sensors"].items()
+        for effect in parts.get("reference", {}).get("effects", ())
+        if not (own_clock and effect["name"] == "time_offset")
+    }
 
 
 def export_files(exported):
