@@ -3,7 +3,7 @@ PYTHON ?= python3
 CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
-PEERS := build/bench
+PEERS := build/peers
 
 .PHONY: report picture test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock api licences clean
 
@@ -49,41 +49,41 @@ format: setup
 	$(BIN)/ruff format .
 	$(BIN)/snakefmt Snakefile workflow
 
-# times beside other packages. Writes this section of docs/benchmarks.md, ten minutes; recordings by
-# IMULOOP_MIRROR
-MEASURE := PYTHONPATH=workflow/lib $(BIN)/python -m bench.document
-bench: setup $(PEERS)/.ready
-	$(MEASURE) peers
+# What measures writes build/bench/NAME.md, with its commit in the first line.
+MEASURE := OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m
 
-# a day at rest from CSV to noise.json, time and memory, into the same document; RATE=200 or 1000
+# times and errors beside other packages: peers.md, five minutes
+bench: setup $(PEERS)/.ready
+	$(MEASURE) bench.peers
+
+# a day at rest from CSV to noise.json, time and memory: day_200.md; RATE=200 or 1000
 RATE ?= 200
 a-day: setup
-	$(MEASURE) a-day-$(RATE)
+	$(MEASURE) bench.workflow day --rate $(RATE)
 
 # a factory's devices, simulated: dry run, full run, one device added, one default changed, one
-# script edited; into the same document
+# script edited: factory.md
 DEVICES ?= 20,200
 factory: setup
-	$(MEASURE) factory --options="--devices $(DEVICES)"
+	$(MEASURE) bench.workflow factory --devices $(DEVICES)
 
 # the other packages in an environment of their own; the table names one that does not install
 $(PEERS)/.ready: bench/requirements.txt
 	$(PYTHON) -m venv --clear $(PEERS)
-	-grep -v '^#' $< | while read each; do $(PEERS)/bin/pip install --quiet $$each \
-		2> $(PEERS)/$${each%%==*}.log || cat $(PEERS)/$${each%%==*}.log; done
+	-grep -v '^#' $< | while read each; do $(PEERS)/bin/pip install --quiet $$each; done
 	touch $@
 
-# noise coefficients beside truth, bound and common tools. Writes docs/noise_figures.md, ten minutes
-# on two cores; for a part of it NOISE_OPTIONS="--parts accuracy --seeds 10"
-NOISE_OPTIONS ?= --write docs/noise_figures.md
+# noise coefficients beside truth, bound and common tools: noise.md, ten minutes on two cores; for a
+# part of it OPTIONS="--parts accuracy --seeds 10"
 bench-noise: setup
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.noise --workers $(CORES) $(NOISE_OPTIONS)
+	$(MEASURE) bench.noise --workers $(CORES) $(OPTIONS)
 
-# undeclared effects in simulated devices: are they found? Writes docs/study.md, with devices that
-# nothing was developed on; for a part of it OPTIONS="--effects g_sensitivity,control --seeds 3"
-OPTIONS ?= --first 8200 --seeds 6 --write docs/study.md
+# undeclared effects in simulated devices: are they found? study.md; a file per device in STUDY, with
+# which an interrupted study goes on. For a part of it
+# OPTIONS="--effects g_sensitivity,control --seeds 3"
+STUDY ?= build/study
 study: setup
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.study --workers $(CORES) $(OPTIONS)
+	$(MEASURE) bench.study --workers $(CORES) --keep $(STUDY) $(or $(OPTIONS),--first 8200 --seeds 6)
 
 # mutated logs and configs through ingest and the config check
 CASES ?= 20000

@@ -20,7 +20,7 @@ from scipy.stats import chi2, ncx2
 
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.devices import poses_device
-from bench.study.tables import table
+from bench.tables import table
 from imuloop.calibrate.calibrate import sensor_pair
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.sensor_pair import OfSensor

@@ -1,30 +1,25 @@
-"""What writes docs/benchmarks.md: its sections, contenders that fail, the peers' environment."""
+"""What bench prints: its artefacts, its reference, the peers' environment, two processors."""
 
 import re
 
 import numpy as np
 import pytest
 
-from bench import document
+from bench import tables
 from bench.peers.__main__ import reference
 from bench.peers.calls import averaging_factors
 from bench.processors import BOUND, differences
 from imuloop.noise.allan import allan_variance
 
 
-def test_a_part_takes_the_place_of_its_section_and_leaves_the_others(tmp_path, monkeypatch):
-    monkeypatch.setattr(document, "DOCUMENT", tmp_path / "benchmarks.md")
-    titles = {part: each[0] for part, each in document.PARTS.items()}
-    document.write({"a-day-200": f"## {titles['a-day-200']}\n\nold\n\n### Below\n"})
-    document.write({"factory": f"## {titles['factory']}\n\nkept\n"})
-    document.write({"peers": f"## {titles['peers']}\n\nfirst\n"})
-    document.write({"a-day-200": f"## {titles['a-day-200']}\n\nnew\n"})
-    text = (tmp_path / "benchmarks.md").read_text()
-    assert re.findall(r"^#+ (.*)$", text, re.M) == [
-        "Benchmarks",
-        *(titles[part] for part in ("peers", "a-day-200", "factory")),
-    ]
-    assert "old" not in text and text.index("first") < text.index("new") < text.index("kept")
+def test_an_artefact_names_its_commit_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(tables, "ARTEFACTS", tmp_path / "bench")
+    tables.publish("peers", "Beside other packages", "a table\n")
+    first, *others = (tmp_path / "bench/peers.md").read_text().splitlines()
+    assert re.fullmatch(
+        r"# Beside other packages: commit (unknown|[0-9a-f]{7,})(, changed)?", first
+    )
+    assert others[-1] == "a table"
 
 
 def test_peers_get_the_same_numpy_and_scipy(repository):

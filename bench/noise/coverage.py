@@ -4,13 +4,13 @@ import numpy as np
 from scipy.stats import binom
 
 from bench.noise.records import RATE, TERMS, Scenario, by_scenario, estimate, record
-from bench.study.tables import share, table
+from bench.tables import met, share, table
 
 TITLE = "Coverage of the intervals"
-INTRODUCTION = """
-Records of {length:,.0f} s at 10 Hz, {seeds} of each kind. By chance a true coverage of 95 % is
-found outside 92 to 98 % with a probability of {chance:.0%}. The bound is for terms that are
-identifiable in half of the records or more. q and tc are of a Gauss–Markov process."""
+INTRODUCTION = """Records of {length:,.0f} s at 10 Hz, {seeds} of each kind. Required: an interval \
+of 95 % holds the truth in 92 to 98 %, of a term that is identifiable in half of the records or \
+more; by chance a true coverage of 95 % is found outside with a probability of {chance:.0%}. q and \
+tc are of a Gauss–Markov process."""
 # 10,000 s
 LENGTH = 100_000
 SCENARIOS = (
@@ -43,78 +43,36 @@ def _one(job):
     return estimate(record(scenario, length, RATE, seed), RATE)
 
 
-def _coefficients(scenario, noise):
-    """Yield name, truth and Coefficient of what the scenario holds; None where not found.
+def coefficients(scenario, noise):
+    """Return truth and Coefficient, by name, of what a scenario holds; None where not found.
 
-    A hump or a line stands for the injected one if it is the only one of its kind.
+    A process or a line stands for the injected one if it is the only one of its kind.
     """
-    for name in TERMS:
-        if name in scenario.terms:
-            yield name, scenario.terms[name], getattr(noise, name)
-    for truth, found, names in (
-        (scenario.gauss_markov, noise.gauss_markov, ("q", "tc")),
-        (scenario.sinusoid, noise.sinusoid, ("amplitude", "frequency")),
-    ):
-        for pair in truth:
-            for name, value in zip(names, pair, strict=True):
-                yield name, value, getattr(found[0], name) if len(found) == 1 else None
-
-
-def _counts(scenario, made):
-    """Return for each coefficient its truth and counts of records, as the table's columns."""
-    total = {}
-    for noise in made:
-        for name, truth, c in _coefficients(scenario, noise):
-            row = total.setdefault(name, [truth, 0, 0, 0, 0, 0])
-            if c is None:
-                continue
-            holds = c.upper95 is not None and c.upper95 >= truth
-            if c.identifiable:
-                row[1] += 1
-                row[2] += c.ci95[0] <= truth <= c.ci95[1]
-            else:
-                row[3] += 1
-                row[4] += holds
-            row[5] += holds
-    return total
-
-
-def _content(counts):
-    """Return the coefficients that the records of a scenario hold, as text."""
-    return ", ".join(f"{name} = {truth:g}" for name, (truth, *_) in counts.items())
+    found = {n: (scenario.terms[n], getattr(noise, n)) for n in TERMS if n in scenario.terms}
+    for kind, names in (("gauss_markov", ("q", "tc")), ("sinusoid", ("amplitude", "frequency"))):
+        each = getattr(noise, kind)
+        for truth in getattr(scenario, kind):
+            for name, value in zip(names, truth, strict=True):
+                found[name] = value, getattr(each[0], name) if len(each) == 1 else None
+    return found
 
 
 def text(outcomes):
-    """Return the introduction and the table, a row per kind of record, in it its coefficients."""
+    """Return the introduction and the table, a row per coefficient of each kind of record."""
     rows, seeds = [], len(outcomes[SCENARIOS[0]])
     for scenario, made in outcomes.items():
-        counted, cells = _counts(scenario, made), ([], [], [])
-        for _, given, inside, limits, hold, always in counted.values():
-            counts = ((inside, given), (hold, limits), (always, given + limits))
-            for cell, (part, whole) in zip(cells, counts, strict=True):
-                cell.append(f"{part}/{whole}" if whole else "–")
-        rows.append((_content(counted), *map(", ".join, cells)))
-    header = (
-        "records", "identifiable: interval holds it",
-        "not identifiable: upper limit holds it", "upper limit, all",
-    )  # fmt: skip
+        every = [coefficients(scenario, noise) for noise in made]
+        for name, (truth, _) in every[0].items():
+            given = [each[name][1] for each in every if each[name][1] is not None]
+            inside = [c.ci95[0] <= truth <= c.ci95[1] for c in given if c.identifiable]
+            below = [c.upper95 is not None and truth <= c.upper95 for c in given]
+            good = None
+            if len(inside) >= max(MOSTLY * len(made), FEW):
+                good = LOW <= np.mean(inside) <= HIGH
+            shares = (share(sum(each), len(each)) for each in (inside, below))
+            rows.append((scenario.label, f"{name} = {truth:g}", *shares, met(good)))
     count = np.arange(np.ceil(LOW * seeds - 1e-9), np.floor(HIGH * seeds + 1e-9) + 1)
     chance = 1 - binom.pmf(count, seeds, 0.95).sum()
     introduction = INTRODUCTION.format(seeds=seeds, chance=chance, length=LENGTH / RATE)
-    return f"{' '.join(introduction.split())}\n\n{table(header, rows)}"
-
-
-def checks(outcomes):
-    """Yield what is required, its bound, of which case, what was found and whether it is met."""
-    what, bound = "95 % intervals of coefficients hold the truth", "92–98 %"
-    for scenario, made in outcomes.items():
-        counted = _counts(scenario, made)
-        for name, (_, given, inside, *_) in counted.items():
-            if given >= MOSTLY * len(made):
-                case, met = f"{name} where {_content(counted)}", within(inside / given, given)
-                yield what, bound, case, share(inside, given), met
-
-
-def within(coverage, count):
-    """Return whether a coverage found in `count` records is in its bounds, None for too few."""
-    return LOW <= coverage <= HIGH if count >= FEW else None
+    head = ("records", "coefficient", "identifiable: interval holds it", "upper limit holds it")
+    return f"{introduction}\n\n{table((*head, 'met'), rows)}"

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.commit import commit
 from bench.realistic.device import CASES
 from bench.realistic.judge import SENSORS, alarms, judged
-from bench.study.tables import share, table
+from bench.tables import commit, share, table
 
 # ratio of the errors above which a device is named
 WORSE = 1.5

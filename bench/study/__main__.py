@@ -3,47 +3,51 @@
 import argparse
 from pathlib import Path
 
-from bench.commit import commit
 from bench.study import reference
 from bench.study.cases import LIMITS, all_cases
 from bench.study.devices import PLANS
 from bench.study.run import run
 from bench.study.tables import document
+from bench.tables import publish
 
 
 def main():
-    """Run the study, or the part that the options choose, and print or write its document."""
+    """Run the study, or the part that the options choose, and write its tables to build/bench."""
     parser = argparse.ArgumentParser(prog="python -m bench.study", description=__doc__)
     parser.add_argument("--seeds", type=int, default=10, help="devices of each case")
     parser.add_argument("--first", type=int, default=0, help="seed of the first device")
     parser.add_argument("--controls", type=int, default=40, help="controls of each plan")
     parser.add_argument("--effects", help="names, with commas; control, two and outside are names")
-    parser.add_argument("--records", help="poses, static_record, motion; reference")
+    parser.add_argument("--records", help="poses, static_record, motion; or reference alone")
     parser.add_argument("--sensors", help="accelerometer or gyroscope")
     parser.add_argument("--plan", choices=PLANS, default=PLANS[0], help="devices of poses")
     parser.add_argument("--limits", type=float, default=LIMITS, help="size in detection limits")
     parser.add_argument("--workers", type=int, default=2, help="processes")
-    parser.add_argument("--write", type=Path, help="file to write instead of printing")
+    parser.add_argument("--keep", type=Path, help="folder of a file per outcome: goes on with it")
+    parser.add_argument("--table", action="store_true", help="of what --keep has, nothing made")
     options = parser.parse_args()
+    if options.table and not options.keep:
+        parser.error("--table needs --keep")
+    how = {"workers": options.workers, "keep": options.keep, "make": not options.table}
     if options.records == "reference":
-        reference.main(options.first, options.seeds, options.workers)
-        return
-    cases = [
-        case
-        for case in all_cases(options.plan, options.limits)
-        if (not options.records or case.record in options.records.split(","))
-        and (not options.sensors or case.sensor in (*options.sensors.split(","), ""))
-        and (
-            not options.effects
-            or {case.kind, "+".join(case.names)} & set(options.effects.split(","))
-        )
-    ]
-    outcomes = run(cases, options.first, options.seeds, options.controls, options.workers)
-    text = document(outcomes, "make study", commit(), options.first)
-    if options.write:
-        options.write.write_text(text)
+        outcomes = reference.run(options.first, options.seeds, **how)
+        text, name = reference.document(outcomes, options.first), "study_reference"
     else:
-        print(text)
+        cases = [
+            case
+            for case in all_cases(options.plan, options.limits)
+            if (not options.records or case.record in options.records.split(","))
+            and (not options.sensors or case.sensor in (*options.sensors.split(","), ""))
+            and (
+                not options.effects
+                or {case.kind, "+".join(case.names)} & set(options.effects.split(","))
+            )
+        ]
+        by_case = run(cases, options.first, options.seeds, options.controls, **how)
+        outcomes = [made for each in by_case.values() for made in each]
+        text, name = document(by_case, options.first), "study"
+    made_of = ", ".join(sorted({made["commit"] for made in outcomes}))
+    publish(name, "Simulated study of the diagnosis", text, made_of)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 
 import imuloop.diagnose.diagnose  # noqa: F401  loads the library
+from bench.noise.limits import gauss_markov_limit
 from bench.study import physics
 from bench.study.devices import DEVICES, HEATED_RECORD, Injected
 from imuloop.core.effect import Effect, find_effect
@@ -121,9 +122,6 @@ def injected(case, seed, control):
 
 def _process(case, rng):
     """Return a process, sized on each axis by the limit at which the noise stage finds it there."""
-    # it takes the tables of this study
-    from bench.noise.detection import gauss_markov_limit
-
     truth = DEVICES[case.record](case.plan)
     noise = getattr(truth, case.sensor).noise
     length = int(truth.rate * sum(plan.duration_s for plan in truth.sessions.values()))

@@ -1,7 +1,8 @@
 """Devices beside a reference: is what nobody declared found, at one detection limit and three?"""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import replace
+from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,6 +12,8 @@ import numpy as np
 import pandas as pd
 
 from bench.study.chain import ATTITUDE, LIMITS, through
+from bench.study.keep import kept
+from bench.tables import commit, share, table
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
@@ -91,8 +94,12 @@ def put_in(truth, sensor, name, values):
     return replace(truth, G=np.array(G))
 
 
-def study(seed):
-    """Return what a seed's devices gave: rows of what was asked, and pulls of parameters."""
+def study(seed, made_of):
+    """Return what a seed's devices gave.
+
+    ``rows`` of what was asked: size, sensor, effect put in, effects found, values put in; and
+    ``pulls`` of parameters, in standard errors.
+    """
     truth, rows, pulls = base(seed), [], []
     control, _, calibration = diagnosed(truth, seed)
     rng = np.random.default_rng([seed, 2])
@@ -102,57 +109,68 @@ def study(seed):
         own, known = getattr(calibration, sensor), truth.K[sensor]
         written = [k for k in range(3) if f"K{k}" in own.std]
         pulls += [(own.K[k] - known[k]) / own.std[f"K{k}"] for k in written]
-    for pair in PAIRS:
-        for size in (1.0, 3.0):
-            device, put = truth, {}
-            for sensor, name in pair.items():
-                entry = next(
-                    c
-                    for c in control["sensors"][sensor]["reference"]["candidates"]
-                    if c["name"] == name
-                )
-                if not entry["detection_limit"]:
-                    continue
-                parameter = rng.choice(sorted(entry["detection_limit"]))
-                value = size * entry["detection_limit"][parameter] * rng.choice([-1, 1])
-                put[sensor] = {parameter: value}
-                device = put_in(device, sensor, name, put[sensor])
-            found, *_ = diagnosed(device, seed, limits=False)
-            for sensor, values in put.items():
-                effects = found["sensors"][sensor]["reference"]["effects"]
-                names = [e["name"] for e in effects]
-                rows.append((f"{size:g} limits", sensor, pair[sensor], names, values))
-                for effect in effects:
-                    if effect["name"] == pair[sensor]:
-                        pulls += [
-                            (v - values.get(k, 0.0)) / effect["std"][k]
-                            for k, v in effect["parameters"].items()
-                        ]
-    return seed, rows, pulls
+    for pair, size in product(PAIRS, (1.0, 3.0)):
+        device, put = truth, {}
+        for sensor, name in pair.items():
+            candidates = control["sensors"][sensor]["reference"]["candidates"]
+            limit = next(c for c in candidates if c["name"] == name)["detection_limit"]
+            if not limit:
+                continue
+            parameter = rng.choice(sorted(limit))
+            put[sensor] = {parameter: size * limit[parameter] * rng.choice([-1, 1])}
+            device = put_in(device, sensor, name, put[sensor])
+        found, *_ = diagnosed(device, seed, limits=False)
+        for sensor, values in put.items():
+            effects = found["sensors"][sensor]["reference"]["effects"]
+            names = [e["name"] for e in effects]
+            rows.append((f"{size:g} limits", sensor, pair[sensor], names, values))
+            for effect in effects:
+                if effect["name"] == pair[sensor]:
+                    pulls += [
+                        (v - values.get(k, 0.0)) / effect["std"][k]
+                        for k, v in effect["parameters"].items()
+                    ]
+    return {"seed": seed, "commit": made_of, "rows": rows, "pulls": pulls}
 
 
-def main(first, seeds, workers):
-    """Print how often each was found, what else was, and how good the intervals are."""
-    asked, found, more, pulls = Counter(), Counter(), Counter(), []
+def run(first, seeds, workers, keep=None, make=True):
+    """Return the outcomes of seeds, each written into the folder `keep` when it is made."""
+    jobs = [(keep, make, seed, commit()) for seed in range(first, first + seeds)]
     with get_context("fork").Pool(workers) as pool:
-        for seed, rows, own in pool.imap_unordered(study, range(first, first + seeds)):
-            pulls += own
-            for size, sensor, name, names, values in rows:
-                key = size, sensor, name
-                asked[key] += 1
-                found[key] += name in names
-                extra = [n for n in names if n != name]
-                more[size] += bool(extra)
-                if extra or (name and name not in names):
-                    print(f"seed {seed}: {size}, {sensor}, {name} {values}: {names}", flush=True)
-    for key, count in sorted(asked.items()):
-        if key[2]:
-            print(f"{', '.join(key)}: {found[key]} of {count}")
-    for size in ("1 limits", "3 limits"):
-        keys = [k for k in asked if k[0] == size]
-        print(f"{size}: {sum(found[k] for k in keys)} of {sum(asked[k] for k in keys)}")
-        print(f"  something else beside it: {more[size]}")
-    controls = sum(n for k, n in asked.items() if k[0] == "control")
-    print(f"controls with an effect: {more['control']} of {controls} sensors")
-    inside = np.abs(pulls) < 1.96
-    print(f"95 % intervals: {100 * inside.mean():.1f} % of {len(inside)}")
+        return [outcome for outcome in pool.imap(_seed, jobs) if outcome]
+
+
+def _seed(job):
+    keep, make, seed, made_of = job
+    return kept(keep, f"reference_{seed}", study if make else None, seed, made_of)
+
+
+def document(outcomes, first):
+    """Return how often each was found, what else was, and how good the intervals are."""
+    asked, found, odd = Counter(), Counter(), []
+    more = defaultdict(list)
+    for outcome in outcomes:
+        for size, sensor, name, names, values in outcome["rows"]:
+            key = size, sensor, name or "nothing"
+            extra = [n for n in names if n != name]
+            asked[key] += 1
+            found[key] += name in names
+            more[size].append(bool(extra))
+            if extra or (name and name not in names):
+                odd.append(f"- seed {outcome['seed']}: {', '.join(key)} {values}: {names}")
+    rows = [(*key, share(found[key], n)) for key, n in sorted(asked.items()) if key[2] != "nothing"]
+    for size in more:
+        keys = [key for key in asked if key[0] == size and key[2] != "nothing"]
+        if keys:
+            whole = share(sum(found[k] for k in keys), sum(asked[k] for k in keys))
+            rows.append((size, "both", "all", whole))
+    rows += [(s, "both", "something else", share(sum(m), len(m))) for s, m in more.items()]
+    inside = np.abs([pull for outcome in outcomes for pull in outcome["pulls"]]) < 1.96
+    return "\n\n".join(
+        (
+            f"Beside a reference, {len(outcomes)} seeds from {first} on.",
+            table(("size", "sensor", "effect", "found"), rows),
+            f"95 % intervals hold the truth: {share(sum(inside), len(inside))}.",
+            "\n".join(odd),
+        )
+    )

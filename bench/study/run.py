@@ -7,45 +7,60 @@ from dataclasses import asdict
 from bench.study.cases import injected
 from bench.study.chain import base_pulls, diagnosis_of, likeness
 from bench.study.devices import DEVICES, in_shape, with_effects
+from bench.study.keep import kept
 from bench.study.score import fitted
+from bench.tables import commit
 
 
-def run(cases, first, seeds, controls, workers, progress=print):
+def run(cases, first, seeds, controls, workers, keep=None, make=True, progress=print):
     """Return the outcomes of cases of one plan, a list by case; controls are made for all records.
 
     `seeds` devices of each case and `controls` of each record, from the seed `first` on. Of each
-    device: ``seed``, ``seconds``, ``diagnosis`` (None where the log cannot show the effect) with
-    ``base_pulls``, and but for controls ``control``, ``injected`` and ``found``.
+    device: ``seed``, ``seconds``, ``commit``, ``diagnosis`` (None where the log cannot show the
+    effect) with ``base_pulls``, and but for controls ``control``, ``injected`` and ``found``.
+    Each is written into the folder `keep` when it is made, and read if it is there; unless `make`
+    those that are not are left out.
     """
-    (plan,), plain, outcomes = {case.plan for case in cases}, {}, {}
+    (plan,), plain, outcomes, made_of = {case.plan for case in cases}, {}, {}, commit()
     asked = [case.record for case in cases if case.kind == "control"]
     # limits size what is put into a device: other controls go without
     jobs = [
-        (record, plan, first + k, k < seeds)
+        (keep, make, made_of, record, plan, first + k, k < seeds)
         for record in sorted({case.record for case in cases})
         for k in range(max(seeds, controls * (record in asked)))
     ]
     with multiprocessing.get_context("fork").Pool(workers) as pool:
-        for (record, _, seed, _), made in pool.imap(_control, jobs):
-            plain[record, seed] = made
-            progress(f"control {record} {seed}: {made['seconds']:.1f} s")
+        for (*_, record, _, seed, _), made in pool.imap(_control, jobs):
+            if made:
+                plain[record, seed] = made
+                progress(f"control {record} {seed}: {made['seconds']:.1f} s")
         for case in cases:
             if case.kind == "control":
-                outcomes[case] = [plain[case.record, first + k] for k in range(controls)]
+                each = (plain.get((case.record, first + k)) for k in range(controls))
+                outcomes[case] = [made for made in each if made]
         jobs = [
-            (case, seed, plain[case.record, seed])
+            (keep, make, made_of, case, seed, plain.get((case.record, seed)))
             for case in cases
             if case.kind != "control"
             for seed in range(first, first + seeds)
         ]
         for case, made in pool.imap(_device, jobs):
-            outcomes.setdefault(case, []).append(made)
-            progress(f"{case.record} {case.sensor} {' + '.join(case.names)} {made['seed']}")
-    return outcomes
+            outcomes.setdefault(case, [])
+            if made:
+                outcomes[case].append(made)
+                progress(f"{case.record} {case.sensor} {' + '.join(case.names)} {made['seed']}")
+    return {case: made for case, made in outcomes.items() if made}
 
 
 def _control(job):
-    record, plan, seed, limits = job
+    keep, make, made_of, record, plan, seed, limits = job
+    name = f"control_{record}_{plan}_{seed}" + ("" if limits else "_without_limits")
+    make = made_control if make else None
+    return job, kept(keep, name, make, record, plan, seed, limits, made_of)
+
+
+def made_control(record, plan, seed, limits, made_of):
+    """Return the outcome of a device without effects."""
     start = time.process_time()
 
     def also(*device):
@@ -54,13 +69,20 @@ def _control(job):
     moving = record == "motion"
     diagnosis, more = diagnosis_of(DEVICES[record](plan), seed, also, limits, moving)
     seconds = time.process_time() - start
-    return job, {"seed": seed, "seconds": seconds, "diagnosis": diagnosis, **more}
+    return {"seed": seed, "seconds": seconds, "commit": made_of, "diagnosis": diagnosis, **more}
 
 
 def _device(job):
-    case, seed, control = job
+    keep, make, made_of, case, seed, control = job
+    words = (case.kind, case.record, case.sensor, *case.names, case.plan, f"{case.limits:g}")
+    make = made_device if make else None
+    return case, kept(keep, "_".join((*words, str(seed))), make, case, seed, control, made_of)
+
+
+def made_device(case, seed, control, made_of):
+    """Return the outcome of a device of a case, sized by its control."""
     start, effects = time.process_time(), injected(case, seed, control)
-    made = {"seed": seed, "control": control["diagnosis"], "diagnosis": None}
+    made = {"seed": seed, "commit": made_of, "control": control["diagnosis"], "diagnosis": None}
     made |= {"injected": [], "found": []}
     if effects is not None:
         truth = with_effects(DEVICES[case.record](case.plan), effects)
@@ -75,4 +97,4 @@ def _device(job):
             for effect in effects
             for record, found in fitted(made["diagnosis"], case.sensor, case.record, effect.name)
         ]
-    return case, made | {"seconds": time.process_time() - start}
+    return made | {"seconds": time.process_time() - start}

@@ -6,6 +6,7 @@ import pytest
 from bench.study import physics
 from bench.study.cases import AT_REST, Case, all_cases, injected
 from bench.study.devices import DEVICES, in_shape, with_effects
+from bench.study.keep import kept
 from bench.study.run import run
 from bench.study.score import judge, pulls, ratio
 from bench.study.tables import document
@@ -28,8 +29,8 @@ def test_devices_are_judged_by_what_was_put_in():
     assert np.abs(pulls(quadratic)).max() < 3.5
     # nothing of it in what the diagnosis was given: the control's parameters are zero
     assert not judge(PART[1], {**quadratic, "diagnosis": quadratic["control"]})["right"]
-    text = document(part, "make study", "0", 0)
-    assert "| `quadratic` | 1/1, " in text
+    text = document(part, 0)
+    assert "| quadratic | accelerometer | poses | 1/1 | – | – | " in text
 
 
 CLOSED = sorted(physics.EFFECTS.keys() - {"ramp"})
@@ -127,3 +128,17 @@ def test_values_are_held_against_the_shape_that_was_found():
     expected = in_shape(truth, 0, effects[0], found, "static_record")
     want = [*effects[0].values.values(), 0, 0, 0]
     np.testing.assert_allclose([expected[n] for n in names], want, atol=1e-9 * max(map(abs, want)))
+
+
+def test_an_outcome_is_made_once_and_read_from_then_on(tmp_path):
+    made, folder = [], tmp_path / "kept"
+
+    def make(seed):
+        made.append(seed)
+        return {"seed": seed}
+
+    assert kept(folder, "control_7", make, 7) == kept(folder, "control_7", make, 7) == {"seed": 7}
+    assert made == [7] and [path.name for path in folder.iterdir()] == ["control_7.pickle"]
+    # the table of an interrupted study: what is there
+    assert kept(folder, "control_7", None) == {"seed": 7}
+    assert kept(folder, "control_8", None) is None

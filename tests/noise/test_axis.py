@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
-from bench.noise.detection import line_limit
+from bench.noise.limits import line_limit
 from imuloop.noise.axis import estimate_axis, estimate_record, find_lines
 from imuloop.noise.intervals import axis_noise
 from imuloop.noise.likelihood import Likelihood

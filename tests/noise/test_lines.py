@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from bench.noise.detection import line_limit
+from bench.noise.limits import line_limit
 from imuloop.noise.lines import find_line, mains
 from imuloop.noise.periodogram import chance_at_one
 from imuloop.noise.sampling import Run

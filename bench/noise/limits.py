@@ -1,0 +1,61 @@
+"""Detection limits of lines and of Gauss–Markov processes: what is found with 90 %."""
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import betaincinv, chndtrinc, ndtri
+
+from imuloop.noise.likelihood import weighted_nnls
+from imuloop.noise.periodogram import Periodogram, chance_at_one, chance_over_band
+from imuloop.noise.processes import densities, gauss_markov_density
+from imuloop.noise.settings import NoiseSettings
+
+# chance of finding what lies at one limit
+PROBABILITY = 0.9
+# correlation times that count as tried independently of each other
+TIMES = 10
+# chance of a process or line in noise that has none
+LEVEL = NoiseSettings().significance
+
+
+def line_limit(sampling, density, frequency, level=LEVEL):
+    r"""Return the amplitude of a line that is found with 90 %.
+
+    Twice I/S is non-central chi-square with two degrees of freedom and
+    :math:`\lambda = A^2 n/(r S)`; `density` is S, one-sided, as a function of frequency in Hz.
+    """
+    n, rng = sampling.lengths.sum(), np.random.default_rng(0)
+    noise = Periodogram.of(sampling.with_values(rng.standard_normal(n)), density)
+    sizes = noise.sizes[noise.near(frequency)]
+    m, sides = sizes.min(), len(sizes)
+    ratio = brentq(
+        lambda x: chance_over_band(chance_at_one(x, m, sides), noise.independent) - level, 0.1, 1e6
+    )
+    half = (m + 1) / 2
+    # the line itself, some three values wide, lies in the block that it is compared with
+    share = betaincinv(half, half, 0.5 ** (1 / sides)) * m / (m - 3)
+    noncentrality = chndtrinc(-2 * ratio * np.log1p(-share), 2, 1 - PROBABILITY)
+    return np.sqrt(noncentrality * noise.rate * density(np.array([frequency]))[0] / n)
+
+
+def gauss_markov_limit(theta, tc, length, rate, level=LEVEL):
+    r"""Return the density q of a Gauss-Markov process that is found with 90 %.
+
+    The likelihood gains what the spectrum s with the process has over the nearest one s' that Q,
+    N, B and K can make without it, :math:`g = \tfrac12 \sum_k (s_k/s'_k - 1 - \ln s_k/s'_k)` at
+    :math:`f_k = k/2T`, and the process is found with probability P at the level a where
+    :math:`\sqrt{2 g} = z_{1 - a} + z_P`.
+    """
+    k = np.unique(np.rint(np.geomspace(1, length - 1, 600)))
+    count, f = np.gradient(k), k * rate / (2 * length)
+    units = densities(f, 1 / rate)
+    shape = gauss_markov_density(f, 1 / rate, tc) * tc / 2
+    aim = ndtri(PROBABILITY) - ndtri(level / TIMES)
+
+    def excess(log_q):
+        there = without = units @ theta + np.exp(2 * log_q) * shape
+        for _ in range(30):
+            without = units @ weighted_nnls(units, there, count / without**2)
+        ratio = there / without
+        return np.sqrt(max(count @ (ratio - 1 - np.log(ratio)), 0)) - aim
+
+    return float(np.exp(brentq(excess, np.log(1e-8), np.log(1e2), xtol=1e-3)))

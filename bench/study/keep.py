@@ -1,0 +1,24 @@
+"""Outcomes as files, written as they come: what was interrupted goes on, its table can be made."""
+
+import os
+import pickle
+
+
+def kept(folder, name, make, *arguments):
+    """Return what a folder holds by this name, or else what is made now, and written there.
+
+    Without a folder nothing is written; where `make` is None an outcome that is not there is None.
+    """
+    path = folder and folder / f"{name}.pickle"
+    if path and path.exists():
+        return pickle.loads(path.read_bytes())
+    if make is None:
+        return None
+    outcome = make(*arguments)
+    if path:
+        folder.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(f".{os.getpid()}")
+        part.write_bytes(pickle.dumps(outcome))
+        # whole or not at all
+        part.replace(path)
+    return outcome
