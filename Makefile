@@ -31,8 +31,8 @@ test: setup
 nightly: setup
 	$(BIN)/pytest -n $(CORES) -m study
 	$(MAKE) processors
-	$(MAKE) fuzz CASES=500
-	$(MAKE) fuzz-chain FUZZ_CASES=20
+	$(MAKE) fuzz CASES=15
+	$(MAKE) fuzz-chain FUZZ_CASES=2
 
 # tests against a real SLURM and an S3 on this machine; what cannot be had is skipped with the reason
 cluster: setup-cluster
@@ -85,18 +85,16 @@ STUDY ?= build/study
 study: setup
 	$(MEASURE) bench.study --workers $(CORES) --keep $(STUDY) $(or $(OPTIONS),--first 8200 --seeds 6)
 
-# mutated logs and configs through ingest and the config check
-CASES ?= 20000
+# mutated logs and configs through ingest and the config check, so many of each of 33
+CASES ?= 500
 fuzz: setup
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib:tests $(BIN)/python -m bench.fuzz --cases $(CASES)
+	$(BIN)/pytest -n $(CORES) bench/fuzz/test_logs.py --cases $(CASES)
 
-# harmed stretches of recordings through the whole chain, two hours on two cores; recordings by
-# IMULOOP_MIRROR; other cases with FIRST=100000, one again with CASE=17
-FUZZ_CASES ?= 3000
-FIRST ?= 0
+# harmed stretches of recordings through the whole chain, so many of each device; recordings by
+# IMULOOP_MIRROR
+FUZZ_CASES ?= 300
 fuzz-chain: setup
-	OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m bench.fuzz.chain \
-		--workers $(CORES) $(if $(CASE),--case $(CASE),--cases $(FUZZ_CASES) --first $(FIRST))
+	$(BIN)/pytest -n $(CORES) bench/fuzz/test_chain.py --cases $(FUZZ_CASES)
 
 # the measured devices by the code of each kind of processor, the numeric tests by the oldest: same
 # figures, same verdicts; recordings by IMULOOP_MIRROR

@@ -6,7 +6,7 @@ import pytest
 import yaml
 from jsonschema import Draft202012Validator
 
-from bench.result_files import SCHEMAS, fault
+from result_files import SCHEMAS, fault
 
 NAMES = sorted(path.name for path in SCHEMAS.glob("*.schema.yaml"))
 

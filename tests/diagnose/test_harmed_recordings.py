@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from bench.result_files import fault
 from imuloop.core.files import read_json
 from quick import diagnosed
+from result_files import fault
 from segment.logs import static_log, xsens
 
 GRAVITY = 9.81744

@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.result_files import fault
 from bench.study import reference as beside
 from bench.study.chain import diagnosis_of
 from bench.study.devices import motion_device, poses_device, record_device
@@ -19,6 +18,7 @@ from imuloop.core.model import Calibration
 from imuloop.discover.propose import proposed
 from imuloop.report.composed import words
 from imuloop.simulate.simulate import simulate_session
+from result_files import fault
 
 SEED = 11030
 # of f_y² f_z on x, 1/(m/s²)²: 1 mg at most

@@ -13,20 +13,19 @@ import pytest
 from pyulog import ULog
 from scipy.io import savemat
 
-from bench.fuzz.seeds import all_seeds
 from imuloop.core.errors import ImuloopError, Lacking, MachineFault, RejectedLog
 from imuloop.core.samples import CHANNELS
 from imuloop.ingest import guarded
 from imuloop.ingest.formats import find_format
 from ingest import broken_readers
+from ingest.sound_logs import sound_logs
 
 ENDINGS = ["ulg", "mat", "zip", "bag", "db3", "mcap", "bin", "nc"]
 
 
 @pytest.fixture(scope="module")
 def seeds(tmp_path_factory):
-    made = all_seeds(tmp_path_factory.mktemp("seeds"))
-    every = [each for kind in made for each in made[kind]]
+    every = sound_logs(tmp_path_factory.mktemp("seeds"))
     return {end: next(x for name, x in every if name == f"log.{end}") for end in ENDINGS}
 
 

@@ -1,4 +1,4 @@
-"""Logs as phones, bags and autopilots write them, for the tests of their readers and bench.fuzz."""
+"""Logs as phones, bags and autopilots write them."""
 
 import struct
 

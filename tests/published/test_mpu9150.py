@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from bench.result_files import fault
 from published.conftest import BOARDS, DEVICES
+from result_files import fault
 
 # scale factor error in per cent as published, of the output against the truth: 1/K - 1
 SCALE = {1: (0.363, 0.315, 0.647), 2: (0.471, 0.482, 0.932), 3: (0.382, 0.355, 0.780)}

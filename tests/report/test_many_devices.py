@@ -7,10 +7,10 @@ import shutil
 import numpy as np
 import pytest
 
-from bench.fuzz.chain.judge import Page
 from imuloop.report.figures.comparison import FAR, far_out, standing_out
 from imuloop.report.report import TOGETHER
 from report.build import joined_report
+from soundness import Page
 
 COUNT = 14
 ODD = "unit_05"

@@ -10,10 +10,10 @@ from collections import Counter
 
 import pytest
 
-from bench.fuzz.chain.judge import Page
 from imuloop.report.section import write_section
 from report.build import joined_report
 from report.plausible_results import DEVICES, HOSTILE
+from soundness import Page
 
 
 @pytest.fixture(scope="module")

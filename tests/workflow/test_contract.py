@@ -9,9 +9,9 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from bench.result_files import ALSO, SCHEMAS, fault
 from imuloop import Calibration
 from imuloop.core.effect import Effect
+from result_files import ALSO, SCHEMAS, fault
 from workflow.conftest import CONFIG
 
 CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")

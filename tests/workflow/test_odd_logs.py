@@ -4,12 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.fuzz.chain.cases import Case
-from bench.fuzz.chain.judge import judge
 from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from quick import hurried
+from soundness import judge
 from workflow.conftest import QUICK
 
 
@@ -24,7 +23,7 @@ def faults(tmp_path):
             table.to_parquet(path)
             sessions[name] = {"kind": kind, "file": str(path)}
         with hurried("imu"):
-            return judge(Case(0, {"sessions": sessions, **QUICK}, ()), tmp_path / "results")[1]
+            return judge({"sessions": sessions, **QUICK}, tmp_path / "results")
 
     return of
 

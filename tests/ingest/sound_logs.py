@@ -1,8 +1,7 @@
-"""Small sound logs of every format, and a config."""
+"""Small sound logs of every format."""
 
 import gzip
 import io
-import json
 import struct
 import zipfile
 
@@ -21,8 +20,8 @@ ROWS = 120
 SIX = "ax ay az gx gy gz".split()
 
 
-def all_seeds(folder):
-    """Return kind -> [(file name, content)] of sound logs."""
+def sound_logs(folder):
+    """Return (file name, content) of each, made by way of a folder."""
     rng = np.random.default_rng(0)
     log = pd.DataFrame({"t": np.arange(ROWS) / 50})
     log[SIX] = rng.normal([0.1, -0.2, 9.8, 0, 0, 0.01], 0.01, size=(ROWS, 6)).round(5)
@@ -30,63 +29,23 @@ def all_seeds(folder):
     in_g = log.assign(**{name: log[name] / 9.80665 for name in SIX[:3]})
     rows = [(int(t * 1e6), 0, *axes) for t, *axes in log[["t", *SIX[3:], *SIX[:3]]].to_numpy()]
     dated = log.assign(t=pd.Timestamp("2024-01-01") + pd.to_timedelta(log.t, "s"), temp=20.5)
-    return {
-        "csv": [
-            ("log.csv", text),
-            ("log.txt", log.to_csv(index=False, sep=" ", header=False).encode()),
-            ("log.csv", log.to_csv(index=False, sep=";", decimal=",").encode()),
-            ("log.tsv", b"# made by a logger\n" + dated.to_csv(index=False, sep="\t").encode()),
-            ("log.csv.gz", text),
-            ("log.csv", b"\xef\xbb\xbf" + text.replace(b"\n", b"\r\n")),
-            ("log.csv", written.sensorlog(in_g).encode()),
-        ],
-        "packed": [("log.csv.gz", gzip.compress(text, mtime=0))],
-        "ulog": [("log.ulg", ulog(log, topics)) for topics in TOPICS],
-        "matlab": [("log.mat", each) for each in matlab(log)],
-        "zip": [
-            ("log.zip", zipped(written.phyphox(log))),
-            ("log.zip", zipped(written.sensor_logger(log, PHONE), zipfile.ZIP_DEFLATED)),
-        ],
-        "ros": list(ros(folder, log)),
-        "dataflash": [
-            ("log.bin", kind(("IMU", IMU, rows))) for kind in (written.binary, written.text)
-        ],
-        "table": [
-            *(("log.parquet", each) for each in parquet(log)),
-            *(("log.nc", each) for each in netcdf(folder, log)),
-        ],
-        "config": [("config.yaml", json.dumps(CONFIG).encode())],
-    }
-
-
-CONFIG = {
-    "defaults": {"gravity": {"latitude": 45.4, "height": 12}, "segment": {}, "diagnose": {}},
-    "mirror": ".",
-    "devices": {
-        "imu": {
-            "label": "My IMU",
-            "gravity": 9.8,
-            "full_scale": {"acceleration": 78.5, "angular_rate": 34.9},
-            "nominal": {"acceleration": {"scale": 0.0024, "offset": 32768}},
-            "sessions": {
-                "a": {
-                    "kind": "static",
-                    "format": "csv",
-                    "file": "log.csv",
-                    "columns": {"time": "t", "acceleration": ["ax", "ay", "az"]},
-                    "units": {"time": "s", "acceleration": "m/s^2", "angular_rate": "deg/s"},
-                    "rate": 100,
-                    "time_range": [0, 10],
-                },
-                "b": {
-                    "kind": "six_position",
-                    "file": {"url": "https://a/b.csv", "sha256": "0" * 64},
-                },
-                "c": {"kind": "static", "file": {"acceleration": "a.mat", "angular_rate": "b.mat"}},
-            },
-        }
-    },
-}
+    return [
+        ("log.csv", text),
+        ("log.txt", log.to_csv(index=False, sep=" ", header=False).encode()),
+        ("log.csv", log.to_csv(index=False, sep=";", decimal=",").encode()),
+        ("log.tsv", b"# made by a logger\n" + dated.to_csv(index=False, sep="\t").encode()),
+        ("log.csv", b"\xef\xbb\xbf" + text.replace(b"\n", b"\r\n")),
+        ("log.csv", written.sensorlog(in_g).encode()),
+        ("log.csv.gz", gzip.compress(text, mtime=0)),
+        *(("log.ulg", ulog(log, topics)) for topics in TOPICS),
+        *(("log.mat", each) for each in matlab(log)),
+        ("log.zip", zipped(written.phyphox(log))),
+        ("log.zip", zipped(written.sensor_logger(log, PHONE), zipfile.ZIP_DEFLATED)),
+        *ros(folder, log),
+        *(("log.bin", kind(("IMU", IMU, rows))) for kind in (written.binary, written.text)),
+        *(("log.parquet", each) for each in parquet(log)),
+        *(("log.nc", each) for each in netcdf(folder, log)),
+    ]
 
 
 # of two topics, of buffers and of increments: layout, and a row's fields from its seven numbers

@@ -1,4 +1,4 @@
-"""One case through the chain: what came out, and what is wrong with it."""
+"""A device through the whole chain: what came out, and what is wrong with it."""
 
 import json
 import logging
@@ -11,13 +11,13 @@ import numpy as np
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from bench.result_files import SCHEMAS, fault
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.config import resolve
 from imuloop.config_faults import config_faults
 from imuloop.core.errors import ImuloopError
 from imuloop.report.report import write_report
+from result_files import SCHEMAS, fault
 
 DEVICE = "imu"
 SESSION = ("quality.json samples.parquet segments.parquet allan.parquet").split()
@@ -34,30 +34,28 @@ VOID = {"meta", "br", "link", "img", "input", "hr", "wbr"}
 TEXTS = {"td", "th", "text", "li", "p", "figcaption"}
 
 
-def judge(case, results):
-    """Run the chain on a case; return how it ended and its faults, a line each.
+def judge(entry, results):
+    """Run the chain on a device as a config has it; return its faults, a line each.
 
     What the check of its config or a stage says in words, an ImuloopError, is no fault; any other
     error that a stage failed with is one, though the report is made.
     """
-    config = {"devices": {DEVICE: case.entry}}
+    config = {"devices": {DEVICE: entry}}
     results.mkdir(parents=True)
     written = results / "config.yaml"
     written.write_text(json.dumps(config))
     if lines := config_faults(config, {"config.yaml": written}, SCHEMAS / "config.schema.yaml", {}):
-        return "declared", [f"no line: {line!r}" for line in lines if not line.isprintable()]
+        return [f"no line: {line!r}" for line in lines if not line.isprintable()]
     errors = run(resolve(config)[DEVICE], results)
     faults = [origin(error) for error in errors if not isinstance(error, ImuloopError)]
     names = [
         *FILES,
-        *(f"{session}/{name}" for session in case.entry["sessions"] for name in SESSION),
+        *(f"{session}/{name}" for session in entry["sessions"] for name in SESSION),
     ]
     paths = [results / "report.html", results / "comparison.csv"]
-    for path in (*paths, *(results / DEVICE / name for name in names)):
-        faults += [f"{path.name}: {each}" for each in read(path)]
-    qualities = [json.loads(path.read_text()) for path in results.glob(f"{DEVICE}/*/quality.json")]
-    ends = {"failed" if "failed" in each else each["status"] for each in qualities}
-    return " and ".join(sorted(ends)), list(dict.fromkeys(faults))
+    paths += [results / DEVICE / name for name in names]
+    faults += [f"{path.name}: {each}" for path in paths for each in read(path)]
+    return list(dict.fromkeys(faults))
 
 
 def origin(error):

@@ -1,1 +1,0 @@
-"""Mutated logs and configs: does any of them crash, hang, or write outside of its folder?"""

@@ -1,1 +1,0 @@
-"""Harmed stretches of recordings, from the raw log to the report: is every result sound?"""
