@@ -7,6 +7,7 @@ Each chip is a device of its own. IMULOOP_MIRROR names the folder of the recordi
 import os
 import tempfile
 from functools import partial
+from itertools import product
 from multiprocessing import Pool
 from pathlib import Path
 
@@ -48,19 +49,17 @@ def diagnosed(folder, job):
 
 def main():
     """Print the verdicts on the chips, in each recording."""
-    with tempfile.TemporaryDirectory() as folder:
-        for recording in RECORDINGS:
-            with Pool(2) as pool:
-                jobs = [(recording, chip) for chip in CHIPS]
-                devices = pool.map(partial(diagnosed, folder), jobs, chunksize=1)
-            for device in devices:
-                for sensor, parts in read_json(device.file("diagnosis.json"))["sensors"].items():
-                    for record, part in parts.items():
-                        of = recording, device.name, sensor, record
-                        print(*of, part["verdict"], *(effect["name"] for effect in part["effects"]))
-                        if search := part.get("discovered"):
-                            found = (search[k] for k in ("status", "searched", "chance", "formula"))
-                            print(*of, "beyond the library:", *found)
+    jobs = list(product(RECORDINGS, CHIPS))
+    with tempfile.TemporaryDirectory() as folder, Pool(2) as pool:
+        devices = pool.imap(partial(diagnosed, folder), jobs)
+        for (recording, _), device in zip(jobs, devices, strict=True):
+            for sensor, parts in read_json(device.file("diagnosis.json"))["sensors"].items():
+                for record, part in parts.items():
+                    of = recording, device.name, sensor, record
+                    print(*of, part["verdict"], *(effect["name"] for effect in part["effects"]))
+                    if search := part.get("discovered"):
+                        found = (search[k] for k in ("status", "searched", "chance", "formula"))
+                        print(*of, "beyond the library:", *found)
 
 
 if __name__ == "__main__":

@@ -2,17 +2,16 @@
 
 import os
 from functools import cache
-from pathlib import Path
 
 import yaml
 
+from bench.tables import REPOSITORY
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.config import STAGES, fetched, resolve, source_path
 from imuloop.core.errors import ImuloopError
 from imuloop.ingest.sources import fetch
 
-REPOSITORY = Path(__file__).resolve().parents[1]
 CACHE = REPOSITORY / "data/cache"
 CONFIGS = "config/measured.yaml", "config.yaml"
 

@@ -13,14 +13,13 @@ import os
 import subprocess
 import sys
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
 
-from bench.measured import REPOSITORY, devices, ingested, missing
+from bench.measured import devices, ingested, missing
 from bench.study.chain import through
-from imuloop.core.errors import ImuloopError
+from bench.tables import REPOSITORY
 
 # what computes, the published figures and the report apart, and without the long simulations
 TESTS = [f"tests/{name}" for name in ("core", "segment", "noise", "calibrate", "diagnose")]
@@ -35,71 +34,57 @@ BOUND = 1e-5
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--workers", type=int, default=2)
-    # of the processes that this one starts
-    parser.add_argument("--make", nargs=2, metavar=("DEVICE", "FOLDER"), help=argparse.SUPPRESS)
+    parser.add_argument("--workers", type=int, default=2, help="of the tests")
+    # of the processes that this one starts, one by the code of each kind
+    parser.add_argument("--make", type=Path, metavar="FOLDER", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.make:
-        return make(options.make[0], Path(options.make[1]))
-    kinds = [kind for kind, level in KINDS.items() if level in features("baseline", "found")]
-    print(f"kinds of processor: {', '.join(kinds)}; left out: {', '.join({*KINDS} - {*kinds})}")
-    failed = OLD in kinds and not tested(options.workers)
-    reasons = {name: missing(name) for name in devices()}
-    print(*(f"{name} left out: {reason}" for name, reason in reasons.items() if reason), sep="\n")
-    names = [name for name, reason in reasons.items() if not reason]
-    with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.workers) as pool:
-        every = [(kind, name, Path(folder, kind, name)) for kind in kinds for name in names]
-        list(pool.map(lambda each: made_by(*each), every))
+        return make(options.make)
+    simd = np.show_config(mode="dicts")["SIMD Extensions"]
+    kinds = [kind for kind, has in KINDS.items() if has in simd["baseline"] + simd["found"]]
+    print(f"kinds of processor: {', '.join(kinds)} of {', '.join(KINDS)}", flush=True)
+    failed = False
+    if OLD in kinds:
+        tests = "pytest", "-q", "-n", options.workers, "-p", "no:cacheprovider", *TESTS
+        failed = bool(start(OLD, *tests).wait())
+    with tempfile.TemporaryDirectory() as folder:
+        making = [start(k, "bench.processors", "--make", Path(folder, k)) for k in kinds]
+        failed |= any([process.wait() for process in making])
         faults = [f for kind in kinds[1:] for f in compared(Path(folder), kinds[0], kind)]
-    print(*faults, f"{len(names)} devices", sep="\n")
+    print(*faults, sep="\n")
     return bool(faults) or failed
 
 
-def features(*which):
-    """Return what NumPy takes of this processor: what it needs, what it found besides."""
-    known = np.show_config(mode="dicts")["SIMD Extensions"]
-    return [feature for each in which for feature in known[each]]
-
-
-def run(kind, *command, **how):
-    """Run a Python module in a process of its own, by the code of a kind of processor."""
+def start(kind, *command):
+    """Start a Python module in a process of its own, by the code of a kind of processor."""
     environment = os.environ | {"OPENBLAS_CORETYPE": kind, "OPENBLAS_NUM_THREADS": "1"}
     if kind == OLD:
-        environment["NPY_DISABLE_CPU_FEATURES"] = " ".join(features("found"))
+        chosen = np.show_config(mode="dicts")["SIMD Extensions"]["found"]
+        environment["NPY_DISABLE_CPU_FEATURES"] = " ".join(chosen)
     command = [sys.executable, "-m", *map(str, command)]
-    return subprocess.run(command, env=environment, cwd=REPOSITORY, check=False, **how)
+    return subprocess.Popen(command, env=environment, cwd=REPOSITORY)
 
 
-def tested(workers):
-    """Return whether the numeric tests pass by the oldest code."""
-    print(f"numeric tests as on {OLD}", flush=True)
-    options = "-q", "-n", workers, "-p", "no:cacheprovider"
-    return run(OLD, "pytest", *options, *TESTS).returncode == 0
-
-
-def made_by(kind, name, folder):
-    """Make the results of a device by the code of a kind of processor."""
-    done = run(kind, "bench.processors", "--make", name, folder, capture_output=True, text=True)
-    if done.returncode:
-        raise ImuloopError(f"{name} as on {kind}: {done.stderr}")
-
-
-def make(name, folder):
-    """Make the results of a device in this process."""
-    through(ingested(name, folder))
+def make(folder):
+    """Make the results of the devices whose recordings are at hand, in this process."""
+    for name in devices():
+        if reason := missing(name):
+            print(f"{name} left out: {reason}", flush=True)
+        else:
+            through(ingested(name, folder / name))
 
 
 def compared(folder, first, other):
     """Return a line for each figure in which the results of two kinds differ; say the largest."""
-    count, largest, faults = 0, 0.0, []
+    shares, faults = [0.0], []
     for path in sorted(Path(folder, first).rglob("*.json")):
         name = path.relative_to(folder / first)
         contents = (json.loads(Path(folder, kind, name).read_text()) for kind in (first, other))
         for place, values, share in differences(*contents):
-            count, largest = count + 1, max(largest, share)
+            shares.append(share)
             if share > BOUND:
                 faults.append(f"{other} beside {first}: {name} {place}: {values[1]}, {values[0]}")
-    print(f"{other} beside {first}: {count} values, the largest difference {largest:.2g}")
+    print(f"{other} beside {first}: {len(shares) - 1} values, largest difference {max(shares):.2g}")
     return faults
 
 

@@ -1,7 +1,6 @@
 """Allan curves and six faces beside the packages of the registry: `make bench`."""
 
 import argparse
-import json
 import os
 import subprocess
 import sys
@@ -15,16 +14,12 @@ from bench.tables import REPOSITORY, publish, table
 from imuloop.calibrate.six_position import decompose
 from imuloop.simulate.truth import example_truth
 
-# every so many averaging times are computed in extended precision; below DIGITS all agree
-EVERY, DIGITS = 10, 1e-14
+# every so many averaging times are computed in extended precision
+EVERY = 10
 # SI, white noise and random walk of accelerometer and gyroscope
 N, K = (1e-3, 1e-4), (2e-5, 2e-6)
 # simulated sessions; degrees that a face is off, about both axes that lie in it; m/s^2 a sample
 SESSIONS, TILT, NOISE = 50, 1.0, 0.02
-COMPUTES = {
-    None: "accelerometer, with covariance",
-    "imucal": "accelerometer; from three turns of known angle gyroscope and g-sensitivity",
-}
 # freed memory stays with the process: else page faults of temporaries count, or not, by chance
 ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
@@ -34,37 +29,30 @@ ENVIRONMENT = {
 }
 
 
-def contend(calls, folder, environment, rounds):
-    """Return for each distribution what its best round gave, or why it failed.
+def contend(calls, arrays, environment, rounds):
+    """Yield contender, least seconds of the rounds and what it computed, or why it failed.
 
-    Contenders take turns, each in a process of its own, in this environment or in that of the
-    peers: a virtual one.
+    Contenders take turns, each in a process of its own, imuloop in this environment, peers in
+    their own; `arrays` by name are what they are given.
     """
-    found = {}
-    for distribution in [*calls] * rounds:
-        if isinstance(found.get(distribution), str):
-            continue
-        python = environment / "bin/python" if distribution else sys.executable
-        command = [
-            str(python),
-            "-m",
-            "bench.peers.calls",
-            calls[distribution].__name__,
-            str(folder),
-        ]
-        if not Path(python).exists():
-            found[distribution] = "there is no environment of the peers"
-            continue
-        how = {"env": os.environ | ENVIRONMENT, "capture_output": True, "text": True}
-        done = subprocess.run(command, **how)
-        if done.returncode:
-            found[distribution] = (done.stderr.strip().splitlines() or [str(done.returncode)])[-1]
-            continue
-        made = json.loads(done.stdout.splitlines()[-1])
-        found[distribution] = min(
-            made, found.get(distribution, made), key=lambda one: one["seconds"]
-        )
-    return found
+    with tempfile.TemporaryDirectory() as folder:
+        for name, values in arrays.items():
+            np.save(f"{folder}/{name}.npy", values)
+        took, failed = {}, {}
+        for peer in [*calls] * rounds:
+            python = sys.executable if peer == "imuloop" else environment / "bin/python"
+            command = [str(python), "-m", "bench.peers.calls", calls[peer].__name__, folder]
+            how = {"env": os.environ | ENVIRONMENT, "capture_output": True, "text": True}
+            done = subprocess.run(command, **how)
+            if done.returncode:
+                failed[peer] = done.stderr.strip().splitlines()[-1]
+            else:
+                took.setdefault(peer, []).append(float(done.stdout))
+        for peer, call in calls.items():
+            if peer in failed:
+                yield peer, None, failed[peer]
+            else:
+                yield peer, min(took[peer]), np.load(f"{folder}/{call.__name__}.npy")
 
 
 def reference(axes, factors):
@@ -79,12 +67,6 @@ def reference(axes, factors):
     return found
 
 
-def named(distribution, found):
-    """Return a contender's name and version."""
-    version = "" if isinstance(found, str) else f" {found['version']}"
-    return f"{distribution}{version}" if distribution else "**imuloop**"
-
-
 def curves(n, environment, rounds):
     """Return the table of the Allan curves of six axes of `n` samples, and their differences."""
     rng, axes, factors = np.random.default_rng(1), np.empty((6, n)), averaging_factors(n)
@@ -92,23 +74,15 @@ def curves(n, environment, rounds):
         x[:] = np.cumsum(rng.standard_normal(n) * K[i // 3] / np.sqrt(RATE))
         x += N[i // 3] * np.sqrt(RATE) * rng.standard_normal(n) + 9.8 * (i == 2)
     rows, true = [], reference(axes, factors[::EVERY])
-    with tempfile.TemporaryDirectory() as folder:
-        folder = Path(folder)
-        np.save(folder / "axes.npy", axes)
-        np.save(folder / "factors.npy", factors)
-        for distribution, found in (every := contend(CURVES, folder, environment, rounds)).items():
-            if isinstance(found, str):
-                rows.append((named(distribution, found), f"failed: {found}", *"––"))
-                continue
-            made = np.load(folder / f"{CURVES[distribution].__name__}.npy")
+    arrays = {"axes": axes, "factors": factors}
+    for peer, took, made in contend(CURVES, arrays, environment, rounds):
+        if took is None:
+            rows.append((peer, f"failed: {made}", "–"))
+        else:
             off = np.abs(made[:, ::EVERY] / true - 1).max()
-            time = f"{found['seconds']:.3g} ({found['seconds'] / every[None]['seconds']:.2f}×)"
-            accuracy = f"{off:.0e}" if off > DIGITS else "< 1e-14"
-            rows.append(
-                (named(distribution, found), time, accuracy, f"{found['memory'] / 1e6:.0f}")
-            )
-    size = f"{n:,} × 6, {len(factors)} τ: s"
-    return table((size, "processor time", "largest relative difference", "memory, MB"), rows)
+            rows.append((peer, f"{took:.3g}", f"{off:.0e}"))
+    size = f"{n:,} × 6, {len(factors)} τ"
+    return table((size, "processor time, s", "largest relative difference"), rows)
 
 
 def sessions():
@@ -129,26 +103,19 @@ def sessions():
 
 def faces(environment, rounds):
     """Return the table of the six-position calibrations."""
-    made, truth = sessions()
+    given, truth = sessions()
     rows = []
-    with tempfile.TemporaryDirectory() as folder:
-        folder = Path(folder)
-        np.save(folder / "sessions.npy", made)
-        for distribution, found in contend(FACES, folder, environment, rounds).items():
-            if isinstance(found, str):
-                rows.append((named(distribution, found), f"failed: {found}", *"––––"))
-                continue
-            each = np.load(folder / f"{FACES[distribution].__name__}.npy")
-            fitted = np.array([decompose(one[:, :3], one[:, 3])[0] for one in each])
-            misalignment, scale, bias = np.split(fitted - truth, [3, 6], axis=-1)
-            rms = [np.sqrt(np.mean(x**2)) for x in (scale / truth[3:6], bias, misalignment)]
-            errors = f"{rms[0]:.3%}", f"{rms[1]:.2g}", f"{np.degrees(rms[2]):.2g}"
-            time = f"{1e3 * found['seconds']:.2f}"
-            rows.append((named(distribution, found), time, *errors, COMPUTES[distribution]))
-    return table(
-        ("", "processor time, ms", "scale factor", "bias, m/s²", "misalignment, °", "computes"),
-        rows,
-    )
+    for peer, took, made in contend(FACES, {"sessions": given}, environment, rounds):
+        if took is None:
+            rows.append((peer, f"failed: {made}", *"–––"))
+            continue
+        fitted = np.array([decompose(one[:, :3], one[:, 3])[0] for one in made])
+        misalignment, scale, bias = np.split(fitted - truth, [3, 6], axis=-1)
+        rms = [np.sqrt(np.mean(x**2)) for x in (scale / truth[3:6], bias, misalignment)]
+        errors = f"{rms[0]:.3%}", f"{rms[1]:.2g}", f"{np.degrees(rms[2]):.2g}"
+        rows.append((peer, f"{1e3 * took:.2f}", *errors))
+    head = ("", "processor time, ms", "scale factor", "bias, m/s²", "misalignment, °")
+    return table(head, rows)
 
 
 def main():
@@ -158,15 +125,19 @@ def main():
     parser.add_argument("--environment", type=Path, default=Path("build/peers"), help="the peers'")
     options = parser.parse_args()
     how = options.environment, options.rounds
-    tables = [curves(n, *how) for n in map(int, options.sizes.split(","))]
     text = (
-        "## Allan curve of six axes, intervals too", *tables,
-        "In brackets multiples of imuloop. Differences are those to extended precision, at every "
-        f"{EVERY}th τ. Freed memory stays with each process, which favours the peers.",
-        "## Six faces", faces(*how),
+        "Versions are those of `bench/requirements.txt`; the best of rounds.",
+        "## Allan curve of six axes",
+        *(curves(n, *how) for n in map(int, options.sizes.split(","))),
+        "imuloop with intervals, which the others do not give. Differences are those to extended "
+        f"precision, at every {EVERY}th τ. Freed memory stays with each process, which favours "
+        "the peers.",
+        "## Six faces",
+        faces(*how),
         f"Errors are rms over {SESSIONS} simulated sessions, faces off by {TILT:g}° about each "
-        f"axis, {LENGTH} samples each.",
-    )  # fmt: skip
+        f"axis, {LENGTH} samples each. imuloop gives a covariance too, imucal, of three turns of "
+        "known angle, a gyroscope and its g-sensitivity.",
+    )
     publish("peers", "Beside other packages", "\n\n".join(text))
 
 

@@ -4,15 +4,13 @@ For Allan curves the folder holds `axes.npy`, shape (6, n), SI, and `factors.npy
 factors; imports and a first call on a short part are not timed. For six faces it holds
 `sessions.npy`, shape (k, 9 × `LENGTH`, 6): acceleration and angular rate at the faces, then at
 three turns, as imucal wants them; the first session is timed. What was computed goes to
-``NAME.npy``; printed is JSON: seconds of processor time, bytes of memory at the peak, version.
+``NAME.npy``; printed are seconds of processor time.
 """
 
 import contextlib
 import io
-import json
 import sys
 import time
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -92,18 +90,13 @@ def faces_imuloop(session):
     return np.column_stack([matrix, -matrix @ fit.x[6:9]])
 
 
-# distribution, None for this repository: call
+# by distribution, as bench/requirements.txt has it
 CURVES = {
-    None: curves_imuloop,
+    "imuloop": curves_imuloop,
     "allantools": curves_allantools,
     "allan-variance": curves_allan_variance,
 }
-FACES = {None: faces_imuloop, "imucal": faces_imucal}
-BY_NAME = {
-    call.__name__: (call, distribution)
-    for calls in (CURVES, FACES)
-    for distribution, call in calls.items()
-}
+FACES = {"imuloop": faces_imuloop, "imucal": faces_imucal}
 
 
 def seconds(call, *arguments):
@@ -115,7 +108,7 @@ def seconds(call, *arguments):
 
 def main():
     name, folder = sys.argv[1], Path(sys.argv[2])
-    call, distribution = BY_NAME[name]
+    call = globals()[name]
     # they print progress
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         if call in CURVES.values():
@@ -128,10 +121,7 @@ def main():
             values = [call(session) for session in sessions]
             took = min(seconds(call, sessions[0])[1] for _ in range(10))
     np.save(folder / f"{name}.npy", np.asarray(values))
-    # what getrusage tells may be the parent's, from before the program began
-    (peak,) = (x for x in Path("/proc/self/status").read_text().splitlines() if "VmHWM" in x)
-    release = distribution and version(distribution)
-    print(json.dumps({"seconds": took, "memory": 1024 * int(peak.split()[1]), "version": release}))
+    print(took)
 
 
 if __name__ == "__main__":
