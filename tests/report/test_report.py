@@ -7,7 +7,9 @@ import json
 import re
 import shutil
 from collections import Counter
+from html import unescape
 
+import numpy as np
 import pytest
 
 from imuloop.report.section import write_section
@@ -92,6 +94,39 @@ def test_no_rejected_session_is_said_too_and_one_device_is_not_the_best(results,
     html = (tmp_path / "a/report.html").read_text(encoding="utf-8")
     assert "No session was rejected." in html and 'class="best"' not in html
     assert html == (tmp_path / "b/report.html").read_text(encoding="utf-8")
+
+
+# what the first screen calls an error: sensor, record, residual, and how many of its unit an SI is
+SAID = {
+    "Vertical after a turn": ("gyroscope", "poses", "rotation", 180 / np.pi),
+    "Accelerometer's bias at rest": ("accelerometer", "static_record", "bias", 1e3 / 9.80665),
+}
+
+
+@pytest.mark.parametrize("device", ["board", "still", "partly"])
+def test_the_figures_of_the_first_screen_are_those_of_the_files(html, page, results, device):
+    caption = re.search(rf'<figcaption>([^<]*)<a href="{device}/figures/loop.csv"', html)[1]
+    what, sizes = unescape(caption).split(": ", 1)
+    sensor, record, name, factor = SAID[what]
+    content = json.loads((results / device / "diagnosis.json").read_text())
+    residual = content["sensors"][sensor][record]["residuals"][name]
+    found = {
+        "before": re.search(r"([\d.]+)\W*\w* calibrated", sizes),
+        "after": re.search(r"([\d.]+)\W*\w* with ", sizes),
+        "floor": re.search(r"Noise alone gives ([\d.]+)", sizes),
+    }
+    for key, size in found.items():
+        if size:
+            assert float(size[1]) == pytest.approx(factor * residual[key], rel=0.05)
+    assert found["before"] and found["floor"]
+    # the headline has the same, where it is of this device
+    title = next(e["text"] for e in page.all("h1"))
+    if device == "still":
+        assert all(f"{found[key][1]}\u202fmg" in title for key in ("before", "after"))
+    # and the table, which is of poses
+    row = {r["device"]: r for r in csv.DictReader((results / "comparison.csv").open())}[device]
+    shown = [float(v) for k, v in row.items() if v and k.startswith(f"{sensor}_residual [")]
+    assert shown == [pytest.approx(residual["after"])] * (record == "poses")
 
 
 def test_every_figure_has_alt_text_with_numbers_a_caption_and_its_numbers(page, results):
