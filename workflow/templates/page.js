@@ -62,12 +62,3 @@ if (compared.length && compared[0].tBodies[0].rows.length > 10) {
   });
 }
 
-// What is folded is printed too.
-let folded = [];
-addEventListener("beforeprint", () => {
-  folded = [...document.querySelectorAll("details:not([open])")];
-  for (const each of folded) each.open = true;
-});
-addEventListener("afterprint", () => {
-  for (const each of folded) each.open = false;
-});
