@@ -1,11 +1,9 @@
 """Pictures drawn by matplotlib as SVG: same bytes each time, colours that follow the page."""
 
 import io
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from html import escape
 
 import matplotlib
 import numpy as np
@@ -26,6 +24,7 @@ from pyarrow import csv
 
 from imuloop.core.files import replaced
 from imuloop.core.tables import text_cells
+from imuloop.report.figures.svg import page_svg
 from imuloop.report.numbers import superscript
 
 INK, GRID, SHADE, PAGE = "#1b1f24", "#c8ced6", "#eef1f4", "#ffffff"
@@ -156,15 +155,15 @@ class Picture:
             FigureCanvasSVG(drawn).print_svg(file, metadata={"Date": None})
         titles = getattr(drawn, "titles", {})
         alt, digits = f"{self.kind}. {self.caption}", 2 if self.zoom else 1
-        return _clean(file.getvalue(), alt, titles, digits)
+        return page_svg(file.getvalue(), alt, titles, INK, digits)
 
     @property
     def inline(self):
         """The drawing as an element of the page, in the page's colours."""
-        svg = re.sub(r' xmlns(:xlink)?="[^"]*"', "", self.svg)
+        svg = self.svg
         for colour, variable in THEME.items():
             svg = svg.replace(colour, variable)
-        return Markup(svg.replace("xlink:href", "href"))
+        return Markup(svg)
 
 
 def drawn(device, stem, kind, caption, plot, numbers, **looks):
@@ -217,49 +216,10 @@ def entitle(area, marks, titles):
     titled[marks.get_gid()] = list(titles)
 
 
-def _clean(svg, alt, titles, digits):
-    """Return a drawing without what a page does not need: ids, fonts, small parts of a pixel."""
-    svg = re.sub(
-        r"<metadata>.*?</metadata>|<defs>\s*<style.*?</style>\s*</defs>", "", svg, flags=re.S
-    )
-    svg = re.sub(
-        r'<g id="(titles\d+)">.*?</g>\s*</g>',
-        lambda m: _titled(m[0], titles[m[1]]),
-        svg,
-        flags=re.S,
-    )
-    # where the text of a mark has a quotation mark, it stands in others
-    svg = re.sub(
-        r"<g id=(['\"])(area|axis|curve|twin)=", r"<g data-\2=\1", svg[svg.index("<svg") :]
-    )
-    svg = re.sub(r'<g id="[^"]*"', "<g", svg)
-    svg = re.sub(r"font-family: [^;\"]*; | transform=\"rotate\(-?0 [^\"]*\"", "", svg)
-    svg = re.sub(r' [dxy]="[^"]*"', lambda m: _rounded(m[0], digits), re.sub(r"\s+", " ", svg))
-    for common in ("font-size: 11px; ", "; stroke-linecap: square", f"; fill: {INK}", "> <"):
-        svg = svg.replace(common, "><" if common == "> <" else "")
-    head = f'<svg role="img" aria-label="{escape(alt)}" fill="{INK}" font-size="11" '
-    return re.sub(r' (width|height)="[\d.]+pt"', "", svg, count=2).replace("<svg ", head, 1)
-
-
-def _rounded(text, digits):
-    """Return an attribute with few digits; of a path what follows a place is a line to it."""
-    text = re.sub(r"-?\d+\.\d+", lambda m: f"{round(float(m[0]), digits):g}", text)
-    return text.replace(" L ", " ").replace(" -", "-").replace("M ", "M")
-
-
-def _titled(group, titles):
-    """Return a group of marks, each with what it says."""
-    said = iter(titles)
-    return re.sub(
-        r"(<(?:use|path) (?!id=)[^>]*)/>",
-        lambda m: f"{m[1]}><title>{escape(next(said))}</title></{m[1][1:].partition(' ')[0]}>",
-        group,
-    )
-
-
 def write_svg(folder, name, picture):
     """Write a picture as a file of its own, on white."""
-    head = '<svg font-family="sans-serif" style="background:#ffffff" '
+    head = '<svg xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" '
+    head += 'style="background:#ffffff" '
     with replaced(folder / f"{name}.svg") as temporary:
         text = picture.svg.replace("<svg ", head, 1) + "\n"
         temporary.write_text(text, encoding="utf-8", newline="\n")
