@@ -63,7 +63,9 @@ def test_arrays_give_the_numbers_of_the_workflow(result, path, tmp_path):
 
 
 def test_a_result_prints_its_parameters(result):
-    lines = dict(line.strip().split(": ", 1) for line in str(result).splitlines()[1:])
+    assert max(map(len, str(result).splitlines())) <= 100
+    whole = str(result).replace("\n    ", " ")
+    lines = dict(line.strip().split(": ", 1) for line in whole.splitlines()[1:])
     for sensor, unit in (("accelerometer", "m/s²"), ("gyroscope", "rad/s")):
         line, found = lines[f"{sensor}, calibration"], getattr(result.calibration, sensor)
         scale, bias = re.fullmatch(
@@ -113,7 +115,7 @@ def test_a_figure_is_drawn_on_axes_as_in_the_report(result):
     (theirs,) = result.plot.allan("gyroscope")
     areas = Figure().subplots(1, 3)
     imuloop.plot.draw(list(areas), result, "multi_position_1_allan_gyroscope")
-    for mine, other in zip(areas, theirs.axes, strict=True):
+    for mine, other in zip(areas, theirs.axes[:3], strict=True):
         assert len(mine.lines) == len(other.lines) > 1
         for a, b in zip(mine.lines, other.lines, strict=True):
             np.testing.assert_array_equal(a.get_xydata(), b.get_xydata())

@@ -14,9 +14,17 @@ from imuloop.core.errors import ImuloopError, one_line
 COMMANDS = (apply, calibrate, check, coach, info, noise, propose, report)
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser that says what is wrong in one line."""
+
+    def error(self, message):
+        """End with exit status 2."""
+        self.exit(2, f"{self.prog}: {one_line(message)}; {self.prog} -h says more\n")
+
+
 def main(argv=None):
     """Run one command; return the exit status: 0, 1 for an error in one line, or the command's."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="imuloop",
         description="Calibrate, check and describe accelerometers and gyroscopes.",
         epilog="imuloop COMMAND -h says more, with an example",

@@ -14,13 +14,20 @@ from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
-import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 from tqdm import tqdm
 
 import imuloop
 from imuloop import chain
+from imuloop.arguments import (
+    PAIR,
+    check_declared,
+    check_log,
+    check_settings,
+    gravity_of,
+    table_of,
+)
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, refuse_overwriting, replaced
 from imuloop.core.model import Calibration
@@ -38,8 +45,6 @@ from imuloop.core.units import STANDARD_GRAVITY
 KINDS = ("multi_position", "six_position", "static")
 # what `calibrate` takes for a log
 Log = str | Path | pd.DataFrame | tuple | Mapping
-# roles of two tables, of one sensor each
-PAIR = ("acceleration", "angular_rate")
 # columns of a result that is printed
 WIDTH = 100
 # where a log came from that was no file
@@ -149,7 +154,7 @@ def calibrate(
     *,
     static: Log | list[Log] = (),
     six_position: Log | list[Log] = (),
-    gravity: float = STANDARD_GRAVITY,
+    gravity: float | Mapping = STANDARD_GRAVITY,
     units: Mapping | None = None,
     columns: Mapping | None = None,
     nominal: Mapping | None = None,
@@ -178,8 +183,8 @@ def calibrate(
         degC.
     static, six_position : a log, or a list of logs
         Of the device at rest, and of its six faces up and down in turn.
-    gravity : float
-        Local gravity, m/s^2.
+    gravity : float or mapping
+        Local gravity, m/s^2, or ``latitude``, degrees, and ``height``, m, to compute it from.
     units, columns, nominal, rate, format : optional
         Of all logs, as in the config; what is not given is found from a log, units else SI.
     name, label : str
@@ -202,6 +207,15 @@ def calibrate(
     """
     if t is None and (acceleration is None or angular_rate is None):
         raise ImuloopError("no log is given: t, or acceleration and angular_rate")
+    if acceleration is not None and angular_rate is None:
+        raise ImuloopError("angular_rate: none is given beside t and acceleration")
+    if threads < 1:
+        raise ImuloopError(f"threads: {threads}; at least 1 is needed")
+    if folder and Path(folder).is_file():
+        raise ImuloopError(f"{folder}: a file, where a folder for the results is asked for")
+    check_settings(settings or {})
+    declared = {"format": format, "rate": rate, "columns": columns or {}, "units": units or {}}
+    check_declared(declared | {"nominal": nominal}, [*declared, "nominal"])
     if acceleration is None:
         poses = _several(t)
     elif t is None:
@@ -210,20 +224,20 @@ def calibrate(
         poses = [(t, acceleration, angular_rate, temperature)]
     given = zip(KINDS, (poses, _several(six_position), _several(static)), strict=True)
     logs = {f"{kind}_{i + 1}": log for kind, each in given for i, log in enumerate(each)}
+    for each in logs.values():
+        check_log(each)
     kept = folder or tempfile.TemporaryDirectory(prefix="imuloop-")
     device = chain.Device(
         name,
         Path(folder or kept.name),
         {session: session.rpartition("_")[0] for session in logs},
         label=label,
-        gravity=float(gravity),
+        gravity=gravity_of(gravity),
         nominal=dict(nominal or {}),
         log=log and Path(log),
         threads=threads,
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
-    declared = {"format": format, "rate": rate}
-    declared |= {"columns": dict(columns or {}), "units": dict(units or {})}
     failures, notes = [], []
     with tqdm(total=len(logs) + len(chain.stages()), disable=not progress, leave=False) as bar:
         for session, log in logs.items():
@@ -269,6 +283,8 @@ def read(log, **declared) -> pd.DataFrame:
     ImuloopError
         If the log cannot be used; one line with the reasons.
     """
+    check_declared(declared, ("units", "columns", "format", "rate", "nominal"))
+    check_log(log)
     nominal = declared.pop("nominal", {})
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         device = chain.Device("log", Path(folder), {"log": None}, nominal=nominal)
@@ -313,8 +329,7 @@ def _ingested(device, session, log, declared):
     for role, part in ({q: log[q] for q in PAIR} if two else {"log": log}).items():
         if isinstance(part, (str, Path)):
             path = Path(part)
-            if not path.exists():
-                raise ImuloopError(f"{path}: there is no such file")
+            check_log(path)
             refuse_overwriting([device.folder], [path])
             sources[role] = {"path": str(part)}
         elif two and not isinstance(part, pd.DataFrame):
@@ -328,8 +343,11 @@ def _ingested(device, session, log, declared):
     shown = _where(log) if _where(log) != IN_MEMORY else session
     declared = declared | {"sources": sources}
     for failure in chain.ingest(device, session, declared, paths):
-        # the file's name is enough
-        raise ImuloopError(failure.why.removeprefix(f"{device.name}/{session}: "))
+        # the file's name is enough, and of a log in memory that of its session
+        why = failure.why.removeprefix(f"{device.name}/{session}: ")
+        for path in paths if IN_MEMORY in {s["path"] for s in sources.values()} else ():
+            why = why.replace(str(path), session)
+        raise ImuloopError(why)
     quality = read_json(device.sessions[session]["quality"])
     reasons = [f"{shown}: rejected: {'; '.join(quality['reasons'])}"] if quality["reasons"] else []
     return reasons, [f"{shown}: {text}" for text in quality["warnings"]]
@@ -342,13 +360,4 @@ def _table(log):
         return log.rename_axis(TIME).reset_index() if stamped else log
     if isinstance(log, Mapping):
         return pd.DataFrame(dict(log))
-    t, force, turn, *temperature = (np.asarray(x) for x in log if x is not None)
-    columns = {TIME: t}
-    for names, values in ((ACCELERATION, force), (ANGULAR_RATE, turn)):
-        if values.shape != (len(t), 3):
-            raise ImuloopError(
-                f"{' '.join(names)}: an array of shape {values.shape}; as many rows as t has, "
-                f"({len(t)}, 3), are needed"
-            )
-        columns |= dict(zip(names, values.T, strict=True))
-    return pd.DataFrame(columns | dict(zip([TEMPERATURE], temperature, strict=False)))
+    return table_of(log, (TIME, (ACCELERATION, ANGULAR_RATE), TEMPERATURE))

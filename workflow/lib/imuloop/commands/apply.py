@@ -12,6 +12,7 @@ from imuloop.commands.raw_log import (
     log_of,
     log_samples,
     refuse_rejected,
+    refuse_swapped,
 )
 from imuloop.core.errors import ImuloopError, one_line, plural
 from imuloop.core.files import read_json, refuse_overwriting
@@ -51,6 +52,7 @@ def add(commands, **how):
 
 def run(arguments):
     """Write the calibrated samples of a log."""
+    refuse_swapped(arguments.calibration, arguments.log)
     calibration, output = Calibration.from_json(arguments.calibration), arguments.output
     # before the log is read, which may take long
     if not arguments.nominal:

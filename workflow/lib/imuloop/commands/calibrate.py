@@ -6,13 +6,13 @@ import warnings
 from contextlib import contextmanager
 from pathlib import Path
 
+from imuloop.arguments import gravity_of
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import (
     add_arguments,
     declared,
     files_of,
     is_samples,
-    local_gravity,
     log_of,
 )
 from imuloop.core.errors import ImuloopError
@@ -101,6 +101,7 @@ def made(arguments, folder, log):
                 raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
         logs[kind or arguments.kind].append(log_or_two)
     what, nominal = declared(arguments)
+    log.parent.mkdir(parents=True, exist_ok=True)
     # made only where there is a traceback to keep
     handler = logging.FileHandler(log, mode="w", delay=True)
     handler.setLevel(logging.ERROR)
@@ -134,7 +135,10 @@ def _log(text):
 def _gravity(text):
     """Return gravity of an argument, m/s^2 as it is, or of latitude and height."""
     if "," not in text:
-        return local_gravity(text)
+        try:
+            return gravity_of(float(text))
+        except ImuloopError as error:
+            raise argparse.ArgumentTypeError(f"{error}: LATITUDE,HEIGHT") from error
     values = [float(value) for value in text.split(",")]
     if len(values) > 2 or not abs(values[0]) <= 90 or not abs(values[1]) <= 1e5:
         raise argparse.ArgumentTypeError(f"{text} is not M/S^2 or LATITUDE,HEIGHT")

@@ -20,6 +20,7 @@ from imuloop.commands.raw_log import (
     name_of,
     paths_of,
     refuse_rejected,
+    refuse_swapped,
     segmented,
 )
 from imuloop.core.calibration_faults import implausible
@@ -95,6 +96,7 @@ def run(arguments):
     """Test a calibration on a log, and update its biases; return the exit status."""
     if arguments.update != bool(arguments.output):
         raise ImuloopError("--update needs -o, the calibration to write, and -o needs --update")
+    refuse_swapped(arguments.calibration, arguments.log)
     calibration, name = Calibration.from_json(arguments.calibration), name_of(arguments.log)
     noise = arguments.noise or arguments.calibration.with_name("noise.json")
     logs = files_of(arguments.log)

@@ -28,6 +28,12 @@ def log_of(text):
     return dict(zip(PAIR, map(Path, two.groups()), strict=True)) if two else Path(text)
 
 
+def refuse_swapped(calibration, log):
+    """Raise an ImuloopError where a log stands in the place of the calibration."""
+    if any(path.suffix == ".json" for path in files_of(log)) and calibration.suffix != ".json":
+        raise ImuloopError(f"{calibration}: no calibration.json: it comes first, then the log")
+
+
 def files_of(log):
     """Return the paths of a log, one or two."""
     return [*log.values()] if isinstance(log, dict) else [log]

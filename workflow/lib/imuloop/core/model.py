@@ -203,6 +203,11 @@ class Calibration:
         ImuloopError
             If a column is missing, the samples are marked as calibrated, or nothing was measured.
         """
+        if not hasattr(samples, "columns"):
+            raise ImuloopError(
+                "apply takes a DataFrame with t, ax ay az, gx gy gz, not "
+                f"{type(samples).__name__}: imuloop.read(log) gives one; of arrays apply_arrays"
+            )
         check_columns(samples.columns)
         refuse_calibrated(samples.columns, samples.attrs.get(METADATA_KEY.decode(), {}))
         f, w = (samples[list(axes)] for axes in SENSORS.values())

@@ -1,0 +1,127 @@
+"""Plausible mistakes, in Python and on the command line: one line each, with the cause."""
+
+import inspect
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import imuloop
+from imuloop.__main__ import main
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import CHANNELS
+
+N = 400
+T = np.arange(N) / 100
+F = np.random.default_rng(0).normal([0, 0, 9.8], 0.01, (N, 3))
+W = np.random.default_rng(1).normal(0, 0.001, (N, 3))
+
+
+@pytest.fixture
+def log(tmp_path):
+    path = tmp_path / "log.csv"
+    table = pd.DataFrame(np.column_stack([T, F, W]), columns=["t", *CHANNELS])
+    table.to_csv(path, index=False)
+    return path
+
+
+# arguments of imuloop.calibrate, PATH the log, and what the error says
+IN_PYTHON = {
+    "no gyroscope": ((T, F), {}, "angular_rate: none is given"),
+    "no log": ((), {}, "no log is given"),
+    "no such file": (("none.csv",), {}, "none.csv: there is no such file"),
+    "a place without height": ((T, F, W), {"gravity": {"latitude": 45.4}}, "is no place: give"),
+    "a latitude": ((T, F, W), {"gravity": 45.4}, "gravity: 45.4 m/s^2 is no local gravity"),
+    "gravity as text": ((T, F, W), {"gravity": "9.81"}, "gravity: '9.81' is not a number"),
+    "a wrong stage": ((T, F, W), {"settings": {"segmnt": {}}}, "did you mean 'segment'"),
+    "a wrong setting": (
+        (T, F, W),
+        {"settings": {"segment": {"windows_s": 2}}},
+        "settings.segment: 'windows_s' is not a setting; did you mean 'window_s'",
+    ),
+    "no rate": (("PATH",), {"rate": 0}, "rate: 0 is not a number of samples per second"),
+    "a unit": ((T, F, W), {"units": {"acceleration": "ms2"}}, "'ms2' is not a unit"),
+    "a quantity": ((T, F, W), {"units": {"accel": "g"}}, "units: 'accel' is not a quantity"),
+    "nominal": ((T, F, W), {"nominal": {"acceleration": {"scle": 1}}}, "neither scale nor offset"),
+    "columns": (("PATH",), {"columns": {"acceleration": ["fx", "fy", "fz"]}}, "no column 'fx'"),
+    "format": (("PATH",), {"format": "cvs"}, "'cvs' is not a format; did you mean 'csv'"),
+    "transposed": ((T, F.T, W.T), {}, "an array of shape (3, 400); as many rows as t has"),
+    "a pair of files": ((("a.csv", "b.csv"),), {}, "of two files {'acceleration': path"),
+    "a pair by other names": (({"acc": "a", "gyr": "b"},), {}, "name them acceleration and"),
+    "temperature": ((T, F, W, np.ones(5)), {}, "temperature: an array of shape (5,)"),
+    "threads": ((T, F, W), {"threads": 0}, "threads: 0; at least 1"),
+    "a file for a folder": ((T, F, W), {"folder": "PATH"}, "log.csv: a file, where a folder"),
+}
+
+
+@pytest.mark.parametrize("mistake", IN_PYTHON)
+def test_a_mistake_in_python_is_one_line_with_its_cause(mistake, log, recwarn):
+    given, how, cause = IN_PYTHON[mistake]
+    given = [log if isinstance(each, str) and each == "PATH" else each for each in given]
+    how = {
+        key: log if isinstance(each, str) and each == "PATH" else each for key, each in how.items()
+    }
+    with pytest.raises(ImuloopError) as raised:
+        imuloop.calibrate(*given, **how, progress=False)
+    line = str(raised.value)
+    assert cause in line and "\n" not in line
+    # nothing of where a log in memory was put
+    assert "/imuloop-" not in line
+    assert not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]
+
+
+def test_what_is_read_and_applied_by_mistake(log):
+    with pytest.raises(ImuloopError, match="'unit' cannot be declared of a log; did you mean 'u"):
+        imuloop.read(log, unit={"acceleration": "g"})
+    nominal = imuloop.core.model.SensorCalibration.nominal
+    raw = imuloop.core.units.RawUnit
+    sensors = [nominal(raw(unit, 1.0), "no log") for unit in ("m/s^2", "rad/s")]
+    with pytest.raises(ImuloopError, match=r"not ndarray: imuloop\.read"):
+        imuloop.Calibration("d", 9.8, *sensors).apply(F)
+
+
+ON_THE_COMMAND_LINE = {
+    "check LOG CALIBRATION": "LOG: no calibration.json: it comes first, then the log",
+    "apply LOG CALIBRATION -o OUT": "LOG: no calibration.json: it comes first, then the log",
+    "calibrate LOG --gravity 45.4 -o OUT": "no local gravity, 0.1 to 25",
+    "calibrate LOG --gravity 145,12 -o OUT": "145,12 is not M/S^2 or LATITUDE,HEIGHT",
+    "calibrate LOG --acceleration-unit ms2 -o OUT": "'ms2' is not a unit of acceleration",
+    "calibrate LOG --rate 0 -o OUT": "argument --rate: 0 is not a number",
+    "calibrate LOG": "the following arguments are required: -o/--output",
+    "calibrate none.csv -o OUT": "none.csv: there is no such file",
+    "calibrate LOG --kind posed -o OUT": "invalid choice: 'posed'",
+    "calibrate LOG --columns accel=x,y,z -o OUT": "accel=x,y,z is not QUANTITY=NAME",
+    "calibrat LOG": "invalid choice: 'calibrat'",
+    "noise OUT": "there is no such file",
+}
+
+
+@pytest.mark.parametrize("command", ON_THE_COMMAND_LINE)
+def test_a_mistake_on_the_command_line_is_one_line_with_its_cause(command, log, tmp_path, capsys):
+    (tmp_path / "calibration.json").write_text("{}")
+    names = {"LOG": log, "CALIBRATION": tmp_path / "calibration.json", "OUT": tmp_path / "out"}
+    arguments = [str(names.get(word, word)) for word in command.split()]
+    try:
+        status = main(arguments)
+    except SystemExit as stopped:
+        status = stopped.code
+    assert status in (1, 2)
+    printed = capsys.readouterr()
+    [line] = printed.err.splitlines()
+    assert ON_THE_COMMAND_LINE[command].replace("LOG:", f"{log}:") in line and not printed.out
+
+
+def test_the_call_is_documented_as_its_function():
+    from imuloop.result import calibrate
+
+    assert inspect.signature(imuloop.calibrate) == inspect.signature(calibrate)
+    assert "gravity : float or mapping" in inspect.getdoc(imuloop.calibrate)
+    assert inspect.getdoc(imuloop.calibrate).startswith("calibrate(t: ")
+
+
+def test_importing_the_package_loads_no_array_library():
+    code = "import sys, imuloop; print({'numpy', 'pandas', 'scipy', 'pyarrow'} & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
