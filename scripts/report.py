@@ -11,7 +11,8 @@ params, output = snakemake.params, snakemake.output
 open_log(snakemake.log[0], "report")
 
 folders = [Path(path).parent for path in snakemake.input.sections]
-made_by = provenance(Path(imuloop.__file__).parents[3], params.command, params.config)
+repository = Path(imuloop.__file__).parents[3]
+made_by = provenance(imuloop.__version__, repository, params.command, params.config)
 write_report(folders, made_by, output.report, output.comparison)
 for line in verdict_lines(folders):
     say(line)

@@ -148,7 +148,7 @@ def run(declared, results):
     for name, session in sessions.items():
         chain.ingest(device, name, session, [session["sources"]["log"]["path"]])
     chain.run(device)
-    provenance = {"command": "fuzz", "commit": "not known", "config": {}}
+    provenance = {"imuloop": "0", "command": "fuzz", "commit": "not known", "config": {}}
     write_report(
         [results / DEVICE], provenance, results / "report.html", results / "comparison.csv"
     )

@@ -40,7 +40,7 @@ DOCUMENTS = [
 # what a path in a document may be relative to
 ROOTS = [REPOSITORY, REPOSITORY / "workflow/lib", REPOSITORY / "workflow/lib/imuloop"]
 # folders that a run makes
-MADE = ("results/", "data/simulated", "data/cache", ".venv")
+MADE = ("build/", "results/", "data/simulated", "data/cache", ".venv")
 # files that an export writes
 EXPORTS = [each.file for each in FORMATS]
 

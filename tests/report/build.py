@@ -5,6 +5,7 @@ from imuloop.report.section import write_section
 from report.plausible_results import write_results
 
 PROVENANCE = {
+    "imuloop": "0.2.0",
     "commit": "0123abc",
     "command": "snakemake -c2 results/report.html",
     "versions": {"numpy": "2.0"},

@@ -49,7 +49,7 @@ def results(logs, tmp_path_factory):
             failures = [each for left in work(f"bad_{stage}")[place:] for each in left()]
             assert [failure.stage for failure in failures] == [stage]
             assert good[place]() == []
-    provenance = {"commit": "", "command": "", "config": {}, "versions": {}}
+    provenance = {"imuloop": "0", "commit": "", "command": "", "config": {}, "versions": {}}
     folders = [folder / name for name in (*(f"bad_{stage}" for stage in STAGES), "good")]
     write_report(folders, provenance, folder / "report.html", folder / "comparison.csv")
     return folder

@@ -105,7 +105,8 @@ class Result:
         self._done(chain.report_device)
         sessions = {n: {"kind": k, "log": self.logs[n]} for n, k in self.device.kinds.items()}
         config = {"gravity": self.device.gravity, "sessions": sessions}
-        made_by = provenance(Path(imuloop.__file__).parents[3], command, config)
+        repository = Path(imuloop.__file__).parents[3]
+        made_by = provenance(imuloop.__version__, repository, command, config)
         write_report([folder], made_by, path, folder / "comparison.csv")
         kept = self._folder is None and linked
         _link(path, self.device.name, os.path.relpath(folder, path.parent) if kept else None)

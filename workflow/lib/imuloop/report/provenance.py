@@ -9,10 +9,11 @@ from pathlib import Path
 PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "PyWavelets", "matplotlib", "vqf")
 
 
-def provenance(repository, command, config):
+def provenance(release, repository, command, config):
     """Return what is needed to make a report again: commit, command, versions and config.
 
-    Takes the folder of the workflow, the command that was run, the resolved config of all devices.
+    Takes imuloop's version, the folder of the workflow, the command that was run, the resolved
+    config of all devices.
     """
     found = {"python": platform.python_version()}
     for name in PACKAGES:
@@ -20,7 +21,8 @@ def provenance(repository, command, config):
             found[name] = version(name)
         except PackageNotFoundError:
             continue
-    return {"commit": commit(repository), "command": command, "versions": found, "config": config}
+    made = {"imuloop": release, "commit": commit(repository), "command": command}
+    return made | {"versions": found, "config": config}
 
 
 def commit(repository):

@@ -6,7 +6,6 @@ from pathlib import Path
 import yaml
 from markupsafe import Markup
 
-import imuloop
 from imuloop.core.errors import plural
 from imuloop.core.files import plain, read_json, replaced
 from imuloop.noise.filters import RANGE
@@ -29,8 +28,8 @@ def write_report(folders, provenance, report_path, comparison_path):
     folders : sequence of Path
         Results of each device, in the order to show them; those in which a stage failed come first.
     provenance : dict
-        What made the report: `commit`, `command`, `versions`, `config` (resolved), …; single
-        values become rows of a table, mappings are printed as YAML.
+        What made the report: `imuloop` (its version), `commit`, `command`, `versions`, `config`
+        (resolved), …; single values become rows of a table, mappings are printed as YAML.
     report_path, comparison_path : path-like
         HTML and CSV file to write; pictures of all devices go into ``figures`` beside the latter.
     """
@@ -54,7 +53,6 @@ def write_report(folders, provenance, report_path, comparison_path):
         "report.html.j2",
         headline=headline(devices),
         recorded=recorded(devices),
-        version=imuloop.__version__,
         many=not together,
         groups=grouped(devices),
         # escaped when they were written
