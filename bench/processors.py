@@ -47,6 +47,9 @@ def main():
     if OLD in kinds:
         tests = "pytest", "-q", "-n", options.workers, "-p", "no:cacheprovider", *TESTS
         failed = bool(start(OLD, *tests).wait())
+    # fetched once, before several processes read them
+    reasons = {name: missing(name) for name in devices()}
+    print(*(f"{name} left out: {reason}" for name, reason in reasons.items() if reason), sep="\n")
     with tempfile.TemporaryDirectory() as folder:
         making = [start(k, "bench.processors", "--make", Path(folder, k)) for k in kinds]
         failed |= any([process.wait() for process in making])
@@ -68,9 +71,7 @@ def start(kind, *command):
 def make(folder):
     """Make the results of the devices whose recordings are at hand, in this process."""
     for name in devices():
-        if reason := missing(name):
-            print(f"{name} left out: {reason}", flush=True)
-        else:
+        if not missing(name):
             through(ingested(name, folder / name))
 
 

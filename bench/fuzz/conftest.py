@@ -13,6 +13,8 @@ from hypothesis import HealthCheck, Phase, settings
 
 # bytes that this process may take besides what it has
 MEMORY = 2 << 30
+# seconds of a clock for one of processor time
+WAITS = 15
 # events of Python that no log may cause, and those that change the files that they name
 FORBIDDEN = ("subprocess.Popen", "os.system", "os.exec", "os.posix_spawn", "os.fork", "socket.")
 FORBIDDEN += ("pickle.", "ctypes.dlopen", "webbrowser.", "ftplib.", "urllib.")
@@ -62,7 +64,7 @@ class Watch:
 
 @pytest.fixture(scope="session")
 def confined():
-    """Give a context: a folder of its own, so many seconds, and nothing anywhere else."""
+    """Give a context: a folder of its own, nothing anywhere else, seconds of processor time."""
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
@@ -71,7 +73,8 @@ def confined():
     def late(*_):
         raise TimeoutError("not done in time")
 
-    signal.signal(signal.SIGALRM, late)
+    for limit in (signal.SIGPROF, signal.SIGALRM):
+        signal.signal(limit, late)
 
     @contextmanager
     def case(seconds):
@@ -80,10 +83,13 @@ def confined():
             # a reader's process has a folder of its own
             os.environ["TMPDIR"] = tempfile.tempdir = folder
             watch.folder, watch.outside = Path(os.path.realpath(folder)), []
-            signal.alarm(seconds)
+            signal.setitimer(signal.ITIMER_PROF, seconds)
+            # what waits for ever takes no processor time
+            signal.alarm(WAITS * seconds)
             try:
                 yield Path(folder)
             finally:
+                signal.setitimer(signal.ITIMER_PROF, 0)
                 signal.alarm(0)
                 watch.folder = None
                 os.chdir(begun)

@@ -24,8 +24,8 @@ from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import read_truth
 from soundness import judge
 
-# of a case, s of a clock; rows of a log: a case is to take a second or two
-SECONDS, ROWS = 300, 8000
+# of a case, s of processor time; rows of a log: a case is to take a second or two
+SECONDS, ROWS = 60, 8000
 SIMULATED = ("iphone_6", "ipad_pro")
 KINDS = ("static", "six_position", "multi_position")
 UNITS = {"acceleration": units.ACCELERATION, "angular_rate": units.ANGULAR_RATE}

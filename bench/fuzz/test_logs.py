@@ -27,6 +27,7 @@ from imuloop.core.errors import ImuloopError
 from imuloop.ingest.ingest import Declared, ingest
 from ingest.sound_logs import SIX, sound_logs
 
+# of a case, of processor time
 SECONDS = 10
 SCHEMA = REPOSITORY / "workflow/schemas/config.schema.yaml"
 RESULTS = {"out/samples.parquet", "out/quality.json"}
