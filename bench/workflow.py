@@ -150,9 +150,10 @@ def factory(options):
     for count in counts:
         faults += timed(folder, count, options.cores, rows)
     for few, many in pairwise(counts):
-        one, other = (folder / f"run_{count}/first" for count in (few, many))
-        compare = ["diff", "-rq", *(f"-x{device(i)}" for i in range(few, many)), one, other]
-        faults += subprocess.run(compare, capture_output=True, text=True).stdout.splitlines()
+        first = (f"run_{count}/first" for count in (few, many))
+        compare = ["diff", "-rq", *(f"-x{device(i)}" for i in range(few, many)), *first]
+        how = {"cwd": folder, "capture_output": True, "text": True}
+        faults += subprocess.run(compare, **how).stdout.splitlines()
     each = ("wall, s", "processor s per device")
     heads = [f"{n} devices: {figure}" for n in counts for figure in each]
     end = faults or ["Each run did the jobs it should; results are the same bytes."]
@@ -221,8 +222,9 @@ def timed(folder, count, cores, rows):
     run("whole run", WHOLE, count)
     run("nothing to do", {}, 1)
     shutil.copytree(work / "results", work / "first")
-    for path in ("report.html", "comparison.csv"):
-        (work / "first" / path).unlink()
+    # of all devices together
+    for path in ("report.html", "comparison.csv", "figures"):
+        subprocess.run(["rm", "-rf", work / "first" / path], check=True)
     write_config(work, count + 1)
     run("one device added", WHOLE, 1)
     write_config(work, count + 1, face_tolerance=21)
