@@ -1,4 +1,4 @@
-"""A small log, one of numbers that lose their last bit easily, and ingest into a fresh folder."""
+"""A small sound log, and ingest into a fresh folder."""
 
 import inspect
 from collections import namedtuple
@@ -6,42 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 import pytest
 
 from imuloop.core.files import read_json
 from imuloop.core.samples import CHANNELS, read_metadata, read_samples
-from imuloop.ingest.formats import FORMATS, find_format
+from imuloop.ingest.formats import FORMATS
 from imuloop.ingest.ingest import Declared, ingest
-from imuloop.ingest.stamps import stamp_values
+from ingest.injections import brief
 
 Ingested = namedtuple("Ingested", "samples quality metadata path")
 
 
 @pytest.fixture
 def log():
-    """500 rows at 100 Hz, a sensor at rest with z up; whole 1e-6, so text keeps it exactly."""
-    rng = np.random.default_rng(7)
-    table = pd.DataFrame({"t": np.arange(500) / 100})
-    for name, mean in zip("ax ay az gx gy gz".split(), [0.1, -0.2, 9.8, 0, 0, 0.01], strict=True):
-        table[name] = np.round(mean + 0.01 * rng.normal(size=500), 6)
-    return table
-
-
-@pytest.fixture
-def hard():
-    """300 rows of six float64 of any mantissa, sign and size, zeros of both signs among them."""
-    rng = np.random.default_rng(13)
-    values = np.ldexp(rng.uniform(-1, 1, (300, 6)), rng.integers(-60, 60, (300, 6)))
-    values[0] = 0.1, 1 / 3, -0.0, 0.0, np.nextafter(1, 2), np.nextafter(np.float32(1), 0)
-    return values
-
-
-@pytest.fixture
-def hard_stamps():
-    """300 stamps in ns that no float64 holds, in uneven steps."""
-    steps = np.random.default_rng(17).integers(9_000_001, 11_000_001, 300)
-    return 1_700_000_000_123_456_789 + np.cumsum(steps)
+    return brief()
 
 
 @pytest.fixture
@@ -52,19 +30,12 @@ def in_process(monkeypatch):
 
 
 @pytest.fixture
-def every_bit():
-    """Read a log; compare its values and stamps with what was written, bit by bit."""
+def same():
+    """Check that the samples of a log are those that were written, each value and its time."""
 
-    def check(path, values, stamps, columns=None, format=None):
-        paths = path if isinstance(path, dict) else {"log": path}
-        _, form = find_format(format, paths)
-        table = pa.Table.from_batches(form.read(paths, columns, 64).batches)
-        read = np.column_stack([table[name] for name in CHANNELS])
-        assert read.dtype == float
-        np.testing.assert_array_equal(read.view("u8"), values.astype(float).view("u8"))
-        found, readable, _ = stamp_values(table["stamp"].combine_chunks())
-        assert readable.all() and found.dtype == np.asarray(stamps).dtype
-        np.testing.assert_array_equal(found, stamps)
+    def check(done, log, within=1e-12):
+        np.testing.assert_array_equal(done.samples[[*CHANNELS]], log[[*CHANNELS]])
+        np.testing.assert_allclose(done.samples.t, log.t - log.t.iloc[0], rtol=0, atol=within)
 
     return check
 

@@ -1,52 +1,71 @@
-"""Which columns hold what."""
+"""Which columns hold what, which streams are chosen, and how streams come onto one clock."""
 
 import re
 
+import numpy as np
+import pyarrow as pa
 import pytest
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.ingest.columns import resolve
-from imuloop.ingest.spellings import stated_unit
+from imuloop.ingest.streams import Stream, raw_log
 
-# headers as loggers write them, each `time, ax ay az, gx gy gz, temperature`
+SIX = "ax ay az gx gy gz"
+DELTA = {"acceleration": "m/s", "angular_rate": "rad"}
+
+# headers as loggers write them, each `time, ax ay az, gx gy gz` and some a temperature; the units
+# that they say
 HEADERS = {
-    "contract": "t ax ay az gx gy gz temp",
-    "short": "time acc_x acc_y acc_z gyr_x gyr_y gyr_z temperature",
-    "mikoff": "timestamp ax ay az wx wy wz temperature",
-    "dots": "timestamp imu.acc.x imu.acc.y imu.acc.z imu.gyro.x imu.gyro.y imu.gyro.z"
-    " imu.temperature",
-    "camel": "Timestamp accelX accelY accelZ gyroX gyroY gyroZ Temp",
-    "long": "time_us accelerometer_x accelerometer_y accelerometer_z gyroscope_x gyroscope_y"
-    " gyroscope_z temp_c",
-    "ros": "stamp linear_acceleration.x linear_acceleration.y linear_acceleration.z"
-    " angular_velocity.x angular_velocity.y angular_velocity.z temperature",
-    "mavlink": "time xacc yacc zacc xgyro ygyro zgyro temperature",
-}
+    f"t {SIX} temp": {},
+    "time acc_x acc_y acc_z gyr_x gyr_y gyr_z temperature": {},
+    f"timestamp {SIX.replace('g', 'w')} temperature": {},
+    "timestamp imu.acc.x imu.acc.y imu.acc.z imu.gyro.x imu.gyro.y imu.gyro.z imu.temperature": {},
+    "Timestamp accelX accelY accelZ gyroX gyroY gyroZ Temp": {},
+    "time_us accelerometer_x accelerometer_y accelerometer_z gyroscope_x gyroscope_y gyroscope_z"
+    " temp_c": {"time": "us", "temperature": "degC"},
+    "stamp linear_acceleration.x linear_acceleration.y linear_acceleration.z angular_velocity.x"
+    " angular_velocity.y angular_velocity.z temperature": {},
+    "time xacc yacc zacc xgyro ygyro zgyro temperature": {},
+    "t dvx dvy dvz dax day daz": DELTA,
+    "t imu.delta_velocity.x imu.delta_velocity.y imu.delta_velocity.z imu.delta_angle.x"
+    " imu.delta_angle.y imu.delta_angle.z": DELTA,
+    "t deltaVelX deltaVelY deltaVelZ deltaAngX deltaAngY deltaAngZ": DELTA,
+    "t delta_velocity[0] delta_velocity[1] delta_velocity[2] dang[0] dang[1] dang[2]": DELTA,
+    "timestamp [ns]|ax (g)|ay (g)|az (g)|gyro_x_dps|gyro_y_dps|gyro_z_dps|temp (°C)":
+        {"time": "ns", "acceleration": "g", "angular_rate": "deg/s", "temperature": "degC"},
+    # what is not known is passed on as it is written
+    "t|ax [furlong]|ay [furlong]|az [furlong]|gx|gy|gz": {"acceleration": "furlong"},
+    "t|ax_cms2|ay_cms2|az_cms2|gx|gy|gz": {"acceleration": "cm/s^2"},
+    "t|ax [m s-2]|ay [m s-2]|az [m s-2]|gx|gy|gz": {"acceleration": "m/s^2"},
+    "t [min]|ax|ay|az|gx|gy|gz": {"time": "min"},
+    "t [µs]|ax|ay|az|gx|gy|gz": {"time": "us"},
+    "t|ax|ay|az|gx_rpm|gy_rpm|gz_rpm": {"angular_rate": "rpm"},
+    "t|ax|ay|az|gx [°/s]|gy [°/s]|gz [°/s]": {"angular_rate": "deg/s"},
+    "t|ax|ay|az|gx [mrad/s]|gy [mrad/s]|gz [mrad/s]": {"angular_rate": "mrad/s"},
+    "t|ax|ay|az|gx deg/s|gy deg/s|gz deg/s": {"angular_rate": "deg/s"},
+    "t|ax|ay|az|gx_deg_s|gy_deg_s|gz_deg_s": {"angular_rate": "deg/s"},
+    "t|ax|ay|az|gx / dps|gy / dps|gz / dps": {"angular_rate": "deg/s"},
+    "t|ax|ay|az|gyro_x_deg|gyro_y_deg|gyro_z_deg": {"angular_rate": "deg/s"},
+    "t|ax|ay|az|gyro_x_raw|gyro_y_raw|gyro_z_raw": {"angular_rate": "count"},
+    "t|ax|ay|az|gyro[0]|gyro[1]|gyro[2]": {},
+    "t|ax|ay|az|gx []|gy []|gz []": {},
+    "t|ax|ay|az|gx|gy|gz|temp_f": {"temperature": "degF"},
+    "t|ax|ay|az|gx|gy|gz|temp [degrees Celsius]": {"temperature": "degC"},
+    # who writes deg beside a rate means deg/s, and beside an angle deg
+    "t|ax|ay|az|gx [deg]|gy [deg]|gz [deg]": {"angular_rate": "deg/s"},
+    "t|dvx|dvy|dvz|dax [deg]|day [deg]|daz [deg]": {"acceleration": "m/s", "angular_rate": "deg"},
+}  # fmt: skip
 
 
-@pytest.mark.parametrize("name", HEADERS)
-def test_usual_names_are_known(name):
-    found = resolve(HEADERS[name].split())
-    assert found.time == 0
-    assert found.acceleration == (1, 2, 3)
-    assert found.angular_rate == (4, 5, 6)
-    assert found.temperature == 7
-
-
-@pytest.mark.parametrize(
-    ("quantity", "text", "unit"),
-    [
-        ("acceleration", "m s-2", "m/s^2"),
-        ("acceleration", "m/(s^2)", "m/s^2"),
-        ("angular_rate", "°/s", "deg/s"),
-        ("angular_rate", "mrad/s", "mrad/s"),
-        ("time", "µs", "us"),
-        ("temperature", "degrees Celsius", "degC"),
-        ("acceleration", "uT", None),
-    ],
-)
-def test_spellings_of_units(quantity, text, unit):
-    assert stated_unit(quantity, text) == unit
+@pytest.mark.parametrize("header", HEADERS)
+def test_usual_names_and_their_units_are_known(header):
+    names = header.split("|" if "|" in header else None)
+    found = resolve(names)
+    assert (found.time, found.acceleration, found.angular_rate) == (0, (1, 2, 3), (4, 5, 6))
+    assert found.temperature == (7 if len(names) > 7 else None)
+    assert found.units == HEADERS[header]
+    of_increments = {"acceleration", "angular_rate"} if names[1].lower().find("d") >= 0 else set()
+    assert found.increments == of_increments
 
 
 @pytest.mark.parametrize(
@@ -59,33 +78,28 @@ def test_spellings_of_units(quantity, text, unit):
         (["millis"], 0, "ms"),
         (["micros"], 0, "us"),
         (["UTC_Hour", "UTC_Minute", "sampleTimeMillis", "timestamp_ms"], 3, "ms"),
+        # the stamp of a message comes before its receipt, as rostopic echo -p prints it
+        (["%time", "field.header.seq", "field.header.stamp"], 2, None),
     ],
 )
 def test_the_time_column_is_one_whose_unit_is_of_time(names, at, unit):
-    found = resolve([*names, *"ax ay az gx gy gz".split()])
+    found = resolve([*names, *SIX.split()])
     assert (found.time, found.units.get("time")) == (at, unit)
 
 
-def test_what_begins_as_a_sensor_is_none():
+def test_what_begins_as_a_sensor_or_is_derived_from_it_is_none():
     names = [f"{stem}_{axis}" for stem in ("accuracy", "gyro", "accel_bias") for axis in "xyz"]
     found = resolve(["t", *names])
     assert found.acceleration is None and found.angular_rate == (4, 5, 6)
-
-
-def test_the_stamp_of_a_message_comes_before_its_receipt():
-    # as rostopic echo -p prints it
-    names = "%time field.header.seq field.header.stamp ax ay az gx gy gz".split()
-    assert resolve(names).time == 2
-
-
-def test_missing_angular_rate_and_repeated_names():
     assert resolve("t ax ay az".split()).angular_rate is None
-    with pytest.raises(ImuloopError, match="2 columns are named 'x'"):
-        resolve("t x x z gx gy gz".split(), {"acceleration": ["x", "x", "z"]})
-    with pytest.raises(ImuloopError, match="not a list of three"):
-        resolve("t ax ay az gx gy gz".split(), {"acceleration": "ax"})
-    with pytest.raises(ImuloopError, match=r"time: .* is not a column, nor two of whole seconds"):
-        resolve("t u v ax ay az gx gy gz".split(), {"time": ["t", "u", "v"]})
+    # who logs the rate too has it from there
+    names = f"t {SIX} dvx dvy dvz dax day daz dt".split()
+    found = resolve(names)
+    assert (found.acceleration, found.angular_rate) == ((1, 2, 3), (4, 5, 6))
+    assert (found.units, found.others) == ({}, {})
+    chosen = resolve(names, {"acceleration": ["dvx", "dvy", "dvz"]})
+    assert chosen.units == {"acceleration": "m/s"}
+    assert chosen.others == {"interval.acceleration": 13, "interval.angular_rate": 13}
 
 
 @pytest.mark.parametrize(
@@ -108,47 +122,235 @@ def test_two_accelerometers_must_be_distinguished(names):
 
 
 @pytest.mark.parametrize(
-    ("names", "units"),
+    ("names", "columns", "line"),
     [
-        (
-            "timestamp [ns]|ax (g)|ay (g)|az (g)|gyro_x_dps|gyro_y_dps|gyro_z_dps|temp (°C)",
-            {"time": "ns", "acceleration": "g", "angular_rate": "deg/s", "temperature": "degC"},
-        ),
-        # what is not known is passed on as it is written
-        ("t|ax [furlong]|ay [furlong]|az [furlong]|gx|gy|gz", {"acceleration": "furlong"}),
-        ("t|ax_cms2|ay_cms2|az_cms2|gx|gy|gz", {"acceleration": "cm/s^2"}),
-        ("t [min]|ax|ay|az|gx|gy|gz", {"time": "min"}),
-        ("t|ax|ay|az|gx_rpm|gy_rpm|gz_rpm", {"angular_rate": "rpm"}),
-        ("t|ax|ay|az|gx|gy|gz|temp_f", {"temperature": "degF"}),
+        ("t x x z gx gy gz", {"acceleration": ["x", "x", "z"]}, "2 columns are named 'x'"),
+        (f"t {SIX}", {"acceleration": "ax"}, "not a list of three"),
+        (f"t u v {SIX}", {"time": ["t", "u", "v"]}, "is not a column, nor two of whole seconds"),
+        # what repeats is not chosen by its place
+        (f"t {SIX} ax", {}, "both look like acceleration"),
+        (f"t {SIX} AX", {}, "both look like acceleration"),
+        (f"t {SIX} a_x", {}, "both look like acceleration"),
+        (f"t T {SIX}", {}, "2 columns are named 't"),
+        (f"t {SIX} temp temp", {}, "2 columns are named 't"),
     ],
 )
-def test_units_in_names(names, units):
-    assert resolve(names.split("|")).units == units
+def test_columns_that_cannot_be_chosen_are_one_line(names, columns, line):
+    with pytest.raises(ImuloopError, match=line):
+        resolve(names.split(), columns)
+
+
+# --- streams
+
+RNG = np.random.default_rng(3)
+ROWS = 300
+ACC = [f"acc.{axis}" for axis in "xyz"]
+GYRO = [f"gyro.{axis}" for axis in "xyz"]
+
+
+def stream(name="imu", fields=(*ACC, *GYRO), stamps=None, **units):
+    stamps = np.arange(ROWS) / 100 if stamps is None else stamps
+    return Stream(name, stamps, {key: RNG.normal(size=len(stamps)) for key in fields}, units)
+
+
+def arrays(log):
+    table = pa.Table.from_batches(list(log.batches))
+    return {name: table[name].to_numpy() for name in table.column_names}
+
+
+def two_clocks(at, known, values):
+    """Return the table of a gyroscope with stamps `at`, and an accelerometer with `known`."""
+    acc = Stream("acc", known, dict.fromkeys(ACC, values))
+    log = raw_log([acc, stream("gyro", GYRO, at)])
+    return arrays(log), log
+
+
+def test_one_stream_is_given_as_it_is():
+    imu, other = stream(acceleration="g", time="ns"), stream("gps", ["lat", "lon"])
+    log = raw_log([other, imu])
+    table = arrays(log)
+    for name, field in zip(SIX.split(), [*ACC, *GYRO], strict=True):
+        np.testing.assert_array_equal(table[name], imu.fields[field])
+    np.testing.assert_array_equal(table["stamp"], imu.stamps)
+    assert log.found == {
+        "acceleration": [f"imu.{name}" for name in ACC],
+        "angular_rate": [f"imu.{name}" for name in GYRO],
+        "time": "imu stamps",
+    }
+    assert (log.units, log.notes, log.temperature) == ({"acceleration": "g", "time": "ns"}, [], 0)
+
+
+NO_ROWS = np.empty(0)
 
 
 @pytest.mark.parametrize(
-    ("gyroscope", "unit"),
+    ("streams", "columns", "expected"),
     [
-        ("gx deg/s|gy deg/s|gz deg/s", "deg/s"),
-        ("gx_deg_s|gy_deg_s|gz_deg_s", "deg/s"),
-        ("gx / dps|gy / dps|gz / dps", "deg/s"),
-        ("gx (deg/s)|gy (rad/s)|gz (deg/s)", "deg/s and rad/s"),
-        ("gyro_x_deg|gyro_y_deg|gyro_z_deg", "deg/s"),
-        ("gyro_x_raw|gyro_y_raw|gyro_z_raw", "count"),
-        ("gyro[0]|gyro[1]|gyro[2]", None),
-        ("gx []|gy []|gz []", None),
+        # a stream of both sensors goes before those of one
+        ([stream("acc", ACC), stream("imu"), stream("gyro", GYRO)], {},
+         {"acceleration": [f"imu.{a}" for a in ACC], "angular_rate": [f"imu.{g}" for g in GYRO]}),
+        ([stream("imu0"), stream("imu1")], {"acceleration": [f"imu1.{a}" for a in ACC]},
+         {"acceleration": [f"imu1.{a}" for a in ACC]}),
+        # a declared stream needs no usual names
+        ([stream("left", [*"xyz"]), stream("right", ["v_x", "v_y", "v_z", "w_x"])],
+         {"acceleration": "left", "angular_rate": "right"},
+         {"acceleration": ["left.x", "left.y", "left.z"],
+          "angular_rate": ["right.v_x", "right.v_y", "right.v_z"]}),
+        # an empty one does not stand beside one with rows
+        ([stream("imu0", stamps=NO_ROWS), stream("imu1")], {},
+         {"acceleration": [f"imu1.{a}" for a in ACC]}),
+        # of clocks as fast the gyroscope's is taken
+        ([stream("acc", ACC, np.arange(ROWS) * 0.01 + 0.004), stream("gyro", GYRO)], {},
+         {"time": "gyro stamps"}),
+        ([stream(), stream("baro", ["temp"]), stream("gps", ["temp"])],
+         {"temperature": "gps.temp"}, {"temperature": "gps.temp"}),
     ],
-)
-def test_units_at_the_end_of_names(gyroscope, unit):
-    names = ["t", "ax", "ay", "az", *gyroscope.split("|")]
-    assert resolve(names, {"angular_rate": names[4:]}).units.get("angular_rate") == unit
-
-
-@pytest.mark.parametrize(
-    "names",
-    ["t ax ay az gx gy gz ax", "t ax ay az gx gy gz AX", "t ax ay az gx gy gz a_x",
-     "t T ax ay az gx gy gz", "t ax ay az gx gy gz temp temp"],
 )  # fmt: skip
-def test_what_repeats_is_not_chosen_by_its_place(names):
-    with pytest.raises(ImuloopError, match=r"both look like acceleration|2 columns are named 't"):
-        resolve(names.split())
+def test_the_streams_of_the_sensors_are_chosen(streams, columns, expected):
+    found = raw_log(streams, columns).found
+    assert {name: found[name] for name in expected} == expected
+
+
+@pytest.mark.parametrize(
+    ("columns", "line"),
+    [
+        ({"acceleration": "imo"}, "no stream 'imo'; there are imu, two; did you mean 'imu'?"),
+        (
+            {"acceleration": "two"},
+            "two holds lx, ly, lz, rx, ry, rz; name x, y and z of it as two.FIELD",
+        ),
+        (
+            {"acceleration": ["imu.acc.x", "imu.acc.y", "imu.acc.w"]},
+            "no column 'imu.acc.w'; did you mean .*; the log's streams are imu, two",
+        ),
+        ({"acceleration": ["imu.acc.x", "imu.acc.y", "two.lx"]}, "x, y and z are not in one str"),
+        ({"acceleration": ["imu.acc.x"]}, r"\['imu.acc.x'\] is not a list of three columns"),
+        ({"acceleration": [0, 1, 2]}, "no column '0'"),
+        ({"time": "two.lx"}, "two.lx is not in imu"),
+        ({"temperature": "imu.temp"}, "no column 'imu.temp'"),
+    ],
+)
+def test_what_is_declared_wrongly_of_streams_is_one_line(columns, line):
+    streams = [stream(), stream("two", ["lx", "ly", "lz", "rx", "ry", "rz"])]
+    [quantity] = columns
+    with pytest.raises(ImuloopError, match=rf"^columns\.{quantity}: {line}") as caught:
+        raw_log(streams, columns)
+    assert "\n" not in str(caught.value)
+
+
+def clocks(kind, change):
+    """Return an accelerometer at 100 Hz and a gyroscope at 200 Hz; one has a clock that changes."""
+    streams = []
+    for name, fields, step in (("acc", ACC, 10_000), ("gyro", GYRO, 5_000)):
+        stamps = 2**30 - 20_000_000 + step * np.arange(40_000_000 // step)
+        stamps = change(stamps) if name == kind else stamps
+        streams.append(Stream(name, stamps, dict.fromkeys(fields, stamps * 1e-6), {"time": "us"}))
+    return streams
+
+
+ALIKE = r"imu0 \(acc\.x, acc\.y, acc\.z\) and imu1 .* name one of them in columns\.acceleration"
+OWN_CLOCK = r"columns\.time: each sensor has a clock of its own"
+NO_COMMON = "gyro and acc share no time: their clocks differ$"
+AWAY = [np.arange(ROWS) + 1e9, np.full(ROWS, np.nan), np.full(ROWS, 0.005),
+        np.geomspace(1e290, 1e308, ROWS)]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("streams", "columns", "error", "line"),
+    [
+        ([stream("imu0"), stream("imu1")], {}, ImuloopError, ALIKE),
+        ([stream("acc", ACC, np.arange(ROWS) / 50), stream("gyro", [*GYRO, "clock"])],
+         {"time": "gyro.clock"}, ImuloopError, OWN_CLOCK),
+        ([], {}, RejectedLog, "the log has no rows$"),
+        ([stream(stamps=NO_ROWS)], {}, RejectedLog, "the log has no rows$"),
+        ([stream("acc", ACC), stream("gyro", GYRO, NO_ROWS)], {}, RejectedLog, "gyro has no rows$"),
+        *(([stream("acc", ACC), stream("gyro", GYRO, known)], {}, RejectedLog, NO_COMMON)
+          for known in AWAY),
+        *((clocks(kind, lambda stamps, w=width: stamps % w), {}, RejectedLog,
+           f"the clock of {kind} starts again within the log")
+          for kind in ("acc", "gyro") for width in (2**30, 2**30 + 5_000_077)),
+    ],
+)  # fmt: skip
+def test_streams_that_are_no_log_are_one_line(streams, columns, error, line):
+    with pytest.raises(error, match=f"^{line}"):
+        raw_log(streams, columns)
+
+
+@pytest.mark.parametrize(
+    ("fast", "slower"),
+    [*((fast, slower) for fast in (8, 6.4, 4 / 3) for slower in ("acc", "gyro")), (1.003, "acc")],
+)
+def test_each_sample_of_the_slower_is_held_where_it_is_nearest(fast, slower):
+    at, known = 0.3 / fast + np.arange(int(200 * fast)) / fast, np.arange(200.0)
+    own, other = (ACC, GYRO) if slower == "acc" else (GYRO, ACC)
+    log = raw_log([stream("fast", other, at), Stream("slow", known, dict.fromkeys(own, known))])
+    table = arrays(log)
+    held = table["ax" if slower == "acc" else "gx"]
+    np.testing.assert_array_equal(table["stamp"], at)
+    near = np.isfinite(held)
+    assert near[at <= known[-1]].all()
+    # by brute force; the samples of the slower are numbered
+    nearest = np.abs(at[near, None] - known).argmin(axis=1)
+    np.testing.assert_array_equal(held[near], nearest)
+    np.testing.assert_array_equal(table["held"][near], known[nearest])
+    assert {*held[near]} == {*known}
+    assert log.slower == {"acc": "accelerometer", "gyro": "gyroscope"}[slower]
+    quantity = {"acc": "acceleration", "gyro": "angular_rate"}[slower]
+    assert log.notes == [
+        f"{quantity} of slow has a clock of its own: each row of fast holds its nearest sample"
+    ]
+
+
+def test_nothing_is_held_over_a_gap_or_beyond_the_ends():
+    known = np.delete(np.arange(1, 100.0), slice(39, 49))
+    at = np.arange(0, 101, 0.5)
+    table, _ = two_clocks(at, known, known)
+    # three quarters of a step is as far as half a gap goes
+    far = np.abs(at[:, None] - known).min(axis=1) > 0.75
+    np.testing.assert_array_equal(np.isnan(table["ax"]), far)
+    assert far.sum() == 2 * 9 + 1 + 1 + 2
+
+
+def test_rows_of_a_stream_missing_repeated_or_out_of_order_are_left_out():
+    known = np.arange(100.0)
+    values = 2 * known
+    values[10], values[20], known[30], known[40], known[50] = np.nan, np.inf, np.nan, 39, 45
+    table, log = two_clocks(np.arange(5.5, 95, 0.5), known, values)
+    at, lost = table["stamp"], np.isnan(table["ax"])
+    assert {*at[lost]} == {10.0, 20.0, 30.0, 40.0, 50.0}
+    assert not {*table["held"][~lost]} & {10.0, 20.0, 45.5}
+    assert log.notes[0].endswith("; 5 of its rows missing, repeated or out of order are left out")
+
+
+@pytest.mark.parametrize("kind", ["acc", "gyro"])
+def test_a_stray_stamp_of_one_stream_costs_its_row_alone(kind):
+    far = 10**12 * (np.arange(8000) == 700)
+    table = arrays(raw_log(clocks(kind, lambda stamps: stamps + far[: len(stamps)])))
+    assert 0 < (~np.isfinite(table["ax"])).sum() <= 4
+
+
+def test_whole_nanoseconds_of_two_clocks_keep_all_their_digits():
+    start = 1_700_000_000_123_456_789
+    at = start + 10_000_000 * np.arange(200)
+    known = start - 5 + 10_000_000 * np.arange(201, dtype=np.uint64)
+    table, _ = two_clocks(at, known, np.arange(201.0))
+    assert table["stamp"].dtype == table["held"].dtype == np.int64
+    np.testing.assert_array_equal(table["stamp"], at)
+    # five nanoseconds after each of the accelerometer's, of which a double would know nothing
+    np.testing.assert_array_equal(table["held"], at - 5)
+
+
+def test_a_temperature_of_a_slow_clock_is_interpolated_and_of_several_none_is_taken():
+    slow = np.arange(0.25, 2.5, 0.5)
+    thermometer = Stream("baro", slow, {"temperature": 20 + 4 * slow}, {"temperature": "K"})
+    log = raw_log([stream(), thermometer])
+    table = arrays(log)
+    inside = (table["stamp"] >= 0.25) & (table["stamp"] <= 2.25)
+    np.testing.assert_array_equal(np.isfinite(table["temperature"]), inside)
+    np.testing.assert_allclose(table["temperature"][inside], 20 + 4 * table["stamp"][inside])
+    assert log.found["temperature"] == "baro.temperature" and log.units == {"temperature": "K"}
+    assert log.notes == ["temperature of baro interpolated linearly onto the stamps of imu"]
+    assert not raw_log([stream(), thermometer], {"temperature": None}).temperature
+    log = raw_log([stream(), stream("baro", ["temp"]), stream("gps", ["temp"])])
+    line = "temperature not read: baro.temp, gps.temp; name one of them in columns.temperature"
+    assert not log.temperature and log.notes == [line]

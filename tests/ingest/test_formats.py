@@ -1,9 +1,348 @@
-"""What tells a format: its name in the config, a file's first bytes, its name."""
+"""One round trip per format: the same small log, written in each, comes back bit by bit.
 
+A new format gets a row in `ROUND_TRIPS`. And what tells a format: its name in the config, a file's
+first bytes, its name.
+"""
+
+import bz2
+import csv
+import gzip
+import io
+import zipfile
+from dataclasses import dataclass, field
+from functools import partial
+
+import netCDF4
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from backports import zstd
 
 from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import CHANNELS
 from imuloop.ingest.formats import FORMATS, SIGNATURES, find_format, guess_format
+from imuloop.ingest.stamps import stamp_values
+from ingest import written
+from ingest.injections import brief
+
+SIX = [*CHANNELS]
+FLIPPED = np.array([-1, -1, -1, 1, 1, 1])
+
+
+@dataclass(frozen=True)
+class RoundTrip:
+    """A way to write a log, and what is lost of it.
+
+    `write(folder, stamps, values)` returns the path, or {role: path}; stamps are given in ns, and
+    kept as `stamps` of them; values, force first, (n, 6), are kept as `values` of them.
+    """
+
+    write: object
+    stamps: object = np.asarray
+    values: object = np.asarray
+    declared: dict = field(default_factory=dict)
+
+
+def seconds(ns):
+    return ns * 1e-9
+
+
+def us(ns):
+    return ns // 1000
+
+
+def as_type(kind):
+    return lambda values: values.astype(kind).astype(float)
+
+
+def as_text(digits):
+    """Numbers as float64 nearest to what is written."""
+    return np.vectorize(lambda x: float(digits(x)), otypes=[float])
+
+
+def whole(kind):
+    """Values as numbers of an integer type, of 53 bits at most."""
+    low, high = (int(np.clip(x, -(2**53), 2**53)) for x in (np.iinfo(kind).min, np.iinfo(kind).max))
+    counts = np.random.default_rng(5).integers(low, high, (300, 6), endpoint=True)
+    return lambda _: counts.astype(kind)
+
+
+# --- text
+
+# halfway between two float64, and a little beside; longer than any float64; the ends of their range
+AWKWARD = """
+    1.00000000000000011102230246251565404236316680908203125
+    1.00000000000000011102230246251565404236316680908203124
+    1.00000000000000033306690738754696212708950042724609375
+    9007199254740993 9007199254740992.99999999999999999999999
+    0.1000000000000000055511151231257827021181583404541015625
+    123456789012345678901234567890.123456789012345678901234567890
+    2.2250738585072011e-308 4.9406564584124654e-324 1.7976931348623157e308 1e-400
+    -0.000000000000000000000000000000000000000000000000000000000001 0.3e-1 +7 .5 5. 1E+2
+""".split()
+TEXTS = [(AWKWARD * 2)[i % len(AWKWARD) :][:6] for i in range(300)]
+
+
+def text(folder, stamps, rows, pack=None, ending="csv", name="timestamp_ns", **dialect):
+    file = io.StringIO(newline="")
+    writer = csv.writer(file, **dialect)
+    writer.writerow([name, *SIX])
+    writer.writerows([[stamp, *row] for stamp, row in zip(stamps.tolist(), rows, strict=True)])
+    content = file.getvalue().encode()
+    (folder / f"log.{ending}").write_bytes(pack(content) if pack else content)
+    return folder / f"log.{ending}"
+
+
+def numbers(folder, stamps, values, digits=repr, decimal=".", **how):
+    rows = [[digits(x).replace(".", decimal) for x in row] for row in values.tolist()]
+    return text(folder, stamps, rows, **how)
+
+
+def awkward(folder, stamps, values, **dialect):
+    return text(folder, stamps, TEXTS, **dialect)
+
+
+def decimal_stamps(folder, stamps, values):
+    return numbers(folder, seconds(stamps), values, name="timestamp_s")
+
+
+def euroc(folder, stamps, values, name="."):
+    names = [f"w_RS_S_{axis} [rad s^-1]" for axis in "xyz"]
+    names += [f"a_RS_S_{axis} [m s^-2]" for axis in "xyz"]
+    rows = values[:, [3, 4, 5, 0, 1, 2]].T.tolist()
+    content = written.table(["#timestamp [ns]", *names], [stamps.tolist(), *rows])
+    (folder / "data.csv").write_text(content)
+    (folder / "sensor.yaml").write_text("sensor_type: imu\nrate_hz: 200\n")
+    return folder / name
+
+
+def imu_tk(folder, stamps, values, digits=repr):
+    paths = {"acceleration": folder / "acc.mat", "angular_rate": folder / "gyro.mat"}
+    for path, three in zip(paths.values(), (values[:, :3], values[:, 3:]), strict=True):
+        rows = np.column_stack([seconds(stamps), three]).tolist()
+        path.write_text("".join(" ".join(map(digits, row)) + "\n" for row in rows))
+    return paths
+
+
+def sensorlog(folder, stamps, values):
+    names = [f"accelerometerAcceleration{axis}(G)" for axis in "XYZ"]
+    names += [f"gyroRotation{axis}(rad/s)" for axis in "XYZ"]
+    clocks = [f"{kind}Timestamp_sinceReboot(s)" for kind in ("accelerometer", "gyro")]
+    t, six = seconds(stamps).tolist(), values.T.tolist()
+    head = [clocks[0], *names[:3], clocks[1], *names[3:]]
+    (folder / "log.csv").write_text(written.table(head, [t, *six[:3], t, *six[3:]]))
+    return folder / "log.csv"
+
+
+def zipped(folder, members):
+    with zipfile.ZipFile(folder / "log.zip", "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    return folder / "log.zip"
+
+
+def phyphox(folder, stamps, values, digits=repr):
+    members = {}
+    for name, three in (("Acceleration", values[:, :3]), ("Gyroscope", values[:, 3:])):
+        unit = {"Acceleration": "m/s^2", "Gyroscope": "rad/s"}[name]
+        header = ["Time (s)", *(f"{name} {axis} ({unit})" for axis in "xyz")]
+        columns = [seconds(stamps).tolist(), *three.T.tolist()]
+        members[f"{name}.csv"] = written.table(header, columns, digits)
+    return zipped(folder, members)
+
+
+def sensor_logger(folder, stamps, values):
+    members = {}
+    for name, three in (("TotalAcceleration", values[:, :3]), ("Gyroscope", values[:, 3:])):
+        columns = [stamps.tolist(), seconds(stamps).tolist(), *three.T.tolist()]
+        members[f"{name}.csv"] = written.table(["time", "seconds_elapsed", *"xyz"], columns)
+    return zipped(folder, members)
+
+
+# --- arrays
+
+
+def parquet(folder, stamps, values, kind="f8", packing="snappy"):
+    columns = {"t": stamps, **dict(zip(SIX, values.astype(kind).T, strict=True))}
+    pq.write_table(pa.table(columns), folder / "log.parquet", compression=packing)
+    return folder / "log.parquet"
+
+
+def netcdf(folder, stamps, values, kind="f8", variant="NETCDF4"):
+    stamps = seconds(stamps) if "CLASSIC" in variant else stamps
+    with netCDF4.Dataset(folder / "log.nc", "w", format=variant) as data:
+        data.createDimension("time", len(values))
+        data.createVariable("time", stamps.dtype, ("time",))[:] = stamps
+        for name, column in zip(SIX, values.T, strict=True):
+            data.createVariable(name, kind, ("time",))[:] = column
+    return folder / "log.nc"
+
+
+def matlab(folder, stamps, values, save=written.matlab_5, kind=np.asarray, turned=False):
+    values = kind(values)
+    three = values[:, :3], values[:, 3:]
+    acc, gyro = (x.T if turned else x for x in three)
+    save(folder / "log.mat", {"t": stamps, "acc": acc, "gyro": gyro})
+    return folder / "log.mat"
+
+
+# --- vehicles
+
+
+def ros(folder, stamps, values, kind="bag"):
+    return written.bag(folder, kind, {"/imu": (written.IMU, stamps, values)})
+
+
+def ulog(folder, stamps, values, topic="combined"):
+    stamps = us(stamps).astype("u8")
+    topics = [written.combined(stamps, values)]
+    if topic != "combined":
+        topics = [written.px4_sensor("accel", 0, stamps, values[:, :3], 99)]
+        topics += [written.px4_sensor("gyro", 0, stamps, values[:, 3:], 55)]
+    return written.ulog(folder / "log.ulg", *topics)
+
+
+NUMBERS = dict(f="f4", d="f8", b="i1", B="u1", h="i2", H="u2", i="i4", I="u4", q="i8")
+SCALED = dict(c=("i2", 100), C=("u2", 100), e=("i4", 100), E=("u4", 100), L=("i4", 10_000_000))
+IMU = "TimeUS,AccX,AccY,AccZ,GyrX,GyrY,GyrZ"
+
+
+def dataflash(folder, stamps, values, code="d", kind=np.asarray, form=written.binary):
+    rows = [(t, *row) for t, row in zip(us(stamps).tolist(), kind(values).tolist(), strict=True)]
+    (folder / "log.bin").write_bytes(form(("IMU", ("Q" + 6 * code, IMU), rows)))
+    return folder / "log.bin"
+
+
+def dataflash_rows():
+    for code in "fdBiqcL":
+        kind, scale = SCALED.get(code) or (NUMBERS[code], 1)
+        kept = as_type(kind) if kind[0] == "f" else whole(kind)
+        # the float64 nearest to the quotient
+        write = partial(dataflash, code=code, kind=kept)
+        yield f"dataflash, {code}", RoundTrip(write, us, lambda x, k=kept, s=scale: k(x) / s)
+
+
+EXPONENT, FIXED, SEVEN = "{:.9E}".format, "{:.40f}".format, "{:.7e}".format
+ROUND_TRIPS = {
+    **{f"csv, {s!r}, {how}": RoundTrip(partial(numbers, delimiter=s, digits=d), values=as_text(d))
+       for s in ",;\t " for how, d in (("repr", repr), ("exponent", EXPONENT), ("fixed", FIXED))},
+    **{f"csv, {s!r}, decimal commas": RoundTrip(partial(numbers, delimiter=s, decimal=","))
+       for s in ";\t "},
+    **{f"csv.{end}": RoundTrip(partial(numbers, pack=pack, ending=f"csv.{end}"))
+       for end, pack in (("gz", gzip.compress), ("bz2", bz2.compress), ("zst", zstd.compress))},
+    **{f"csv, awkward numbers, {how}": RoundTrip(partial(awkward, **dialect),
+                                                 values=lambda _: as_text(str)(TEXTS))
+       for how, dialect in (("commas", {}), ("blanks", {"delimiter": " "}),
+                            ("quoted", {"quoting": csv.QUOTE_ALL}))},
+    "csv, decimal stamps": RoundTrip(decimal_stamps, seconds),
+    "euroc": RoundTrip(euroc),
+    "euroc, its table": RoundTrip(partial(euroc, name="data.csv")),
+    "imu_tk": RoundTrip(imu_tk, seconds),
+    "imu_tk, seven digits": RoundTrip(partial(imu_tk, digits=SEVEN),
+                                      lambda t: as_text(SEVEN)(seconds(t)), as_text(SEVEN)),
+    "sensorlog": RoundTrip(sensorlog, seconds, lambda x: x * FLIPPED),
+    **{f"phyphox, {how}": RoundTrip(partial(phyphox, digits=d),
+                                    lambda t, d=d: as_text(d)(seconds(t)), as_text(d))
+       for how, d in (("repr", repr), ("exponent", EXPONENT), ("fixed", FIXED))},
+    "sensor logger": RoundTrip(sensor_logger),
+    **{f"parquet, {packing}, {kind}": RoundTrip(partial(parquet, kind=kind, packing=packing),
+                                                values=as_type(kind))
+       for packing in ("none", "snappy", "zstd", "brotli") for kind in ("f4", "f8")},
+    **{f"{variant}, {kind}": RoundTrip(partial(netcdf, kind=kind, variant=variant),
+                                       seconds if "CLASSIC" in variant else np.asarray,
+                                       as_type(kind))
+       for variant in ("NETCDF4", "NETCDF3_64BIT_DATA", "NETCDF4_CLASSIC", "NETCDF3_CLASSIC")
+       for kind in ("f4", "f8")},
+    **{f"{save.__name__}, {kind}, turned {turned}": RoundTrip(
+           partial(matlab, save=save, kind=kept, turned=turned), values=kept)
+       for save in (written.matlab_5, written.matlab_7, written.matlab_73)
+       for kind, kept, turned in [("f4", lambda x: x.astype("f4"), True), ("f8", np.asarray, False),
+                                  *((k, whole(k), k == "u2") for k in ("i1", "u2", "i4", "u8"))]},
+    **{f"ros, {kind}": RoundTrip(partial(ros, kind=kind))
+       for kind in ("bag", "bag bz2", "bag lz4", "db3", "db3 message", "db3 file", "mcap",
+                    "mcap storage")},
+    **{f"ulog, {topic}": RoundTrip(partial(ulog, topic=topic), us, as_type("f4"))
+       for topic in ("combined", "single sensors")},
+    **dict(dataflash_rows()),
+    "dataflash, text": RoundTrip(
+        partial(dataflash, form=written.text),
+        lambda t: us(t).astype(float), declared={"format": "dataflash"}),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def hard():
+    """300 rows of six float64 of any mantissa, sign and size, zeros of both signs among them.
+
+    And stamps in ns that no float64 holds, in uneven steps.
+    """
+    rng = np.random.default_rng(13)
+    values = np.ldexp(rng.uniform(-1, 1, (300, 6)), rng.integers(-60, 60, (300, 6)))
+    values[0] = 0.1, 1 / 3, -0.0, 0.0, np.nextafter(1, 2), np.nextafter(np.float32(1), 0)
+    steps = np.random.default_rng(17).integers(9_000_001, 11_000_001, 300)
+    return 1_700_000_000_123_456_789 + np.cumsum(steps), values
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize("way", ROUND_TRIPS.values(), ids=ROUND_TRIPS)
+def test_every_bit_comes_back(hard, tmp_path, way):
+    """Protects all values of a log: none is rounded, cut off, or read as another type's."""
+    stamps, values = hard
+    path = way.write(tmp_path, stamps, values)
+    paths = path if isinstance(path, dict) else {"log": path}
+    _, form = find_format(way.declared.get("format"), paths)
+    table = pa.Table.from_batches(form.read(paths, None, 64).batches)
+    read = np.column_stack([table[name] for name in SIX])
+    assert read.dtype == float
+    np.testing.assert_array_equal(read.view("u8"), way.values(values).astype(float).view("u8"))
+    found, readable, _ = stamp_values(table["stamp"].combine_chunks())
+    assert readable.all() and found.dtype == way.stamps(stamps).dtype
+    np.testing.assert_array_equal(found, way.stamps(stamps))
+
+
+# what is read of the sound log of 5 s: the format's name, the unit of time, the date it begins at
+SOUND = {
+    "csv, ',', repr": ("csv", "ns", True),
+    "csv.zst": ("csv", "ns", True),
+    "euroc": ("euroc", "ns", True),
+    "imu_tk": ("imu_tk", "s", True),
+    "phyphox, repr": ("phone", "s", True),
+    "sensor logger": ("phone", "ns", True),
+    "parquet, snappy, f8": ("parquet", "s", None),
+    "NETCDF4, f8": ("netcdf", "s", None),
+    "matlab_73, f8, turned False": ("matlab", "s", None),
+    "ros, mcap": ("ros", "ns", True),
+    "ros, bag": ("ros", "ns", True),
+    "ulog, combined": ("ulog", "us", None),
+    "dataflash, d": ("dataflash", "us", None),
+}
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize("name", SOUND)
+def test_a_sound_log_is_ingested_the_same_from_each_format(run, tmp_path, name):
+    log, (form, unit, dated) = brief(), SOUND[name]
+    stamps = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(500)
+    way = ROUND_TRIPS[name]
+    path = way.write(tmp_path, stamps, log[SIX].to_numpy())
+    paths = [*path.values()] if isinstance(path, dict) else [path]
+    # nothing but the unit of time has to be declared where a format has none
+    declared = way.declared | ({"units": {"time": "ns"}} if unit == "s" and dated is None else {})
+    done = run(*paths, **declared)
+    assert (done.quality["status"], done.quality["log_format"]) == ("ok", form)
+    np.testing.assert_array_equal(done.samples[SIX], way.values(log[SIX].to_numpy()))
+    # float64 holds Unix time to 0.24 us
+    np.testing.assert_allclose(done.samples.t, log.t, rtol=0, atol=5e-7)
+    assert done.metadata["units"]["acceleration"] == "m/s^2"
+    if dated:
+        assert done.metadata["units"]["time"] == unit
+        assert done.metadata["start"].startswith("2023-11-14T22:13:20")
+    small = run(*paths, batch_rows=9, **declared)
+    assert small.path.read_bytes() == run(*paths, **declared).path.read_bytes()
+
+
+# --- what tells a format
 
 
 @pytest.mark.parametrize(("head", "name"), SIGNATURES.items())

@@ -30,20 +30,6 @@ def seeds(tmp_path_factory):
 
 
 @pytest.fixture
-def reason(run):
-    """Give the one line for which a file is rejected, within seconds."""
-
-    def call(path, **declared):
-        begin = time.process_time()
-        [line] = run(path, **declared).quality["reasons"]
-        assert line.isprintable() and len(line) < 400
-        assert time.process_time() - begin < 5
-        return line
-
-    return call
-
-
-@pytest.fixture
 def read(tmp_path):
     """Run the reader that does what the name says."""
 
@@ -82,12 +68,9 @@ def test_a_reader_that_is_killed_from_outside_says_nothing_of_the_file(read, whe
         list(read(when).batches)
 
 
-def test_what_a_reader_foresees_is_passed_on(read):
+def test_batches_counts_and_what_a_reader_foresees_come_back(read, capfd):
     with pytest.raises(Lacking, match=r"^no stream 'a'$"):
         read("lack")
-
-
-def test_batches_and_counts_come_back(read, capfd):
     log = read("print_later")
     assert log.bad_lines == 0
     rows = pa.Table.from_batches(log.batches)
@@ -203,11 +186,14 @@ WHOLE = "is no whole file of the format"
         ("log.ulg", back_and_back, "takes more than 1 s of processor time to read"),
     ],
 )
-def test_a_file_made_to_break_its_reader(
-    log, seeds, reason, tmp_path, monkeypatch, name, make, line
+def test_a_file_made_to_break_its_reader_is_rejected_within_seconds(
+    log, seeds, run, tmp_path, monkeypatch, name, make, line
 ):
     monkeypatch.setattr(guarded, "MEMORY", 64 << 20)
     monkeypatch.setattr(guarded, "SECONDS", 0.5)
     (tmp_path / name).write_bytes(seeds[name[4:]])
     make(tmp_path / name, log)
-    assert re.search(line, reason(tmp_path / name))
+    begin = time.process_time()
+    [reason] = run(tmp_path / name).quality["reasons"]
+    assert reason.isprintable() and len(reason) < 400 and re.search(line, reason)
+    assert time.process_time() - begin < 5

@@ -1,15 +1,54 @@
-"""One call: files written in one step, errors of one line, provenance."""
+"""One call: files written in one step or not at all, errors of one line, bounded memory."""
 
 import hashlib
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, MachineFault
 from imuloop.core.samples import schema
-from imuloop.ingest.stamps import NANOSECONDS
+from imuloop.ingest import ingest as stage
+from ingest.injections import brief
+
+# more than the libraries and a block of a log take, far less than the files below, MB
+MEMORY = 120
+
+
+def in_child(folder, code):
+    """Run code in a process of its own in a folder; return what it prints."""
+    head = """
+        import resource
+        from pathlib import Path
+        from imuloop.core.files import read_json
+        from imuloop.ingest.ingest import ingest
+
+        def memory():
+            return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
+
+        def run(path):
+            ingest(device="imu", session="poses", kind="static", paths=[path],
+                   samples_path="out/samples.parquet", quality_path="out/quality.json")
+            return read_json("out/quality.json")
+    """
+    library = Path(stage.__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(head) + textwrap.dedent(code)],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(library)},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
 
 
 @pytest.fixture
@@ -18,7 +57,7 @@ def path(log, tmp_path):
     return tmp_path / "log.csv"
 
 
-def test_provenance(path, run):
+def test_where_samples_come_from_is_kept_with_them(path, run):
     source = {"log": {"url": "https://example.org/log.csv", "sha256": "ab"}}
     done = run(path, sources=source)
     assert done.metadata == {
@@ -44,9 +83,9 @@ def test_provenance(path, run):
     assert fields.equals(schema(False, {}))
 
 
-def test_threads_change_nothing(log, path, run, monkeypatch):
+def test_threads_change_nothing(path, run, monkeypatch):
     monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 1000)
-    log = pd.concat([log] * 12, ignore_index=True).assign(t=np.arange(6000) / 100)
+    log = brief(6000)
     log.to_csv(path, index=False)
     first = run(path, batch_rows=500)
     again = run(path, batch_rows=500, threads=2)
@@ -87,7 +126,7 @@ def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch):
         ({"format": "parqet"}, r"'parqet' is not a format; did you mean 'parquet'\?"),
     ],
 )
-def test_wrong_declarations_stop_with_one_line(path, run, declared, text):
+def test_a_wrong_declaration_stops_with_one_line(path, run, declared, text):
     with pytest.raises(ImuloopError, match=text) as caught:
         run(path, **declared)
     assert str(caught.value).startswith(f"imu/poses: {path}: ")
@@ -95,73 +134,95 @@ def test_wrong_declarations_stop_with_one_line(path, run, declared, text):
     assert not list(path.parent.glob("out/*"))
 
 
-def test_stamps_that_are_too_large(log, path, run):
-    """One is a missing stamp; where there are no others, the log is rejected."""
-    for stamp in ("9999-12-31T23:59:{:06.3f}", "7" * 400 + "{:.2f}", "7" * 400 + "{:.0f}"):
-        far = [stamp.format(t) for t in log.t]
-        log.assign(t=far).to_csv(path, index=False)
-        [reason] = run(path).quality["reasons"]
-        assert reason.startswith("time column 't': its stamps, as ")
-        near = [f"2024-01-01T00:00:{t:06.3f}" if "T" in stamp else f"{t:.2f}" for t in log.t]
-        log.assign(t=[*near[:9], far[9], *near[10:]]).to_csv(path, index=False)
-        done = run(path)
-        assert (done.quality["status"], done.quality["non_finite"]) == ("ok", 1)
+# --- hostile files: one clear line, memory bounded, nothing half-written, nothing outside
 
 
-@pytest.mark.parametrize(
-    ("header", "units", "logged"),
-    [
-        ("t,ax [furlong],ay [furlong],az [furlong],gx,gy,gz", {"acceleration": "m/s^2"}, "furlong"),
-        ("t,ax,ay,az,gx [rph],gy [rph],gz [rph]", {"angular_rate": "rad/s"}, "rph"),
-        ("t [week],ax,ay,az,gx,gy,gz", {"time": "s"}, "week"),
-        ("t [UTC],ax,ay,az,gx,gy,gz", {"time": "s"}, "UTC"),
-    ],
-)
-def test_a_unit_that_is_not_known_is_an_error_unless_declared(path, run, header, units, logged):
-    [(quantity, unit)] = units.items()
-    path.write_text("\n".join([header, *path.read_text().splitlines()[1:]]))
-    with pytest.raises(
-        ImuloopError, match=rf"log\.csv: units\.{quantity}: the log says '{logged}'"
-    ):
+@pytest.mark.parametrize("line", [pytest.param("7", marks=pytest.mark.study), "\\0"])
+def test_a_line_of_100_MB_costs_its_share_and_little_memory(log, tmp_path, line):
+    """A hole in the file, which is zeros without room on the disk: nothing was in it."""
+    half = len(log) // 2
+    with open(tmp_path / "log.csv", "wb") as file:
+        file.write(log.head(half).to_csv(index=False).encode())
+        if line == "\\0":
+            # what a logger's disk holds after its power failed: a hole of zeros
+            file.seek(1 << 27, os.SEEK_CUR)
+        for _ in range(0 if line == "\\0" else 100):
+            file.write(line.encode() * ((1 << 20) // len(line)))
+        file.write(b"\n" + log.tail(half).to_csv(index=False, header=False).encode())
+    found = in_child(
+        tmp_path,
+        """
+        before = memory()
+        quality = run("log.csv")
+        print(quality["status"], quality["rows"], quality["bad_lines"], memory() - before)
+        """,
+    ).split()
+    assert found[:3] == (["ok", "500", "1"] if line == "\\0" else ["rejected", "500", "1"])
+    assert int(found[3]) < MEMORY
+
+
+@pytest.mark.parametrize("kind", ["none", "fifo", "loop", "dangling", "folder", "device"])
+@pytest.mark.parametrize("name", ["log.csv", "log.bag"])
+def test_what_is_no_file_is_reported_and_never_waited_for(run, tmp_path, kind, name):
+    path = tmp_path / name
+    if kind == "fifo":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind != "none":
+        path.symlink_to({"loop": path, "dangling": tmp_path / "gone", "device": "/dev/zero"}[kind])
+    message = "is a folder" if kind == "folder" else "there is no such file"
+    # a signal ends the tests instead of waiting for ever
+    signal.alarm(10)
+    with pytest.raises(ImuloopError, match=message):
         run(path)
-    quality = run(path, units=units).quality
-    assert f"units.{quantity} is {unit}, the log says {logged}; {unit} used" in quality["warnings"]
+    signal.alarm(0)
+    assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("sentinel", [-(2**63), 2**63 - 1])
-@pytest.mark.parametrize("row", [0, 250])
-def test_a_stamp_that_stands_for_none(log, path, run, sentinel, row):
-    """Differences from it are more than 64 bits hold."""
-    log["t"] = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(500)
-    log.loc[row, "t"] = sentinel
-    log.to_csv(path, index=False)
-    done = run(path, units={"time": "ns"})
-    assert (done.quality["status"], done.quality["non_finite"]) == ("ok", 1)
-    first = 1 if row == 0 else 0
-    kept = np.delete(np.arange(500), row) - first
-    np.testing.assert_array_equal(done.samples.t, kept * 10_000_000 * 1e-9)
+def test_a_file_that_may_not_be_read_is_a_fault_of_the_machine(path, run, monkeypatch):
+    def refused(*_):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(stage, "find_format", refused)
+    with pytest.raises(MachineFault, match=r"imu/poses: .*log\.csv: Permission denied"):
+        run(path)
 
 
-@pytest.mark.parametrize("unit", ["ms", "us", "ns"])
-def test_unix_time_in_a_finer_unit_than_declared_is_named(log, run, unit):
-    # as s they are millennia ahead, and so many rows of a log at rest would show nothing wrong
-    log["t"] = np.round((log["t"] + 1.7e9) * NANOSECONDS["s"] / NANOSECONDS[unit]).astype("int64")
-    found = run(log).quality
-    assert found["status"] == "rejected"
-    [reason] = found["reasons"]
-    assert f"in {unit} it is 2023-11-14" in reason and reason.endswith(f"units.time: {unit}")
-    assert run(log, units={"time": unit}).quality["status"] == "ok"
+@pytest.mark.parametrize("change", ["grow", "remove"])
+def test_a_file_that_changes_while_it_is_read(path, run, monkeypatch, change):
+    convert = stage.si_batches
+
+    def changing(*args, **options):
+        yield from convert(*args, **options)
+        if change == "grow":
+            with open(path, "ab") as file:
+                file.write(b"9,0,0,9.8,0,0,0\n")
+        else:
+            path.unlink()
+
+    monkeypatch.setattr(stage, "si_batches", changing)
+    assert run(path).quality["reasons"] == ["the file changed while it was read"]
 
 
-def test_a_counter_of_days_is_no_unix_time(log, run):
-    log["t"] += 400 * 86400
-    assert run(log).quality["status"] == "ok"
-
-
-def test_a_time_of_the_day_goes_on_after_midnight(log, run, tmp_path):
-    ms = np.round(log["t"] * 1000).astype(int) + 86_397_000
-    day = pd.to_datetime(ms % 86_400_000, unit="ms").dt.strftime("%H:%M:%S.%f").str[:-3]
-    log.assign(t=day).to_csv(tmp_path / "log.csv", index=False)
-    done = run(tmp_path / "log.csv")
-    np.testing.assert_allclose(done.samples["t"], log["t"], atol=1e-9)
-    assert done.quality["clock"]["rollovers"] == 1
+def test_a_full_disk_leaves_the_old_results_and_one_line(path, tmp_path):
+    noise = np.random.default_rng(0).normal(size=(20_000, 7))
+    (brief(20_000) + noise * [0, *[1] * 6]).to_csv(tmp_path / "big.csv", index=False)
+    said = in_child(
+        tmp_path,
+        """
+        import signal
+        run("log.csv")
+        old = {p.name: p.read_bytes() for p in Path("out").iterdir()}
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 18, 1 << 18))
+        try:
+            run("big.csv")
+        except Exception as error:
+            print(type(error).__name__, error)
+        assert {p.name: p.read_bytes() for p in Path("out").iterdir()} == old
+        """,
+    )
+    assert said == (
+        "MachineFault imu/poses: big.csv: out/samples.parquet cannot be written: File too large\n"
+    )

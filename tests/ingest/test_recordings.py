@@ -7,6 +7,8 @@ import yaml
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.units import RawUnit
 
+COUNTS = {"acceleration": "count", "angular_rate": "count"}
+
 
 @pytest.fixture
 def measured(repository, recordings, run):
@@ -25,13 +27,13 @@ def measured(repository, recordings, run):
             assert (quality["status"], quality["reasons"], quality["warnings"]) == ("ok", [], [])
         return paths, done
 
+    ingested.devices = devices
     return ingested
 
 
-def test_each_device_is_read_below(repository):
-    devices = yaml.safe_load((repository / "config/measured.yaml").read_text())["devices"]
+def test_each_device_is_read_below(measured):
     boards = {f"mpu9150_{board}" for board in (1, 2, 3)}
-    assert set(devices) == {"xsens_mti", *boards, "thermal_chamber", "ferraris"}
+    assert {*measured.devices} == {"xsens_mti", *boards, "thermal_chamber", "ferraris"}
 
 
 def turns_agree_with_gravity(quality):
@@ -89,3 +91,66 @@ def test_ferraris(measured):
     _, done = measured("ferraris", rate=204.8, columns=None)
     assert done.quality["status"] == "rejected"
     assert "the log's rate is off by as much" in done.quality["reasons"][0]
+
+
+# --- recordings of others, sound and harmed
+
+
+@pytest.mark.parametrize(
+    ("i", "chips"), [(1, 2), *(pytest.param(i, 8, marks=pytest.mark.study) for i in (1, 5))]
+)
+def test_measured_turns_agree_with_gravity(recordings, run, i, chips):
+    declared = {
+        "units": {"time": "us", **COUNTS},
+        "nominal": {"acceleration": {"scale": 0.0047884}, "angular_rate": {"scale": 0.001064225}},
+    }
+    for chip in range(1, chips + 1):
+        columns = {"time": "t_us", "acceleration": [f"a{x}{chip}" for x in "xyz"]}
+        columns["angular_rate"] = [f"g{x}{chip}" for x in "xyz"]
+        found = run(recordings(f"exp_{i}.parquet"), columns=columns, **declared).quality
+        assert found["status"] == "ok" and turns_agree_with_gravity(found)
+        # over rests, so none is reported of the shaking that follows
+        assert not any("specific force" in line for line in found["warnings"])
+
+
+@pytest.mark.usefixtures("in_process")
+def test_measured_motion_is_not_static(recordings, run):
+    columns = {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]}
+    found = run(recordings("imu1.log"), kind="static", columns=columns, rate=100).quality
+    assert "in 22 attitudes" in found["reasons"][0]
+    columns = {"acceleration": "imu_acc", "angular_rate": "imu_gyr"}
+    for name in ("03_undisturbed_slow_rotation_C", "07_undisturbed_fast_rotation_B"):
+        path = recordings(f"{name}.mat")
+        found = run(path, kind="static", columns=columns, rate=285.714).quality
+        assert "; a static session lies still" in found["reasons"][0]
+
+
+@pytest.mark.parametrize("i", [1, pytest.param(2, marks=pytest.mark.study)])
+def test_measured_rest_is_static(recordings, run, i):
+    path, units = recordings(f"adis_16405_imu{i}.parquet"), ("g", "deg/s")
+    units = dict(zip(COUNTS, units, strict=True))
+    found = run(path, kind="static", units=units, rate=100).quality
+    assert (found["reasons"], found["warnings"]) == ([], [])
+    assert found["faults"]["rests"]["share"] > 0.999
+
+
+def test_an_integer_that_wraps_around_is_named(measured, recordings, tmp_path, run):
+    log, nominal = np.loadtxt(recordings("xsens_acc.mat")), measured.devices["xsens_mti"]["nominal"]
+    wide = 7.0 / nominal["acceleration"]["scale"]
+    wrapped = np.column_stack([log[:, 0], (log[:, 1:] - 32768 + wide) % (2 * wide) - wide + 32768])
+    np.savetxt(tmp_path / "wrapped_acc.mat", wrapped, fmt="%.6f")
+    paths = tmp_path / "wrapped_acc.mat", recordings("xsens_gyro.mat")
+    found = run(*paths, units=COUNTS, nominal=nominal).quality
+    assert found["status"] == "rejected"
+    [reason] = found["reasons"]
+    assert "an integer that wraps around" in reason and "ax" in reason
+
+
+def test_a_recording_of_increments_is_rejected_with_the_cause(recordings, run):
+    """Protects a whole file as a logger writes it: no header, no units, three columns of angles."""
+    path = recordings("unlabelled_increments_100Hz.txt.gz")
+    columns = {"time": 0, "angular_rate": [1, 2, 3], "acceleration": [4, 5, 6]}
+    [reason] = run(path, columns=columns).quality["reasons"]
+    assert reason.endswith("declare units.acceleration: m/s and units.angular_rate: rad")
+    units = {"acceleration": "m/s", "angular_rate": "rad"}
+    assert run(path, columns=columns, units=units).quality["status"] == "ok"

@@ -1,16 +1,22 @@
-"""Single samples that no body makes are dropped and counted; what a body makes is not touched."""
+"""Single samples that no body makes are dropped and counted; what a body makes is not touched.
+
+And the mean of the angular rate at rest: where it must not be so small, and where it may.
+"""
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import butter, lfilter
 
-from imuloop.core.samples import CHANNELS, TEMPERATURE
+from imuloop.core.gravity import EARTH_RATE
+from imuloop.core.samples import CHANNELS
+from imuloop.core.units import DEGREE
 from imuloop.ingest import spikes
-from imuloop.simulate.simulate import simulate_session
-from imuloop.simulate.truth import example_truth
+from imuloop.ingest.rest_means import RestMeans
+from ingest.injections import rest
 
-N, RATE = 20_000, 100.0
+N, RATE = 10_000, 100.0
+T = np.arange(N) / RATE
 NO_STEP = np.zeros(6)
 NOISE = np.array([[0.02]] * 3 + [[0.001]] * 3)
 
@@ -22,7 +28,7 @@ def noise(seed=1):
 def turns(seconds, angle):
     """Turns of minimum jerk about all axes, s and rad each, with rests between, and gravity."""
     # there and back
-    u = np.arange(N) / RATE % (2 * seconds + 1)
+    u = T % (2 * seconds + 1)
     x = np.clip(np.minimum(u, 2 * seconds + 0.5 - u) / seconds, 0, 1)
     rate = np.where(u < seconds + 0.25, 30, -30) * angle / seconds * x**2 * (1 - x) ** 2
     rate = rate * np.array([[0.8], [-0.5], [0.3]])
@@ -30,10 +36,10 @@ def turns(seconds, angle):
     return np.vstack([force, rate])
 
 
-def knocks(samples, seed=2):
+def knocks(samples):
     """Knocks on a table, of any direction: the device rings for some samples, or for one."""
-    rng, x = np.random.default_rng(seed), np.zeros((6, N))
-    for at in rng.integers(50, N - 50, 100):
+    rng, x = np.random.default_rng(2), np.zeros((6, N))
+    for at in rng.integers(50, N - 50, 50):
         size = rng.normal(size=6) * [20, 20, 20, 0.5, 0.5, 0.5] * 10 ** rng.uniform(-1, 0)
         ringing = np.exp(-np.arange(samples) / max(samples / 4, 0.1)) * np.cos(
             rng.uniform(1, 3) * np.arange(samples)
@@ -44,10 +50,16 @@ def knocks(samples, seed=2):
 
 def vibration(frequency):
     """A motor that starts and stops: above half the rate it is folded, near it, it beats."""
-    t = np.arange(N) / RATE
-    on = lfilter([0.2], [1, -0.8], (t % 7 > 3.0).astype(float))
+    on = lfilter([0.2], [1, -0.8], (T % 7 > 3.0).astype(float))
     phase = np.arange(6)[:, None]
-    return on * np.array([[3.0]] * 3 + [[0.2]] * 3) * np.sin(2 * np.pi * frequency * t + phase)
+    return on * np.array([[3.0]] * 3 + [[0.2]] * 3) * np.sin(2 * np.pi * frequency * T + phase)
+
+
+def set_down():
+    """Set down hard: the force jumps and stays, as a filter of the sensor lets it."""
+    x = np.zeros((6, N))
+    x[:3] = lfilter(*butter(2, 0.7), 5.0 * (np.arange(N) // 997 % 2))
+    return x
 
 
 BODIES = {
@@ -56,6 +68,7 @@ BODIES = {
     "turns as fast as a hand can, ten samples each": turns(0.1, 2.0),
     "knocks that ring": knocks(12),
     "knocks of a single sample": knocks(1),
+    "set down hard": set_down(),
     **{f"vibration of {f} Hz": vibration(f) for f in (7.0, 31.0, 49.0, 50.3, 83.0, 148.0)},
     "noise with tails": 3 * NOISE * np.random.default_rng(3).laplace(size=(6, N)),
 }
@@ -74,20 +87,12 @@ def test_steps_of_resolution_are_no_spikes(share):
     assert spikes.isolated(x, steps).sum() == 0
 
 
-def test_a_filtered_step_is_no_spike():
-    # set down hard: the force jumps and stays, as a filter of the sensor lets it
-    x = noise()
-    x[:3] += lfilter(*butter(2, 0.7), 5.0 * (np.arange(N) // 997 % 2), axis=-1)
-    assert spikes.isolated(x, NO_STEP).sum() == 0
-
-
 @pytest.mark.parametrize("body", ["rest", "turns by hand"])
 @pytest.mark.parametrize("sigmas", [60, 1000])
 def test_single_values_far_off_are_found_and_no_other(body, sigmas):
-    x, put = BODIES[body] + noise(), np.zeros((6, N), dtype=bool)
-    rng = np.random.default_rng(4)
-    rows = np.arange(100, N - 100, 199)
-    put[rng.integers(6, size=len(rows)), rows] = True
+    x, put, rng = BODIES[body] + noise(), np.zeros((6, N), dtype=bool), np.random.default_rng(4)
+    at = np.arange(100, N - 100, 199)
+    put[rng.integers(6, size=len(at)), at] = True
     # the larger of two near to each other must not hide the smaller
     put[2, 5003], put[4, 5007] = True, True
     x += put * NOISE * sigmas * rng.choice([-1, 1], x.shape)
@@ -103,42 +108,88 @@ def test_chance_on_another_axis_makes_no_knock_of_a_large_spike(sigmas, is_spike
     assert spikes.isolated(x, NO_STEP)[3, 5000] == is_spike
 
 
-def test_pieces_do_not_change_what_is_found(run, monkeypatch):
-    x = noise()
-    x[1, [99, 100, 299, 300, 450]] += 5.0
-    x[1, [100, 300]] -= 5.0
-    x[2] += 9.8
-    columns = {"t": np.arange(N) / RATE, **dict(zip(CHANNELS, x, strict=True))}
-    for rows in (1 << 17, 100):
-        monkeypatch.setattr("imuloop.ingest.faults.ROWS", rows)
-        samples, found, *_ = run(pd.DataFrame(columns))
-        assert found["spike_values"] == {**dict.fromkeys(CHANNELS, 0), "ay": 3}
-        left = np.isin(columns["t"][[99, 299, 450]], samples["t"])
-        assert found["spiked"] == 3 and not left.any()
-
-
-def test_their_rows_are_dropped_counted_and_said(run):
-    log = simulate_session(example_truth(), "static", 1)[:8000].reset_index(drop=True)
-    rows = [500, 1234, 4321, 7000]
-    for row, name in zip(rows, ("ax", "gz", "gz", "gy"), strict=True):
+@pytest.mark.parametrize("piece", [1 << 17, 100])
+def test_rows_of_spikes_are_dropped_counted_and_named_whatever_the_pieces(run, monkeypatch, piece):
+    monkeypatch.setattr("imuloop.ingest.faults.ROWS", piece)
+    log = rest()[:2000]
+    # at the ends of pieces too, where one neighbour has gone the other way
+    put = {99: "ay", 299: "gz", 1234: "gz", 1400: "gx"}
+    for row, name in put.items():
         log.loc[row, name] += 3.0
     samples, found, *_ = run(log, kind="static")
-    columns = [*CHANNELS, TEMPERATURE] if TEMPERATURE in samples else [*CHANNELS]
-    np.testing.assert_array_equal(samples[columns], log.drop(index=rows)[columns])
-    assert found["status"] == "ok" and found["rows"] == 7996
-    assert found["spiked"] == 4 and found["gaps"]["count"] == 0
-    expected = {**dict.fromkeys(CHANNELS, 0), "ax": 1, "gy": 1, "gz": 2}
-    assert found["spike_values"] == expected
-    text = "4 rows dropped for a spike that no body makes: ax 1, gy 1, gz 2"
+    np.testing.assert_array_equal(samples[[*CHANNELS]], log.drop(index=[*put])[[*CHANNELS]])
+    assert found["status"] == "ok" and found["spiked"] == 4 and found["gaps"]["count"] == 0
+    assert found["spike_values"] == {**dict.fromkeys(CHANNELS, 0), "ay": 1, "gx": 1, "gz": 2}
+    text = "4 rows dropped for a spike that no body makes: ay 1, gx 1, gz 2"
     assert any(line.startswith(text) for line in found["warnings"])
     # what the log kept is as good as if nothing had been there
     assert not any(found["faults"]["spikes"].values())
 
 
-def test_a_log_with_too_many_is_rejected(run):
-    log = pd.DataFrame({"t": np.arange(N) / RATE, **dict(zip(CHANNELS, noise(), strict=True))})
+def test_a_log_with_too_many_spikes_is_rejected(run):
+    log = pd.DataFrame({"t": T, **dict(zip(CHANNELS, noise(), strict=True))})
     log["az"] += 9.8
     log.loc[50 : N - 50 : 15, "gx"] += 1.0
-    found = run(log, kind="static").quality
-    assert found["status"] == "rejected"
-    assert "with a spike (gx " in found["reasons"][0]
+    [reason] = run(log, kind="static").quality["reasons"]
+    assert "with a spike (gx " in reason
+
+
+# --- means at rest; Earth's rotation, as a level device sees it some way from the pole, rad/s
+
+EARTH, NONE = EARTH_RATE * np.array([0.6, 0.0, 0.8]), np.zeros(3)
+
+
+def at_rest(seed, hours, *, white=1e-4, mean=EARTH, rate=20.0):
+    """White noise of a fair MEMS gyroscope, (rad/s)/√Hz, about a mean."""
+    n = round(hours * 3600 * rate)
+    x = np.random.default_rng(seed).normal(size=(6, n)) * white * np.sqrt(rate)
+    x[2] += 9.8
+    x[3:] += mean[:, None]
+    return x
+
+
+def mean_at_rest(x, rate=20.0):
+    means = RestMeans(rate)
+    means.add(dict(zip(CHANNELS, x, strict=True)))
+    return means.figures((None, None, None))
+
+
+def without_running_mean(seconds):
+    x, n = at_rest(4, 1.5, mean=np.array([0.01, -0.02, 0.005])), round(seconds * 20)
+    total = np.hstack([np.zeros((3, n)), np.cumsum(x[3:], axis=1)])
+    x[3:] -= (total[:, n:] - total[:, :-n]) / np.minimum(np.arange(x.shape[1]) + 1, n)
+    return x
+
+
+def wandering(seed, hours):
+    x = at_rest(seed, hours)
+    x[3:] += np.cumsum(np.random.default_rng(seed).normal(size=(3, x.shape[1])), axis=1) * 2e-8
+    return x
+
+
+# 2 deg/h of bias; declared deg/s, they are made 57 times smaller than they are
+SMALL_BIAS = at_rest(5, 1.0, white=1e-5, mean=EARTH + 2 * DEGREE / 3600)
+
+
+@pytest.mark.parametrize(
+    ("logs", "tracked"),
+    [
+        ([at_rest(seed, 0.5) for seed in range(5)], False),
+        ([at_rest(seed, 0.1, mean=NONE) for seed in range(5)], False),
+        ([wandering(3, 1.0), SMALL_BIAS], False),
+        ([at_rest(1, 2.0, mean=NONE)], True),
+        ([without_running_mean(seconds) for seconds in (1.0, 10.0, 60.0)], True),
+        ([np.vstack([SMALL_BIAS[:3], SMALL_BIAS[3:] * DEGREE])], True),
+    ],
+    ids=["Earth alone", "too short to show it", "a bias that wanders, a small one", "none at all",
+         "a running mean taken away", "a small bias in the wrong unit"],
+)  # fmt: skip
+def test_a_mean_at_rest_that_cannot_be_so_small_is_found(logs, tracked):
+    assert [mean_at_rest(log)["tracked"] for log in logs] == [tracked] * len(logs)
+
+
+def test_what_the_mean_at_rest_is_known_to_be():
+    found = mean_at_rest(at_rest(1, hours=4, rate=4.0), rate=4.0)
+    assert found["rate"] == pytest.approx(EARTH_RATE, rel=0.1)
+    assert mean_at_rest(at_rest(1, 2.0, mean=NONE))["upper"] < EARTH_RATE / 2
+    assert mean_at_rest(without_running_mean(10.0))["noise_share"] < 0.5

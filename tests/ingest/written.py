@@ -1,14 +1,26 @@
 """Logs as phones, bags and autopilots write them."""
 
 import struct
+from types import SimpleNamespace
 
+import h5py
 import numpy as np
+from pyulog import ULog
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
+from scipy.io import savemat
 
-from ingest.tables import ACCELERATION, RATE, table
+ACCELERATION, RATE = ["ax", "ay", "az"], ["gx", "gy", "gz"]
+
+
+def table(header, columns, write="{}".format, separator=",", decimal="."):
+    lines = [separator.join(header)]
+    for row in zip(*columns, strict=True):
+        lines.append(separator.join(write(x).replace(".", decimal) for x in row))
+    return "\n".join(lines) + "\n"
+
 
 # --- DataFlash: messages of ArduPilot are format and names of the fields
 
@@ -50,6 +62,91 @@ def text(*messages):
     for name, _, rows in messages:
         lines += [", ".join([name, *(str(x) for x in row)]) for row in rows]
     return ("\n".join(lines) + "\n").encode()
+
+
+# --- ULog, written with the format's own library
+
+TYPES = {"u8": "uint64_t", "f4": "float", "i4": "int32_t", "i2": "int16_t", "u1": "uint8_t"}
+TYPES |= {"u4": "uint32_t"}
+
+
+def ulog(path, *topics, dropouts=(), parameters=None):
+    """Write topics (name, instance, name of a field -> values); return the path."""
+    log = ULog(None)
+    log._initial_parameters.update(parameters or {})
+    for number, (topic, instance, fields) in enumerate(topics):
+        fields = {key: np.asarray(x) for key, x in fields.items()}
+        kinds = [ULog._FieldData(key, TYPES[x.dtype.str[1:]]) for key, x in fields.items()]
+        stems = [(field.type_str, *field.field_name.partition("[")[:2]) for field in kinds]
+        # type, length of an array, name
+        formats = [(k, stems.count((k, n, a)) * bool(a), n) for k, n, a in dict.fromkeys(stems)]
+        log._message_formats[topic] = SimpleNamespace(name=topic, fields=formats)
+        data = {"multi_id": instance, "msg_id": number, "name": topic, "data": fields}
+        log._data_list.append(SimpleNamespace(field_data=kinds, **data))
+    for duration, stamp in dropouts:
+        content = struct.pack("<H", duration)
+        log._dropouts.append(ULog.MessageDropout(content, SimpleNamespace(), int(stamp)))
+    log.write_ulog(str(path))
+    return path
+
+
+def vector(values, name):
+    return {name.format(i): np.asarray(x, "f4") for i, x in enumerate(np.transpose(values))}
+
+
+def combined(stamps, values, **more):
+    """The topic sensor_combined of values, force first, (n, 6)."""
+    fields = {"timestamp": stamps, **vector(values[:, 3:], "gyro_rad[{}]"), **more}
+    return "sensor_combined", 0, fields | vector(values[:, :3], "accelerometer_m_s2[{}]")
+
+
+def px4_sensor(kind, instance, stamps, values, delay=0, **more):
+    """A topic of one sensor, published later than sampled."""
+    fields = {"timestamp": stamps + np.uint64(delay), "timestamp_sample": stamps}
+    axes = {axis: np.asarray(x, "f4") for axis, x in zip("xyz", values.T, strict=True)}
+    return f"sensor_{kind}", instance, fields | axes | more
+
+
+# --- MATLAB
+
+
+def matlab_5(path, variables, packed=False):
+    savemat(path, variables, do_compression=packed, oned_as="column")
+
+
+def matlab_7(path, variables):
+    matlab_5(path, variables, packed=True)
+
+
+def matlab_73(path, variables):
+    """Save as MATLAB does: its text before HDF5, dimensions backwards, structs as groups."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        file.create_group("#refs#")
+        _put(file, variables)
+    with open(path, "r+b") as file:
+        head = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, HDF5 schema 1.00 ."
+        file.write(head.ljust(116) + bytes(8) + struct.pack("<H", 0x200) + b"IM")
+
+
+def _put(group, variables):
+    for name, value in variables.items():
+        if isinstance(value, dict):
+            _put(group.create_group(name), value)
+            group[name].attrs["MATLAB_class"] = np.bytes_("struct")
+            continue
+        if isinstance(value, str):
+            what, value = "char", np.array([[ord(letter) for letter in value]], "u2")
+        else:
+            value = np.asarray(value)
+            value = value[:, None] if value.ndim == 1 else value
+            what = {"float64": "double", "float32": "single"}.get(str(value.dtype), value.dtype)
+        if value.size:
+            packing = {"compression": "gzip"} if value.size > 9 else {}
+            dataset = group.create_dataset(name, data=value.T, **packing)
+        else:
+            dataset = group.create_dataset(name, data=np.array(value.shape, "u8"))
+            dataset.attrs["MATLAB_empty"] = 1
+        dataset.attrs["MATLAB_class"] = np.bytes_(str(what))
 
 
 # --- ROS
