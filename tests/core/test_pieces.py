@@ -73,50 +73,45 @@ def log(tmp_path_factory):
     return path
 
 
-@pytest.mark.parametrize("names", [*([n] for n in DESIGNED), DESIGNED], ids="+".join)
-def test_pieces_give_what_the_whole_gives(log, tmp_path, names):
-    made = calibration(names)
-    apply_file(made, log, tmp_path / "out.parquet", 300)
-    found = pd.read_parquet(tmp_path / "out.parquet")
-    expected = made.apply(pd.read_parquet(log))
-    assert list(found) == list(expected)
-    bare = calibration([]).apply(pd.read_parquet(log))
-    axes = ["ax", "ay", "az", "gx", "gy", "gz"]
-    assert np.abs(found[axes] - bare[axes]).to_numpy().max() > 1e-6
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
-
-
-def test_a_late_thermometer_is_late_in_pieces_too(log, tmp_path):
+def with_late_thermometer():
     made = calibration(["bias_temperature"])
-    effects = tuple(
-        replace(e, effect=replace(e.effect, lag=20.0)) for e in made.accelerometer.effects
-    )
-    made = replace(made, accelerometer=replace(made.accelerometer, effects=effects))
-    apply_file(made, log, tmp_path / "out.parquet", 300)
-    expected = made.apply(pd.read_parquet(log))
-    on_time = calibration(["bias_temperature"]).apply(pd.read_parquet(log))
-    assert np.abs(expected["ax"] - on_time["ax"]).max() > 1e-3
-    np.testing.assert_allclose(
-        pd.read_parquet(tmp_path / "out.parquet"), expected, rtol=0, atol=1e-12
-    )
+    effects = [replace(e, effect=replace(e.effect, lag=20.0)) for e in made.accelerometer.effects]
+    return replace(made, accelerometer=replace(made.accelerometer, effects=tuple(effects)))
 
 
-@pytest.mark.parametrize("seconds", [9e-3, -0.1])
-def test_delays_are_taken_out_by_samples_of_another_time(log, tmp_path, seconds):
-    made, bare, table = calibration([]), calibration([]), pd.read_parquet(log)
-    offset, delay = (Effect.library[name]() for name in ("time_offset", "gyro_axis_delay"))
-    fitted = (
-        FittedEffect(offset, {"dt": seconds}, {}),
-        FittedEffect(delay, {"dtx": seconds, "dty": -seconds / 2}, {}),
-    )
-    # no range holds them: a knock beyond what was seen is as late as all else
-    fitted = [replace(one, ranges=dict.fromkeys(one.values, (-1e-9, 1e-9))) for one in fitted]
-    for sensor, one in zip(("accelerometer", "gyroscope"), fitted, strict=True):
+def with_delays(seconds):
+    """Samples of another time; no range holds them: a knock beyond what was seen is as late."""
+    made = calibration([])
+    for sensor, name, values in (
+        ("accelerometer", "time_offset", {"dt": seconds}),
+        ("gyroscope", "gyro_axis_delay", {"dtx": seconds, "dty": -seconds / 2}),
+    ):
+        ranges = dict.fromkeys(values, (-1e-9, 1e-9))
+        one = replace(FittedEffect(Effect.library[name](), values, {}), ranges=ranges)
         made = replace(made, **{sensor: replace(getattr(made, sensor), effects=(one,))})
-    assert apply_file(made, log, tmp_path / "out.parquet", 300) == {}
+    return made
+
+
+# a calibration, another that it differs from, and by how much at least
+WITHOUT = calibration([])
+CASES = {
+    **{name: (calibration([name]), WITHOUT, 1e-6) for name in DESIGNED},
+    "all effects": (calibration(DESIGNED), WITHOUT, 1e-6),
+    "a late thermometer": (with_late_thermometer(), calibration(["bias_temperature"]), 1e-3),
+    "9 ms late": (with_delays(9e-3), WITHOUT, 0.1),
+    "100 ms early": (with_delays(-0.1), WITHOUT, 0.1),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_pieces_give_what_the_whole_gives(log, tmp_path, case):
+    (made, other, least), table = CASES[case], pd.read_parquet(log)
+    apply_file(made, log, tmp_path / "out.parquet", 300)
     found, expected = pd.read_parquet(tmp_path / "out.parquet"), made.apply(table)
-    assert np.abs(expected - bare.apply(table)).to_numpy()[:, 1:7].max() > 0.1
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9)
+    assert list(found) == list(expected)
+    axes = [*ACCELERATION, *ANGULAR_RATE]
+    assert np.abs(expected[axes] - other.apply(table)[axes]).to_numpy().max() > least
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 if least == 0.1 else 1e-12)
 
 
 @pytest.mark.parametrize("rows", [300, 1 << 17])

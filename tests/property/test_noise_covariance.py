@@ -33,8 +33,10 @@ def model(noise):
 
 @settings(max_examples=60)
 @given(noises, windows())
-def test_it_is_symmetric_and_never_negative(noise, spans):
+def test_it_is_symmetric_never_negative_and_knows_no_clock(noise, spans):
     c = model(noise).pose_mean_covariance(spans)[0]
+    later = model(noise).pose_mean_covariance(spans + 4096)[0]
+    np.testing.assert_allclose(later, c, atol=1e-7 * np.abs(c).max())
     np.testing.assert_array_equal(c, c.T)
     # judged on correlations, where no window outweighs another
     scale = np.sqrt(np.diag(c))
