@@ -12,7 +12,7 @@ from imuloop.core.files import read_json
 from imuloop.core.samples import CHANNELS, read_metadata, read_samples
 from imuloop.ingest.formats import FORMATS
 from imuloop.ingest.ingest import Declared, ingest
-from ingest.injections import brief
+from ingest.logs import brief
 
 Ingested = namedtuple("Ingested", "samples quality metadata path")
 

@@ -12,22 +12,27 @@ of quality.json, reasons before warnings. Then, by name,
 """
 
 from dataclasses import dataclass, field
-from functools import cache
 
 import numpy as np
 import pandas as pd
-from scipy.signal import butter, lfilter
-from scipy.spatial.transform import Rotation
 
-from calibrate.devices import planned
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE
-from imuloop.core.units import DEGREE, STANDARD_GRAVITY
-from imuloop.simulate.simulate import simulate_session
-from imuloop.simulate.truth import example_truth
+from imuloop.core.samples import TEMPERATURE
+from imuloop.core.units import DEGREE
 
-FORCE, RATE, ALL = list(ACCELERATION), list(ANGULAR_RATE), list(CHANNELS)
-# least significant bits as of a common part: noise of 3 and of 1.5 of them
-STEPS = [0.0048] * 3 + [0.00106] * 3
+# isort: off
+# fmt: off
+from ingest.harm import (
+    after, at, changed_amid, clipped, clipped_share, copied, counter, deadened, every, first,
+    held, in_bursts, in_packets, late, later, lost, lost_each, nothing, on_grid, put, rounded,
+    sampled_unevenly, scaled, scattered, spikes, stamps, tracked, turned, turned_in_a_gap,
+    unpadded, without, wrapped, written_twice,
+)
+# fmt: on
+# isort: on
+from ingest.logs import ALL, FORCE, RATE, brief, poses, rest, swaying
+
+LOGS = {"poses": poses, "rest": rest, "brief": brief, "swaying": swaying}
+KINDS = {"rest": "static"}
 
 
 @dataclass(frozen=True)
@@ -43,305 +48,6 @@ class Injection:
     declared: dict = field(default_factory=dict)
 
 
-# --- sound logs
-
-
-def simulated(session, seed=5, truth=None, **changed):
-    return simulate_session(planned(truth or example_truth(), session, **changed), session, seed)
-
-
-@cache
-def _stepped(session, seed=5, rate=100.0, **changed):
-    log = simulated(session, seed, example_truth(rate=rate), **changed)
-    log[ALL] = np.round(log[ALL] / STEPS) * STEPS
-    noise = np.random.default_rng(seed).normal(size=len(log))
-    log[TEMPERATURE] = np.round(25 + 5 * log.t / log.t.iloc[-1] + 0.02 * noise, 2)
-    return log.assign(t=np.arange(len(log)) / rate)
-
-
-def poses(rate=100.0, seed=5):
-    """Eight poses by hand, in steps of an integer's last bit, with a thermometer that warms up."""
-    return _stepped("multi_position", seed, rate, poses=8).copy()
-
-
-def rest():
-    """The same device for seventy seconds at rest."""
-    return _stepped("static", duration_s=70.0).copy()
-
-
-def brief(rows=500):
-    """5 s at 100 Hz at rest, z up; whole 1e-6, so text keeps it exactly."""
-    noise = 0.01 * np.random.default_rng(7).normal(size=(rows, 6))
-    mean = np.array([0.1, -0.2, 9.8, 0, 0, 0.01])
-    return pd.DataFrame(np.round(mean + noise, 6), columns=ALL).assign(t=np.arange(rows) / 100)[
-        ["t", *ALL]
-    ]
-
-
-def swaying(about=None):
-    """200 s, turned to and fro about x and z by the true time, or by the times that are given."""
-    t = np.arange(20_000) / 100 if about is None else about
-    table = brief(20_000)
-    table[RATE] = np.random.default_rng(11).normal(0, 0.005, (20_000, 3))
-    for k, name in enumerate(("gx", "gz")):
-        table[name] += 2 * np.sin((k + 2) * t)
-    return table
-
-
-LOGS = {"poses": poses, "rest": rest, "brief": brief, "swaying": swaying}
-KINDS = {"rest": "static"}
-
-# --- harm of values: each returns a function of a log
-
-
-def rows(log, first, count=None):
-    """Rows from a share of the log on, or a count of them."""
-    start = int(first * len(log))
-    return slice(start, start + count - 1 if count else None)
-
-
-def put(names, value, first=0, count=None):
-    """Set columns to a value from a share of the log on; None holds what was there."""
-
-    def harm(log):
-        where = rows(log, first, count)
-        for name in names:
-            log.loc[where, name] = log[name].iloc[where.start] if value is None else value
-
-    return harm
-
-
-def at(labels, name, values):
-    return lambda log: log.loc.__setitem__((labels, name), values)
-
-
-def scaled(names, factor, offset=0.0):
-    return lambda log: log.__setitem__(names, log[names] * factor + offset)
-
-
-def rounded(names, step):
-    return lambda log: log.__setitem__(names, np.round(log[names] / step) * step)
-
-
-def clipped(names, low=None, high=None):
-    """Limit columns to values, or to those of one column at shares of its samples."""
-
-    def harm(log):
-        limits = [
-            x if x is None or len(names) > 1 else np.sort(log[names[0]])[int(x * len(log))]
-            for x in (low, high)
-        ]
-        log[names] = log[names].clip(*limits)
-
-    return harm
-
-
-def held(names, count):
-    """Repeat each value for so many rows, as a sensor does that is slower than its log."""
-
-    def harm(log):
-        where = np.floor(np.floor(np.arange(len(log)) / count) * count).astype(int)
-        log[names] = log[names].to_numpy()[where]
-
-    return harm
-
-
-def copied(one, other):
-    return lambda log: log.__setitem__(other, log[one])
-
-
-def deadened(names, width):
-    return lambda log: log.__setitem__(names, log[names].where(log[names].abs() >= width, 0.0))
-
-
-def every(count, names, value):
-    """Put a value into each of so many rows, as a bus does whose reads fail."""
-    return lambda log: log.loc.__setitem__((slice(1, None, count), names), value)
-
-
-def spikes(size):
-    """Add three samples to all channels, each where it is quiet nearby."""
-
-    def harm(log):
-        spread = log["ax"].rolling(17, center=True).std()
-        for share in (0.2, 0.5, 0.8):
-            start = int(share * len(log))
-            log.loc[spread.iloc[start : start + 500].idxmin(), ALL] += size
-
-    return harm
-
-
-def tracked(log, tau=0.3, still=0.015):
-    """Firmware that follows the mean of each rate with a time constant, s, while it is still."""
-    spread = sum(log[name].rolling(25, min_periods=1).std() for name in RATE)
-    resting, raw = (spread < still).to_numpy(), log[RATE].to_numpy()
-    out, mean = raw.copy(), np.zeros(3)
-    for i in range(len(log)):
-        if resting[i]:
-            mean += 0.01 / tau * (raw[i] - mean)
-        out[i] -= mean
-    log[RATE] = out
-
-
-def wrapped(count):
-    """An integer of 16 bits that wraps around in fast turns; g and deg/s that are not declared."""
-
-    def harm(log):
-        log[FORCE], log[RATE] = log[FORCE] / STANDARD_GRAVITY, log[RATE] / DEGREE
-        first = log.gx.abs().rolling(9, center=True).mean().idxmax()
-        for start in range(first, first + 40 * count, 40):
-            log.loc[start - 3 : start, "gx"] = [3276.0, 3276.2, 3276.5, 3276.7]
-            log.loc[start + 1 : start + 20, "gx"] = -3276.7 + 0.3 * np.arange(-1, 19).clip(0)
-            log.loc[start + 21 : start + 22, "gx"] = [3276.2, 3275.5]
-
-    return harm
-
-
-def turned(acceleration, angular_rate):
-    """Log as x, y, z of each sensor its true axes of these numbers, with these signs."""
-
-    def harm(log):
-        for names, numbers in ((FORCE, acceleration), (RATE, angular_rate)):
-            log[names] = log[names].to_numpy()[:, np.abs(numbers) - 1] * np.sign(numbers)
-
-    return harm
-
-
-def changed_amid(factor, bias):
-    """Change the scale of the force, or the bias of x, from half of the log on."""
-
-    def harm(log):
-        log.loc[len(log) // 2 :, FORCE] *= factor
-        log.loc[len(log) // 2 :, "ax"] += bias
-
-    return harm
-
-
-def turned_in_a_gap(log):
-    """Lose all rows from half a second before the first move to half a second after it."""
-    spread = log[RATE].abs().max(axis=1).rolling(50, center=True).max()
-    moving = np.flatnonzero(spread > 0.3)
-    end = moving[np.flatnonzero(np.diff(moving) > 50)[0]] + 50
-    return log.drop(index=range(moving[0] - 50, end))
-
-
-# --- harm of stamps
-
-
-def stamps(function):
-    return lambda log: log.assign(t=function(log.t.to_numpy()))
-
-
-def later(*steps):
-    """Move stamps from a row on by seconds, each pair (row, seconds)."""
-    return lambda log: log.assign(t=log.t + sum(s * (log.index >= row) for row, s in steps))
-
-
-def lost(share=0.0, each=None, seed=2):
-    """Lose a share of the rows at random, or each of so many."""
-    if each:
-        return lambda log: log[log.index % each > 0]
-    return lambda log: log[np.random.default_rng(seed).random(len(log)) > share]
-
-
-def counter(width, tick_s, before=200, gap=0):
-    """A counter of ticks that rolls over so many rows after the start, and loses rows there."""
-
-    def harm(log):
-        ticks = width + np.rint((log.t - log.t[before]) / tick_s).astype(np.int64)
-        return log.assign(t=ticks % width).drop(index=range(before, before + gap))
-
-    return harm
-
-
-def late(block, first=100, by=61):
-    """Write a block of rows later than those that follow it."""
-
-    def harm(log):
-        order = np.delete(np.arange(len(log)), np.s_[first : first + block])
-        return log.iloc[np.insert(order, first + by, np.arange(first, first + block))]
-
-    return harm
-
-
-def in_bursts(size=5, spacing=0.002, rate=100, seed=6):
-    """Stamps of a host to whom samples come `size` at once, some milliseconds late."""
-
-    def harm(log):
-        first = np.arange(len(log)) // size
-        delay = np.random.default_rng(seed).gamma(2, 0.001, first[-1] + 1)[first]
-        place = spacing * (np.arange(len(log)) % size)
-        return log.assign(t=(first + 1) * size / rate + delay + place)
-
-    return harm
-
-
-def in_packets(size, share, jitter=0.0, end=True):
-    """Stamps of a host: some packets have one, that of their last row or of their first."""
-
-    def harm(log):
-        rng = np.random.default_rng(5)
-        t = log.t.to_numpy() + jitter * rng.random(len(log))
-        for start in range(0, len(log) - size, size):
-            if rng.random() < share:
-                t[start : start + size] = t[start + (size - 1) * end]
-        return log.assign(t=t)
-
-    return harm
-
-
-def scattered(std, seed=12):
-    return stamps(lambda t: t + np.random.default_rng(seed).normal(0, std, len(t)))
-
-
-def sampled_unevenly(log):
-    """Return a log whose sensor was sampled at the times of its uneven stamps."""
-    t = log.t.to_numpy() + np.random.default_rng(14).normal(0, 0.002, len(log))
-    return swaying(t).assign(t=t)
-
-
-def on_grid(rate, grid):
-    return lambda _: poses(rate).pipe(lambda log: log.assign(t=np.floor(log.t / grid + 0.3) * grid))
-
-
-def written_twice(first, each):
-    """Write each of so many rows twice."""
-
-    def harm(log):
-        return log.iloc[np.sort(np.r_[np.arange(len(log)), np.arange(first, len(log), each)])]
-
-    return harm
-
-
-def unpadded(rate, first, digits=9):
-    """Join whole seconds and their part as numbers: 1 ms after the second is .1, as 100 ms are."""
-
-    def harm(log):
-        ns = np.rint((first + log.index / rate) * 1e9).astype(int)
-        part = ns % 10**9 // 10 ** (9 - digits)
-        if digits == 9:
-            text = (1_700_000_000 + ns // 10**9).astype(str)
-        else:
-            text = (pd.Timestamp("2024-11-18") + pd.to_timedelta(ns // 10**9, "s")).astype(str)
-        return log.assign(t=text + "." + part.astype(str))
-
-    return harm
-
-
-def after(*harms):
-    def harm(log):
-        for each in harms:
-            log = _result(each, log)
-        return log
-
-    return harm
-
-
-def _result(harm, log):
-    changed = harm(log)
-    return log if changed is None else changed
-
-
 def figure(quality, path):
     """Return a figure of quality.json by its path, as "gaps.list.0.start_s"."""
     for key in path.split("."):
@@ -352,7 +58,7 @@ def figure(quality, path):
 def injected(case):
     """Return the harmed log of a row, its rows labelled as in the sound one, and the sound one."""
     sound = LOGS[case.log]()
-    return _result(case.harm, sound.copy()), sound
+    return case.harm(sound.copy()), sound
 
 
 # --- the table
@@ -383,10 +89,6 @@ def unit(name):
     return {"units": {"acceleration": name}, "gravity": 9.818}
 
 
-def nothing(log):
-    pass
-
-
 def both(name, harm, says, at_rest=None, **more):
     """Rows of one harm to a log at rest and to one of poses; at rest another line may be said."""
     return [
@@ -409,8 +111,8 @@ VALUES = [
     *both("the rate stuck to the end", put(RATE, None, 0.7), "stuck at one value: gx"),
     *both("spikes on all channels", spikes(-300.0),
           "spikes of a single sample: ax 3, ay 3, az 3, gx 3, gy 3, gz 3;"),
-    *both("clipped above", clipped(["ax"], high=0.93), "at a repeated extreme value: ax "),
-    *both("clipped below", clipped(["gy"], low=0.05), "at a repeated extreme value: gy "),
+    *both("clipped above", clipped_share("ax", 0.93), "at a repeated extreme value: ax "),
+    *both("clipped below", clipped_share("gy", 0.05), "at a repeated extreme value: gy "),
     *both("both sensors at half the rate", held(ALL, 2), "held: acceleration for 2 rows (50 Hz"),
     *both("the rate at a quarter of it", held(RATE, 4), "held: angular_rate for 4 rows"),
     *both("the force at no whole share", held(FORCE, 2.5), "held: acceleration for 2.5 rows"),
@@ -420,7 +122,7 @@ VALUES = [
           "never changing: gx, gy, gz"),
     *both("a step far above the noise", rounded(["gy"], 0.02), "no noise at rest: gy;",
           "never changing: gy"),
-    *both("a mean that is taken away at rest", tracked, "the angular rate at rest has no mean"),
+    *both("a mean that is taken away at rest", tracked(), "the angular rate at rest has no mean"),
     *both("an axis that never changes", put(["gx"], 0.25), "never changing: gx"),
     *both("a temperature in counts", scaled(TEMPERATURE, 340, -12420), "counts, or failed reads"),
     *both("a temperature in K", scaled(TEMPERATURE, 1, 273.15), "it looks like K"),
@@ -430,7 +132,7 @@ VALUES = [
     *both("a rate that no hand makes", scaled(RATE, 1e4), "too much for a turn by hand"),
     *both("stamps in ms taken as s", scaled("t", 1e3), "0.1 Hz is unusual for an IMU: see units."),
     *both("a gap", later((2000, 0.7)), "1 gap, 0.71 s together"),
-    *[Injection(f"nothing at all, {log}", log, nothing) for log in LOGS],
+    *[Injection(f"nothing at all, {log}", log, nothing()) for log in LOGS],
     Injection("a force that never changes", "rest", put(FORCE, 0.5),
               ("the acceleration never changes", "never changing: ax, ay, az",
                "has gravity been taken out"), rejected=True),
@@ -455,7 +157,7 @@ VALUES = [
                  *clipped_too, "an integer that wraps around"), rejected=True,
                 figures={"faults.wraps.gx": lambda found, n=n: found >= n})
       for n, clipped_too in ((3, ()), (12, ("gx 36 samples at -3276.7 and 3276.7 rad/s",)))],
-    Injection("a turn while nothing is logged", "poses", turned_in_a_gap,
+    Injection("a turn while nothing is logged", "poses", turned_in_a_gap(),
               ("1 gap", "was turned while nothing was logged"),
               figures={"faults.rests.gap_s": lambda s: s > 1}),
     # rows that cannot be used: dropped and counted
@@ -481,9 +183,9 @@ VALUES = [
               ("samples at the end of the full scale: ax 3; rests, turns and moves with them",),
               declared={"full_scale": {"acceleration": 16.0}},
               figures={"clipped.ax": 3, "clipped.ay": 0, "clipped.gx": None}),
-    Injection("too few rows", "brief", lambda log: log[:99],
+    Injection("too few rows", "brief", first(99),
               ("99 usable rows, at least 100 needed",), rejected=True),
-    Injection("too short", "brief", lambda log: log[:150],
+    Injection("too short", "brief", first(150),
               ("the log lasts 1.49 s, at least 2 s needed",), rejected=True),
 ]  # fmt: skip
 
@@ -578,7 +280,7 @@ CLOCKS = [
               ("2 gaps, 0.53 s together",),
               figures={"rate_hz": 100, "gaps.total_s": 0.53, "gaps.list.0.start_s": 0.99,
                        "gaps.list.0.duration_s": 0.51, "gaps.list.1.duration_s": 0.02}),
-    Injection("a rate that is declared 100 ppm off", "brief", nothing, declared={"rate": 100.01},
+    Injection("a rate that is declared 100 ppm off", "brief", nothing(), declared={"rate": 100.01},
               figures={"clock.drift_ppm": -99.99, "clock.jitter_ppm": lambda ppm: ppm < 1e-3}),
     Injection("stamps that jitter by a tenth of a step", "brief",
               stamps(lambda t: t + np.tile([0, 1e-3], len(t) // 2)), None,
@@ -602,9 +304,9 @@ CLOCKS = [
                 rebuilt_within=9e-4, figures=REBUILT | {"out_of_order": 0, "clock.strays": 0})
       for std in (5e-4, 2e-3)],
     Injection("stamps that scatter, one sample lost", "swaying",
-              after(scattered(0.002, 13), lambda log: log.drop(index=[9000])), None, drops=None,
+              after(scattered(0.002, 13), without(9000)), None, drops=None,
               figures=NOT_REBUILT),
-    Injection("a sensor that is sampled unevenly", "swaying", sampled_unevenly, None, drops=None,
+    Injection("a sensor that is sampled unevenly", "swaying", sampled_unevenly(), None, drops=None,
               figures=NOT_REBUILT),
     *[Injection(f"stamps of {rate} Hz on a grid of {grid} s", "poses", on_grid(rate, grid),
                 ("scatter about a regular clock, no sample is lost",), drops=None,
@@ -613,7 +315,7 @@ CLOCKS = [
       for rate, grid in ((90.0, 0.01), (62.5, 0.01), (26.0, 0.02))],
     Injection("stamps on a grid, samples lost", "poses", after(on_grid(90.0, 0.01), lost(0.05)),
               None, drops=None, figures=NOT_REBUILT),
-    Injection("samples lost at even intervals", "poses", lost(each=10), None, figures=NOT_REBUILT),
+    Injection("samples lost at even intervals", "poses", lost_each(10), None, figures=NOT_REBUILT),
     # in moves too; that must not hide the scale that turns show
     Injection("one sample in thirty lost", "poses", lost(0.03), ("gaps",),
               figures={"faults.rests.turn_ratio.moves": lambda moves: moves >= 7}),
@@ -641,89 +343,3 @@ CLOCKS = [
 ]  # fmt: skip
 
 INJECTIONS = [*VALUES, *UNITS, *CLOCKS]
-
-
-# --- honest logs that look like a fault, and motion
-
-
-def gait():
-    """A walk: all power is below 10 Hz, and the mean of a second is less than that of its parts."""
-    rng = np.random.default_rng(12)
-    log = pd.DataFrame({"t": np.arange(30_000) / 100})
-    swing = 1.5 + np.sin(np.arange(30_000) / 900)
-    for name in ALL:
-        steps = np.diff(lfilter(*butter(2, 0.1), rng.normal(size=30_001)))
-        log[name] = swing * steps * (50 if name[0] == "a" else 10) + 9.8 * (name == "az")
-        log[name] += 1e-3 * rng.normal(size=30_000)
-    return log
-
-
-def between_two_levels():
-    """Noise far below the step: runs of thousands of samples at one value are its nature."""
-    rng = np.random.default_rng(4)
-    log = pd.DataFrame({"t": np.arange(30_000) / 100})
-    drift = 0.4 * np.sin(np.arange(30_000) / 3000)
-    for i, name in enumerate(ALL):
-        mean = 9.8 if name == "az" else 0.3 * i
-        log[name] = np.round((mean + drift) / 0.15 + 0.1 * rng.normal(size=30_000)) * 0.15
-    return log
-
-
-def flight(rate=200.0, tilt=4.0):
-    """A drone in hover: thrust along z whatever its attitude, which sways by some degrees."""
-    rng, n = np.random.default_rng(1), round(120 * rate)
-    slow = lfilter(*butter(2, [0.1 / rate, 2 / rate], "band"), rng.normal(size=(n, 3)), axis=0)
-    angle = slow / slow.std() * tilt * DEGREE
-    shake = lfilter(*butter(2, 0.3, "high"), rng.normal(size=(n, 6)), axis=0)
-    log = pd.DataFrame({"t": np.arange(n) / rate})
-    log[FORCE] = [0, 0, 9.8] + 0.8 * shake[:, :3] + 0.2 * angle
-    log[RATE] = np.gradient(angle, 1 / rate, axis=0) + 0.05 * shake[:, 3:]
-    return log
-
-
-def tilting(degrees, seed=1, seconds=1200.0, rate=20.0, over=600.0):
-    """A device at rest on something that tilts slowly, with a fair gyroscope."""
-    t = np.arange(round(seconds * rate)) / rate
-    angle = degrees * DEGREE * np.clip((t - (seconds - over) / 2) / over, 0, 1)
-    log = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, 0.0)})
-    log["ay"], log["az"] = 9.8 * np.sin(angle), 9.8 * np.cos(angle)
-    log["gx"] = np.gradient(angle, 1 / rate)
-    noise = np.random.default_rng(seed).normal(size=(len(t), 6))
-    log[ALL] += noise * ([5e-3] * 3 + [1e-3] * 3)
-    return log
-
-
-def swinging(rate, seconds=60.0):
-    """A log that never rests: swings about two axes, gravity alone as its force."""
-    t = np.arange(round(seconds * rate)) / rate
-    angles = np.column_stack([0.9 * np.sin(1.1 * t), 0.8 * np.sin(1.7 * t + 1)])
-    body = Rotation.from_euler("xy", angles)
-    log = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, 0.0)})
-    log[FORCE] = body.inv().apply([0, 0, 9.8])
-    log.loc[1:, RATE] = (body[:-1].inv() * body[1:]).as_rotvec() * rate
-    log[ALL] += np.random.default_rng(4).normal(size=(len(t), 6)) * ([2e-2] * 3 + [2e-3] * 3)
-    return log
-
-
-def turning_at_once():
-    """Turns about z that begin and end within a sample."""
-    t = np.arange(12_000) / 200
-    log = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, 0.0)})
-    log["ax"], log["ay"], log["az"] = 0.05, 0.02, 9.81
-    log["gz"] = np.where(t % 10 < 2, np.pi / 4, 0.0)
-    log[ALL] += np.random.default_rng(5).normal(0, [1e-2] * 3 + [1e-3] * 3, (len(t), 6))
-    return log
-
-
-def drifting_with_temperature(seed):
-    """60 mg and 0.1 deg/s over a ramp, on axes at random."""
-    log, rng = tilting(0.0, seed), np.random.default_rng(seed)
-    course = np.sin(np.pi * np.linspace(0, 1, len(log)))[:, None]
-    log[FORCE] += course * rng.normal(size=3) * 0.6
-    log[RATE] += course * rng.normal(size=3) * 0.1 * DEGREE
-    return log
-
-
-def increments(log, rate, force=1.0, turn=1.0):
-    """Increments of velocity and angle per sample, in units of 1/force and 1/turn of SI."""
-    return log.assign(**(log[FORCE] * force / rate), **(log[RATE] * turn / rate))

@@ -24,7 +24,7 @@ from imuloop.core.samples import CHANNELS
 from imuloop.ingest.formats import FORMATS, SIGNATURES, find_format, guess_format
 from imuloop.ingest.stamps import stamp_values
 from ingest import written
-from ingest.injections import brief
+from ingest.logs import brief
 
 SIX = [*CHANNELS]
 FLIPPED = np.array([-1, -1, -1, 1, 1, 1])

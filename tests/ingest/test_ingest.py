@@ -16,7 +16,7 @@ import pytest
 from imuloop.core.errors import ImuloopError, MachineFault
 from imuloop.core.samples import schema
 from imuloop.ingest import ingest as stage
-from ingest.injections import brief
+from ingest.logs import brief
 
 # more than the libraries and a block of a log take, far less than the files below, MB
 MEMORY = 120

@@ -6,20 +6,9 @@ import numpy as np
 import pytest
 
 from imuloop.core.samples import ANGULAR_RATE, CHANNELS, Samples
-from ingest.injections import (
-    INJECTIONS,
-    KINDS,
-    NO_FAULT_OF_VALUES,
-    TEMPERATURE,
-    between_two_levels,
-    figure,
-    gait,
-    in_packets,
-    injected,
-    later,
-    poses,
-    simulated,
-)
+from ingest.harm import in_packets, later
+from ingest.injections import INJECTIONS, KINDS, NO_FAULT_OF_VALUES, TEMPERATURE, figure, injected
+from ingest.logs import between_two_levels, gait, poses, simulated
 
 
 def check_figures(quality, figures):

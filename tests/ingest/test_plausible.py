@@ -7,21 +7,10 @@ from imuloop.core.units import DEGREE
 from imuloop.ingest.axes import KEPT, Axes
 from imuloop.ingest.thinning import EvenSubsample
 from imuloop.simulate.truth import Disturbance, Vibration, example_truth, read_truth
-from ingest.injections import (
-    ALL,
-    FORCE,
-    GOOD,
-    RATE,
-    brief,
-    drifting_with_temperature,
-    flight,
-    increments,
-    simulated,
-    swinging,
-    tilting,
-    turned,
-    turning_at_once,
-)
+from ingest import logs
+from ingest.harm import in_bursts, turned
+from ingest.injections import GOOD
+from ingest.logs import ALL, FORCE, RATE, brief, increments, simulated, swinging
 from seeds import seeds
 
 SENSORS = ("acceleration", "angular_rate")
@@ -56,7 +45,7 @@ def test_healthy_logs_have_no_line(repository, taken, seeds):
 @seeds(1, 3)
 def test_a_bias_that_drifts_with_temperature_is_no_motion(taken, seeds):
     for seed in range(seeds):
-        found = taken(drifting_with_temperature(seed), kind="static")
+        found = taken(logs.drifting_with_temperature(seed), kind="static")
         assert (found["reasons"], found["warnings"]) == ([], [])
 
 
@@ -64,8 +53,8 @@ def test_a_bias_that_drifts_with_temperature_is_no_motion(taken, seeds):
     ("log", "said"),
     [
         (lambda: simulated("multi_position", 1, poses=9), "in 10 attitudes; a static session lies"),
-        (flight, "turns to and fro, as in flight"),
-        (lambda: tilting(30.0), "gravity turns by up to "),
+        (logs.flight, "turns to and fro, as in flight"),
+        (lambda: logs.tilting(30.0), "gravity turns by up to "),
     ],
     ids=["poses", "flight", "tilt"],
 )
@@ -76,7 +65,7 @@ def test_what_moves_is_not_static(taken, log, said):
 
 
 def test_a_turn_that_begins_and_ends_at_once_is_no_integer_that_wraps_around(taken):
-    found = taken(turning_at_once())
+    found = taken(logs.turning_at_once())
     assert found["status"] == "ok" and not any("wraps" in line for line in found["warnings"])
 
 
@@ -195,7 +184,7 @@ def test_bias_scale_lost_rows_and_a_narrow_range_hide_no_swapped_axes(kind, plan
         limit = 0.6 * np.abs(rates).max()
         log[RATE] = np.clip(rates, -limit, limit)
         if swapped:
-            turned(GOOD, (1, -3, 2))(log)
+            log = turned(GOOD, (1, -3, 2))(log)
         kept = rng.random(len(log)) > 0.03
         kept[2000:2150] = False
         assert mapping(log[kept]) == ([1, 3, -2] if swapped else None)
@@ -227,10 +216,7 @@ def test_rows_of_a_long_log_are_thinned_evenly():
 
 
 def test_the_rate_of_bursts_is_that_of_the_sensor(run):
-    log = brief(20_000)
-    burst = np.arange(20_000) // 5
-    delay = np.random.default_rng(6).gamma(2, 0.001, burst[-1] + 1)[burst]
-    log["t"] = (burst + 1) * 5 / 204.8 + delay + 1e-4 * (np.arange(20_000) % 5)
+    log = in_bursts(spacing=1e-4, rate=204.8)(brief(20_000))
     # a stall of the host, and no row lost
     log.loc[8000:8400, "t"] = log.t[8400] + 1e-6 * np.arange(401)
     log.loc[8401:, "t"] += 4e-4

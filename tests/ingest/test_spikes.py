@@ -13,7 +13,7 @@ from imuloop.core.samples import CHANNELS
 from imuloop.core.units import DEGREE
 from imuloop.ingest import spikes
 from imuloop.ingest.rest_means import RestMeans
-from ingest.injections import rest
+from ingest.logs import rest
 
 N, RATE = 10_000, 100.0
 T = np.arange(N) / RATE

@@ -13,7 +13,7 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.units import DEGREE, STANDARD_GRAVITY
 from imuloop.ingest import delimited
-from ingest.injections import FORCE, RATE, brief
+from ingest.logs import FORCE, RATE, brief
 
 SIX = [*CHANNELS]
 NUMBERS = {"columns": {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}}

@@ -16,7 +16,7 @@ from imuloop.ingest.stamps import (
     stamp_values,
 )
 from imuloop.ingest.streams import Stream, raw_log
-from ingest.injections import FORCE, RATE, brief
+from ingest.logs import FORCE, RATE, brief
 
 SIX = [*CHANNELS]
 
