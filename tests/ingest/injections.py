@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from imuloop.core.samples import TEMPERATURE
 from imuloop.core.units import DEGREE
@@ -48,11 +49,17 @@ class Injection:
     declared: dict = field(default_factory=dict)
 
 
-def figure(quality, path):
-    """Return a figure of quality.json by its path, as "gaps.list.0.start_s"."""
-    for key in path.split("."):
-        quality = quality[int(key) if key.isdigit() else key]
-    return quality
+def check_figures(quality, figures):
+    """Check figures by their paths, as "gaps.list.0.start_s": what they are, or what holds."""
+    for path, expected in figures.items():
+        value = quality
+        for key in path.split("."):
+            value = value[int(key) if key.isdigit() else key]
+        if callable(expected):
+            assert expected(value), (path, value)
+        else:
+            near = pytest.approx(expected) if isinstance(expected, float) else expected
+            assert value == near, path
 
 
 def injected(case):

@@ -165,27 +165,14 @@ def two_clocks(at, known, values):
     return arrays(log), log
 
 
-def test_one_stream_is_given_as_it_is():
-    imu, other = stream(acceleration="g", time="ns"), stream("gps", ["lat", "lon"])
-    log = raw_log([other, imu])
-    table = arrays(log)
-    for name, field in zip(SIX.split(), [*ACC, *GYRO], strict=True):
-        np.testing.assert_array_equal(table[name], imu.fields[field])
-    np.testing.assert_array_equal(table["stamp"], imu.stamps)
-    assert log.found == {
-        "acceleration": [f"imu.{name}" for name in ACC],
-        "angular_rate": [f"imu.{name}" for name in GYRO],
-        "time": "imu stamps",
-    }
-    assert (log.units, log.notes, log.temperature) == ({"acceleration": "g", "time": "ns"}, [], 0)
-
-
 NO_ROWS = np.empty(0)
 
 
 @pytest.mark.parametrize(
     ("streams", "columns", "expected"),
     [
+        ([stream("gps", ["lat", "lon"]), stream()], {},
+         {"acceleration": [f"imu.{a}" for a in ACC], "time": "imu stamps"}),
         # a stream of both sensors goes before those of one
         ([stream("acc", ACC), stream("imu"), stream("gyro", GYRO)], {},
          {"acceleration": [f"imu.{a}" for a in ACC], "angular_rate": [f"imu.{g}" for g in GYRO]}),

@@ -94,27 +94,6 @@ def test_threads_change_nothing(path, run, monkeypatch):
     pd.testing.assert_frame_equal(again.samples, log)
 
 
-def test_a_stop_in_the_middle_leaves_the_old_file(path, run, monkeypatch):
-    old = run(path)
-    before = {p.name: p.read_bytes() for p in old.path.parent.iterdir()}
-    assert set(before) == {"samples.parquet", "quality.json"}
-    kept = pq.ParquetWriter.write_table
-    calls = []
-
-    def stop_later(*args, **kwargs):
-        calls.append(1)
-        if len(calls) == 3:
-            raise KeyboardInterrupt
-        return kept(*args, **kwargs)
-
-    monkeypatch.setattr(pq.ParquetWriter, "write_table", stop_later)
-    monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 64)
-    path.write_text(path.read_text().replace("9.8", "9.7"))
-    with pytest.raises(KeyboardInterrupt):
-        run(path)
-    assert {p.name: p.read_bytes() for p in old.path.parent.iterdir()} == before
-
-
 @pytest.mark.parametrize(
     ("declared", "text"),
     [

@@ -7,18 +7,15 @@ import pytest
 
 from imuloop.core.samples import ANGULAR_RATE, CHANNELS, Samples
 from ingest.harm import in_packets, later
-from ingest.injections import INJECTIONS, KINDS, NO_FAULT_OF_VALUES, TEMPERATURE, figure, injected
+from ingest.injections import (
+    INJECTIONS,
+    KINDS,
+    NO_FAULT_OF_VALUES,
+    TEMPERATURE,
+    check_figures,
+    injected,
+)
 from ingest.logs import between_two_levels, gait, poses, simulated
-
-
-def check_figures(quality, figures):
-    for path, expected in figures.items():
-        value = figure(quality, path)
-        if callable(expected):
-            assert expected(value), (path, value)
-        else:
-            approximate = isinstance(expected, float)
-            assert value == (pytest.approx(expected) if approximate else expected), path
 
 
 @pytest.mark.parametrize("case", INJECTIONS, ids=lambda case: case.name)

@@ -41,7 +41,7 @@ def turns_agree_with_gravity(quality):
     return ratio["value"] == pytest.approx(1, abs=0.02) and ratio["moves"] >= 19
 
 
-def test_xsens(measured):
+def test_the_counts_of_an_xsens_come_back(measured):
     paths, done = measured("xsens_mti")
     assert done.quality["rows"] == 51175
     assert done.quality["rate_hz"] == pytest.approx(100, rel=2e-4)
@@ -58,7 +58,7 @@ def test_xsens(measured):
 
 
 @pytest.mark.parametrize("board", [1, 2, 3])
-def test_mpu9150(measured, board):
+def test_boards_of_an_mpu9150_come_back(measured, board):
     [path], done = measured(f"mpu9150_{board}")
     np.testing.assert_array_equal(done.samples[[*CHANNELS]], np.loadtxt(path))
     assert done.quality["duration_s"] == pytest.approx(160, abs=1)
@@ -66,7 +66,7 @@ def test_mpu9150(measured, board):
     assert turns_agree_with_gravity(done.quality)
 
 
-def test_thermal_chamber(measured):
+def test_a_recording_in_a_thermal_chamber_is_no_motion(measured):
     # over 92 K the bias drifts by 21 mg, and the norm by 6 %: no motion
     [path], done = measured("thermal_chamber")
     assert done.quality["rows"] == 8400
@@ -80,7 +80,7 @@ def test_thermal_chamber(measured):
     assert done.quality["status"] == "rejected"
 
 
-def test_ferraris(measured):
+def test_turns_about_each_axis_show_a_rate_that_is_twice_the_true_one(measured):
     [path], done = measured("ferraris")
     raw = np.loadtxt(path, delimiter=",", skiprows=1)
     assert done.quality["rows"] == len(raw) == 10376
