@@ -94,25 +94,6 @@ def test_threads_change_nothing(path, run, monkeypatch):
     pd.testing.assert_frame_equal(again.samples, log)
 
 
-@pytest.mark.parametrize(
-    ("declared", "text"),
-    [
-        ({"units": {"acceleration": "count"}}, r"needs nominal\.acceleration"),
-        ({"units": {"acceleration": "mi/h^2"}}, r"'mi/h\^2' is not a unit of acceleration"),
-        ({"units": {"time": "sec"}}, r"units\.time: 'sec' is not a unit; did you mean 's'\?"),
-        ({"units": {"time": "ISO 8601"}}, "column 't' holds numbers"),
-        ({"columns": {"time": "when"}}, "no column 'when'; there are t, ax"),
-        ({"format": "parqet"}, r"'parqet' is not a format; did you mean 'parquet'\?"),
-    ],
-)
-def test_a_wrong_declaration_stops_with_one_line(path, run, declared, text):
-    with pytest.raises(ImuloopError, match=text) as caught:
-        run(path, **declared)
-    assert str(caught.value).startswith(f"imu/poses: {path}: ")
-    assert "\n" not in str(caught.value)
-    assert not list(path.parent.glob("out/*"))
-
-
 # --- hostile files: one clear line, memory bounded, nothing half-written, nothing outside
 
 

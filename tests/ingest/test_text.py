@@ -348,37 +348,43 @@ def test_one_stamp_that_is_too_large_is_a_missing_one(log, run, tmp_path):
         assert (found["status"], found["non_finite"]) == ("ok", 1)
 
 
-HEADLESS = {"header": False}
-UNKNOWN = "units.{}: the log says '{}'"
+HEADLESS, SIX_BY_NUMBER = {"header": False}, {"acceleration": [1, 2, 3], "angular_rate": [5, 6, 7]}
+MIXED = {"acceleration": ["ax", "ay", "az"], "angular_rate": [4, 5, 6]}
+JOINED = {"nsec": 10**9 + np.arange(500)}
 
 
+# what the log is changed to; how it is written; what is declared; what is said of that
 @pytest.mark.parametrize(
-    ("change", "how", "columns", "message"),
+    ("change", "how", "declared", "line"),
     [
-        (None, HEADLESS, None, r"imu/poses: .*log\.csv: .*by number from 0"),
-        (None, HEADLESS, {"acceleration": ["ax", "ay", "az"], "angular_rate": [4, 5, 6]},
-         "no header, so 'ax' cannot be found"),
-        (None, HEADLESS, {"acceleration": [1, 2, 3], "angular_rate": [5, 6, 7]},
-         "there is no column 7; the log has 7"),
-        (None, {}, {"acceleration": ["ax", "ay", "-az2"]}, "no column 'az2'"),
-        (lambda log: log.assign(t=[f"31.12.2023 12h{i}" for i in range(500)]), {}, None,
+        (None, {}, {"units": {"acceleration": "count"}}, r"needs nominal\.acceleration"),
+        (None, {}, {"units": {"acceleration": "mi/h^2"}}, r"'mi/h\^2' is not a unit of accelera"),
+        (None, {}, {"units": {"time": "sec"}}, r"units\.time: 'sec' is not a unit; did you mean"),
+        (None, {}, {"units": {"time": "ISO 8601"}}, "column 't' holds numbers"),
+        (None, {}, {"columns": {"time": "when"}}, "no column 'when'; there are t, ax"),
+        (None, {}, {"format": "parqet"}, r"'parqet' is not a format; did you mean 'parquet'\?"),
+        (None, {}, {"columns": {"acceleration": ["ax", "ay", "-az2"]}}, "no column 'az2'"),
+        (None, HEADLESS, {}, "by number from 0"),
+        (None, HEADLESS, {"columns": MIXED}, "no header, so 'ax' cannot be found"),
+        (None, HEADLESS, {"columns": SIX_BY_NUMBER}, "there is no column 7; the log has 7"),
+        (None, {"header": ["host", *SIX]}, {}, "no time column of a usual name .*host"),
+        (lambda log: log.assign(t=[f"31.12.2023 12h{i}" for i in range(500)]), {}, {},
          r"column 't': '31\.12\.2023 12h0' is neither a number"),
-        (lambda log: log.assign(nsec=10**9 + np.arange(500)).rename(columns={"t": "sec"}), {}, None,
+        (lambda log: log.assign(**JOINED).rename(columns={"t": "sec"}), {}, {},
          "sec and nsec are not whole seconds and a part of a s"),
-        (None, {"header": ["host", *SIX]}, None, "no time column of a usual name .*host"),
-        (lambda log: novatel(log), {}, None,
-         r"needs nominal\.acceleration\.scale \(increments: ×"),
-        (lambda log: inserted(log, 1, "s,g,g,g,rph,rph,rph"), {}, None,
+        (novatel, {}, {}, r"needs nominal\.acceleration\.scale \(increments: ×"),
+        (lambda log: inserted(log, 1, "s,g,g,g,rph,rph,rph"), {}, {},
          r"units\.angular_rate: the log says 'rph'"),
     ],
 )  # fmt: skip
-def test_a_wrong_declaration_is_one_line(log, run, tmp_path, change, how, columns, message):
-    changed = change(log) if change else log
-    content = changed if isinstance(changed, str) else text(changed, **how)
-    (tmp_path / "log.csv").write_text(content)
-    with pytest.raises(ImuloopError, match=message) as caught:
-        run(tmp_path / "log.csv", columns=columns)
+def test_a_wrong_declaration_is_one_line(log, run, tmp_path, change, how, declared, line):
+    changed, path = change(log) if change else log, tmp_path / "log.csv"
+    path.write_text(changed if isinstance(changed, str) else text(changed, **how))
+    with pytest.raises(ImuloopError, match=line) as caught:
+        run(path, **declared)
+    assert str(caught.value).startswith(f"imu/poses: {path}: ")
     assert "\n" not in str(caught.value)
+    assert not [*tmp_path.glob("out/*")]
 
 
 @pytest.mark.parametrize(
