@@ -20,7 +20,7 @@ from ingest.logs import between_two_levels, gait, poses, simulated
 
 @pytest.mark.parametrize("case", INJECTIONS, ids=lambda case: case.name)
 def test_what_is_injected_is_named_and_nothing_else(run, case):
-    log, sound = injected(case)
+    log = injected(case)
     kind = KINDS.get(case.log, "multi_position")
     done = run(log, kind=kind, **case.declared)
     quality, samples, whole = done.quality, done.samples, done.path.read_bytes()
@@ -34,11 +34,11 @@ def test_what_is_injected_is_named_and_nothing_else(run, case):
         assert len(samples) == 0
     elif case.drops is not None:
         kept = log.drop(index=[*case.drops])
+        kept = kept[~kept.index.duplicated()]
         names = [*CHANNELS, *({TEMPERATURE} & {*log})]
-        np.testing.assert_allclose(samples[names], kept[names], rtol=1e-15)
+        np.testing.assert_array_equal(samples[names], kept[names])
         if case.rebuilt_within is not None:
-            true = sound.t[kept.index] if len(sound) == len(log) else kept.index / 100
-            true = np.asarray(true) - true[kept.index[0]]
+            true = (kept.index - kept.index[0]) / 100
             np.testing.assert_allclose(samples.t, true, rtol=0, atol=case.rebuilt_within)
     # nothing depends on where a batch ends
     if case.log == "brief" and len(log) <= 500 and not case.rejected:
