@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := build/peers
 
-.PHONY: report picture test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock api licences clean
+.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock api licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml; with VERBOSE=1
 # what Snakemake says of each job
@@ -22,6 +22,10 @@ picture: report
 		--screenshot=docs/report.png file://$(CURDIR)/results/report.html
 	$(BIN)/python -c 'from PIL import Image; \
 		Image.open("docs/report.png").quantize(48).save("docs/report.png", optimize=True)'
+
+# the config's schema and docs/settings.md, from the models of its keys
+settings: setup
+	PYTHONPATH=workflow/lib $(BIN)/python docs/settings.py
 
 test: setup
 	$(BIN)/pytest -n $(CORES)

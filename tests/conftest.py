@@ -74,12 +74,7 @@ def undrawn(monkeypatch):
 
 
 @pytest.fixture
-def schema(repository):
-    return repository / "workflow/schemas/config.schema.yaml"
-
-
-@pytest.fixture
-def faults(tmp_path, schema, monkeypatch):
+def faults(tmp_path, monkeypatch):
     """Return a function: the faults of a config text, without the file's name."""
     from snakemake.common.configfile import load_configfile
 
@@ -99,7 +94,7 @@ def faults(tmp_path, schema, monkeypatch):
         path = tmp_path / "config.yaml"
         path.write_text(textwrap.dedent(text))
         config = load_configfile(path)
-        lines = config_faults(config, {"config.yaml": path}, schema, REPLICAS, **options)
+        lines = config_faults(config, {"config.yaml": path}, REPLICAS, **options)
         assert all(line.startswith(("config.yaml: ", "IMULOOP_MIRROR")) for line in lines)
         assert all("\n" not in line for line in lines)
         return [line.removeprefix("config.yaml: ") for line in lines]

@@ -3,7 +3,7 @@
 import pytest
 
 from entries import SOUND, session
-from imuloop.config_faults import unreadable
+from imuloop.config_text import unreadable
 
 SHA = "0" * 64
 

@@ -22,14 +22,14 @@ from hypothesis import strategies as st
 
 from bench.tables import REPOSITORY
 from imuloop.config import resolve
-from imuloop.config_faults import config_faults, unreadable
+from imuloop.config_faults import config_faults
+from imuloop.config_text import unreadable
 from imuloop.core.errors import ImuloopError
 from imuloop.ingest.ingest import Declared, ingest
 from ingest.sound_logs import SIX, sound_logs
 
 # of a case, of processor time
 SECONDS = 10
-SCHEMA = REPOSITORY / "workflow/schemas/config.schema.yaml"
 RESULTS = {"out/samples.parquet", "out/quality.json"}
 with tempfile.TemporaryDirectory() as made:
     LOGS = sound_logs(Path(made))
@@ -185,7 +185,7 @@ def test_a_mutated_config_has_its_faults_in_lines(confined, content):
             assert reported.isprintable()
             return
         config = yaml.safe_load(content.decode("utf-8"))
-        found = config_faults(config, {"config.yaml": "config.yaml"}, SCHEMA, {})
+        found = config_faults(config, {"config.yaml": "config.yaml"}, {})
         assert all(line.isprintable() for line in found)
         if not found:
             resolve(config)

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 # of a process that has imported once what Snakemake needs in every call
 FORKS = get_context("forkserver")
 FORKS.set_forkserver_preload(
-    ["snakemake.cli", "pandas", "pyarrow.parquet", "scipy.signal", "jsonschema"]
+    ["snakemake.cli", "pandas", "pyarrow.parquet", "scipy.signal", "pydantic"]
 )
 
 

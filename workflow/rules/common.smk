@@ -10,7 +10,6 @@ import imuloop
 import yaml
 from imuloop.code_digest import code_digest
 from imuloop.config import fetched, is_stored, resolve, source_path
-from imuloop.config_faults import config_faults, shown_path
 from imuloop.core.errors import ImuloopError, nearest
 from imuloop.file_faults import SIMULATED
 
@@ -26,18 +25,17 @@ REPLICAS = {
     for path in sorted(REPOSITORY.glob("data/replicas/*.yaml"))
 }
 
-CONFIG_FILES = {shown_path(path): path for path in workflow.configfiles}
+# by their paths from here where these are shorter
+CONFIG_FILES = {min(os.path.relpath(p), str(p), key=len): p for p in workflow.configfiles}
 # as the report gives it for making it again
 COMMAND = f"snakemake -c2 --configfile {' '.join(CONFIG_FILES)} -- results/report.html"
 
 # the jobs that a run submits read the config again: it has no fault then
 if workflow.is_main_process:
+    from imuloop.config_faults import config_faults
+
     faults = config_faults(
-        config,
-        CONFIG_FILES,
-        schema=REPOSITORY / "workflow/schemas/config.schema.yaml",
-        replicas=REPLICAS,
-        mirror=os.environ.get("IMULOOP_MIRROR"),
+        config, CONFIG_FILES, replicas=REPLICAS, mirror=os.environ.get("IMULOOP_MIRROR")
     )
     if faults:
         raise WorkflowError("\n".join(faults))

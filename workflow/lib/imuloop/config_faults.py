@@ -2,33 +2,50 @@
 
 import math
 import os
+import re
+from dataclasses import fields, is_dataclass
 from datetime import datetime
+from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import get_args, get_origin
 
 import yaml
-from jsonschema import Draft202012Validator
+from pydantic import Tag, ValidationError
 
 from imuloop.config import OF_LOGS, merged_devices, without_dates
+from imuloop.config_model import CALLED, Config
+from imuloop.config_text import yaml_faults
 from imuloop.core.errors import nearest, one_line
 from imuloop.file_faults import file_faults, marks_faults, path_fault, reference_faults
 from imuloop.ingest.spellings import UNITS, stated_unit
 from imuloop.ingest.stamps import is_iso
-from imuloop.yaml_traps import yaml_faults
 
-# a config of a thousand devices holds fewer
-MOST_VALUES = 100_000
-_TYPES = {
-    "number": "a number",
-    "integer": "a whole number",
-    "string": "text",
-    "object": "a mapping of keys",
-    "array": "a list",
-    "null": "null",
+# what a value is not, by the type of pydantic's error or the branch of a type of several kinds;
+# of all others a mapping of keys
+_KINDS = {
+    "float_type": "a number",
+    "|number": "a number",
+    "int_type": "a whole number",
+    "|whole": "a whole number",
+    "string_type": "text",
+    "|text": "text",
+    "list_type": "a list",
+    "tuple_type": "a list",
+    "|list": "a list",
+    "|null": "null",
 }
+# what a number is outside of, by the type of pydantic's error, and the name of the limit there
+_LIMITS = {
+    "greater_than": ("less than or equal to the minimum of", "gt"),
+    "greater_than_equal": ("less than the minimum of", "ge"),
+    "less_than": ("greater than or equal to the maximum of", "lt"),
+    "less_than_equal": ("greater than the maximum of", "le"),
+}
+_CHOICES = {"kind": "kind of session", "gyroscope_bias": "source of the bias"}
 
 
-def config_faults(config, files, schema, replicas, mirror=None):
+def config_faults(config, files, replicas, mirror=None):
     """Return the faults of a config, one line each; empty if there is none.
 
     ``config.yaml: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
@@ -39,8 +56,6 @@ def config_faults(config, files, schema, replicas, mirror=None):
         The config as Snakemake merged it.
     files : dict of str to path-like
         The files that it came from, by the name that a fault shall show.
-    schema : path-like
-        The config's JSON schema (YAML).
     replicas : dict of str to list of str
         Sessions of each simulated device that the workflow can make.
     mirror : str, optional
@@ -51,12 +66,11 @@ def config_faults(config, files, schema, replicas, mirror=None):
         text = Path(path).read_text(encoding="utf-8")
         contents[name] = without_dates(yaml.safe_load(text)) or {}
         found |= {key: (name, fault) for key, fault in yaml_faults(text)}
-    checks = (
+    for check in (
         _unusable,
-        lambda config: _schema_faults(config, yaml.safe_load(Path(schema).read_text("utf-8"))),
-        lambda config: _meaning_faults(config, set(found), replicas),
-    )
-    for check in checks:
+        _model_faults,
+        partial(_meaning_faults, replicas=replicas, wrong=found),
+    ):
         for key, fault in list(check(config)):
             # of the last file that holds the most of the key's path
             depths = {name: _depth(contents[name], key) for name in reversed(contents)}
@@ -70,42 +84,6 @@ def config_faults(config, files, schema, replicas, mirror=None):
     return lines
 
 
-def unreadable(path):
-    """Return why a file holds no config at all, in one line that names it; None if it does."""
-    try:
-        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except FileNotFoundError:
-        return f"{path}: there is no such file here; write one, or name one with --configfile"
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        return one_line(f"{path}: {where}no YAML: {getattr(error, 'problem', None) or error}")
-    except Exception as error:
-        # a text that is no UTF-8; a date, a number, a truth value that is none
-        return one_line(f"{path}: cannot be read: {error}")
-    if not isinstance(content, dict):
-        kind = "empty" if content is None else "not a mapping of keys"
-        return f"{path}: {kind}; it needs devices"
-    if _holds_more(content, MOST_VALUES):
-        return f"{path}: more than {MOST_VALUES} values, aliases (*name) written out"
-    return None
-
-
-def _holds_more(content, most):
-    """Return whether there are more values than so many; in what holds itself there are."""
-    left = [content]
-    while left and most:
-        value, most = left.pop(), most - 1
-        if isinstance(value, (dict, list)):
-            left += value.values() if isinstance(value, dict) else value
-    return bool(left)
-
-
-def shown_path(path):
-    """Return a config file's path from here where that is shorter."""
-    return min(os.path.relpath(path), str(path), key=len)
-
-
 def _unusable(value, key=()):
     """Yield (key, text) for each number and text of a config that is none to what comes after."""
     if isinstance(value, (dict, list)):
@@ -113,18 +91,14 @@ def _unusable(value, key=()):
             yield from _unusable(item, (*key, name))
     elif isinstance(value, str):
         if any("\ud800" <= c <= "\udfff" for c in value):
-            yield key, f"{_shown(ascii(value))} holds half of a character, which is no Unicode"
+            yield key, f"{_shown(value, ascii)} holds half of a character, which is no Unicode"
         elif "\0" in value:
-            yield key, f"{_shown(repr(value))} holds a zero byte"
+            yield key, f"{_shown(value)} holds a zero byte"
         elif key[-1:] == ("label",) and not value.isprintable():
-            yield key, f"{_shown(ascii(value))} holds what cannot be printed"
-    elif isinstance(value, (int, float)):
-        try:
-            fits = math.isfinite(value)
-        except OverflowError:
-            fits = False
-        if not fits:
-            yield key, f"{_shown(repr(value))} is no finite number of double precision"
+            yield key, f"{_shown(value, ascii)} holds what cannot be printed"
+    # beyond double precision a whole number is not finite either
+    elif isinstance(value, (int, float)) and not abs(value) <= math.nextafter(math.inf, 0):
+        yield key, f"{_shown(value)} is no finite number of double precision"
 
 
 def _depth(content, key):
@@ -137,15 +111,19 @@ def _depth(content, key):
     return len(key)
 
 
-def _schema_faults(config, schema):
-    """Yield (key, text) for each way in which a config breaks the schema."""
+def _model_faults(config):
+    """Yield (key, text) for each way in which a config breaks the model."""
     effective = config
-    devices, defaults = config.get("devices"), config.get("defaults", {})
-    if isinstance(devices, dict) and isinstance(defaults, dict):
+    if isinstance(config.get("devices"), dict) and isinstance(config.get("defaults", {}), dict):
         effective = {**config, "devices": merged_devices(config)}
-    for error in Draft202012Validator(schema).iter_errors(effective):
-        for key, text in _texts(error):
-            yield _declared(config, key), text
+    try:
+        Config.model_validate(effective)
+    except ValidationError as error:
+        for each in error.errors():
+            # the branches of a type of several kinds are no keys
+            key = tuple(part for part in each["loc"] if str(part)[:1] != "|" and part != "[key]")
+            if text := _text(each, key):
+                yield _declared(config, key), text
 
 
 def _declared(config, key):
@@ -158,89 +136,127 @@ def _declared(config, key):
     return next((place for place in places if _depth(config, place) == len(place)), key)
 
 
-def _texts(error):
-    """Yield (key, text) of one error of the validator."""
-    key, value, rule = tuple(error.absolute_path), error.instance, error.validator
-    title, needed = error.schema.get("title", ""), error.validator_value
-    shown = _shown(repr(value))
-    if rule == "additionalProperties":
-        known = error.schema.get("properties", {})
-        for name in (name for name in value if name not in known):
-            yield (*key, name), f"unknown key{nearest(name, known, 0.6)}"
-    elif rule == "required":
-        for name in (name for name in needed if name not in value):
-            yield (*key, name), f"missing; {key[-1] if key else 'the config'} needs it"
-    elif rule in ("enum", "type") and value is None:
-        yield key, "nothing is given"
-    elif rule == "enum":
-        near = _nearest_unit if title == "unit" else nearest
-        yield key, f"{shown} is not a {title}{near(str(value), needed, 0.4)}"
-    elif rule == "type":
-        kinds = [needed] if isinstance(needed, str) else needed
-        yield key, f"{shown} is not {' or '.join(_TYPES[kind] for kind in kinds)}"
-    elif rule == "pattern":
-        of_name = "propertyNames" in error.absolute_schema_path
-        yield (*key, value) if of_name else key, f"{shown} is not a {title}"
-    elif rule in ("minProperties", "minLength"):
-        yield key, "empty"
-    elif rule == "uniqueItems":
-        yield key, f"{shown} names a column twice"
-    elif rule in ("minItems", "maxItems"):
-        yield key, f"{len(value)} entries, {needed} needed"
-    else:
-        yield key, error.message.replace(repr(value), shown)
+def _text(error, key):
+    """Return what one error of pydantic says to who wrote the config; None where others say it."""
+    rule, value, context = error["type"], error["input"], error.get("ctx", {})
+    shown, length = _shown(value), context.get("min_length", context.get("max_length"))
+    if rule in ("extra_forbidden", "unexpected_keyword_argument"):
+        return f"unknown key{nearest(key[-1], _known_keys(error['loc'][:-1]), 0.6)}"
+    if rule == "missing":
+        return f"missing; {key[-2] if key[1:] else 'the config'} needs it"
+    if value is None:
+        return "nothing is given"
+    if rule == "literal_error":
+        known = re.findall("'(.*?)'", context["expected"])
+        if "units" in key:
+            return f"{shown} is not a unit{_nearest_unit(str(value), known)}"
+        name = _CHOICES.get(key[-1], key[-1])
+        return f"{shown} is not a {name}{nearest(str(value), known, 0.4)}"
+    if rule == "string_pattern_mismatch":
+        return f"{shown} is not a {CALLED[context['pattern']]}"
+    if rule in _LIMITS:
+        words, limit = _LIMITS[rule]
+        return f"{shown} is {words} {context[limit]:g}"
+    if rule == "union_tag_invalid":
+        tags = re.findall("'(.*?)'", context["expected_tags"])
+        return f"{shown} is not {' or '.join(dict.fromkeys(map(_kind, tags)))}"
+    if rule == "string_too_short" or (rule == "too_short" and isinstance(value, dict)):
+        return "empty"
+    if rule in ("too_short", "too_long"):
+        # of a tuple entries that are wrong are not counted
+        enough = rule == "too_short" and len(value) >= length
+        return None if enough else f"{len(value)} entries, {length} needed"
+    if rule == "string_too_long":
+        return f"{shown} has more than {length} characters"
+    return str(context["error"]) if "error" in context else f"{shown} is not {_kind(rule)}"
 
 
-def _shown(text):
+def _kind(name):
+    return _KINDS.get(name, "a mapping of keys")
+
+
+def _known_keys(path):
+    """Return the keys that a config may have at a path of the model, branches included."""
+    model = Config
+    for part in path:
+        if get_origin(model) in (dict, list):
+            model = get_args(model)[-1]
+        elif str(part)[:1] == "|":
+            members = get_args(model)
+            model = next(get_args(each)[0] for each in members if Tag(part) in each.__metadata__)
+        else:
+            model = model.model_fields[part].annotation
+    if is_dataclass(model):
+        return [field.name for field in fields(model)]
+    return [*model.model_fields]
+
+
+def _shown(value, spelled=repr):
+    text = spelled(value)
     return text if len(text) < 80 else f"{text[:76]}…"
 
 
-def _nearest_unit(name, known, cutoff):
+def _nearest_unit(name, known):
     """Return the unit that another spelling means; by similarity only what is hardly another."""
     # by similarity dps would be rad/s
     meant = "ISO 8601" if is_iso(name) else None
     for quantity, increments in product(UNITS, (True, False)):
         unit = stated_unit(quantity, name, increments)
         meant = meant or (unit if unit in known else None)
-    return f"; did you mean '{meant}'?" if meant else nearest(name, known, 2 * cutoff)
+    return f"; did you mean '{meant}'?" if meant else nearest(name, known, 0.8)
 
 
 def _meaning_faults(config, wrong, replicas):
-    """Yield (key, text) for what a schema cannot say, of everything that is not wrong yet."""
-    if ("mirror",) not in wrong and "mirror" in config and not os.path.isdir(config["mirror"]):
-        yield ("mirror",), f"there is no folder {config['mirror']}"
-    cache = config.get("cache", "") if ("cache",) not in wrong else ""
+    """Yield (key, text) for what a model cannot say, of everything that is not wrong yet."""
+    wrong = {*wrong}
+    mirror, cache = (
+        ("" if (key,) in wrong else config.get(key, "")) for key in ("mirror", "cache")
+    )
+    if mirror and not os.path.isdir(mirror):
+        yield ("mirror",), f"there is no folder {mirror}"
     if text := path_fault(cache):
         yield ("cache",), text
     elif os.path.exists(cache) and not os.path.isdir(cache):
         yield ("cache",), f"{cache} is a file, not a folder"
     if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
         return
-    devices = merged_devices(config)
-    for name in ("figures", "types"):
-        if name in devices:
+    for name, device in merged_devices(config).items():
+        if name in ("figures", "types"):
             text = f"'{name}' is reserved for results of several devices; name it otherwise"
             yield ("devices", name), text
-    for name, device in devices.items():
         sessions = device.get("sessions") if isinstance(device, dict) else None
         for session, content in sessions.items() if isinstance(sessions, dict) else ():
             key = ("devices", name, "sessions", session)
-            places = (key, ("defaults", *key[2:]))
             below = {bad[4:] for bad in wrong if bad[:4] == key}
-            below |= {bad[3:] for bad in wrong if bad[:3] == places[1]}
+            below |= {bad[3:] for bad in wrong if bad[:3] == ("defaults", *key[2:])}
+            below |= {(k,) for k in OF_LOGS if {("devices", name, k), ("defaults", k)} & wrong}
             if () in below:
                 continue
-            bad = {part[0] for part in below} - {"units"}
-            sound = {part: value for part, value in content.items() if part not in bad}
-            if ("units",) in below:
-                del sound["units"]
-            elif "units" in sound:
-                # one wrong unit leaves the others to be judged
+            # one wrong unit leaves the others to be judged
+            bad = {part[: 2 if part[0] == "units" else 1] for part in below}
+            sound = {part: value for part, value in content.items() if (part,) not in bad}
+            if "units" in sound:
                 units = sound["units"].items()
-                sound["units"] = {q: u for q, u in units if ("units", q) not in below}
+                sound["units"] = {q: unit for q, unit in units if ("units", q) not in bad}
             whole = not below and not any("nominal" in each for each in wrong)
-            for part, text in _session_faults(session, sound, device, replicas, whole):
+            faults = [*_missing_keys(session, content)]
+            faults += _session_faults(session, sound, device, replicas, whole)
+            for part, text in faults:
                 yield _declared(config, (*key, *part)), text
+
+
+def _missing_keys(name, session):
+    """Yield (key below the session, text) for what a session needs because of its other keys."""
+    needed = ["reference"] if session.get("kind") == "reference_motion" else []
+    if session.get("kind") == "known_rotation" and "sections" not in session:
+        needed = ["axis", "angle"]
+    for key in needed:
+        if key not in session:
+            yield (key,), f"missing; {name} needs it"
+    sections = session.get("sections")
+    for at, section in enumerate(sections if isinstance(sections, list) else ()):
+        if isinstance(section, dict) and not {"angle", "rate"} & {*section}:
+            yield ("sections", at, "angle"), "missing; give an angle or a rate"
 
 
 def _session_faults(name, session, device, replicas, whole):
@@ -255,9 +271,9 @@ def _session_faults(name, session, device, replicas, whole):
     text = "time_range" in session and _time_range_fault(session["time_range"])
     if text:
         yield ("time_range",), text
-    if isinstance(session.get("reference"), dict):
+    if "reference" in session:
         yield from reference_faults(session, replicas)
-    unmarked = list(marks_faults(session.get("pps") or {}, replicas))
+    unmarked = list(marks_faults(session["pps"], replicas)) if "pps" in session else []
     yield from unmarked
     if "file" in session:
         yield from file_faults(session, nominal, replicas, whole and not text, not unmarked)

@@ -34,28 +34,20 @@ def path_fault(path):
 
 def marks_faults(marks, replicas):
     """Yield what is wrong with 1PPS marks, as far as it can be seen without the log."""
-    if not marks:
-        return
     if "file" not in marks:
         for key in {"counter", "time"} - {*marks}:
             yield ("pps", key), "missing; marks are two columns of the log, or a file"
         return
-    source, key = sources(marks["file"])["log"], ("pps", "file")
-    path = source.get("path")
-    if text := path_fault(path or file_name(source)):
-        yield key, text
-    elif path is None or is_stored(path):
-        return
-    elif not Path(path).is_file():
-        yield key, _missing(path, replicas) or f"{path} is no table of marks"
-    else:
+    path, text = _local_file(marks["file"], replicas, "table of marks")
+    if text:
+        yield ("pps", "file"), text
+    elif path:
         try:
             read_marks(path, marks)
         except OSError as error:
-            yield key, f"{path} cannot be read: {error.strerror}"
+            yield ("pps", "file"), f"{path} cannot be read: {error.strerror}"
         except ImuloopError as error:
-            named, _, text = str(error).partition(": ")
-            yield (tuple(named.split(".")), text) if named[:4] == "pps." else (key, str(error))
+            yield _keyed(error, r"pps\..*", ("pps", "file"))
 
 
 def reference_faults(session, replicas):
@@ -65,30 +57,44 @@ def reference_faults(session, replicas):
         yield ("reference",), "only a session of kind reference_motion has one"
         return
     own = "file" in reference
-    source = sources(reference["file"] if own else session.get("file", ""))["log"]
-    path = source.get("path")
-    if own and (text := path_fault(path or file_name(source))):
+    path, text = _local_file(
+        reference["file"] if own else session.get("file", ""), replicas, "file"
+    )
+    if text and own:
         yield ("reference", "file"), text
-        return
-    if path is None or is_stored(path):
-        return
-    if not Path(path).is_file():
-        if own:
-            yield ("reference", "file"), _missing(path, replicas) or f"{path} is no file"
-        return
-    if Path(path).stat().st_size > CHECKED:
+    # what is wrong with the log itself is named with it
+    if text or not path or Path(path).stat().st_size > CHECKED:
         return
     form = reference.get("format") if own else session.get("format")
     try:
         read_series(path, form, reference.get("columns") or {})
     except RejectedLog:
+        # a fault of the data, for the job to find
         return
     except ImuloopError as error:
-        named, _, text = str(error).partition(": ")
-        if named.startswith("columns"):
-            named = f"reference.{named}"
-        known = named.startswith("reference")
-        yield tuple(named.split(".")) if known else ("reference",), text if known else str(error)
+        text = re.sub(r"\Acolumns", "reference.columns", str(error))
+        yield _keyed(text, r"reference.*", ("reference",))
+
+
+def _local_file(file, replicas, what):
+    """Return the path of a file that is here, None without, and what is wrong with it, or None."""
+    source = sources(file).get("log", {})
+    path = source.get("path")
+    if text := path_fault(path or file_name(source)) if source else None:
+        return None, text
+    if path is None or is_stored(path):
+        return None, None
+    if Path(path).is_file():
+        return path, None
+    return None, _missing(path, replicas) or f"{path} is no {what}"
+
+
+def _keyed(error, known, otherwise):
+    """Return key and text of an error that names a key first, if that is a known one."""
+    named, _, text = str(error).partition(": ")
+    return (
+        (tuple(named.split(".")), text) if re.fullmatch(known, named) else (otherwise, str(error))
+    )
 
 
 def file_faults(session, nominal, replicas, whole, marked):
@@ -97,11 +103,11 @@ def file_faults(session, nominal, replicas, whole, marked):
     names = {role: source.get("path") or file_name(source) for role, source in given.items()}
     keys = {role: ("file", *(() if role == "log" else (role,))) for role in given}
     for role, name in names.items():
-        if text := path_fault(name):
-            yield keys[role], text
-            return
+        text = path_fault(name)
         if not is_stored(name) and Path(os.path.normpath(name)).parts[:1] == ("results",):
-            yield ("file",), f"{name} is a result of this workflow; name the log that it came from"
+            text = f"{name} is a result of this workflow; name the log that it came from"
+        if text:
+            yield keys[role], text
             return
     if len({*names.values()}) < len(names):
         yield ("file",), f"{names['acceleration']} is given for both sensors; each has its own file"
@@ -179,11 +185,8 @@ def _log_faults(session, nominal, log_format, names, whole):
     elif whole and not wrong and _fitting_fault(session, nominal, log):
         # stamps may be missing at first: what few rows show counts where it does for the job
         text = _fitting_fault(session, nominal, _read(log_format, names, declared, 1 << 16))
-        key, _, rest = (text or "").partition(": ")
-        if re.fullmatch(r"time_range|units\.\w+", key):
-            yield tuple(key.split(".")), rest
-        elif text:
-            yield ("file",), text
+        if text:
+            yield _keyed(text, r"time_range|units\.\w+", ("file",))
 
 
 def _fitting_fault(session, nominal, log):

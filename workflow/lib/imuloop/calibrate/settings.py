@@ -1,18 +1,26 @@
 """Settings of the calibration."""
 
 from dataclasses import dataclass
+from typing import Literal
+
+from imuloop.core.setting import setting
 
 
 @dataclass(frozen=True)
 class CalibrateSettings:
-    """Settings of the calibration; the schema of the config describes each."""
+    """Settings of the calibration."""
 
-    # 'rests': estimated from all rests together with the other parameters; 'initial_rest': held at
-    # the mean of the first rest, as imu_tk does, but never in the diagnosis or beside effects
-    gyroscope_bias: str = "rests"
-    # degrees between specific force and an axis
-    face_tolerance: float = 20.0
-    # s; a longer way from one pose to the next is left out of the fit
-    longest_rotation: float = 30.0
-    # condition number of the design beyond which parameters are called undetermined
-    largest_condition: float = 100.0
+    # initial_rest is what imu_tk does; never taken in the diagnosis or beside effects
+    gyroscope_bias: Literal["rests", "initial_rest"] = setting(
+        "rests",
+        "From all rests together with the other parameters, or held at the mean of the first",
+    )
+    face_tolerance: float = setting(
+        20.0, "A pose is a face if specific force lies this near to an axis, degrees", gt=0, lt=45
+    )
+    longest_rotation: float = setting(
+        30.0, "A longer way from one pose to the next is left out of the fit, s", gt=0
+    )
+    largest_condition: float = setting(
+        100.0, "Condition number of the design beyond which parameters are undetermined", gt=0
+    )

@@ -8,6 +8,7 @@ from pathlib import Path
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata
+from imuloop.core.units import MOST_COUNT_OFFSET, SCALE_OF_COUNTS
 from imuloop.ingest.formats import PAIR, guess_format
 from imuloop.ingest.ingest import Declared, ingest
 from imuloop.ingest.spellings import UNITS
@@ -72,8 +73,8 @@ def counts(text):
         scale, offset = map(float, f"{values},0".split(",")[:2])
     except ValueError:
         scale = 0.0
-    # as in the config
-    if quantity not in SENSORS or not (1e-12 <= scale <= 1e5 and abs(offset) <= 1e12):
+    least, most = SCALE_OF_COUNTS
+    if quantity not in SENSORS or not (least <= scale <= most and abs(offset) <= MOST_COUNT_OFFSET):
         raise argparse.ArgumentTypeError(f"{text} is not acceleration=SCALE,OFFSET (SI a count)")
     return quantity, {"scale": scale, "offset": offset}
 

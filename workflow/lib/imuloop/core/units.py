@@ -15,6 +15,10 @@ HOUR = 3600.0
 # 0 degC, K
 ZERO_CELSIUS = 273.15
 
+# SI per count, and counts of zero, that a data sheet may state
+SCALE_OF_COUNTS = (1e-12, 1e5)
+MOST_COUNT_OFFSET = 1e12
+
 # factor from each unit to SI
 TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": HOUR}
 ACCELERATION = {"m/s^2": 1.0, "g": STANDARD_GRAVITY, "mg": STANDARD_GRAVITY * 1e-3}

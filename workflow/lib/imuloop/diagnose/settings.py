@@ -2,20 +2,32 @@
 
 from dataclasses import dataclass
 
+from imuloop.core.setting import setting
+
 
 @dataclass(frozen=True)
 class DiagnoseSettings:
-    """Settings of the diagnosis; the schema of the config describes each."""
+    """Settings of the diagnosis."""
 
-    significance: float = 0.05
-    # devices that share the probability of a false alarm
-    family: int = 1
-    power: float = 0.9
-    # parts that the poses, and a static record in time, are split into: each held out once
-    folds: int = 10
-    blocks: int = 8
-    # s over which a static record is averaged before it is compared with its floor
-    mean_time: float = 60.0
-    # of the bootstrap of a ratio of held-out errors
-    draws: int = 2000
-    seed: int = 0
+    significance: float = setting(0.05, "Probability of a false alarm of the tests", gt=0, lt=1)
+    family: int = setting(
+        1, "Devices judged as one family: the false alarm is that of any of them", ge=1
+    )
+    power: float = setting(
+        0.9,
+        "Probability with which an effect of the size of its detection limit is found",
+        gt=0,
+        lt=1,
+    )
+    folds: int = setting(10, "Parts that the poses are split into, each held out once", ge=2)
+    blocks: int = setting(8, "Parts in time of a static record, each held out once", ge=2)
+    mean_time: float = setting(
+        60.0,
+        "Static records are compared with their floor as means of so many s, longer where that "
+        "would give more than 2000",
+        gt=0,
+    )
+    draws: int = setting(
+        2000, "Bootstrap draws for the interval of a ratio of held-out errors", ge=100
+    )
+    seed: int = setting(0, "Seed of the bootstrap", ge=0)

@@ -2,15 +2,20 @@
 
 from dataclasses import dataclass
 
+from imuloop.core.setting import setting
+
 
 @dataclass(frozen=True)
 class NoiseSettings:
-    """Settings of the noise stage; the defaults suit records from a minute to days.
+    """Settings of the noise stage; the defaults suit records from a minute to days."""
 
-    The schema of the config describes each.
-    """
-
-    points_per_decade: float = 10.0
-    # of the longest clean stretch; below one half
-    longest_tau_share: float = 1 / 3
-    significance: float = 0.001
+    points_per_decade: float = setting(10.0, "Averaging times per decade", gt=0)
+    longest_tau_share: float = setting(
+        1 / 3, "Longest averaging time as a share of the longest clean stretch", gt=0, lt=0.5
+    )
+    significance: float = setting(
+        0.001,
+        "Level at which a coefficient, a Gauss-Markov process or a line counts as found",
+        gt=0,
+        lt=1,
+    )

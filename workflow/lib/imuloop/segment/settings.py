@@ -3,35 +3,64 @@
 from dataclasses import dataclass
 
 from imuloop.core.samples import LONG_GAP_STEPS
+from imuloop.core.setting import Positive, setting
 
 
 @dataclass(frozen=True)
 class SegmentSettings:
-    """Settings of rests and disturbances; s, rad and rad/s.
-
-    The schema of the config describes each.
-    """
+    """What the segment stage asks of a rest and of a disturbance; s, rad and rad/s."""
 
     # slow turns and tremor inside a rest are looked for in half of it
-    window_s: float = 1.0
-    initial_rest_s: float = 50.0
-    accelerometer_multiples: tuple = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10)
-    gyroscope_multiples: tuple = (3, 10, 30, 100, 300)
+    window_s: float = setting(1.0, "Sliding window of the static detector, s", gt=0)
+    initial_rest_s: float = setting(
+        50.0, "Longest stretch at the start of a log that sets the level of rest, s", gt=0
+    )
+    accelerometer_multiples: tuple[Positive, ...] = setting(
+        (1, 2, 3, 4, 5, 6, 7, 8, 9, 10),
+        "Multiples of the variance at rest to choose from",
+        min_length=1,
+        max_length=100,
+    )
+    gyroscope_multiples: tuple[Positive, ...] = setting(
+        (3, 10, 30, 100, 300), "The same", min_length=1, max_length=100
+    )
     # leaves room for the gyroscope's g-sensitivity (0.3 deg/s per g at worst in common parts) and
     # lies below the slowest turn by hand
-    rate_tolerance: float = 0.01
+    rate_tolerance: float = setting(
+        0.01,
+        "Largest departure of the windowed mean angular rate from its level at rest, rad/s",
+        gt=0,
+    )
     # the window ends a rest up to half its length early as it is, and each second cut is one more
     # to integrate the gyroscope over
-    trim_s: float = 0.05
-    shortest_rest_s: float = 1.0
+    trim_s: float = setting(0.05, "Cut from each end of a rest that touches motion, s", ge=0)
+    shortest_rest_s: float = setting(
+        1.0, "Shortest rest kept as a pose after trimming, s; at least 4 samples", gt=0
+    )
     # two means that are θ apart pool to a norm short by θ²/8, so half a degree costs 1e-5 of g
-    same_attitude: float = 0.0087
-    turned: float = 0.087
-    # where fewer samples are lost, a rest or a move goes on
-    gap_factor: float = LONG_GAP_STEPS
-    # that an undisturbed session is cut at all: as disturbed, as a slow turn or tremor in a rest
-    false_alarm: float = 0.01
+    same_attitude: float = setting(
+        0.0087, "Rests nearer than this, with no turn between, are one pose, rad", gt=0
+    )
+    turned: float = setting(
+        0.087, "Largest excursion between two rests that is still no turn, rad", gt=0
+    )
+    gap_factor: float = setting(
+        LONG_GAP_STEPS,
+        "A longer step of time, in median steps, is a gap: it ends a rest, and no rotation over it "
+        "is used",
+        gt=1,
+    )
+    false_alarm: float = setting(
+        0.01,
+        "Probability that an undisturbed session, or any of its rests, is cut at all",
+        gt=0,
+        lt=1,
+    )
     # slower changes are drift
-    longest_scale_s: float = 300.0
-    guard_s: float = 1.0
-    shortest_static_s: float = 10.0
+    longest_scale_s: float = setting(
+        300.0, "Longest scale on which disturbances are looked for, s", gt=0
+    )
+    guard_s: float = setting(1.0, "Cut on each side of a disturbance, s", ge=0)
+    shortest_static_s: float = setting(
+        10.0, "Shorter stretches between two disturbances count as disturbed, s", ge=0
+    )

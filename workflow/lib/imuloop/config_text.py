@@ -1,11 +1,19 @@
-"""What YAML 1.1 reads otherwise than it was written: keys given twice, 1e-3, on, 12:30:00, 007."""
+"""What is wrong in a config's text: no YAML, or read otherwise than written.
+
+Keys given twice, and what YAML 1.1 takes for something else: 1e-3, on, 12:30:00, 007.
+"""
 
 import json
 import math
 import re
+from pathlib import Path
 
 import yaml
 
+from imuloop.core.errors import one_line
+
+# a config of a thousand devices holds fewer
+MOST_VALUES = 100_000
 # what is written, and what YAML takes it for
 _TRAPS = (
     (r"[-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+", "str"),
@@ -16,6 +24,37 @@ _TRAPS = (
 )
 # a name that is none, beside those that are traps
 _NO_NAME = r"(?i)bool (true|false)|null .*"
+
+
+def unreadable(path):
+    """Return why a file holds no config at all, in one line that names it; None if it does."""
+    try:
+        content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return f"{path}: there is no such file here; write one, or name one with --configfile"
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        return one_line(f"{path}: {where}no YAML: {getattr(error, 'problem', None) or error}")
+    except Exception as error:
+        # a text that is no UTF-8; a date, a number, a truth value that is none
+        return one_line(f"{path}: cannot be read: {error}")
+    if not isinstance(content, dict):
+        kind = "empty" if content is None else "not a mapping of keys"
+        return f"{path}: {kind}; it needs devices"
+    if _holds_more(content, MOST_VALUES):
+        return f"{path}: more than {MOST_VALUES} values, aliases (*name) written out"
+    return None
+
+
+def _holds_more(content, most):
+    """Return whether there are more values than so many; in what holds itself there are."""
+    left = [content]
+    while left and most:
+        value, most = left.pop(), most - 1
+        if isinstance(value, (dict, list)):
+            left += value.values() if isinstance(value, dict) else value
+    return bool(left)
 
 
 def yaml_faults(text):

@@ -1,0 +1,91 @@
+"""The config's schema and the table of its keys: ``make settings`` writes both from the models."""
+
+from pathlib import Path
+
+import yaml
+
+from imuloop.config import STAGES
+from imuloop.config_model import Config
+
+REPOSITORY = Path(__file__).resolve().parents[1]
+SCHEMA = REPOSITORY / "workflow/schemas/config.schema.yaml"
+TABLE = REPOSITORY / "docs/settings.md"
+# keys of all logs of a device: as those of a session
+SHARED = ("format", "rate", "columns", "units")
+HEAD = """# Keys of a config
+
+Made by `make settings` from `workflow/lib/imuloop/config_model.py` and each stage's `settings.py`.
+A key with – is needed. Limits: `workflow/schemas/config.schema.yaml`.
+"""
+
+
+def schema():
+    """Return the JSON schema of a config as text, YAML."""
+    made = {"$schema": "https://json-schema.org/draft/2020-12/schema"}
+    made |= _plain(Config.model_json_schema())
+    options = {"sort_keys": False, "allow_unicode": True, "default_flow_style": None, "width": 100}
+    return f"# made by `make settings` from imuloop.config_model\n{yaml.safe_dump(made, **options)}"
+
+
+def _plain(node):
+    """Return a schema without titles, which are the keys again, and defaults that are none."""
+    if isinstance(node, list):
+        return [_plain(each) for each in node]
+    if not isinstance(node, dict):
+        return node
+    plain = {}
+    for key, value in node.items():
+        if key in ("properties", "$defs"):
+            plain[key] = {name: _plain(each) for name, each in value.items()}
+        elif key != "title" and (key, value) != ("default", None):
+            plain[key] = _plain(value)
+    if "patternProperties" in plain:
+        plain["additionalProperties"] = False
+    return plain
+
+
+def table(text):
+    """Return the page of all keys, from the schema as text."""
+    made = yaml.safe_load(text)
+    defined = made["$defs"]
+    device = {
+        key: each for key, each in defined["Device"]["properties"].items() if key not in SHARED
+    }
+    parts = {
+        "The config": made,
+        "`devices.NAME`": defined["Device"] | {"properties": device},
+        "`devices.NAME.sessions.NAME`": defined["Session"],
+    }
+    parts |= {f"`{stage}`": defined[f"{stage.title()}Settings"] for stage in STAGES}
+    lines = [HEAD]
+    for title, part in parts.items():
+        lines += [f"## {title}\n", "|key|default|meaning|", "|---|---|---|"]
+        lines += [*_rows(part, defined, {*()}), ""]
+    return "\n".join(lines)
+
+
+def _rows(node, defined, given, prefix=""):
+    """Yield the lines of a model's keys and of those below them, each model's once."""
+    for key, value in node["properties"].items():
+        models = [value, *value.get("oneOf", ()), value.get("items", {})]
+        models = [each["$ref"].rpartition("/")[2] for each in models if "$ref" in each]
+        meaning = value.get("description") or defined[models[0]]["description"].removesuffix(".")
+        if "enum" in value:
+            meaning += f": {', '.join(f'`{each}`' for each in value['enum'])}"
+        default = "–" if key in node.get("required", ()) else _shown(value.get("default", ""))
+        yield f"|`{prefix}{key}`|{default}|{meaning}|"
+        for model in models:
+            if model not in given and not model.endswith("Settings"):
+                given.add(model)
+                yield from _rows(defined[model], defined, given, f"{prefix}{key}.")
+
+
+def _shown(value):
+    if isinstance(value, list):
+        return ", ".join(map(_shown, value))
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    SCHEMA.write_text(schema(), encoding="utf-8")
+    TABLE.write_text(table(schema()), encoding="utf-8")

@@ -1,0 +1,327 @@
+"""Every key of a config: type, limits, unit and meaning, once.
+
+The check, ``workflow/schemas/config.schema.yaml`` and ``docs/settings.md`` are made of these
+models; the settings of a stage are beside it. What depends on several keys is in `config_faults`.
+"""
+
+from typing import Annotated, Literal, Union
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
+
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.setting import Positive
+from imuloop.core.units import MOST_COUNT_OFFSET, SCALE_OF_COUNTS, STANDARD_GRAVITY
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.ingest.formats import FORMATS
+from imuloop.ingest.spellings import SENSORS, UNITS
+from imuloop.noise.settings import NoiseSettings
+from imuloop.segment.settings import SegmentSettings
+
+# patterns of a text, and what one that fits is called
+NAME = "^[A-Za-z][A-Za-z0-9_-]{0,63}$"
+SHA256 = "^[0-9a-f]{64}$"
+URL = r"^(https?|ftp|file)://\S*[^/\s]$"
+WHEEL = "^[A-Za-z0-9][A-Za-z0-9._-]*==[A-Za-z0-9][A-Za-z0-9.+!_-]*$"
+MEMBER = r"^[^/\n].*[^/\n]$"
+CALLED = {
+    NAME: "name (a letter, then up to 63 letters, digits, _ or -)",
+    SHA256: "SHA-256 (64 digits 0-9 a-f)",
+    URL: "URL (https://…)",
+    WHEEL: "wheel (NAME==VERSION)",
+    MEMBER: "path inside the wheel",
+}
+
+
+def kind_of(value):
+    """Return the kind of a value; the branch of a type that may be of several kinds."""
+    kinds = {"text": str, "truth": bool, "number": (int, float), "list": list, "keys": dict}
+    return "|" + next((kind for kind, of in kinds.items() if isinstance(value, of)), "null")
+
+
+def _source_kind(value):
+    if isinstance(value, dict):
+        return "|wheel" if "wheel" in value else "|url"
+    return kind_of(value)
+
+
+def _file_kind(value):
+    pair = isinstance(value, dict) and {*SENSORS} & {*value}
+    return "|pair" if pair else _source_kind(value)
+
+
+def either(by=kind_of, **types):
+    """Return the type of a value that may be of several kinds, each with a type of its own."""
+    members = tuple(Annotated[each, Tag(f"|{kind}")] for kind, each in types.items())
+
+    def branch(value):
+        kind = by(value)
+        return "|whole" if kind == "|number" and "whole" in types else kind
+
+    # members is a tuple, which | does not take
+    return Annotated[Union[members], Discriminator(branch)]  # noqa: UP007
+
+
+def _different(columns):
+    """Return columns; a fault where one is named twice."""
+    if len({*columns}) < len(columns):
+        raise ValueError(f"{columns} names a column twice")
+    return columns
+
+
+def columns(count):
+    """Return the type of a list of so many columns."""
+    limits = Field(min_length=count, max_length=count)
+    return Annotated[list[Column], limits, AfterValidator(_different)]
+
+
+class Keys(BaseModel):
+    """Keys of a config, and no others."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+Text = Annotated[str, Field(min_length=1)]
+Number = Annotated[float, Field(strict=True)]
+Position = Annotated[int, Field(strict=True, ge=0)]
+Column = either(text=str, whole=Position)
+Name = Annotated[str, Field(pattern=NAME)]
+Sha256 = Annotated[str, Field(pattern=SHA256, description="SHA-256 of the file, hexadecimal")]
+Format = Annotated[
+    Literal[(*FORMATS,)], Field(description="By the first bytes, else the name, if not given")
+]
+Rate = Annotated[Positive, Field(description="Hz; only where the log has no time column")]
+Axis = Annotated[
+    Literal["x", "y", "z", "-x", "-y", "-z"],
+    Field(description="Axis of the sensor that is turned about; -x is x backwards"),
+]
+Angle = Annotated[
+    Number, Field(description="Angle of the turn, degrees, right-handed about the axis")
+]
+
+
+class OfEachSensor(Keys):
+    """A column of each sensor's table."""
+
+    acceleration: Column = Field(description="Of the accelerometer's table")
+    angular_rate: Column = Field(description="Of the gyroscope's")
+
+
+class Url(Keys):
+    """A file on the network, kept in the folder of downloads."""
+
+    url: str = Field(pattern=URL, description="Address of the file")
+    sha256: Sha256
+
+
+class Wheel(Keys):
+    """A file inside a wheel of the package registry; taken out, never imported."""
+
+    wheel: str = Field(
+        pattern=WHEEL, description="The package and its exact version, NAME==VERSION"
+    )
+    member: str = Field(pattern=MEMBER, description="Path of the file inside the wheel")
+    sha256: Sha256
+
+
+Source = either(_source_kind, text=Text, url=Url, wheel=Wheel)
+
+
+class Pair(Keys):
+    """A file of each sensor, each on a clock of its own."""
+
+    acceleration: Source = Field(description="Of the accelerometer; as file")
+    angular_rate: Source = Field(description="Of the gyroscope")
+
+
+class Columns(Keys):
+    """Columns of the log where they do not have the usual names."""
+
+    time: either(list=columns(2), text=str, whole=Position, keys=OfEachSensor, null=None) = Field(
+        None,
+        description="Stamps: a column, [sec, nsec] or [sec, usec], or one of each sensor's table; "
+        "null for none",
+    )
+    acceleration: either(list=columns(3), text=Text) = Field(
+        None,
+        description="x, y, z by name or, without header, by number from 0; or one stream that "
+        "holds all three",
+    )
+    angular_rate: either(list=columns(3), text=Text) = Field(None, description="The same")
+    temperature: either(text=str, whole=Position, null=None) = Field(
+        None, description="A column; null for none"
+    )
+    interval: either(text=str, whole=Position, keys=OfEachSensor, null=None) = Field(
+        None,
+        description="Interval of increments, as time; null for the steps of the stamps",
+    )
+
+
+class Units(Keys):
+    """Units of the log."""
+
+    time: Literal[*UNITS["time"], "ISO 8601"] = Field("s", description="Of the stamps")
+    acceleration: Literal[UNITS["acceleration"]] = Field(
+        "m/s^2",
+        description="count needs nominal; m/s, mm/s are increments",
+    )
+    angular_rate: Literal[UNITS["angular_rate"]] = Field(
+        "rad/s",
+        description="count needs nominal; rad, mrad, deg are increments",
+    )
+    temperature: Literal[UNITS["temperature"]] = Field("degC", description="Of the temperature")
+    interval: Literal[UNITS["interval"]] = Field("s", description="Of the interval")
+
+
+class Marks(Keys):
+    """1PPS marks, which make the log's time, a local counter, GNSS time."""
+
+    file: Source = Field(None, description="A text table; without it, columns of the log")
+    counter: Column = Field(
+        None,
+        description="Local counter at the mark, units.time; of a file its first column",
+    )
+    time: Column = Field(
+        None, description="GNSS time of the mark, whole s or ISO 8601; of a file its second column"
+    )
+
+
+class ReferenceColumns(Keys):
+    """Columns of a reference."""
+
+    orientation: columns(4) = Field(description="The quaternion, w, x, y, z")
+    position: columns(3) = Field(None, description="The place, x, y, z")
+    time: Column = Field(None, description="Its stamps")
+
+
+class ReferenceUnits(Keys):
+    """Units of a reference."""
+
+    time: Literal[*UNITS["time"], "ISO 8601"] = Field("s", description="Of its stamps")
+    position: Literal["m", "cm", "mm"] = Field("m", description="Of the place")
+
+
+class Reference(Keys):
+    """Of a reference_motion: attitude, and place, by motion capture or a robot."""
+
+    file: Source = Field(None, description="Without it, it is in the log")
+    format: Literal["csv", "tsv", "parquet", "matlab"] = Field(None, description="Of its file")
+    rate: Positive = Field(None, description="Hz; only without time")
+    columns: ReferenceColumns
+    units: ReferenceUnits = None
+    convention: Literal["body_to_world", "world_to_body"] = Field(
+        description="What the quaternion takes to what"
+    )
+
+
+class Section(Keys):
+    """One of several turns of a known_rotation."""
+
+    axis: Axis
+    angle: Angle = None
+    rate: Number = Field(None, description="Or the rate of a turntable about the axis, deg/s")
+    start: Number = Field(description="s from the log's first sample")
+    end: Number = Field(description="s from the log's first sample")
+
+
+class Session(Keys):
+    """One log."""
+
+    kind: Literal[
+        "static", "six_position", "multi_position", "known_rotation", "reference_motion"
+    ] = Field(description="What was done with the device")
+    file: either(_file_kind, text=Text, url=Url, wheel=Wheel, pair=Pair) = Field(
+        description="A path, in a storage too (s3://bucket/key), or a pattern (logs/*.csv) or "
+        "folder of logs, each a session named by its file"
+    )
+    format: Format = None
+    columns: Columns = None
+    units: Units = None
+    rate: Rate = None
+    time_range: Annotated[
+        list[either(number=Number, text=str, null=None)], Field(min_length=2, max_length=2)
+    ] = Field(
+        None,
+        description="[start, end), s from the first sample, or ISO 8601 where stamps are dates; "
+        "null leaves a side open",
+    )
+    pps: Marks = None
+    reference: Reference = None
+    axis: Axis = None
+    angle: Angle = None
+    sections: Annotated[list[Section], Field(min_length=1, max_length=1000)] = Field(
+        None, description="Several turns, instead of axis and angle"
+    )
+
+
+class Place(Keys):
+    """Where gravity is computed for."""
+
+    latitude: Number = Field(ge=-90, le=90, description="Geodetic, degrees")
+    height: Number = Field(ge=-1000, le=20000, description="Above the ellipsoid, m")
+
+
+class FullScale(Keys):
+    """Largest value; what is clipped is left out, and counted."""
+
+    acceleration: Positive = Field(None, description="m/s^2")
+    angular_rate: Positive = Field(None, description="rad/s")
+
+
+class Count(Keys):
+    """SI = (raw - offset) * scale."""
+
+    scale: Number = Field(
+        ge=SCALE_OF_COUNTS[0], le=SCALE_OF_COUNTS[1], description="m/s^2 or rad/s per count"
+    )
+    offset: Number = Field(
+        0.0, ge=-MOST_COUNT_OFFSET, le=MOST_COUNT_OFFSET, description="Raw value that is zero"
+    )
+
+
+class Nominal(Keys):
+    """Of raw counts, from the data sheet."""
+
+    acceleration: Count = None
+    angular_rate: Count = None
+
+
+class Device(Keys):
+    """One device; `columns`, `units`, `format` and `rate` are of all its logs."""
+
+    label: Annotated[Text, Field(max_length=200)] = Field(
+        None, description="Name shown in the report; the device's name if not given"
+    )
+    type: Name = Field(None, description="Name of its type; no result depends on it")
+    gravity: either(number=Annotated[Number, Field(ge=9.7, le=9.9)], keys=Place) = Field(
+        STANDARD_GRAVITY, description="Local gravity, m/s^2, or computed for a place"
+    )
+    full_scale: FullScale = None
+    nominal: Nominal = None
+    format: Format = None
+    columns: Columns = None
+    units: Units = None
+    rate: Rate = None
+    sessions: Annotated[dict[Name, Session], Field(min_length=1)] = Field(
+        description="Logs by name, but not exports; any number of each kind"
+    )
+    segment: SegmentSettings = None
+    noise: NoiseSettings = None
+    calibrate: CalibrateSettings = None
+    diagnose: DiagnoseSettings = None
+
+
+class Config(Keys):
+    """Devices, their sessions and the settings of the stages."""
+
+    devices: Annotated[dict[Name, Device], Field(min_length=1)] = Field(
+        description="Devices by name, but not figures or types"
+    )
+    defaults: dict = Field(
+        None, description="Any key of a device, which overrides it, merged key by key"
+    )
+    cache: Text = Field("data/cache", description="Folder for downloads")
+    mirror: Text = Field(
+        None,
+        description="Folder searched for a file before the network; the environment variable "
+        "IMULOOP_MIRROR goes first",
+    )

@@ -1,0 +1,26 @@
+"""A setting of a stage: its default, its meaning with the unit, and its limits in one place.
+
+The check of a config reads them with pydantic; a stage, which has no use for it, does not load it.
+"""
+
+from dataclasses import field
+from typing import Annotated
+
+
+def setting(default, description, **limits):
+    """Return the field of a dataclass of settings.
+
+    Limits are ``gt``, ``ge``, ``lt``, ``le`` of a number, ``min_length``, ``max_length`` of a list.
+    """
+    # text such as 1e-3 is no number
+    exact = {"strict": True} if isinstance(default, (int, float)) else {}
+    return field(default=default, metadata={"description": description, **exact, **limits})
+
+
+class _AboveZero:
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source, handler):
+        return {**handler(source), "gt": 0, "strict": True}
+
+
+Positive = Annotated[float, _AboveZero()]
