@@ -14,7 +14,7 @@ TABLE = REPOSITORY / "docs/settings.md"
 SHARED = ("format", "rate", "columns", "units")
 HEAD = """# Keys of a config
 
-Made by `make settings` from `workflow/lib/imuloop/config_model.py` and each stage's `settings.py`.
+Made by `make settings` from `workflow/lib/imuloop/config_model.py` and the stages' settings.
 A key with – is needed. Limits: `workflow/schemas/config.schema.yaml`.
 """
 

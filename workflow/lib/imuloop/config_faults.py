@@ -21,20 +21,9 @@ from imuloop.file_faults import file_faults, marks_faults, path_fault, reference
 from imuloop.ingest.spellings import UNITS, stated_unit
 from imuloop.ingest.stamps import is_iso
 
-# what a value is not, by the type of pydantic's error or the branch of a type of several kinds;
-# of all others a mapping of keys
-_KINDS = {
-    "float_type": "a number",
-    "|number": "a number",
-    "int_type": "a whole number",
-    "|whole": "a whole number",
-    "string_type": "text",
-    "|text": "text",
-    "list_type": "a list",
-    "tuple_type": "a list",
-    "|list": "a list",
-    "|null": "null",
-}
+# what a value is not, by its kind; of all others a mapping of keys
+_KINDS = {"float": "a number", "int": "a whole number", "string": "text", "null": "null"}
+_KINDS |= {"list": "a list", "tuple": "a list"}
 # what a number is outside of, by the type of pydantic's error, and the name of the limit there
 _LIMITS = {
     "greater_than": ("less than or equal to the minimum of", "gt"),
@@ -172,7 +161,8 @@ def _text(error, key):
 
 
 def _kind(name):
-    return _KINDS.get(name, "a mapping of keys")
+    """Return what is expected, by the type of pydantic's error or the branch of a type."""
+    return _KINDS.get(name.removesuffix("_type").strip("|"), "a mapping of keys")
 
 
 def _known_keys(path):

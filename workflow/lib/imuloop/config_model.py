@@ -34,7 +34,7 @@ CALLED = {
 
 def kind_of(value):
     """Return the kind of a value; the branch of a type that may be of several kinds."""
-    kinds = {"text": str, "truth": bool, "number": (int, float), "list": list, "keys": dict}
+    kinds = {"string": str, "bool": bool, "float": (int, float), "list": list, "keys": dict}
     return "|" + next((kind for kind, of in kinds.items() if isinstance(value, of)), "null")
 
 
@@ -55,7 +55,7 @@ def either(by=kind_of, **types):
 
     def branch(value):
         kind = by(value)
-        return "|whole" if kind == "|number" and "whole" in types else kind
+        return "|int" if kind == "|float" and "int" in types else kind
 
     # members is a tuple, which | does not take
     return Annotated[Union[members], Discriminator(branch)]  # noqa: UP007
@@ -83,7 +83,7 @@ class Keys(BaseModel):
 Text = Annotated[str, Field(min_length=1)]
 Number = Annotated[float, Field(strict=True)]
 Position = Annotated[int, Field(strict=True, ge=0)]
-Column = either(text=str, whole=Position)
+Column = either(string=str, int=Position)
 Name = Annotated[str, Field(pattern=NAME)]
 Sha256 = Annotated[str, Field(pattern=SHA256, description="SHA-256 of the file, hexadecimal")]
 Format = Annotated[
@@ -123,7 +123,7 @@ class Wheel(Keys):
     sha256: Sha256
 
 
-Source = either(_source_kind, text=Text, url=Url, wheel=Wheel)
+Source = either(_source_kind, string=Text, url=Url, wheel=Wheel)
 
 
 class Pair(Keys):
@@ -136,21 +136,21 @@ class Pair(Keys):
 class Columns(Keys):
     """Columns of the log where they do not have the usual names."""
 
-    time: either(list=columns(2), text=str, whole=Position, keys=OfEachSensor, null=None) = Field(
+    time: either(list=columns(2), string=str, int=Position, keys=OfEachSensor, null=None) = Field(
         None,
         description="Stamps: a column, [sec, nsec] or [sec, usec], or one of each sensor's table; "
         "null for none",
     )
-    acceleration: either(list=columns(3), text=Text) = Field(
+    acceleration: either(list=columns(3), string=Text) = Field(
         None,
         description="x, y, z by name or, without header, by number from 0; or one stream that "
         "holds all three",
     )
-    angular_rate: either(list=columns(3), text=Text) = Field(None, description="The same")
-    temperature: either(text=str, whole=Position, null=None) = Field(
+    angular_rate: either(list=columns(3), string=Text) = Field(None, description="The same")
+    temperature: either(string=str, int=Position, null=None) = Field(
         None, description="A column; null for none"
     )
-    interval: either(text=str, whole=Position, keys=OfEachSensor, null=None) = Field(
+    interval: either(string=str, int=Position, keys=OfEachSensor, null=None) = Field(
         None,
         description="Interval of increments, as time; null for the steps of the stamps",
     )
@@ -229,7 +229,7 @@ class Session(Keys):
     kind: Literal[
         "static", "six_position", "multi_position", "known_rotation", "reference_motion"
     ] = Field(description="What was done with the device")
-    file: either(_file_kind, text=Text, url=Url, wheel=Wheel, pair=Pair) = Field(
+    file: either(_file_kind, string=Text, url=Url, wheel=Wheel, pair=Pair) = Field(
         description="A path, in a storage too (s3://bucket/key), or a pattern (logs/*.csv) or "
         "folder of logs, each a session named by its file"
     )
@@ -238,7 +238,7 @@ class Session(Keys):
     units: Units = None
     rate: Rate = None
     time_range: Annotated[
-        list[either(number=Number, text=str, null=None)], Field(min_length=2, max_length=2)
+        list[either(float=Number, string=str, null=None)], Field(min_length=2, max_length=2)
     ] = Field(
         None,
         description="[start, end), s from the first sample, or ISO 8601 where stamps are dates; "
@@ -292,7 +292,7 @@ class Device(Keys):
         None, description="Name shown in the report; the device's name if not given"
     )
     type: Name = Field(None, description="Name of its type; no result depends on it")
-    gravity: either(number=Annotated[Number, Field(ge=9.7, le=9.9)], keys=Place) = Field(
+    gravity: either(float=Annotated[Number, Field(ge=9.7, le=9.9)], keys=Place) = Field(
         STANDARD_GRAVITY, description="Local gravity, m/s^2, or computed for a place"
     )
     full_scale: FullScale = None
