@@ -234,6 +234,17 @@ def test_a_column_is_taken_once(faults):
         ]
 
 
+def test_a_key_that_looks_like_a_branch_of_a_type_is_named(faults):
+    [line] = faults(session(f"{SOUND}, '|string': 1"))
+    assert line.startswith("devices.imu.sessions.a.|string: unknown key; use one of kind, file")
+
+
+def test_a_reference_in_the_log_needs_no_single_file(faults):
+    files = "{acceleration: poses.csv, angular_rate: counts.csv}"
+    text = f"{MOVED}[0, 1, 2, 3]}}, convention: body_to_world}}".replace("poses.csv", files)
+    assert faults(session(text)) == []
+
+
 def test_a_fault_of_the_defaults_is_named_once(faults):
     one = f"{{sessions: {{x: {{{SOUND}}}}}}}"
     assert len(faults(f"devices: {{a: {one}, b: {one}}}\ndefaults: {{gravity: 98}}")) == 1

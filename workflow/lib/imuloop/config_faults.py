@@ -14,7 +14,7 @@ import yaml
 from pydantic import Tag, ValidationError
 
 from imuloop.config import OF_LOGS, merged_devices, without_dates
-from imuloop.config_model import CALLED, Config
+from imuloop.config_model import BRANCH, CALLED, Config
 from imuloop.config_text import yaml_faults
 from imuloop.core.errors import nearest, one_line
 from imuloop.file_faults import file_faults, marks_faults, path_fault, reference_faults
@@ -110,7 +110,7 @@ def _model_faults(config):
     except ValidationError as error:
         for each in error.errors():
             # the branches of a type of several kinds are no keys
-            key = tuple(part for part in each["loc"] if str(part)[:1] != "|" and part != "[key]")
+            key = tuple(part for part in each["loc"] if not _is_branch(part))
             if text := _text(each, key):
                 yield _declared(config, key), text
 
@@ -160,9 +160,14 @@ def _text(error, key):
     return str(context["error"]) if "error" in context else f"{shown} is not {_kind(rule)}"
 
 
+def _is_branch(part):
+    """Return whether a part of a path in pydantic's error is no key of the config."""
+    return part == "[key]" or str(part).startswith(BRANCH)
+
+
 def _kind(name):
     """Return what is expected, by the type of pydantic's error or the branch of a type."""
-    return _KINDS.get(name.removesuffix("_type").strip("|"), "a mapping of keys")
+    return _KINDS.get(name.removeprefix(BRANCH).removesuffix("_type"), "a mapping of keys")
 
 
 def _known_keys(path):
@@ -171,7 +176,7 @@ def _known_keys(path):
     for part in path:
         if get_origin(model) in (dict, list):
             model = get_args(model)[-1]
-        elif str(part)[:1] == "|":
+        elif _is_branch(part):
             members = get_args(model)
             model = next(get_args(each)[0] for each in members if Tag(part) in each.__metadata__)
         else:

@@ -30,32 +30,34 @@ CALLED = {
     WHEEL: "wheel (NAME==VERSION)",
     MEMBER: "path inside the wheel",
 }
+# begins the name of each branch of a type of several kinds, in pydantic's errors; no key does so
+BRANCH = "branch of the type: "
 
 
 def kind_of(value):
     """Return the kind of a value; the branch of a type that may be of several kinds."""
     kinds = {"string": str, "bool": bool, "float": (int, float), "list": list, "keys": dict}
-    return "|" + next((kind for kind, of in kinds.items() if isinstance(value, of)), "null")
+    return BRANCH + next((kind for kind, of in kinds.items() if isinstance(value, of)), "null")
 
 
 def _source_kind(value):
     if isinstance(value, dict):
-        return "|wheel" if "wheel" in value else "|url"
+        return BRANCH + ("wheel" if "wheel" in value else "url")
     return kind_of(value)
 
 
 def _file_kind(value):
     pair = isinstance(value, dict) and {*SENSORS} & {*value}
-    return "|pair" if pair else _source_kind(value)
+    return f"{BRANCH}pair" if pair else _source_kind(value)
 
 
 def either(by=kind_of, **types):
     """Return the type of a value that may be of several kinds, each with a type of its own."""
-    members = tuple(Annotated[each, Tag(f"|{kind}")] for kind, each in types.items())
+    members = tuple(Annotated[each, Tag(BRANCH + kind)] for kind, each in types.items())
 
     def branch(value):
         kind = by(value)
-        return "|int" if kind == "|float" and "int" in types else kind
+        return f"{BRANCH}int" if kind == f"{BRANCH}float" and "int" in types else kind
 
     # members is a tuple, which | does not take
     return Annotated[Union[members], Discriminator(branch)]  # noqa: UP007
