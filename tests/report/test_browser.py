@@ -200,6 +200,22 @@ def test_a_stretch_that_is_dragged_over_fills_the_picture(page, curves):
     assert labels(curves) == whole
 
 
+def test_values_stand_at_the_pointer_before_anything_is_clicked(page):
+    page.evaluate("document.querySelectorAll('details').forEach(d => d.open = true)")
+    region = page.get_by_role("region", name="board.long.allan_gyroscope", exact=True)
+    figure = page.locator("figure").filter(has=region)
+    assert not figure.locator(".tools").is_visible()
+    before = labels(figure)
+    region.scroll_into_view_if_needed()
+    box = region.locator("svg").first.bounding_box()
+    page.mouse.move(box["x"] + box["width"] / 5, box["y"] + box["height"] / 2)
+    page.mouse.move(box["x"] + box["width"] / 4, box["y"] + box["height"] / 2)
+    assert "Allan deviation, °/h: " in figure.locator("output").inner_text()
+    assert not figure.get_by_label("from").is_visible() and labels(figure) == before
+    page.mouse.move(0, 0)
+    assert not figure.locator("output").is_visible()
+
+
 def test_values_at_the_cursor_are_those_of_the_file(page, curves, results):
     table = pd.read_csv(results / "board/figures/long_allan.csv").query("stage == 'raw'")
     slider = curves.get_by_label("values at")

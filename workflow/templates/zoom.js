@@ -1,5 +1,5 @@
-// A stretch of curves that is dragged over, or set by the sliders, fills the picture; a curve can be
-// hidden; values stand at the cursor. Without this script, and in print, the whole picture stands.
+// Values stand at the cursor. With the tools shown, a stretch of curves that is dragged over, or set
+// by the sliders, fills the picture, and a curve can be hidden. Without this script, and in print, the whole picture stands.
 // Scales, linear or logarithmic, are straight in pixels: a viewBox moves what matplotlib drew.
 const NARROWEST = 0.02;
 const numbers = (text) => text.match(/-?\d*\.?\d+/g).map(Number);
@@ -110,9 +110,11 @@ const tools = (svg, bar) => {
   const pointed = (event) => {
     const { x, y } = new DOMPoint(event.clientX, event.clientY).matrixTransform(svg.getScreenCTM().inverse());
     const a = areas.find((a) => x >= a.x && x <= a.x + a.width && y >= a.y && y <= a.y + a.height);
-    if (bar.hidden || !a || event.pointerType === "touch") return;
+    const over = Boolean(a) && event.type !== "pointerleave" && event.pointerType !== "touch";
+    for (const each of [bar, svg]) each.classList.toggle("read", over && bar.hidden);
+    if (!over) return;
     const [u, v, s] = [+from.value, +to.value, (x - a.x) / a.width];
-    if (event.type === "pointerdown") start = s;
+    if (event.type === "pointerdown" && !bar.hidden) start = s;
     if (event.type === "pointermove" && !event.buttons) start = null;
     if (event.type === "pointerup" && start !== null && Math.abs(s - start) > 0.01)
       [from.value, to.value] = [Math.min(s, start), Math.max(s, start)].map((w) => u + w * (v - u));
@@ -120,8 +122,8 @@ const tools = (svg, bar) => {
     cursor.value = s;
     draw();
   };
-  for (const name of ["pointerdown", "pointermove", "pointerup"]) svg.addEventListener(name, pointed);
-  svg.addEventListener("dblclick", whole);
+  for (const name of ["pointerdown", "pointermove", "pointerup", "pointerleave"]) svg.addEventListener(name, pointed);
+  svg.addEventListener("dblclick", () => bar.hidden || whole());
   bar.addEventListener("input", draw);
   return whole;
 };
@@ -139,6 +141,8 @@ const pictures = [...document.querySelectorAll("figure svg:has([data-area])")].m
     whole?.();
   };
   button.addEventListener("click", () => turn(bar.hidden));
+  // values stand at the pointer before anything is clicked
+  svg.addEventListener("pointerenter", () => { (whole ??= tools(svg, bar))(); }, { once: true });
   return turn;
 });
 addEventListener("beforeprint", () => pictures.forEach((turn) => turn(false)));
