@@ -5,7 +5,7 @@ BIN := .venv/bin
 READY := .venv/.ready
 PEERS := build/peers
 
-.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock api licences clean
+.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock wheel api licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml; with VERBOSE=1
 # what Snakemake says of each job
@@ -144,6 +144,11 @@ lock:
 	$(COMPILE) $(EVERYTHING) -o requirements.lock
 	sed '/^python-dateutil==/d' requirements.lock | grep -v -e --hash >build/lock/shared.txt
 	$(COMPILE) $(EVERYTHING) --extra slurm --extra s3 --extra moto -c build/lock/shared.txt -o requirements-cluster.lock
+
+# what pip installs, build/wheel
+wheel: setup
+	rm -rf build/wheel
+	$(BIN)/pip wheel --quiet --no-index --no-deps --no-build-isolation --wheel-dir build/wheel .
 
 # build/api.md: the Python reference, from docstrings
 api: setup
