@@ -6,7 +6,7 @@ from scipy.signal import butter, lfilter, sosfilt
 
 from bench.noise.limits import line_limit
 from imuloop.noise.axis import estimate_axis, estimate_record, find_lines
-from imuloop.noise.intervals import axis_noise
+from imuloop.noise.intervals import coefficients_with_intervals
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.modes import modes
 from imuloop.noise.processes import densities, gauss_markov_density
@@ -112,7 +112,7 @@ def test_a_process_in_whose_place_a_walk_may_stand_goes_down_to_zero():
     runs = [WHOLE.with_values(record(1, K=1e-3))]
     likelihood = Likelihood(*BASIS.amplitudes(runs), BASIS.count, BASIS.ramp)
     selection = Selection(BASIS, likelihood, SETTINGS.significance)
-    (process,) = axis_noise(selection, ("N", 1000.0)).gauss_markov
+    (process,) = coefficients_with_intervals(selection, ("N", 1000.0)).gauss_markov
     # the walk alone tells the value, and nothing of the time
     assert process.q.value == pytest.approx(1e-3, rel=0.3)
     assert process.q.ci95[0] < 1e-5 and process.q.ci95[1] < 2e-3

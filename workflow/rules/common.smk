@@ -1,4 +1,4 @@
-"""The config, read and checked; what a rule takes from it."""
+"""The config, read and checked; what a rule takes from it, and the memory and time it asks for."""
 
 import os
 from functools import cache

@@ -1,4 +1,4 @@
-"""Whether data determine the base parameters of a sensor, and whether a fit is valid."""
+"""The fewest poses and rotations that determine a sensor, and whether a fit is valid."""
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from imuloop.core.errors import plural
 SLANT = 0.3
 # what data sheets of MEMS gyroscopes allow: misalignment, rad; scale factor, 1
 AXES, SCALE = 0.02, 0.03
+# an accelerometer's nine parameters and a check; rotations for the nine of T and K, two rows each
+LEAST_POSES, LEAST_ROTATIONS = len(OF_ACCELEROMETER) + 1, 5
 NO_POSE = "no multi_position session with a pose"
 
 
@@ -19,11 +21,12 @@ def accelerometer_undetermined(poses, gravity, largest):
 
     Takes gravity, m/s^2, and the largest condition number of the design.
     """
-    n, needed = len(poses), len(OF_ACCELEROMETER) + 1
+    n = len(poses)
     if not n:
         return NO_POSE
-    if n < needed:
-        return f"{plural(n, 'pose')} found, at least {needed} needed for 9 parameters and a check"
+    if n < LEAST_POSES:
+        found = f"{plural(n, 'pose')} found, at least {LEAST_POSES} needed"
+        return f"{found} for 9 parameters and a check"
     model = AccelerometerModel(poses.f, np.zeros((n, 3, 0)), gravity)
     x = model.start()
     condition = _accelerometer_condition(model.residuals(x)[1], x, gravity)
@@ -72,11 +75,11 @@ def gyroscope_undetermined(jacobian, largest):
 
     Takes the derivative of the errors of the rotations with respect to T, K and b, (m, 2, 12).
     """
-    count, needed = len(jacobian), 5
-    if count < needed:
+    count = len(jacobian)
+    if count < LEAST_ROTATIONS:
         return (
-            f"{plural(count, 'rotation')} between poses found, at least {needed} needed for "
-            "the 9 parameters of misalignment and scale factor"
+            f"{plural(count, 'rotation')} between poses found, at least {LEAST_ROTATIONS} "
+            "needed for the 9 parameters of misalignment and scale factor"
         )
     condition = condition_number(jacobian.reshape(-1, 12)[:, :9], np.ones(9))
     if condition <= largest:

@@ -1,4 +1,4 @@
-"""The equation of a sensor at its samples, and its one derivative."""
+"""The equation of a sensor as it is fitted, and its one derivative; applied: `core.model`."""
 
 from dataclasses import dataclass
 from typing import ClassVar

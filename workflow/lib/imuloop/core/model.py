@@ -1,4 +1,7 @@
-"""The calibration of a device: the model ``x = T (K (raw - b) - e)`` with its parameters."""
+"""The calibration of a device, ``x = T (K (raw - b) - e)``, and how it is applied to samples.
+
+How it is fitted, with its derivative: `imuloop.calibrate.sensor_model`.
+"""
 
 from dataclasses import dataclass, field
 

@@ -333,7 +333,7 @@ class FoldFit:
         return information, spread
 
 
-def pooled(count, estimates):
+def combined_axes(count, estimates):
     """Return `count` parameters, (p,), and their covariance, (p, p), from the estimates of axes.
 
     Of each axis numbers of the parameters, values and covariance; what no axis has is zero. One

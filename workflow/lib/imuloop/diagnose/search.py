@@ -8,7 +8,7 @@ from scipy.special import chdtrc
 
 from imuloop.core.effect import Effect
 from imuloop.core.fisher import fisher
-from imuloop.diagnose.fold_fit import pooled
+from imuloop.diagnose.fold_fit import combined_axes
 from imuloop.diagnose.likeness import ONE, SHARE, imitated_share, share_on_axes
 from imuloop.diagnose.p_values import log_p_values
 
@@ -173,7 +173,7 @@ class Search:
                 found, spread = fit.averaged(fit.weight)
                 spread = spread[-len(own) :, -len(own) :] / np.outer(scale, scale)
                 estimates.append((at, found[-len(own) :] / scale, spread))
-        values, covariance = pooled(count, estimates)
+        values, covariance = combined_axes(count, estimates)
         return values, np.sqrt(np.diag(covariance)), covariance
 
     def best(self, base, banned=()):

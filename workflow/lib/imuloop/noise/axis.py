@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise, SinusoidTerm
-from imuloop.noise.intervals import axis_noise
+from imuloop.noise.intervals import coefficients_with_intervals
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.lines import find_line, mains
 from imuloop.noise.misfit import band, misfit
@@ -64,7 +64,7 @@ def estimate_axis(basis, runs, settings):
         SinusoidTerm(line.amplitude, line.frequency, mains(line.frequency.value, 1 / basis.dt))
         for line in lines
     )
-    noise = replace(axis_noise(selection, selection.supported), sinusoid=sinusoid)
+    noise = replace(coefficients_with_intervals(selection, selection.supported), sinusoid=sinusoid)
     return AxisEstimate(noise, size, highest or 0.5 / basis.dt)
 
 

@@ -24,7 +24,7 @@ FREE, NEGLIGIBLE = ("B", "K", "R"), 1e-3
 SMALL = 1e-3
 
 
-def axis_noise(selection, terms):
+def coefficients_with_intervals(selection, terms):
     r"""Return the AxisNoise of supported terms: values with intervals, limits of the others.
 
     Values are those of the supported terms alone, so that together they are the spectrum that

@@ -1,7 +1,8 @@
-"""What to do next with a device, as it follows from its numbers."""
+"""What would help most and what next, as ``section.html.j2`` says them, from the numbers."""
 
 import numpy as np
 
+from imuloop.calibrate.determined import LEAST_POSES
 from imuloop.core.errors import plural
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import TEMPERATURE, TIME
@@ -9,7 +10,6 @@ from imuloop.core.units import DEGREE
 from imuloop.effects.discovered import parse
 from imuloop.report.numbers import joined, number
 from imuloop.report.recording import (
-    ENOUGH_POSES,
     best_recording,
     enough,
     first_session,
@@ -180,7 +180,7 @@ def _short_rests(device):
         if found:
             now, then = found["now"], found["attitudes"]
             text = f"Most rests of session {s.name} are too short: {plural(now, 'attitude')} left."
-            if then >= ENOUGH_POSES:
+            if then >= LEAST_POSES:
                 text += (
                     f" With segment: {{window_s: {found['window_s']:g}, shortest_rest_s: "
                     f"{found['shortest_rest_s']:g}}} there are {then}; better, hold"

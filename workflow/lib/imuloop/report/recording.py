@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.calibrate.accelerometer import NAMES
+from imuloop.calibrate.determined import LEAST_POSES
 from imuloop.core.errors import plural
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import WIDE_HOLE, largest_hole
@@ -15,8 +15,6 @@ from imuloop.report.results import SENSORS, XYZ
 from imuloop.report.units import MILLIRADIAN, data_sheet, quantities
 from imuloop.report.verdict import ABOVE, block_of
 
-# poses that determine an accelerometer's parameters and check them
-ENOUGH_POSES = len(NAMES) + 1
 # an error matters where it exceeds the noise of a mean of one second so many times
 MATTERS = 2.0
 # share of a standard error that has to go before a recording is worth its while
@@ -100,9 +98,9 @@ def first_session(device):
     own = [s for s in device.sessions if s.kind == "multi_position"]
     found = sum(s.poses for s in own)
     # a rejected one has its own line, which asks for the same
-    if any(s.rejected for s in own) or found >= ENOUGH_POSES:
+    if any(s.rejected for s in own) or found >= LEAST_POSES:
         return
-    few = f"{plural(found, 'pose')} found, at least {ENOUGH_POSES} needed. " if own else ""
+    few = f"{plural(found, 'pose')} found, at least {LEAST_POSES} needed. " if own else ""
     gains = []
     for sensor, _, candidates in _plans(device):
         after = next((c["std"] for c in candidates if c["name"] == "multi_position"), {})

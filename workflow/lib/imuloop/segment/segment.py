@@ -159,7 +159,10 @@ def _find_rests(rows, stretches, step, settings):
 
 
 def _detected(f, w, stretches, step, settings):
-    """Return the rests of a session by its specific force and angular rate, and the metadata."""
+    """Return the rests of a session, and the metadata: low variance and the mean rate of a rest.
+
+    The variance is compared in `static_detector`, the mean rate with its level here.
+    """
     moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
     level = rest_level(f, w, moving, step, settings)
     if level is None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from imuloop.core.effect import FittedEffect
 from imuloop.diagnose.evidence import Block, Evidence
-from imuloop.diagnose.fold_fit import ABSORBED, pooled
+from imuloop.diagnose.fold_fit import ABSORBED, combined_axes
 from imuloop.diagnose.records.scan import best_line, best_steps, frequencies
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -236,7 +236,7 @@ def fitted_effects(search, base):
         at = np.concatenate([first + np.array(p.parameters[axis], int) for first, p in each])
         scale = np.concatenate([p.scale[axis] for p in patterns])
         estimates.append((at, found / scale, covariance / np.outer(scale, scale)))
-    values, covariance = pooled(ends[-1], estimates)
+    values, covariance = combined_axes(ends[-1], estimates)
     std = np.sqrt(np.diag(covariance))
     return tuple(
         FittedEffect(
