@@ -21,7 +21,7 @@ from scipy.stats import chi2, ncx2
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.devices import poses_device
 from bench.tables import table
-from imuloop.calibrate.calibrate import sensor_pair
+from imuloop.calibrate.calibrate import start_pair
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.calibrate.settings import CalibrateSettings
@@ -206,7 +206,7 @@ def problem_in(samples, sensor, gravity, noise, unit=UNITS["accelerometer"]):
     """Return the problem of poses, effects of a sensor; `unit` is of the accelerometer."""
     segments = segment_session(samples, SESSION, SegmentSettings())[0]
     recording, units = record([samples], [segments], 30.0), UNITS | {"accelerometer": unit}
-    pair, _ = sensor_pair(recording, noise, gravity, units, CalibrateSettings())
+    pair, _ = start_pair(recording, noise, gravity, units, CalibrateSettings())
     return pose_problem(pair, recording, DiagnoseSettings(), TESTS, sensors=(sensor,))
 
 

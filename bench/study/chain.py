@@ -9,7 +9,7 @@ import numpy as np
 
 from imuloop import chain
 from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.calibrate import raw_units, read_recording, sensor_pair
+from imuloop.calibrate.calibrate import raw_units, read_recording, start_pair
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
 from imuloop.core.files import read_json
@@ -100,7 +100,7 @@ def likeness(truth, sessions, folder):
     recording = read_recording(sessions, settings.longest_rotation)
     units = dict(zip(SENSORS, raw_units(sessions), strict=True))
     noise = NoiseModel.from_json(folder / "noise.json")
-    pair, _ = sensor_pair(recording, noise, truth.gravity, units, settings)
+    pair, _ = start_pair(recording, noise, truth.gravity, units, settings)
     if pair is None:
         return {}
     search = Choices(pose_problem(pair, recording, DiagnoseSettings(), 1)).search()

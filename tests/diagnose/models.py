@@ -1,7 +1,7 @@
 """How the sensors of a simulated device are fitted at the poses, and what is looked for there."""
 
 from calibrate.devices import UNITS, known_noise
-from imuloop.calibrate.calibrate import sensor_pair
+from imuloop.calibrate.calibrate import start_pair
 from imuloop.calibrate.sensor_pair import Kind, OfSensor
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
@@ -12,7 +12,7 @@ from imuloop.diagnose.settings import DiagnoseSettings
 def fitted_pair(truth, recording, noise=None, given=None):
     """Return the SensorPair of a recording, None without one, and why a sensor is not fitted."""
     noise = noise or known_noise(truth)
-    return sensor_pair(recording, noise, truth.gravity, UNITS, CalibrateSettings(), given)
+    return start_pair(recording, noise, truth.gravity, UNITS, CalibrateSettings(), given)
 
 
 def pair_of(truth, recording, noise=None):

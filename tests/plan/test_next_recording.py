@@ -8,7 +8,7 @@ import pytest
 
 from bench.study.chain import diagnosis_of
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, recorded
-from imuloop.calibrate.calibrate import sensor_pair
+from imuloop.calibrate.calibrate import start_pair
 from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect
@@ -48,7 +48,7 @@ def diagnosed_as(recording, calibration, noise=NOISE, pair=None, solution=None):
 
 def fitted(recording, noise=NOISE, effects=()):
     """Return the Diagnosed of a recording; effects are of the gyroscope."""
-    pair, _ = sensor_pair(recording, noise, TRUTH.gravity, UNITS, CalibrateSettings())
+    pair, _ = start_pair(recording, noise, TRUTH.gravity, UNITS, CalibrateSettings())
     solution = pair.fit(recording, tuple(OfSensor(e, "gyroscope") for e in effects))
     calibration = Calibration("example", TRUTH.gravity, **pair.calibrations(solution))
     return diagnosed_as(recording, calibration, noise, pair, solution)

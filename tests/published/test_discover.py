@@ -2,7 +2,7 @@
 
 import pytest
 
-from imuloop.calibrate.calibrate import sensor_pair
+from imuloop.calibrate.calibrate import start_pair
 from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
@@ -16,7 +16,7 @@ from imuloop.discover.search_input import of_poses
 def problem(measured, device):
     recording, noise, base = measured.fit_of(device)
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
-    pair, _ = sensor_pair(recording, noise, base.gravity, units, CalibrateSettings())
+    pair, _ = start_pair(recording, noise, base.gravity, units, CalibrateSettings())
     return pose_problem(pair, recording, DiagnoseSettings(), 30, sensors=("gyroscope",))
 
 

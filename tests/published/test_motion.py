@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  loads the library
 from diagnose.models import of_sensor
-from imuloop.calibrate.calibrate import sensor_pair
+from imuloop.calibrate.calibrate import start_pair
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
@@ -58,7 +58,7 @@ def moves(measured):
     """The Xsens poses and moves, the pair that is fitted, and what the poses alone show."""
     recording, noise, base = measured.fit_of("xsens_mti")
     units = {s: getattr(base, s).raw_unit for s in SENSORS}
-    pair, reasons = sensor_pair(recording, noise, base.gravity, units, CalibrateSettings())
+    pair, reasons = start_pair(recording, noise, base.gravity, units, CalibrateSettings())
     assert reasons == {}
     known = of_sensor("gyroscope", find_effect("g_sensitivity")())
     pair = replace(pair, quiet=np.ones(len(recording.rotations), dtype=bool))

@@ -1,4 +1,4 @@
-"""Digest of the code that a job runs, so that an edit reruns what it reaches and nothing else."""
+"""Digest of the code that a job runs, the param `code` of its rule: an edit reruns its reach."""
 
 import ast
 import hashlib

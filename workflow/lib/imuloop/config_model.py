@@ -1,4 +1,4 @@
-"""Every key of a config: type, limits, unit and meaning, once.
+"""Keys of a config: type, limits, unit and meaning, once; those of a stage: its settings.py.
 
 The check, ``workflow/schemas/config.schema.yaml`` and ``docs/settings.md`` are made of these
 models; the settings of a stage are beside it. What depends on several keys is in `config_faults`.

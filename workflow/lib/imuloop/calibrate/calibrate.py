@@ -128,7 +128,7 @@ def layout(sessions):
     return first.get("declared", {}) | ({"sensor_ids": ids} if ids else {})
 
 
-def sensor_pair(recording, noise, gravity, units, settings, given=None, turns=None, bias=None):
+def start_pair(recording, noise, gravity, units, settings, given=None, turns=None, bias=None):
     """Return the SensorPair of a recording, None if it determines no sensor, and reasons.
 
     Parameters
@@ -217,7 +217,7 @@ def calibrate_sensors(recording, noise, gravity, units, settings, given=None, tu
 
     Nominal, with the reason, where it does not determine an accelerometer. A gyroscope has the bias
     alone, and the reason, where the rotations do not determine the rest; it is nominal where the
-    noise of an axis is not known. Arguments as of `sensor_pair`; the known turns alone count where
+    noise of an axis is not known. Arguments as of `start_pair`; the known turns alone count where
     the recording does not determine it.
     """
     poses, bias = recording.poses, None
@@ -225,7 +225,7 @@ def calibrate_sensors(recording, noise, gravity, units, settings, given=None, tu
         # its error is that of the first rest's mean
         bias = poses.w[0], poses.mean_covariance(noise)[3:, 0, 0]
     how = given, turns, bias
-    pair, reasons = sensor_pair(recording, noise, gravity, units, settings, *how)
+    pair, reasons = start_pair(recording, noise, gravity, units, settings, *how)
     made = pair.calibrations(pair.fit(recording)) if pair else {}
     force, turn = (units[sensor] for sensor in SENSORS)
     if "accelerometer" in reasons:

@@ -1,4 +1,4 @@
-"""Both sensors of a device as they are fitted to a recording: what is estimated, and how well."""
+"""The joint fit of both sensors to rests and the turns between: what is estimated, how well."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property

@@ -1,4 +1,4 @@
-"""Segments: which stretch of a session is static, motion, disturbed or a gap.
+"""Segments: which stretch of a session is static, motion, disturbed or a gap, and of which run.
 
 A pandas DataFrame, a row a stretch in order of time: `start_s`, `end_s` (half-open, on the
 samples' clock), `kind`, `pose` (number of the attitude held; -1 where none), `n` samples, and

@@ -11,7 +11,7 @@ from imuloop.calibrate.calibrate import (
     best,
     read_poses,
     read_recording,
-    sensor_pair,
+    start_pair,
     usable,
     with_sessions,
 )
@@ -98,7 +98,7 @@ def diagnose_device(
         found, information = still.at_poses(recording.poses.temperature is not None)
     # without a ramp too, which the poses do not have, but which would count as slow noise there
     noise = still.noise
-    pair, reasons = sensor_pair(
+    pair, reasons = start_pair(
         recording,
         noise,
         gravity,

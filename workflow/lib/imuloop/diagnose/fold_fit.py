@@ -52,7 +52,10 @@ class Fit:
         return softmax(self.log_weight, axis=-1)
 
     def averaged(self, weight):
-        """Return the parameters, and their covariance, averaged over the noise by weights, (h,)."""
+        """Return the parameters, (k,), and their covariance, (k, k), averaged over the noise.
+
+        Takes the weights of the hypotheses, (h,), whose spread is in the covariance.
+        """
         values = weight @ self.theta
         off = self.theta - values
         spread = self.covariance + off[:, :, None] * off[:, None]

@@ -1,4 +1,7 @@
-"""Detection limits: the sizes that would have been found, and kept, with the wanted power."""
+"""Detection limits: the sizes that would have been found, and kept, with the wanted power.
+
+Those of a reference's set-up: `records.set_up`.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial

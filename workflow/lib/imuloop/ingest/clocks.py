@@ -1,4 +1,4 @@
-"""A log's clock: stamps that roll over, start again or stray."""
+"""A log's clock: stamps that roll over, start again or stray; jumps ahead: `core.segments`."""
 
 from collections import deque
 from dataclasses import dataclass
