@@ -99,8 +99,11 @@ def test_a_device_is_calibrated_without_any_extra(repository, tmp_path):
         print(main(["report", sys.argv[1], "-o", sys.argv[1] + ".html"]))
     """
     optional = tomllib.loads((repository / "pyproject.toml").read_text())["project"]
+    called = {distribution: name for name, distribution in DISTRIBUTIONS.items()}
     packages = {
-        d.partition(">")[0] for extra in EXTRAS for d in optional["optional-dependencies"][extra]
+        called.get(d.lower(), d.partition(">")[0])
+        for extra in EXTRAS
+        for d in optional["optional-dependencies"][extra]
     }
     # and what has no wheel for each Python and processor
     command = [sys.executable, "-c", code, tmp_path / "1.csv", *packages, "vqf"]

@@ -4,12 +4,14 @@ A coefficient of a scale of w samples depends on 3 w − 2 of them. Those that r
 their range are left out.
 """
 
-import pywt
+import numpy as np
+from scipy.signal import upfirdn
 
 from imuloop.core.samples import ROWS
 
-# two vanishing moments: a straight drift leaves nothing
-WAVELET = pywt.Wavelet("db2")
+# Daubechies' filters of four taps: with two vanishing moments, a straight drift leaves nothing
+LOW = np.array([1, 3, 3, 1]) / np.sqrt(32) + np.array([-1, -1, 1, 1]) * np.sqrt(3 / 32)
+HIGH = np.array([-1, 1, -1, 1]) * LOW[::-1]
 # scales, samples, on which each coefficient begins a scale after the one before
 FINE = (2, 4, 8, 16, 32)
 # on coarser scales coefficients begin so many samples apart, so that no step falls between two;
@@ -40,7 +42,8 @@ def fine_details(x, before, levels):
     for width in FINE[:levels]:
         first = before // width or (1 if width == 2 else 2)
         own = slice(first, x.shape[1] // width)
-        smooth, detail = pywt.dwt(smooth, WAVELET, mode="zero", axis=1)
+        # an output for each second sample, of which the first is that after the beginning
+        smooth, detail = (upfirdn([0, *h], smooth, down=2, axis=1)[:, 1:] for h in (LOW, HIGH))
         details.append((width * first - 2 * (width - 1), detail[:, own]))
     return details, smooth[:, own]
 
@@ -56,5 +59,5 @@ def coarse_details(smooth, width):
     taps = [smooth[:, k * apart :][:, :count] for k in (3, 2, 1, 0)]
     return tuple(
         sum(factor * tap for factor, tap in zip(filter_, taps, strict=True))
-        for filter_ in (WAVELET.dec_hi, WAVELET.dec_lo)
+        for filter_ in (HIGH, LOW)
     )
