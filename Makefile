@@ -1,11 +1,13 @@
-# `make report` builds results/report.html; every target first sets up .venv from the lock file.
+# `make report` builds results/report.html; every target first sets up .venv from the lock files: what
+# users need, and for what is a developer's the rest on top.
 PYTHON ?= python3
 CORES ?= 2
 BIN := .venv/bin
 READY := .venv/.ready
+DEV_READY := .venv/.ready-dev
 PEERS := build/peers
 
-.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-cluster lock wheel api licences clean
+.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-dev setup-cluster lock wheel api licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml; with VERBOSE=1
 # what Snakemake says of each job
@@ -27,28 +29,28 @@ picture: report
 settings: setup
 	PYTHONPATH=workflow/lib $(BIN)/python docs/settings.py
 
-test: setup
+test: setup-dev
 	$(BIN)/pytest -n $(CORES)
 
 # what takes too long for every change: statistical tests with all their seeds, published figures of
 # all devices, every kind of processor, mutated and harmed logs; recordings by IMULOOP_MIRROR
-nightly: setup
+nightly: setup-dev
 	$(BIN)/pytest -n $(CORES) -m study
 	$(MAKE) processors
 	$(MAKE) fuzz CASES=15
 	$(MAKE) fuzz-chain FUZZ_CASES=2
 
 # tests against a real SLURM and an S3 on this machine; what cannot be had is skipped with the reason
-cluster: setup-cluster
+cluster: .venv-cluster/.ready-dev
 	.venv-cluster/bin/pytest -n $(CORES) tests/cluster
 
-lint: setup
+lint: setup-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/snakefmt --check Snakefile workflow
 	$(BIN)/snakemake --lint
 
-format: setup
+format: setup-dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 	$(BIN)/snakefmt Snakefile workflow
@@ -57,18 +59,18 @@ format: setup
 MEASURE := OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m
 
 # times and errors beside other packages: peers.md, five minutes
-bench: setup $(PEERS)/.ready
+bench: setup-dev $(PEERS)/.ready
 	$(MEASURE) bench.peers
 
 # a day at rest from CSV to noise.json, time and memory: day_200.md; RATE=200 or 1000
 RATE ?= 200
-a-day: setup
+a-day: setup-dev
 	$(MEASURE) bench.workflow day --rate $(RATE)
 
 # a factory's devices, simulated: dry run, full run, one device added, one default changed, one
 # script edited: factory.md
 DEVICES ?= 20,200
-factory: setup
+factory: setup-dev
 	$(MEASURE) bench.workflow factory --devices $(DEVICES)
 
 # the other packages in an environment of their own; the table names one that does not install
@@ -79,43 +81,51 @@ $(PEERS)/.ready: bench/requirements.txt
 
 # noise coefficients beside truth, bound and common tools: noise.md, ten minutes on two cores; for a
 # part of it OPTIONS="--parts accuracy --seeds 10"
-bench-noise: setup
+bench-noise: setup-dev
 	$(MEASURE) bench.noise --workers $(CORES) $(OPTIONS)
 
 # undeclared effects in simulated devices: are they found? study.md; a file per device in STUDY, with
 # which an interrupted study goes on. For a part of it
 # OPTIONS="--effects g_sensitivity,control --seeds 3"
 STUDY ?= build/study
-study: setup
+study: setup-dev
 	$(MEASURE) bench.study --workers $(CORES) --keep $(STUDY) $(or $(OPTIONS),--first 8200 --seeds 6)
 
 # mutated logs and configs through ingest and the config check, so many of each of 33
 CASES ?= 500
-fuzz: setup
+fuzz: setup-dev
 	$(BIN)/pytest -n $(CORES) bench/fuzz/test_logs.py --cases $(CASES)
 
 # harmed stretches of recordings through the whole chain, so many of each device; recordings by
 # IMULOOP_MIRROR
 FUZZ_CASES ?= 300
-fuzz-chain: setup
+fuzz-chain: setup-dev
 	$(BIN)/pytest -n $(CORES) bench/fuzz/test_chain.py --cases $(FUZZ_CASES)
 
 # the measured devices by the code of each kind of processor, the numeric tests by the oldest: same
 # figures, same verdicts; recordings by IMULOOP_MIRROR
-processors: setup
+processors: setup-dev
 	PYTHONPATH=workflow/lib $(BIN)/python -m bench.processors --workers $(CORES)
 
 setup: $(BIN)/imuloop
 
+setup-dev: $(DEV_READY)
+
 NEW_ENOUGH := 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'
 # pip and setuptools first, pinned: a package that is no wheel is built with them, with nothing fetched
 PINNED := pip install --quiet --require-hashes
+# of a lock, which names all that is needed; nothing is compiled that is never imported
+LOCKED := $(PINNED) --no-deps --no-compile --no-build-isolation
 $(READY): requirements-build.lock requirements.lock
 	@$(PYTHON) -c $(NEW_ENOUGH)
 	@test ! -L .venv || { echo ".venv is a link, and set-up empties what it leads to: remove it"; exit 1; }
 	$(PYTHON) -m venv --clear .venv
 	$(BIN)/python -m $(PINNED) --only-binary :all: -r requirements-build.lock
-	$(BIN)/$(PINNED) --no-build-isolation -r requirements.lock
+	$(BIN)/$(LOCKED) -r requirements.lock
+	touch $@
+
+$(DEV_READY): $(READY) requirements-dev.lock | setup
+	$(BIN)/$(LOCKED) -r requirements-dev.lock
 	touch $@
 
 # the command, and the library as it is in workflow/lib: an edit needs no new set-up
@@ -126,24 +136,38 @@ $(BIN)/imuloop: $(READY) pyproject.toml
 # .venv with Snakemake's plugins for SLURM and S3, an environment of its own: each call loads them
 setup-cluster: .venv-cluster/.ready
 
-.venv-cluster/.ready: requirements-build.lock requirements-cluster.lock
+.venv-cluster/.ready: requirements-build.lock requirements.lock requirements-cluster.lock
 	@$(PYTHON) -c $(NEW_ENOUGH)
 	$(PYTHON) -m venv --clear .venv-cluster
 	.venv-cluster/bin/python -m $(PINNED) --only-binary :all: -r requirements-build.lock
-	.venv-cluster/bin/$(PINNED) --no-deps --no-compile --no-build-isolation -r requirements-cluster.lock
+	.venv-cluster/bin/$(LOCKED) -r requirements.lock -r requirements-cluster.lock
 	touch $@
 
-# exact versions and hashes of everything, for all platforms; run by hand after a change of pyproject.toml
+.venv-cluster/.ready-dev: .venv-cluster/.ready requirements-dev.lock requirements-cluster-dev.lock
+	.venv-cluster/bin/$(LOCKED) -r requirements-dev.lock -r requirements-cluster-dev.lock
+	touch $@
+
+# Exact versions and hashes, for all platforms; run by hand after a change of pyproject.toml. Versions
+# stay as they are in the locks that are there. Everything is resolved at once, then told apart:
+# requirements.lock is for users, the others have what their group needs beside.
 COMPILE = build/lock/bin/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes \
-	--custom-compile-command "make lock"
-EVERYTHING := pyproject.toml --extra all --extra dev
+	--no-annotate --custom-compile-command "make lock"
+ALL = $(COMPILE) pyproject.toml --extra all
+GROUP = $(ALL) -c build/lock/every.lock
+# $(call WITHOUT,LOCKS): what these locks have for every platform that needs it
+WITHOUT = $$(grep -Fxh -f build/lock/every.lock $(1) | sed -n 's/^\([a-z0-9-]*\)==.*/--no-emit-package \1/p')
+CLUSTER := --extra slurm --extra s3
 lock:
 	$(PYTHON) -m venv build/lock
 	build/lock/bin/pip install --quiet uv
 	printf 'pip\nsetuptools\n' | $(COMPILE) - -o requirements-build.lock
-	$(COMPILE) $(EVERYTHING) -o requirements.lock
-	sed '/^python-dateutil==/d' requirements.lock | grep -v -e --hash >build/lock/shared.txt
-	$(COMPILE) $(EVERYTHING) --extra slurm --extra s3 --extra moto -c build/lock/shared.txt -o requirements-cluster.lock
+	sed -n '/==/s/ \\$$//p' requirements.lock requirements-*.lock >build/lock/every.lock
+	$(ALL) --extra dev $(CLUSTER) --extra moto -o build/lock/every.lock
+	$(GROUP) -o requirements.lock
+	$(GROUP) --extra dev $(call WITHOUT,requirements.lock) -o requirements-dev.lock
+	$(GROUP) $(CLUSTER) $(call WITHOUT,requirements.lock) -o requirements-cluster.lock
+	$(GROUP) --extra moto $(call WITHOUT,requirements.lock requirements-dev.lock requirements-cluster.lock) \
+		-o requirements-cluster-dev.lock
 
 # what pip installs, build/wheel
 wheel: setup
@@ -155,7 +179,7 @@ api: setup
 	$(BIN)/python docs/api.py
 
 # build/licences.md: the licence of each installed package
-licences: setup
+licences: setup-dev
 	$(BIN)/python docs/licences.py
 
 # results and logs only; downloads in data/cache and .venv stay

@@ -1,4 +1,4 @@
-"""The licences of what `make setup` installs: ``make licences`` writes build/licences.md.
+"""The licences of what `make setup-dev` installs: ``make licences`` writes build/licences.md.
 
 Names are those of the lock files, licences those of the installed packages' metadata.
 """
@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-LOCKS = ("requirements-build.lock", "requirements.lock")
+LOCKS = ("requirements-build.lock", "requirements.lock", "requirements-dev.lock")
 NOT_STATED = "not stated"
 NOT_INSTALLED = "not installed on this platform"
 HEAD = "# Licences of the packages in .venv\n\n| licence | packages |\n|---|---|\n"

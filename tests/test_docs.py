@@ -291,7 +291,7 @@ def test_readme_and_documents_are_short():
     assert sum(ours) - words[REPOSITORY / "CHANGELOG.md"] <= 11_000
 
 
-@pytest.mark.parametrize("name", ["build", "cluster", ""])
+@pytest.mark.parametrize("name", ["build", "dev", "cluster", "cluster-dev", ""])
 def test_every_package_of_a_lock_has_a_hash(name):
     text = (REPOSITORY / f"requirements{name and '-'}{name}.lock").read_text()
     packages = re.split(r"^(?=[a-z0-9])", text, flags=re.M)[1:]
