@@ -1,12 +1,15 @@
 """What may import what: stages point one way, and every package imported is declared."""
 
 import ast
+import os
 import re
 import subprocess
 import sys
 import tomllib
 
+import pandas as pd
 import pytest
+from scipy.io import savemat
 
 from calibrated import calibrated_device
 
@@ -132,3 +135,39 @@ def test_who_reads_a_calibration_has_the_library_of_effects(repository):
     command = [sys.executable, "-c", code, *modules]
     done = subprocess.run(command, env=path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
+
+
+# of Windows: what it lacks is taken away before a process begins, that of a reader too
+ELSEWHERE = """if True:
+    import os, signal, sys
+    sys.modules |= dict.fromkeys("fcntl grp pwd resource termios".split())
+    del os.fork, signal.alarm, signal.setitimer, signal.SIGALRM, signal.SIGXCPU
+"""
+
+
+def test_a_device_is_calibrated_without_what_windows_lacks(repository, tmp_path):
+    calibrated_device(tmp_path, 8, 10.0, 1)
+    samples = pd.read_csv(tmp_path / "1.csv")
+    # of a format whose reader has a process of its own
+    savemat(tmp_path / "1.mat", {name: samples[name].to_numpy() for name in samples})
+    (tmp_path / "torn.mat").write_bytes((tmp_path / "1.mat").read_bytes()[:5000])
+    (tmp_path / "sitecustomize.py").write_text(ELSEWHERE)
+    code = """if True:
+        import os, sys
+        assert not hasattr(os, "fork") and sys.modules["resource"] is None
+        import imuloop
+        from imuloop.__main__ import main
+        for each in "csv", "mat":
+            found = imuloop.calibrate(f"1.{each}").calibration
+            print([float(b) for b in (*found.accelerometer.b, *found.gyroscope.b)])
+        assert main(["info", "torn.mat"]) == 1
+    """
+    path = f"{tmp_path}{os.pathsep}{repository / 'workflow/lib'}"
+    # a file is read as what it was written, whatever the machine's encoding
+    command = [sys.executable, "-X", "utf8=0", "-c", code]
+    environment = {"PYTHONPATH": path, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
+    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    of_text, of_arrays = re.findall(r"^\[.*\]$", done.stdout, re.M)
+    assert of_text == of_arrays and of_text.count(",") == 5
+    assert "rejected: torn.mat is no whole file of the format matlab" in done.stdout

@@ -1,6 +1,7 @@
 """The command line: ``python -m imuloop COMMAND``, and ``imuloop COMMAND`` where installed."""
 
 import argparse
+import io
 import os
 import sys
 
@@ -34,6 +35,9 @@ def main(argv=None):
     for each in COMMANDS:
         each.add(commands, formatter_class=argparse.RawDescriptionHelpFormatter)
     arguments = parser.parse_args(argv)
+    # a file's encoding on Windows lacks signs: a question mark for each
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
     try:
         return arguments.run(arguments) or 0
     except BrokenPipeError:

@@ -103,7 +103,7 @@ def made(arguments, folder, log):
     what, nominal = declared(arguments)
     log.parent.mkdir(parents=True, exist_ok=True)
     # made only where there is a traceback to keep
-    handler = logging.FileHandler(log, mode="w", delay=True)
+    handler = logging.FileHandler(log, mode="w", encoding="utf-8", delay=True)
     handler.setLevel(logging.ERROR)
     handler.setFormatter(Printable())
     logging.getLogger().addHandler(handler)

@@ -38,7 +38,7 @@ _ROUNDING = 1e-6
 @cache
 def _validator():
     # parsed once: it takes longer than all else of reading a calibration
-    return Draft202012Validator(yaml.safe_load(SCHEMA.read_text()))
+    return Draft202012Validator(yaml.safe_load(SCHEMA.read_text(encoding="utf-8")))
 
 
 def content_fault(content):

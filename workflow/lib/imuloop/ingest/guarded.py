@@ -3,9 +3,9 @@
 import functools
 import json
 import math
+import mmap
 import os
 import pickle
-import resource
 import signal
 import subprocess
 import sys
@@ -118,16 +118,18 @@ def _death(status, name, seconds, waiting):
     """Return the error of a reader that ended before its log."""
     if status > 0:
         return RuntimeError(f"the reader of {name} did not start: status {status}")
-    if status == -signal.SIGKILL:
+    # not every system has every signal
+    ended = next((each.name for each in signal.Signals if each == -status), "")
+    if ended == "SIGKILL":
         # its own limits end it otherwise
         return errors.MachineFault(
             f"the reader of {name} was killed from outside, as where the machine lacks memory: run "
             "again with less beside it"
         )
     why = {
-        -signal.SIGXCPU: f"takes more than {seconds} s of processor time to read",
-        -signal.SIGALRM: f"leads its reader to wait for more than {waiting} s",
-    }.get(status, f"ends the process that reads it by signal {-status}")
+        "SIGXCPU": f"takes more than {seconds} s of processor time to read",
+        "SIGALRM": f"leads its reader to wait for more than {waiting} s",
+    }.get(ended, f"ends the process that reads it by signal {-status}")
     return errors.RejectedLog(
         f"{name} {why}, as no log of its size does: it is damaged; copy it again, or save it anew"
     )
@@ -145,26 +147,28 @@ def serve():
     used = math.ceil(time.process_time())
     with suppress(OSError):
         pages = int(Path("/proc/self/statm").read_text().split()[0])
-        _limit(resource.RLIMIT_AS, memory + pages * resource.getpagesize())
-    _limit(resource.RLIMIT_CPU, used + seconds)
-    _limit(resource.RLIMIT_FSIZE, memory)
-    _limit(resource.RLIMIT_CORE, 0)
+        _limit("RLIMIT_AS", memory + pages * mmap.PAGESIZE)
+    _limit("RLIMIT_CPU", used + seconds)
+    _limit("RLIMIT_FSIZE", memory)
+    _limit("RLIMIT_CORE", 0)
+    # Windows has no alarm
+    alarm = getattr(signal, "alarm", lambda seconds: None)
     # words need memory too
     caught, reserve = None, bytearray(4 << 20)
     try:
-        signal.alarm(waiting)
+        alarm(waiting)
         log = read(**given)
         _send(out, pa.record_batch({}), log=_told(log))
         for batch in log.batches:
-            signal.alarm(0)
+            alarm(0)
             _send(out, batch)
-            signal.alarm(waiting)
+            alarm(waiting)
         _send(out, pa.record_batch({}), log=_told(log), end=True)
     except Exception as error:
         del reserve
         caught = error
     if caught:
-        _limit(resource.RLIMIT_AS, resource.RLIM_INFINITY)
+        _limit("RLIMIT_AS")
         form = module.rpartition(".")[2] if name == "read" else name.removeprefix("read_")
         _send(out, pa.record_batch({}), error=_words(caught, form, given["paths"]["log"], memory))
 
@@ -188,11 +192,19 @@ def _words(error, form, path, memory):
     )
 
 
-def _limit(kind, most):
-    """Limit what this process may take, as far as it is not limited further."""
+def _limit(name, most=None):
+    """Limit what this process may take, as far as it is not limited further, or lift the limit.
+
+    Where the system has no such limits, as Windows has none, a reader runs without.
+    """
+    try:
+        import resource
+    except ImportError:
+        return
+    kind = getattr(resource, name)
     _, hard = resource.getrlimit(kind)
-    if hard != resource.RLIM_INFINITY:
-        most = hard if most == resource.RLIM_INFINITY else min(most, hard)
+    if most is None or (hard != resource.RLIM_INFINITY and hard < most):
+        most = hard
     with suppress(ValueError, OSError):
         resource.setrlimit(kind, (most, hard))
 

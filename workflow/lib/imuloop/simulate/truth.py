@@ -187,7 +187,7 @@ def read_truth(path):
     ImuloopError
         If a key, a kind, a unit or an effect is unknown, or a value has the wrong shape.
     """
-    content = yaml.safe_load(Path(path).read_text())
+    content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     try:
         for name, units in UNITS.items():
             if (unit := content[name]["raw_unit"]) not in units:
