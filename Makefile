@@ -7,7 +7,7 @@ READY := .venv/.ready
 DEV_READY := .venv/.ready-dev
 PEERS := build/peers
 
-.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise study fuzz fuzz-chain processors setup setup-dev setup-cluster lock wheel api licences clean
+.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise vqf study fuzz fuzz-chain processors setup setup-dev setup-cluster lock wheel api licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml; with VERBOSE=1
 # what Snakemake says of each job
@@ -83,6 +83,12 @@ $(PEERS)/.ready: bench/requirements.txt
 # part of it OPTIONS="--parts accuracy --seeds 10"
 bench-noise: setup-dev
 	$(MEASURE) bench.noise --workers $(CORES) $(OPTIONS)
+
+# the error of a filter of others on trials of BROAD, before and after the offset that imuloop finds
+# on three others: vqf.md, two minutes; recordings by IMULOOP_MIRROR
+vqf: setup
+	@$(QUIET) --configfile config/reference.yaml -c$(CORES) results/broad/diagnosis.json
+	$(MEASURE) bench.vqf_offset results/broad/diagnosis.json
 
 # undeclared effects in simulated devices: are they found? study.md; a file per device in STUDY, with
 # which an interrupted study goes on. For a part of it

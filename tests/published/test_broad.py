@@ -5,6 +5,7 @@ from unittest.mock import patch
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import loadmat
 
 from imuloop import chain
 from imuloop.chain import Device
@@ -19,6 +20,7 @@ TRIALS = (
     "07_undisturbed_fast_rotation_B.mat",
     "16_undisturbed_fast_translation_B.mat",
 )
+UNSEEN = ("06_undisturbed_fast_rotation_A", "18_undisturbed_fast_translation_with_breaks_B")
 
 
 def diagnosed(folder, logs):
@@ -73,6 +75,16 @@ def test_accelerometer_is_late_and_off_the_marker(device):
     assert block["residuals"]["reference_force"]["after"] <= 0.03
 
 
+def test_offset_lowers_the_error_of_a_filter_on_other_trials(device, recordings):
+    pytest.importorskip("vqf", reason="the package vqf is not installed")
+    from bench.vqf_offset import before_and_after
+
+    dt = found(device, "gyroscope")[1]["time_offset"]["parameters"]["dt"]
+    for name in UNSEEN:
+        before, offset, both, opposite = before_and_after(loadmat(recordings(f"{name}.mat")), dt)
+        assert both < offset < before < opposite, name
+
+
 def test_windows_are_those_of_the_diagnosis(device):
     table = pd.read_parquet(device.file("reference.parquet"))
     for sensor, kind in (("gyroscope", "reference_rotation"), ("accelerometer", "reference_force")):
@@ -89,9 +101,8 @@ def test_what_two_trials_show_of_the_set_up_is_not_taken_for_the_sensor(recordin
 
     Trial 6 shows the arm and trial 18 the offset, and neither passed alone.
     """
-    names = ("06_undisturbed_fast_rotation_A", "18_undisturbed_fast_translation_with_breaks_B")
     with patch("imuloop.discover.search.search_formulas", return_value=None):
-        device = diagnosed(tmp_path, [recordings(f"{name}.mat") for name in names])
+        device = diagnosed(tmp_path, [recordings(f"{name}.mat") for name in UNSEEN])
     _, effects = found(device, "accelerometer")
     assert set(effects) == {"time_offset", "lever_arm"}
     _, effects = found(device, "gyroscope")
