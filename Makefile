@@ -175,9 +175,9 @@ lock:
 	$(GROUP) --extra moto $(call WITHOUT,requirements.lock requirements-dev.lock requirements-cluster.lock) \
 		-o requirements-cluster-dev.lock
 
-# what pip installs, build/wheel
+# what pip installs, build/wheel; what an earlier build left would come along
 wheel: setup
-	rm -rf build/wheel
+	rm -rf build/wheel build/lib workflow/lib/imuloop.egg-info
 	$(BIN)/pip wheel --quiet --no-index --no-deps --no-build-isolation --wheel-dir build/wheel .
 
 # build/api.md: the Python reference, from docstrings

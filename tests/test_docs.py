@@ -226,6 +226,12 @@ def test_set_up_installs_the_command():
     assert done.stdout == f"imuloop {imuloop.__version__}\n"
 
 
+def test_version_is_that_of_the_citation_and_of_the_newest_changes():
+    citation = yaml.safe_load((REPOSITORY / "CITATION.cff").read_text())
+    newest = re.search(r"^## \[(.+?)\]", (REPOSITORY / "CHANGELOG.md").read_text(), re.M)[1]
+    assert citation["version"] == newest == imuloop.__version__
+
+
 def rows(document):
     """Return the rows of all tables of a document by each key in their first cell."""
     found = {}
