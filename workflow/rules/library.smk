@@ -1,5 +1,6 @@
-"""The library in the path of every script, on a cluster too."""
+"""The library in the path of every script, on a cluster too, before one that is installed."""
 
+import os
 import sys
 from pathlib import Path
 
@@ -13,4 +14,8 @@ if hasattr(rules_folder, "hosted_repo"):
         clone.git.worktree("add", "--force", "--detach", checkout, commit)
     rules_folder = checkout / "workflow/rules"
 
-sys.path.insert(0, str(Path(str(rules_folder)).with_name("lib")))
+library = str(Path(str(rules_folder)).with_name("lib"))
+sys.path.insert(0, library)
+# a script has the path of its own Python first
+others = os.environ.get("PYTHONPATH")
+os.environ |= {"PYTHONPATH": os.pathsep.join(filter(None, [library, others]))}
