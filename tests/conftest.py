@@ -100,3 +100,14 @@ def faults(tmp_path, monkeypatch):
         return [line.removeprefix("config.yaml: ") for line in lines]
 
     return of
+
+
+@pytest.fixture(scope="session")
+def device(tmp_path_factory):
+    """A folder with two logs of poses of a simulated device and its calibration."""
+    folder = tmp_path_factory.mktemp("device")
+    # loads the library
+    from calibrated import calibrated_device
+
+    calibrated_device(folder, 14, 20.0, 1, 2).to_json(folder / "calibration.json")
+    return folder

@@ -23,6 +23,12 @@ def log():
 
 
 @pytest.fixture
+def single(log):
+    """The log as autopilots keep it: single precision, whole microseconds."""
+    return log.astype(np.float32).assign(t=np.arange(500) * 10_003 * 1e-6)
+
+
+@pytest.fixture
 def in_process(monkeypatch):
     """Read all formats in the process of the test, where it is their values that count."""
     for name, form in FORMATS.items():

@@ -1,0 +1,151 @@
+"""Increments of velocity and angle become rates by the interval that they are really of."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import CHANNELS
+from imuloop.core.units import DEGREE
+from imuloop.ingest.streams import Stream, raw_log
+from ingest.logs import FORCE, RATE
+
+SIX = [*CHANNELS]
+
+
+DELTA = [f"dv{axis}" for axis in "xyz"] + [f"dtheta_{axis}" for axis in "xyz"]
+# a sensor whose intervals vary by a tenth, whole us
+TICKS = np.random.default_rng(3).integers(9_500, 10_500, 500)
+
+
+@pytest.fixture
+def rates(log):
+    return log[SIX].to_numpy()
+
+
+@pytest.fixture
+def ingested(run, tmp_path):
+    """Ingest increments over some seconds, stamped in us, as CSV, the same in small batches."""
+
+    def call(values, seconds, stamps, drop=(), **more):
+        declared = {key: more.pop(key) for key in {*more} & {"units", "columns"}}
+        table = pd.DataFrame(values * np.asarray(seconds)[..., None], columns=DELTA)
+        if stamps is not None:
+            table.insert(0, "time_us", stamps)
+        table = table.assign(**more).drop(index=[*drop])
+        table.to_csv(tmp_path / "log.csv", index=False, float_format="%.17g")
+        done = run(tmp_path / "log.csv", **declared)
+        whole = done.path.read_bytes(), done.quality
+        small = run(tmp_path / "log.csv", batch_rows=7, **declared)
+        assert (small.path.read_bytes(), small.quality) == whole
+        assert done.quality["status"] == "ok", done.quality["reasons"]
+        return done
+
+    return call
+
+
+def test_increments_are_of_the_steps_of_the_stamps(rates, ingested):
+    done = ingested(rates, TICKS * 1e-6, 10**9 + np.cumsum(TICKS))
+    np.testing.assert_allclose(done.samples[SIX], rates[1:], rtol=1e-14)
+    np.testing.assert_allclose(done.samples.t, (np.cumsum(TICKS)[1:] - sum(TICKS[:2])) * 1e-6)
+    assert done.metadata["raw_units"]["acceleration"]["name"] == "m/s^2"
+    assert done.metadata["raw_units"]["angular_rate"]["name"] == "rad/s"
+    assert done.metadata["units"] == {"time": "us", "acceleration": "m/s", "angular_rate": "rad"}
+    figures = done.quality["increments"]
+    assert (figures["without_interval"], figures["by_usual_step"]) == (1, 0)
+    assert figures["usual_step_s"] == pytest.approx(np.median(TICKS[2:]) * 1e-6, rel=1e-12)
+    line, jitter = done.quality["warnings"][:2]
+    assert line == (
+        "increments of acceleration (m/s) and angular_rate (rad) divided by their interval: step "
+        "of the stamps that ends at the row; 1 at the start has none and is dropped"
+    )
+    assert f"jitter by {TICKS[2:].std() / TICKS[2:].mean():.1%} of a step" in jitter
+
+
+@pytest.mark.parametrize("name", ["dt_us", "delta_t [us]", "interval"])
+def test_increments_are_of_the_logged_interval(rates, ingested, name):
+    units = {} if "us" in name else {"units": {"interval": "us"}}
+    # stamps of a host, which say nothing of the intervals
+    stamps = np.cumsum(TICKS) + np.random.default_rng(5).integers(-1000, 1000, 500)
+    done = ingested(rates, TICKS * 1e-6, stamps, **{name: TICKS}, **units)
+    np.testing.assert_allclose(done.samples[SIX], rates, rtol=1e-14)
+    assert done.quality["columns"]["interval"] == [name]
+    line = "increments of acceleration (m/s) and angular_rate (rad) divided by their interval: "
+    assert done.quality["warnings"][0] == f"{line}logged"
+
+
+def test_each_sensor_may_have_an_interval_of_its_own(rates, run, tmp_path):
+    # as ulog2csv writes a vehicle_imu
+    other = TICKS + 37
+    table = {"timestamp": np.cumsum(TICKS), "delta_angle_dt": other, "delta_velocity_dt": TICKS}
+    for i in range(3):
+        table[f"delta_velocity[{i}]"] = rates[:, i] * TICKS * 1e-6
+        table[f"delta_angle[{i}]"] = rates[:, 3 + i] * other * 1e-6
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    units = {"units": {"time": "us", "interval": "us"}}
+    found = run(tmp_path / "log.csv", **units)
+    np.testing.assert_allclose(found.samples[SIX], rates, rtol=1e-13)
+    assert found.quality["columns"]["interval"] == ["delta_velocity_dt", "delta_angle_dt"]
+    interval = {"acceleration": "delta_velocity_dt", "angular_rate": "delta_angle_dt"}
+    declared = run(tmp_path / "log.csv", columns={"interval": interval}, **units)
+    pd.testing.assert_frame_equal(declared.samples, found.samples)
+    # by the stamps where that is declared
+    none = run(tmp_path / "log.csv", columns={"interval": None}, units={"time": "us"})
+    assert len(none.samples) == 499
+
+
+def test_faults_of_other_rows_do_not_reach_an_increment(rates, ingested):
+    # lost rows: the interval of the next is that of the sensor
+    lost = [*range(100, 150), 300]
+    done = ingested(rates, np.full(500, 0.01), 10_000 * np.arange(500), drop=lost)
+    np.testing.assert_allclose(done.samples[SIX], np.delete(rates, [0, *lost], 0), rtol=1e-13)
+    assert (done.quality["gaps"]["count"], done.quality["increments"]["by_usual_step"]) == (2, 2)
+    line = "2 after gaps are of one interval too, the usual step 0.01 s"
+    assert line in str(done.quality["warnings"])
+    # a roll-over, a missing value, a repeated and a late stamp, and a clock that starts again
+    stamps = (2**32 - 1_000_000 + 10_000 * np.arange(500)) % 2**32
+    stamps[40], stamps[[60, 61]] = stamps[39], stamps[[61, 60]]
+    stamps[380:] -= stamps[380]
+    values = rates.copy()
+    values[20, 1] = np.nan
+    done = ingested(values, np.full(500, 0.01), stamps)
+    np.testing.assert_allclose(done.samples[SIX], np.delete(rates, [0, 20, 40, 61], 0), rtol=1e-12)
+    counts = [done.quality[key] for key in ("non_finite", "duplicates", "out_of_order")]
+    assert counts == [1, 1, 1]
+    assert (done.quality["clock"]["rollovers"], done.quality["clock"]["resets"]) == (1, 1)
+
+
+def test_increments_of_stamps_in_bursts_are_of_the_step_of_the_line(rates, ingested):
+    late = np.repeat(np.random.default_rng(6).gamma(2, 0.001, 100), 5)
+    t = 0.05 * (np.arange(500) // 5) + late + 0.002 * (np.arange(500) % 5)
+    done = ingested(rates, np.full(500, 0.01), None, t=t)
+    step = done.samples.t[499] / 499
+    assert done.quality["clock"]["rebuilt"] and step == pytest.approx(0.01, rel=5e-3)
+    np.testing.assert_allclose(done.samples[SIX], rates * (0.01 / step), rtol=1e-12)
+    assert done.quality["increments"]["interval"] == "step of the rows, rebuilt"
+
+
+# the units of velocity and angle, and how many of them 10 ms of a unit of SI are
+@pytest.mark.parametrize(
+    ("force", "rate", "per"),
+    [("m/s", "deg", (0.01, 0.01 / DEGREE)), ("mm/s", "mrad", (10, 10)), ("m/s", None, (0.01, 1))],
+)
+def test_columns_of_any_name_are_increments_where_their_unit_says_so(log, run, force, rate, per):
+    units = {"acceleration": force} | ({"angular_rate": rate} if rate else {})
+    done = run(log.assign(**log[FORCE] * per[0], **log[RATE] * per[1]), units=units)
+    np.testing.assert_allclose(done.samples[SIX], log[SIX].iloc[1:], rtol=1e-9)
+
+
+def test_intervals_that_are_declared_wrongly_are_one_line(rates, run):
+    table = pd.DataFrame(rates * 0.01, columns=DELTA)
+    for declared, line in (
+        ({}, "no time column"),
+        ({"columns": {"interval": "step"}, "rate": 100},
+         r"columns.interval: no column 'step'; there are dvx"),
+        ({"columns": {"interval": "dvx"}, "units": {"interval": "usec"}},
+         r"units.interval: 'usec' is not a unit; .* 'us'\?"),
+    ):  # fmt: skip
+        with pytest.raises(ImuloopError, match=line):
+            run(table, **declared)
+    with pytest.raises(ImuloopError, match=r"columns.interval: only tables have one"):
+        raw_log([Stream("imu", np.arange(9), {})], {"interval": "dt"})
