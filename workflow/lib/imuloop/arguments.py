@@ -10,8 +10,9 @@ import pandas as pd
 
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.errors import ImuloopError, nearest
-from imuloop.core.gravity import normal_gravity
+from imuloop.core.gravity import STRONGEST, WEAKEST, normal_gravity
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.ingest.formats import PAIR
 from imuloop.ingest.spellings import UNITS
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.settings import SegmentSettings
@@ -22,10 +23,6 @@ STAGES = {
     "calibrate": CalibrateSettings,
     "diagnose": DiagnoseSettings,
 }
-# roles of two tables, of one sensor each
-PAIR = ("acceleration", "angular_rate")
-# local gravity, m/s^2: of any body that a device rests on
-WEAKEST, STRONGEST = 0.1, 25.0
 
 
 def gravity_of(gravity):

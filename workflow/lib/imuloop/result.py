@@ -21,7 +21,6 @@ from tqdm import tqdm
 import imuloop
 from imuloop import chain
 from imuloop.arguments import (
-    PAIR,
     check_declared,
     check_log,
     check_settings,
@@ -41,6 +40,7 @@ from imuloop.core.samples import (
     read_samples,
 )
 from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.ingest.formats import PAIR
 
 KINDS = ("multi_position", "six_position", "static")
 # what `calibrate` takes for a log

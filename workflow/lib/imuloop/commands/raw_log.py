@@ -7,6 +7,7 @@ from pathlib import Path
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
+from imuloop.core.gravity import STRONGEST, WEAKEST
 from imuloop.core.samples import read_metadata
 from imuloop.core.units import MOST_COUNT_OFFSET, SCALE_OF_COUNTS
 from imuloop.ingest.formats import PAIR, guess_format
@@ -92,8 +93,7 @@ def between(low, high, count=1):
     return number
 
 
-# of any body that a device rests on, m/s^2
-local_gravity = between(0.1, 100)
+local_gravity = between(WEAKEST, STRONGEST)
 
 
 def add_arguments(command):

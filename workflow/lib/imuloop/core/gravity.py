@@ -4,6 +4,8 @@ import numpy as np
 
 # rad/s, WGS 84
 EARTH_RATE = 7.292115e-5
+# local gravity of any body that a device rests on, m/s^2
+WEAKEST, STRONGEST = 0.1, 25.0
 
 
 def normal_gravity(latitude, height):
