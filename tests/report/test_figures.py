@@ -195,6 +195,9 @@ def test_the_headline_is_the_largest_find_and_a_small_gain_is_none():
     slight = device("C", "explained", error(final=1.95e-3))
     assert headline([slight]) == "C: what was missing is small"
     assert headline([good, good]) == "2 devices: nothing is missing"
+    # one sensor alone says nothing of the other
+    half = good | {"answers": [*good["answers"], ("accelerometer", "not_testable", "")]}
+    assert headline([half]) == "A: nothing is missing, where it could be tested"
     missing = device("D", "unexplained", error())
     assert headline([good, missing]) == "2 devices: something is still missing"
     assert "too few data" in headline([device("E", "not_testable")])

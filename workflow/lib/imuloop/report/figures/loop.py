@@ -112,13 +112,15 @@ def headline(summaries):
         what = error["what"].capitalize()
         effects = joined(error["effects"])
         return f"{summary['label']}: undeclared {effects}. {what} {before} → {after}"
-    verdicts = {verdict for s in summaries for _, verdict, _ in s["answers"]} - {"not_testable"}
+    every = {verdict for s in summaries for _, verdict, _ in s["answers"]}
+    verdicts = every - {"not_testable"}
     named = summaries[0]["label"] if len(summaries) == 1 else plural(len(summaries), "device")
     if not verdicts:
         return f"{named}: too few data to tell whether anything is missing"
     worst = max(verdicts, key=rank)
     words = {"consistent": "nothing is missing", "explained": "what was missing is small"}
-    return f"{named}: {words.get(worst, 'something is still missing')}"
+    tested = ", where it could be tested" if every > verdicts else ""
+    return f"{named}: {words.get(worst, 'something is still missing')}{tested}"
 
 
 def draw_loop(area, errors):
