@@ -43,7 +43,7 @@ def either(request, browser, results, repository):
 def test_every_link_of_the_contents_scrolls_to_its_part(either):
     astray = either.page.evaluate("""async () => {
       const astray = [];
-      for (const link of document.querySelectorAll('nav a, .answers a[href^="#"]')) {
+      for (const link of document.querySelectorAll('nav a, .cards a[href^="#"]')) {
         link.click();
         await new Promise(requestAnimationFrame);
         const part = document.getElementById(decodeURIComponent(link.hash.slice(1)));
@@ -75,6 +75,28 @@ def test_the_page_is_as_wide_as_the_window(either):
         for name in ("main", "filter", "curves"):
             page.evaluate(f"document.getElementById('{name}').scrollIntoView()")
             page.screenshot(path=f"{either.shots}_{width}_{scheme}_{name}.png")
+
+
+# size on the screen of every text of the first part, pictures too, px
+TEXTS = """() => {
+  const sizes = [], walk = document.createTreeWalker(
+    document.getElementById('comparison'), NodeFilter.SHOW_TEXT);
+  while (walk.nextNode()) {
+    const e = walk.currentNode.parentElement;
+    if (!walk.currentNode.data.trim() || !e.getClientRects().length) continue;
+    if (e.closest('svg') && !e.closest('.cards')) continue;
+    const scale = e.getScreenCTM ? e.getScreenCTM().a : 1;
+    sizes.push(scale * parseFloat(getComputedStyle(e).fontSize));
+  }
+  return sizes;
+}"""
+
+
+@pytest.mark.parametrize("width", [390, 1440])
+def test_what_is_read_first_is_in_12_px_or_more(either, width):
+    either.page.set_viewport_size({"width": width, "height": 900})
+    sizes = either.page.evaluate(TEXTS)
+    assert len(sizes) > 100 and min(sizes) > 11.95
 
 
 def test_it_opens_without_an_error_and_asks_no_host(either):

@@ -11,7 +11,7 @@ from imuloop.core.files import write_json
 from imuloop.core.sphere import direction_words, largest_hole
 from imuloop.report.figures.allan import allan_pictures
 from imuloop.report.figures.attitude import attitude_part
-from imuloop.report.figures.loop import headline, loop_picture, loop_words
+from imuloop.report.figures.loop import WIDTH, loop_picture, reach
 from imuloop.report.figures.poses import pose_picture
 from imuloop.report.figures.residuals import against, goes_with, residual_pictures
 from imuloop.report.figures.time_series import session_pictures
@@ -159,45 +159,37 @@ def test_the_error_of_the_vertical_is_said_of_every_model_or_why_not(tmp_path):
     assert not found["tables"] and not found["pictures"]
 
 
-def error(what="a", final=None, **sizes):
-    effects = ["g-sensitivity"] if final else []
-    sizes = {"logged": None, "calibrated": 2e-3, "floor": 1e-3, "slow_noise": False} | sizes
-    return {"what": what, "unit": "rad", "final": final, "effects": effects} | sizes
+def error(**sizes):
+    sizes = {"logged": None, "calibrated": 2e-3, "final": None, "floor": 1e-3} | sizes
+    return {"what": "a", "unit": "rad"} | sizes
 
 
-def test_the_loop_says_the_error_that_fell_most_with_factor_and_floor():
-    words = loop_words([error(), error("vertical after a turn", 1e-3, logged=0.1)])
-    expected = (
-        "Vertical after a turn: 5.7° as logged, 0.11° calibrated, 0.057° with g-sensitivity, "
+def test_the_errors_of_a_device_have_a_mark_a_stage_and_words_on_no_line():
+    errors = [error(logged=0.1, final=1e-3), error(calibrated=2e-4)]
+    picture = loop_picture("a", errors)
+    assert plain(picture.caption) == (
+        "a 5.7° → 0.11° → 0.057°, noise alone 0.057°; a 0.011°, noise alone 0.057°."
     )
-    assert plain(words) == f"{expected}2.0 times less. Noise alone gives 0.057°."
-    # slow noise that no rest shows is a guess
-    assert "Noise alone may give" in loop_words([error(slow_noise=True)])
-    # what did not fall is no gain
-    assert "times less" not in loop_words([error(final=1.95e-3)])
-    assert "calibrated. Noise" in loop_words([error()]) and loop_words([]) == ""
-    assert loop_picture("a", []) is None
+    figure = picture.figure()
+    figure.draw_without_rendering()
+    [area] = figure.axes
+    sizes = [line.get_xdata()[0] for line in area.lines if line.get_marker() != "None"]
+    assert sizes == pytest.approx([100, 2, 1, 0.2])
     # an error far below what slow noise may give is still in the picture
-    area = loop_picture("a", [error(calibrated=2e-4, slow_noise=True)]).figure().axes[0]
-    assert area.get_xlim()[0] < 2e-4 / error()["floor"]
+    low, high = area.get_xlim()
+    assert low < 0.2 and high > 100
+    # none lies on another, or on the mark of its row
+    boxes = [text.get_window_extent() for text in area.texts]
+    assert len(boxes) == 4
+    for i, box in enumerate(boxes):
+        assert not box.count_overlaps(boxes[:i])
+        assert box.x0 > 0 and box.x1 < WIDTH
+    assert loop_picture("a", []) is None
 
 
-def test_the_headline_is_the_largest_find_and_a_small_gain_is_none():
-    def device(label, verdict, *loop):
-        return {"label": label, "answers": [("gyroscope", verdict, "")], "loop": list(loop)}
-
-    good = device("A", "consistent", error())
-    found = device("B", "explained", error(final=1.9e-3), error("gravity at rest", 1e-3))
-    words = plain(headline([good, found]))
-    assert words == "B: undeclared g-sensitivity. Gravity at rest 0.11° → 0.057°"
-    # it is the device's own sentence
-    assert all(size in plain(loop_words(found["loop"])) for size in ("0.11°", "0.057°"))
-    slight = device("C", "explained", error(final=1.95e-3))
-    assert headline([slight]) == "C: what was missing is small"
-    assert headline([good, good]) == "2 devices: nothing is missing"
-    # one sensor alone says nothing of the other
-    half = good | {"answers": [*good["answers"], ("accelerometer", "not_testable", "")]}
-    assert headline([half]) == "A: nothing is missing, where it could be tested"
-    missing = device("D", "unexplained", error())
-    assert headline([good, missing]) == "2 devices: something is still missing"
-    assert "too few data" in headline([device("E", "not_testable")])
+def test_the_errors_of_devices_that_are_compared_have_one_axis():
+    devices = [error(logged=0.1)], [error(calibrated=1e-4)]
+    ends = reach([e for errors in devices for e in errors])
+    assert ends == pytest.approx((0.1, 100))
+    limits = {loop_picture("a", e, ends).figure().axes[0].get_xlim() for e in devices}
+    assert len(limits) == 1 != len({reach(e) for e in devices})

@@ -105,20 +105,25 @@ SAID = {
 
 @pytest.mark.parametrize("device", ["board", "still", "partly"])
 def test_the_figures_of_the_first_screen_are_those_of_the_files(html, page, results, device):
-    caption = re.search(rf'<figcaption>([^<]*)<a href="{device}/figures/loop.csv"', html)[1]
-    what, sizes = unescape(caption).split(": ", 1)
+    card = re.search(rf'<h3><a href="#{device}">(?:(?!</figcaption>).)*', html, re.DOTALL)[0]
+    assert f'href="{device}/figures/loop.csv"' in card
+    words = unescape(re.sub("<[^>]*>", "", card)).replace("\u202f", " ")
+    [what] = (w for w in SAID if f"{w}: " in words)
+    sizes = words.split(f"{what}: ")[1]
     sensor, record, name, factor = SAID[what]
     content = json.loads((results / device / "diagnosis.json").read_text())
     residual = content["sensors"][sensor][record]["residuals"][name]
     found = {
-        "before": re.search(r"([\d.]+)\W*\w* calibrated", sizes),
-        "after": re.search(r"([\d.]+)\W*\w* with ", sizes),
-        "floor": re.search(r"Noise alone gives ([\d.]+)", sizes),
+        "before": re.match(r"(?:correcting the effects? takes )?([\d.]+)", sizes),
+        "after": re.match(r"correcting the effects? takes \S+ ?m?g? to ([\d.]+\d)", sizes),
+        "floor": re.search(r"which alone gives ([\d.]+\d)", sizes),
     }
     for key, size in found.items():
         if size:
             assert float(size[1]) == pytest.approx(factor * residual[key], rel=0.05)
-    assert found["before"] and found["floor"]
+    # the noise alone is not all that is left of the others
+    assert found["before"] and bool(found["after"]) == (device != "partly")
+    assert bool(found["floor"]) == (device == "partly")
     # the headline has the same, where it is of this device
     title = next(e["text"] for e in page.all("h1"))
     if device == "still":

@@ -1,5 +1,5 @@
 # what every page is made with
-PAGE = ("page.html.j2", "style.css", "page.js", "zoom.js")
+PAGE = ("page.html.j2", "card.html.j2", "style.css", "page.js", "zoom.js")
 
 
 rule report_device:
@@ -46,7 +46,11 @@ rule report_device:
         device=settings("label"),
         code=code("report_device.py"),
         templates=templates(
-            "section.html.j2", "failures.html.j2", "failed.html.j2", "device.html.j2", *PAGE
+            "section.html.j2",
+            "failures.html.j2",
+            "failed.html.j2",
+            "device.html.j2",
+            *PAGE,
         ),
     script:
         "../../scripts/report_device.py"

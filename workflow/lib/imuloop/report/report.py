@@ -9,9 +9,10 @@ from markupsafe import Markup
 from imuloop.core.errors import plural
 from imuloop.core.files import plain, read_json, replaced
 from imuloop.noise.filters import RANGE
+from imuloop.report.card import headline
 from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.drawing import write_svg
-from imuloop.report.figures.loop import headline, loop_picture
+from imuloop.report.figures.loop import loop_picture, reach
 from imuloop.report.page import write_page
 from imuloop.report.tables import comparison as tables
 from imuloop.report.verdict import WORDS, grouped
@@ -48,11 +49,14 @@ def write_report(folders, provenance, report_path, comparison_path):
     intervals = figures.parameter_comparison(() if together else several, drawings)
     for picture in (*allan, *intervals):
         write_svg(drawings, picture.stem, picture)
+    # on one axis they can be compared by eye
+    ends = reach([error for d in devices for error in d["loop"]])
     write_page(
         report_path,
         "report.html.j2",
         headline=headline(devices),
         recorded=recorded(devices),
+        with_effects=sum(_has_effects(d) for d in devices),
         many=not together,
         groups=grouped(devices),
         # escaped when they were written
@@ -63,7 +67,7 @@ def write_report(folders, provenance, report_path, comparison_path):
         ),
         columns=tables.COLUMNS,
         best=tables.best_words(devices),
-        loops=[loop_picture(d["device"], d["loop"]) if together else None for d in devices],
+        loops=[loop_picture(d["device"], d["loop"], ends) if together else None for d in devices],
         rank=tables.verdict_rank,
         verdict_parts=tables.verdict_parts,
         filters=[tables.filter_cells(d) for d in devices],
@@ -97,9 +101,23 @@ def verdict_lines(folders):
 
 
 def recorded(devices):
-    """Return the first and the last day of the logs, ``YYYY-MM-DD`` each, None where unknown."""
-    starts = [s["start"] for d in devices for s in d["sessions"].values() if s["start"]]
-    return (min(starts)[:10], max(starts)[:10]) if starts else None
+    """Return from which to which day the logs are, and of how many devices that is known."""
+    starts = [
+        {s["start"][:10] for s in device["sessions"].values() if s["start"]} for device in devices
+    ]
+    days = sorted(set().union(*starts))
+    if not days:
+        return ""
+    text = " to ".join(dict.fromkeys((days[0], days[-1])))
+    dated = [device["label"] for device, own in zip(devices, starts, strict=True) if own]
+    if len(dated) < len(devices):
+        text += f" ({dated[0] if len(dated) == 1 else f'{len(dated)} of {len(devices)}'})"
+    return f"recorded {text}"
+
+
+def _has_effects(device):
+    said = [block["verdict"] for parts in device["verdicts"].values() for block in parts.values()]
+    return not {"explained", "partly_explained"}.isdisjoint(said)
 
 
 def _given(content):

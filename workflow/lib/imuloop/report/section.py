@@ -50,11 +50,12 @@ def write_failed(name, label, folder, sessions, failed):
 def _write(device, template, whole, **values):
     section = device.folder / "section.html"
     write(section, template, device=device, **values)
-    write_json(device.folder / "summary.json", summarise(device, values["steps"]))
+    summary = summarise(device, values["steps"])
+    write_json(device.folder / "summary.json", summary)
     # text was escaped when it was written; links are those of a page in the folder above
     text = section.read_text("utf-8").replace(f'href="{device.name}/', 'href="')
     looks = {"device": device.name, "label": device.title, "section": Markup(text)}
-    looks["loop_of"] = whole[0] if whole else None
+    looks |= {"said": summary["card"], "loop_of": whole[0] if whole else None}
     write_page(device.folder / "report.html", "device.html.j2", **looks)
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
 from imuloop.export.densities import UNITS, for_filter, of_calibrated
+from imuloop.report.card import card
 from imuloop.report.figures.allan import curve
 from imuloop.report.figures.loop import loop_errors
 from imuloop.report.numbers import sigma_of
@@ -30,11 +31,12 @@ def summarise(device, steps=()):
     ``figures`` {name: {value, std, unit, axis, upper95}}, the largest of three axes; ``axes``
     {name: {unit, value, std}} for all three, or for the six pairs of a misalignment; ``filter``
     {name: {value, axis, limit, raised_from}}, noise as a filter takes it; ``allan`` {channel:
-    {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``calibrated``, whether there is a
-    calibration to use, ``loop`` (see `loop_errors`), ``verdicts``, ``rejected``, ``logs``.
+    {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``card``, ``calibrated``, whether there
+    is a calibration to use, ``loop`` (see `loop_errors`), ``verdicts``, ``rejected``, ``logs``.
     `steps` are those of `next_steps`.
     """
     axes, final = _axes(device), device.calibrations.get("final")
+    loop = loop_errors(device) if device.calibrations else []
     # the curve that reaches farthest
     record = max(
         (s for s in device.used if len(s.allan)), key=lambda s: s.allan["tau_s"].max(), default=None
@@ -64,8 +66,9 @@ def summarise(device, steps=()):
             for sensor in SENSORS
         },
         "answers": answers(device.diagnosis),
+        "card": card(device.diagnosis, loop),
         "calibrated": bool(final and final.measured),
-        "loop": loop_errors(device) if device.calibrations else [],
+        "loop": loop,
         "advised": bool(steps),
         "figures": _figures(device, axes),
         "filter": _filter(device),

@@ -130,7 +130,7 @@ class Picture:
                 area.spines[:].set_in_layout(False)
                 key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
                 for axis in (area.xaxis, area.yaxis):
-                    if axis.get_scale() == "log":
+                    if axis.get_scale() == "log" and axis.isDefault_majloc:
                         _mark_decades(axis)
                 if area in areas:
                     area.grid(which="minor", lw=0.3)

@@ -1,30 +1,28 @@
 """The loop in one picture: errors as logged, calibrated, with the effects found, over the noise."""
 
 import numpy as np
+from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter, LogLocator
 
-from imuloop.core.errors import plural
 from imuloop.core.files import read_json
 from imuloop.core.samples import ACCELERATION, SENSORS
 from imuloop.core.units import DEGREE
 from imuloop.report.figures.drawing import BLUE, GREEN, GRID, INK, ORANGE, PAGE, Picture, write_csv
-from imuloop.report.numbers import joined, number
 from imuloop.report.units import RESIDUAL
-from imuloop.report.verdict import block_of, effect_words, motion_of, rank
+from imuloop.report.verdict import block_of, effect_words, motion_of
 
 # what an error was before and after, its words in the key, and its mark
 STAGES = {
     "logged": ("as logged", GREEN, "s"),
     "calibrated": ("calibrated", ORANGE, "D"),
-    "final": ("with the effects found", BLUE, "o"),
+    "final": ("effects corrected", BLUE, "o"),
 }
-# of the words beside a mark, px: two marks may lie side by side
-PLACES = {
-    "logged": ((9, 0), "left", "center"),
-    "calibrated": ((0, 8), "center", "bottom"),
-    "final": ((0, -9), "center", "top"),
-}
-# factor from which on an error is said to have fallen
-WORTH_SAYING = 1.1
+# as wide as a small screen, px, on which its words are of 12 px
+WIDTH = 328
+# height of a row and of what is around all rows, px
+ROW, AROUND = 29, 67
+# of the axis beyond the least and the greatest error, a factor
+BEYOND = 1.6
 
 
 def loop_errors(device):
@@ -72,100 +70,72 @@ def _of_residual(what, residual, block, logged=None):
     return {"what": what, "unit": residual["unit"]} | sizes | known
 
 
-def fall(error):
-    """Return how many times an error is smaller with the effects found."""
-    return error["calibrated"] / error["final"] if error["final"] else 1.0
+def reach(errors):
+    """Return the least and the greatest multiple of its floor that any error has, one included."""
+    sizes = [e[stage] / e["floor"] for e in errors for stage in STAGES if e[stage] is not None]
+    return min(1.0, *sizes), max(1.0, *sizes)
 
 
-def loop_words(errors):
-    """Return what the loop found in a sentence: of the error that fell most, else of the first."""
-    if not errors:
-        return ""
-    error = max(errors, key=fall)
-    display = RESIDUAL[error["unit"]]
-    path = [
-        f"{display.text(error[stage], 2)} {words}"
-        for stage, words in (("logged", "as logged"), ("calibrated", "calibrated"))
-        if error[stage] is not None
-    ]
-    if error["final"] is not None:
-        effects = joined(error["effects"])
-        path.append(f"{display.text(error['final'], 2)} with {effects}")
-    text = f"{error['what'].capitalize()}: {', '.join(path)}"
-    if fall(error) >= WORTH_SAYING:
-        text += f", {number(fall(error), 2)} times less"
-    gives = "may give" if error["slow_noise"] else "gives"
-    return f"{text}. Noise alone {gives} {display.text(error['floor'], 2)}."
+def _sizes(error):
+    """Return an error's sizes from step to step, in words."""
+    texts = [RESIDUAL[error["unit"]].text(error[s], 2) for s in STAGES if error[s] is not None]
+    return " → ".join(texts)
 
 
-def headline(summaries):
-    """Return what was found in all devices in a line, given summary.json: the fall that is largest.
-
-    An effect that lowers no error by `WORTH_SAYING` is no news.
-    """
-    found = [(fall(error), error, s) for s in summaries for error in s["loop"]]
-    found = [each for each in found if each[1]["effects"] and each[0] >= WORTH_SAYING]
-    if found:
-        _, error, summary = max(found, key=lambda each: each[0])
-        display = RESIDUAL[error["unit"]]
-        before, after = (display.text(error[stage], 2) for stage in ("calibrated", "final"))
-        what = error["what"].capitalize()
-        effects = joined(error["effects"])
-        return f"{summary['label']}: undeclared {effects}. {what} {before} → {after}"
-    every = {verdict for s in summaries for _, verdict, _ in s["answers"]}
-    verdicts = every - {"not_testable"}
-    named = summaries[0]["label"] if len(summaries) == 1 else plural(len(summaries), "device")
-    if not verdicts:
-        return f"{named}: too few data to tell whether anything is missing"
-    worst = max(verdicts, key=rank)
-    words = {"consistent": "nothing is missing", "explained": "what was missing is small"}
-    tested = ", where it could be tested" if every > verdicts else ""
-    return f"{named}: {words.get(worst, 'something is still missing')}{tested}"
-
-
-def draw_loop(area, errors):
+def draw_loop(area, errors, ends):
     """Draw a row per error: its sizes over the floor of its noise, on a logarithmic axis."""
-    labelled, smallest, largest = set(), 1.0, 1.0
+    looks = {"transform": area.get_yaxis_transform(), "va": "center"}
+    # no line strikes words through
+    looks["bbox"] = {"fc": PAGE, "ec": "none", "pad": 0}
     for row, error in enumerate(errors):
         sizes = {s: error[s] / error["floor"] for s in STAGES if error[s] is not None}
-        smallest, largest = min(smallest, *sizes.values()), max(largest, *sizes.values())
-        area.plot([*sizes.values()], [row] * len(sizes), color=GRID, lw=2, zorder=1)
+        area.text(0, row - 0.3, error["what"], ha="left", **looks)
+        area.text(1, row - 0.3, _sizes(error), ha="right", **looks)
+        area.plot([*sizes.values()], [row + 0.15] * len(sizes), color=GRID, lw=2, zorder=1)
+        area.plot([1, 1], [row - 0.15, row + 0.45], color=INK, ls=(0, (3, 2)), zorder=1)
         for stage, size in sizes.items():
-            words, colour, mark = STAGES[stage]
-            key = {} if words in labelled else {"label": words}
-            labelled.add(words)
-            area.plot(size, row, mark, color=colour, mec=PAGE, mew=1, ms=9, **key)
-            where, across, upright = PLACES[stage]
-            area.annotate(
-                RESIDUAL[error["unit"]].text(error[stage], 2),
-                (size, row),
-                where,
-                textcoords="offset points",
-                ha=across,
-                va=upright,
-                fontsize=10,
-                # the line of the noise does not strike it through
-                bbox={"fc": PAGE, "ec": "none", "pad": 1},
-            )
-    area.axvline(1, color=INK, lw=1, ls="--", label="noise alone", zorder=1)
+            _, colour, mark = STAGES[stage]
+            area.plot(size, row + 0.15, mark, color=colour, mec=PAGE, mew=1, ms=9)
     area.set_xscale("log")
-    area.set_xlim(smallest / 2 or 0.5, max(4 * largest, 8))
-    area.set_ylim(len(errors) - 0.4, -0.6)
-    area.set_yticks(range(len(errors)), [error["what"] for error in errors])
-    area.grid(False, axis="y")
+    area.set_xlim(ends[0] / BEYOND, ends[1] * BEYOND)
+    area.xaxis.set_major_locator(LogLocator(subs=(1, 3)))
+    area.xaxis.set_major_formatter(FuncFormatter(lambda size, _: f"{size:g}"))
+    area.minorticks_off()
+    area.set_ylim(len(errors) - 0.5, -0.65)
+    area.set_yticks([])
+    area.spines["left"].set_visible(False)
     area.set_xlabel("error, in multiples of what the noise alone gives")
+    shown = [STAGES[s] for s in STAGES if any(e[s] is not None for e in errors)]
+    keys = [Line2D([], [], color=c, marker=mark, ls="", ms=8) for _, c, mark in shown]
+    area.legend(
+        keys,
+        [words for words, *_ in shown],
+        loc="lower right",
+        bbox_to_anchor=(1, 1),
+        ncols=len(keys),
+        fontsize=11,
+        handletextpad=0,
+        borderpad=0,
+    )
 
 
-def loop_picture(name, errors):
-    """Return the picture of a device's errors by its name, or None without any."""
+def loop_picture(name, errors, ends=None):
+    """Return the picture of a device's errors by its name, or None without any.
+
+    `ends` of the axis are those of several devices, which are compared; else its own, see `reach`.
+    """
     if not errors:
         return None
+    said = (
+        f"{e['what']} {_sizes(e)}, noise alone {RESIDUAL[e['unit']].text(e['floor'], 2)}"
+        for e in errors
+    )
     return Picture(
         f"{name}.loop",
-        "Error as logged, calibrated and with the effects found",
-        loop_words(errors),
-        lambda area: draw_loop(area, errors),
-        (500, 80 + 36 * len(errors)),
+        "Errors as logged, calibrated and with the effects corrected",
+        f"{'; '.join(said)}.",
+        lambda area: draw_loop(area, errors, ends or reach(errors)),
+        (WIDTH, AROUND + ROW * len(errors)),
         f"{name}/figures/loop.csv",
     )
 
