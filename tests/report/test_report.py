@@ -96,6 +96,15 @@ def test_no_rejected_session_is_said_too_and_one_device_is_not_the_best(results,
     assert html == (tmp_path / "b/report.html").read_text(encoding="utf-8")
 
 
+def test_a_device_of_which_nothing_was_testable_is_reported_alone(results, tmp_path):
+    joined_report(results, ["nothing"], tmp_path)
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    [said] = re.findall(r'<li class="device">(.*?)</li>', html, re.DOTALL)
+    assert "Not testable: 9 poses found, 12 needed" in said and "<svg" not in said
+    # without errors there is no line to explain
+    assert "Dashed: what the noise alone gives" not in html
+
+
 # what the first screen calls an error: sensor, record, residual, and how many of its unit an SI is
 SAID = {
     "Vertical after a turn": ("gyroscope", "poses", "rotation", 180 / np.pi),

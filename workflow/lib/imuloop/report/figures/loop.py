@@ -73,7 +73,7 @@ def _of_residual(what, residual, block, logged=None):
 def reach(errors):
     """Return the least and the greatest multiple of its floor that any error has, one included."""
     sizes = [e[stage] / e["floor"] for e in errors for stage in STAGES if e[stage] is not None]
-    return min(1.0, *sizes), max(1.0, *sizes)
+    return min([1.0, *sizes]), max([1.0, *sizes])
 
 
 def _sizes(error):
