@@ -12,6 +12,7 @@ from bench.study.chain import LIMITS
 from calibrate.devices import known_noise, recording
 from diagnose.models import diagnosed, fitted_pair, of_sensor, pair_of, problem_of, shapes_of
 from imuloop.calibrate.least_squares import SINGULAR
+from imuloop.calibrate.noise_components import SizeLikelihood
 from imuloop.calibrate.pair_covariance import PairCovariance
 from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.core.noise_model import Coefficient
@@ -135,8 +136,7 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
 def test_a_fit_of_a_part_is_that_of_the_poses_that_are_kept(effects, monkeypatch):
     # by the same noise: that which the noise stage estimated, white alone, since a part has the
     # mean of slow noise over its own rests in its bias
-    for module in ("calibrate.sensor_pair", "diagnose.records.poses"):
-        monkeypatch.setattr(f"imuloop.{module}.likely_sizes", as_estimated)
+    monkeypatch.setattr(SizeLikelihood, "maximised", lambda self, *_: self.sizes)
     truth = with_g_sensitivity(TRUTH, MATRIX) if effects else TRUTH
     noise, made = known_noise(TRUTH), recording(truth, 7)
     white = {name: replace(axis, B=Coefficient()) for name, axis in noise.axes.items()}
@@ -156,10 +156,6 @@ def test_a_fit_of_a_part_is_that_of_the_poses_that_are_kept(effects, monkeypatch
         left = problem.residuals_left(Choices(problem).search(out), effects)[:, 0]
         std = np.sqrt(np.diag(problem.linearized(effects).alternatives[0][1]))
         assert np.abs((left + values) / std).max() < 2e-3
-
-
-def as_estimated(values, jacobian, fixed, components, *_, **more):
-    return np.array([component.size for component in components])
 
 
 def test_an_effect_that_other_records_show_is_held_to_what_they_say(sensitive):

@@ -15,7 +15,7 @@ TINY = 1e-6
 FARTHEST = 1.96
 # steps of the search, and its end: by so much the logarithm of the likelihood may still rise; and
 # where the noise of drawn data is wanted
-STEPS, RISE, ROUGH = 100, 1e-9, 1e-3
+STEPS, RISE, ROUGH = 100, 1e-9, 0.05
 # rise after the last step that makes no other weights; beyond it nothing was found
 UNSETTLED = 1e-3
 
@@ -53,15 +53,6 @@ def total(fixed, components, sizes):
 def likely_sizes(values, jacobian, fixed, components, known=None, start=None, rise=RISE):
     """Return the most likely sizes of components, shape (k,), within their prior bounds.
 
-    Maximises, with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``, the restricted likelihood and the
-    normal probability of what was known:
-
-        -(log |Σ| + log |Jᵀ Σ⁻¹ J| + rᵀ P r)/2 - Σ_k (s_k - s_k0)²/2σ_k²
-
-    by Newton's steps in the squares of the sizes, within the bounds, with the average information
-    ``rᵀ P V_k P V_l P r/2``, damped until it rises. Residuals that are larger than the noise by a
-    factor have as many times the information that they will have, and are divided by it.
-
     Parameters
     ----------
     values : ndarray, shape (n,)
@@ -83,11 +74,6 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None, ri
     ------
     NotConverged
         If the likelihood still rises by more than `UNSETTLED` after the last step.
-
-    References
-    ----------
-    Patterson & Thompson, Biometrika 58 (1971) 545; Gilmour, Thompson & Cullis, Biometrics 51 (1995)
-    1440.
     """
     if not components:
         return np.zeros(0)
@@ -96,54 +82,101 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None, ri
         values, jacobian = np.append(values, known[1]), np.concatenate([jacobian, known[0]])
         fixed = block_diag(fixed, np.eye(more))
         components = [each.padded(more) for each in components]
-    sizes = np.array([c.size for c in components])
-    deviations = np.array([c.deviation for c in components])
-    weight, most = deviations**-2.0, (sizes + FARTHEST * deviations) ** 2
-    length = np.linalg.norm(jacobian, axis=0)
-    scaled = jacobian / np.where(length > 0, length, 1.0)
-    # (k, n²): sums over all components are one product
-    count, n = len(components), len(values)
-    every = np.reshape([c.covariance for c in components], (count, n * n))
+    likelihood = SizeLikelihood(jacobian, fixed, components)
+    return likelihood.maximised(values, likelihood.projection(start), rise)
 
-    def state(squares):
+
+@dataclass(frozen=True)
+class Projection:
+    """What the likelihood of some sizes has that depends on no residual."""
+
+    squares: np.ndarray  # (k,): of the sizes
+    matrix: np.ndarray  # (n, n): P
+    log_det: float  # (log |Σ| + log |Jᵀ Σ⁻¹ J|)/2
+    trace: np.ndarray  # (k,): of P V_k
+
+
+class SizeLikelihood:
+    """The restricted likelihood of the sizes of components, whatever the residuals r are.
+
+    With ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹`` and the normal probability of what was known:
+
+        -(log |Σ| + log |Jᵀ Σ⁻¹ J| + rᵀ P r)/2 - Σ_k (s_k - s_k0)²/2σ_k²
+
+    References
+    ----------
+    Patterson & Thompson, Biometrika 58 (1971) 545; Gilmour, Thompson & Cullis, Biometrics 51 (1995)
+    1440.
+    """
+
+    def __init__(self, jacobian, fixed, components):
+        """Of J, (n, p), Σ₀, (n, n), and at least one Component."""
+        self.sizes = np.array([c.size for c in components])
+        self.deviations = np.array([c.deviation for c in components])
+        self.weight = self.deviations**-2.0
+        self.most = (self.sizes + FARTHEST * self.deviations) ** 2
+        length = np.linalg.norm(jacobian, axis=0)
+        self.jacobian, self.fixed = jacobian / np.where(length > 0, length, 1.0), fixed
+        # (k, n²): sums over all components are one product
+        self.covariances = np.reshape([c.covariance for c in components], (len(components), -1))
+
+    def projection(self, sizes=None):
+        """Return the Projection at sizes within the bounds, by default at what is known of them."""
+        if sizes is None:
+            some = 0.3 * np.minimum(self.deviations, 1.0)
+            sizes = np.where(self.sizes > 0, self.sizes, some)
+        return self._projection(np.clip(sizes**2, TINY**2, self.most))
+
+    def _projection(self, squares):
+        n = len(self.fixed)
+        inverse, root = precision(self.fixed + (squares @ self.covariances).reshape(n, n))
+        q, r = np.linalg.qr(solve_triangular(root, self.jacobian, lower=True))
+        back = solve_triangular(root, q, lower=True, trans=1)
+        matrix = inverse - back @ back.T
+        log_det = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum()
+        return Projection(squares, matrix, log_det, self.covariances @ matrix.ravel())
+
+    def _state(self, values, at):
         """Return the loss, its slope and the average information in the squares."""
-        inverse, root = precision(fixed + (squares @ every).reshape(n, n))
-        white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
-        q, r = np.linalg.qr(white[:, 1:])
-        rest = white[:, 0] - q @ (q.T @ white[:, 0])
-        back = solve_triangular(root, np.column_stack([rest, q]), lower=True, trans=1)
-        left, projected = back[:, 0], inverse - back[:, 1:] @ back[:, 1:].T
-        loss = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum() + rest @ rest / 2
-        own = np.sqrt(squares)
-        loss += (own - sizes) @ (weight * (own - sizes)) / 2
-        moved = (every.reshape(count * n, n) @ left).reshape(count, n)
-        trace = every @ projected.ravel()
-        slope = (trace - moved @ left + weight * (1 - sizes / own)) / 2
+        n, count = len(values), len(self.sizes)
+        left, own = at.matrix @ values, np.sqrt(at.squares)
+        square = values @ left
+        loss = at.log_det + square / 2
+        loss += (own - self.sizes) @ (self.weight * (own - self.sizes)) / 2
+        moved = (self.covariances.reshape(count * n, n) @ left).reshape(count, n)
+        slope = (at.trace - moved @ left + self.weight * (1 - self.sizes / own)) / 2
         # but where a bound leaves them larger
-        free = np.all(squares < most)
-        excess = max(1.0, rest @ rest / (n - jacobian.shape[1])) if free else 1.0
-        information = moved @ projected @ moved.T / (2 * excess)
-        information += np.diag(weight * sizes / (4 * own**3) + 1e-12 * trace**2)
-        return loss, slope, information
+        free = np.all(at.squares < self.most)
+        excess = max(1.0, square / (n - self.jacobian.shape[1])) if free else 1.0
+        information = moved @ at.matrix @ moved.T / (2 * excess)
+        known = self.weight * self.sizes / (4 * own**3)
+        return loss, slope, information + np.diag(known + 1e-12 * at.trace**2)
 
-    first = np.where(sizes > 0, sizes, 0.3 * np.minimum(deviations, 1.0))
-    squares = (first if start is None else start) ** 2
-    squares = np.clip(squares, TINY**2, most)
-    (loss, slope, information), damping = state(squares), 1e-3
-    for _ in range(STEPS):
-        # the lowest point of the parabola within the bounds
-        root = np.linalg.cholesky(information + damping * np.diag(np.diag(information))).T
-        target = solve_triangular(root, -slope, trans=1)
-        step = lsq_linear(root, target, (TINY**2 - squares, most - squares), method="bvls").x
-        if -slope @ step < rise:
-            break
-        tried = np.clip(squares + step, TINY**2, most)
-        found = state(tried)
-        if found[0] <= loss + 1e-12 * abs(loss):
-            squares, (loss, slope, information), damping = tried, found, damping / 10
+    def maximised(self, values, start, rise=RISE):
+        """Return the most likely sizes, shape (k,), for residuals, (n,).
+
+        By Newton's steps from a Projection in the squares of the sizes, within the bounds, with the
+        average information ``rᵀ P V_k P V_l P r/2``, damped until it rises. Residuals that are
+        larger than the noise by a factor have as many times the information that they will have,
+        and are divided by it. Raises NotConverged as `likely_sizes`.
+        """
+        at, damping = start, 1e-3
+        loss, slope, information = self._state(values, at)
+        for _ in range(STEPS):
+            # the lowest point of the parabola within the bounds
+            root = np.linalg.cholesky(information + damping * np.diag(np.diag(information))).T
+            target = solve_triangular(root, -slope, trans=1)
+            bounds = TINY**2 - at.squares, self.most - at.squares
+            step = lsq_linear(root, target, bounds, method="bvls").x
+            if -slope @ step < rise:
+                break
+            tried = self._projection(np.clip(at.squares + step, TINY**2, self.most))
+            found = self._state(values, tried)
+            if found[0] <= loss + 1e-12 * abs(loss):
+                at, (loss, slope, information), damping = tried, found, damping / 10
+            else:
+                damping *= 10
         else:
-            damping *= 10
-    else:
-        if -slope @ step > UNSETTLED:
-            raise NotConverged(f"the size of the noise is not found in {STEPS} steps")
-    return np.where(squares > 1.01 * TINY**2, np.sqrt(squares), 0.0)
+            if -slope @ step > UNSETTLED:
+                raise NotConverged(f"the size of the noise is not found in {STEPS} steps")
+        return np.where(at.squares > 1.01 * TINY**2, np.sqrt(at.squares), 0.0)

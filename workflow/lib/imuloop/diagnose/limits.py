@@ -8,7 +8,7 @@ from functools import cached_property, partial
 
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
-from scipy.special import ndtr, ndtri
+from scipy.special import chdtri, chndtrinc, ndtr, ndtri
 
 from imuloop.core.fisher import fisher
 from imuloop.diagnose.p_values import averaged_log_p
@@ -17,10 +17,13 @@ from imuloop.diagnose.verdict import MARGIN
 
 # logarithm of the p-value in the middle of chance, for the axes that show nothing
 CHANCE = np.log(0.5)
-# records of noise that are drawn, and parts of each drawn again
-RECORDS, DRAWS = 200, 200
-# the largest size that is tried, in the least of them, and the steps between them
-LARGEST, STEP = 16.0, 2.0
+# records of noise that are drawn, each used with its negative too, since what is found too easily
+# with the one is not with the other; and parts of each drawn again
+PAIRS, DRAWS = 100, 200
+RECORDS = 2 * PAIRS
+# the largest size that is tried, in those of the test alone, the largest step between two, by how
+# much the power may rise faster or slower than expected, and the last step, in logarithms
+LARGEST, STEP, STEEPER, CLOSE = 16.0, 2.0, 4.0, 0.1
 # what a time constant or a width, even up to 1.3 from a shape, is off by: root mean square
 BETWEEN = 1.3**3**-0.5
 # what changes with time changes at a log's first rest too, where its noise was estimated larger for
@@ -62,10 +65,15 @@ def detection_limits(search, base, trial, power, kept=True):
             one = np.isin(shown, together) * added.scale[axis]
             scale = np.linalg.norm(one)
             one = one / scale
-            size = _least(partial(drawn.found, one, **rules), drawn.typical(one), power)
+            # of a kind that noise alone spoils no size is found
+            if kept and drawn.close.mean() < power:
+                continue
+            start, strength = drawn.typical(one, threshold, power)
+            size = _least(partial(drawn.found, one, **rules), start, power, strength)
             if size and search.problem.slow(trial.effect):
                 slow = partial(_with_pattern, search, effects, axis, records, one, **rules)
-                size = _least(slow, size, power)
+                slower = _least(slow, size, power, strength)
+                size = slower and max(size, slower)
                 if size and search.problem.own_rest and trial.effect.timed:
                     size *= OWN_REST
             if size is not None:
@@ -105,7 +113,8 @@ class _Drawn:
             taken = np.linalg.solve(whole[:, :n, :n], side)
             rest = whole[:, k - q :, k - q :] - np.swapaxes(side[:, :, :q], 1, 2) @ taken
             less = (side * taken)[:, :, q:].sum(axis=1)
-            left.append((square - less, rest[:, :, q:], rest[:, :, :q]))
+            squares, products = np.tile(square - less, 2), _with_negatives(rest[:, :, q:])
+            left.append((squares, products, rest[:, :, :q]))
         folds = np.concatenate([b.folds for b in evidence.blocks])
         known, pattern, more = map(evidence.matrix, each)
         known = np.column_stack([block_diag(*(b.nuisance for b in evidence.blocks)), known])
@@ -118,10 +127,11 @@ class _Drawn:
         design = np.column_stack([known, pattern])
         counts = known.shape[1], design.shape[1]
         errors = held_out_errors(everything, weights, design, folds, counts)
+        errors = (np.split(e / measure, [PAIRS], axis=1) for e in errors)
         return cls(
             fits,
             tuple(left),
-            tuple(np.split(e / measure, [RECORDS], axis=1) for e in errors),
+            tuple((_with_negatives(records), columns) for records, columns in errors),
             np.array([rows & of_part for rows in search.problem.groups()]),
             records.variance / measure[:, 0] ** 2,
             np.random.default_rng(search.problem.settings.seed).multinomial(
@@ -129,12 +139,16 @@ class _Drawn:
             ),
         )
 
-    def typical(self, one):
-        """Return the size along a direction of the columns, (q,), that the test alone needs."""
+    def typical(self, one, threshold, power):
+        """Return the size along a direction of the columns, (q,), that the test alone needs.
+
+        By the noncentral χ² of known noise, with its deviation from none in standard deviations.
+        """
         q = self.fits[1].theta.shape[1] - self.fits[0].theta.shape[1]
         point = int(np.argmax(self.fits[1].log_weight))
         own = np.linalg.inv(self.fits[1].covariance[point][-q:, -q:])
-        return np.sqrt(10.0 / (one @ own @ one))
+        needed = np.sqrt(chndtrinc(chdtri(q, np.exp(threshold)), q, 1 - power))
+        return needed / np.sqrt(one @ own @ one), needed
 
     def found(self, one, size, axes, threshold, kept=True):
         """Return the share of the records in which a size along a direction is found."""
@@ -171,6 +185,11 @@ class _Drawn:
         return ndtr(np.log(MARGIN**2 / np.max(more / noise, axis=0)) / SOFT)
 
 
+def _with_negatives(records):
+    """Return numbers of records, (..., m), followed by those of their negatives, (..., 2 m)."""
+    return np.concatenate([records, -records], axis=-1)
+
+
 def _with_pattern(search, effects, axis, records, one, size, **rules):
     """Return the share that is found where the noise is what data with the pattern let expect."""
     fold_fit, (base, own, added) = search.fold_fit(effects[0]), effects
@@ -181,29 +200,27 @@ def _with_pattern(search, effects, axis, records, one, size, **rules):
     return _Drawn.of(search, other.fold_fit(), effects, axis, records).found(one, size, **rules)
 
 
-def _least(share, smallest, power):
-    """Return the size, not below the smallest, of which a share is found; None at none."""
+def _least(share, start, power, strength):
+    """Return the size of which a share is found; None at none of `LARGEST` of the start.
 
-    def missing(size):
-        """Return by how much a size misses the wanted power, in normal quantiles."""
-        return float(ndtri(power) - ndtri(np.clip(share(size), 1 / RECORDS, 1 - 1 / RECORDS)))
-
-    low, high = None, smallest
-    excess = missing(high)
-    while excess > 0:
-        low, lacking, high = high, excess, high * STEP
-        if high > LARGEST * smallest:
-            return None
-        excess = missing(high)
-    if low is None:
-        return smallest
-    # where two processors take different sides of a zero they still find the same size
-    size = low * (high / low) ** (lacking / (lacking - excess))
-    if (between := missing(size)) > 0:
-        low, lacking = size, between
-    else:
-        high, excess = size, between
-    return low * (high / low) ** (lacking / (lacking - excess))
+    By secants in the logarithm of the size, within what was too small and what was found.
+    `strength` is by how many normal quantiles a size that is e times as large is found more often.
+    """
+    wanted, last, slope = ndtri(power), None, strength
+    size, small, large = np.log(start), -np.inf, np.inf
+    while size <= np.log(LARGEST * start):
+        # by how much it misses the wanted power
+        missing = wanted - ndtri(np.clip(share(np.exp(size)), 1 / RECORDS, 1 - 1 / RECORDS))
+        small, large = (size, large) if missing > 0 else (small, size)
+        if last:
+            slope = (last[1] - missing) / (size - last[0])
+            slope = np.clip(slope, strength / STEEPER, strength * STEEPER)
+        step = np.clip(missing / slope, -np.log(STEP), np.log(STEP))
+        following = size + step if small < size + step < large else (small + large) / 2
+        if last and abs(following - size) < CLOSE:
+            return float(np.exp(following))
+        last, size = (size, missing), following
+    return None
 
 
 @dataclass(frozen=True)
@@ -223,9 +240,9 @@ class _Records:
         rng, values, variance = np.random.default_rng(seed), [], []
         # each hypothesis as often as it is likely, by numbers that rounding does not move
         share = np.cumsum(np.round(fit.weight, 6))
-        drawn = np.searchsorted(share / share[-1], (np.arange(RECORDS) + 0.5) / RECORDS)
+        drawn = np.searchsorted(share / share[-1], (np.arange(PAIRS) + 0.5) / PAIRS)
         for block in fold_fit.evidence.blocks:
-            white, spread = rng.standard_normal((len(block.values), RECORDS)), 0.0
+            white, spread = rng.standard_normal((len(block.values), PAIRS)), 0.0
             for h in np.unique(drawn):
                 precision = block.noise.precision[h] / fit.scale[h]
                 # with L Lᵀ = P white numbers become noise by L⁻ᵀ
@@ -244,7 +261,7 @@ class _Records:
         before differ in size alone, and are not computed twice.
         """
         known = evidence.squares.setdefault(i, {}) if evidence is self.evidence else {}
-        drawn = list(zip(self.drawn.tolist(), range(RECORDS), strict=True))
+        drawn = list(zip(self.drawn.tolist(), range(PAIRS), strict=True))
         new = [m for m, key in enumerate(drawn) if key not in known]
         if new:
             values = self.values[i][:, new]

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
-from imuloop.calibrate.noise_components import ROUGH, likely_sizes, total
+from imuloop.calibrate.noise_components import ROUGH, SizeLikelihood, likely_sizes, total
 from imuloop.calibrate.sensor_pair import OF_SENSOR
 from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
@@ -194,7 +194,9 @@ class PoseProblem:
         estimated = np.array([component.size for component in slow])
         first = np.array([component.size for component in components])
 
-        likeliest = likely_sizes(values, jacobian, covariance, components)
+        likelihood = SizeLikelihood(jacobian, covariance, components)
+        likeliest = likelihood.maximised(values, likelihood.projection())
+        at_likeliest = likelihood.projection(likeliest)
         as_estimated = precision(total(covariance, components, first))
 
         def hypotheses(likeliest):
@@ -206,8 +208,7 @@ class PoseProblem:
 
         def noise_with(values):
             """Return what the noise may be by other residuals."""
-            data = values, jacobian, covariance, components
-            return hypotheses(likely_sizes(*data, start=likeliest, rise=ROUGH))
+            return hypotheses(likelihood.maximised(values, at_likeliest, ROUGH))
 
         noisy = likely_sizes(values, jacobian, covariance, slow)
         off = (noisy - estimated) / [component.deviation for component in slow]
