@@ -1,4 +1,4 @@
-"""Logs whose stamps jump ahead: two runs of one session, whatever lies between, in all stages."""
+"""Logs whose stamps jump ahead: two power cycles of a session, in all stages."""
 
 import resource
 

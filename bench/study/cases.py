@@ -61,8 +61,8 @@ def all_cases(plan="usual", limits=LIMITS):
             if sensor in effect.sensors
             and "poses" in effect.records
             and not effect.unobservable
-            # the devices have one run: tests/diagnose/test_turn_on_bias.py has three
-            and "run" not in effect.needs
+            # the devices have one power cycle: tests/diagnose/test_turn_on_bias.py has three
+            and "power_cycle" not in effect.needs
         ]
         cases += [Case("effect", "poses", sensor, (name,)) for name in sorted(of_poses)]
         known = [name for name in at_rest if name in Effect.library]

@@ -197,14 +197,14 @@ def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, own, variance, w
     assert found.startswith(", ".join(c for c in CHANNELS if c in both) + f" {what}")
 
 
-def test_a_bias_that_differs_from_run_to_run_is_as_sure_as_its_runs_agree():
+def test_a_bias_that_differs_between_power_cycles_is_as_sure_as_they_agree():
     made, known = recording(TRUTH, 0), known_noise(TRUTH)
     rng, off = np.random.default_rng(3), 0.01
     count, pulls = 4, []
-    run = np.arange(len(made.poses)) * count // len(made.poses)
+    cycle = np.arange(len(made.poses)) * count // len(made.poses)
     for _ in range(400):
-        w = made.poses.w + off * rng.standard_normal((count, 3))[run]
-        rest = rest_bias(replace(made.poses, w=w, run=run), known, RATE_UNIT, "bias only")
+        w = made.poses.w + off * rng.standard_normal((count, 3))[cycle]
+        rest = rest_bias(replace(made.poses, w=w, power_cycle=cycle), known, RATE_UNIT, "bias only")
         pulls.append((rest.b - TRUTH.gyroscope.b) / [rest.std[f"b{k}"] for k in range(3)])
     # Student's t with three degrees of freedom: within 3.182 in 95 %
     assert np.mean(np.abs(pulls) < student.ppf(0.975, count - 1)) == pytest.approx(0.95, abs=0.02)

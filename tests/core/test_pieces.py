@@ -22,8 +22,8 @@ N = 4001
 DESIGNED = [
     name
     for name, cls in Effect.library.items()
-    # one of runs is zero in a log
-    if "design" in vars(cls) and "run" not in cls.needs
+    # one of power cycles is zero in a log
+    if "design" in vars(cls) and "power_cycle" not in cls.needs
 ]
 
 

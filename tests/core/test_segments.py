@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.samples import CHANNELS
-from imuloop.core.segments import runs, segment_table
+from imuloop.core.segments import power_cycles, segment_table
 
 
 def samples(temperature):
@@ -42,8 +42,8 @@ def test_a_gap_longer_than_all_that_was_recorded_ends_a_run():
         "end_s": np.append(start[1:], 1e9 + 10),
         "kind": ["static", "gap", "motion", "gap", "disturbed", "static", "gap"],
     }
-    assert runs(table).tolist() == [0] * 7
+    assert power_cycles(table).tolist() == [0] * 7
     # 10 s + 9 s + 9 s + 5 s were recorded
     table["kind"][4:] = ["gap", "static", "static"]
-    assert runs(table).tolist() == [0, 0, 0, 0, 1, 1, 1]
-    assert runs({name: [] for name in table}).tolist() == []
+    assert power_cycles(table).tolist() == [0, 0, 0, 0, 1, 1, 1]
+    assert power_cycles({name: [] for name in table}).tolist() == []

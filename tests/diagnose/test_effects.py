@@ -45,8 +45,8 @@ def log(n=400, seed=0, dt=0.05):
     swing = np.einsum("nk,skj->snj", np.sin(tones), rng.normal(size=(2, 3, 3)))
     f = G * np.array([0.4, -0.5, 0.77]) + 2.0 * swing[0]
     warm = 22 + 9 * np.sin(2 * np.pi * t / t[-1]) + 0.1 * t
-    run = (3 * np.arange(n)) // n
-    return Channels(t, f, swing[1] + [0.2, -0.1, 0.3], warm, run=run)
+    cycle = (3 * np.arange(n)) // n
+    return Channels(t, f, swing[1] + [0.2, -0.1, 0.3], warm, power_cycle=cycle)
 
 
 def shapes(name, channels=None):
@@ -94,8 +94,8 @@ def written_out(shape, p, channels):
         orders = range(1, shape.order + 1)
         return sum(np.outer(warmer**n, physics.of_axes(p, f"c{n}")) for n in orders)
     if shape.name == "turn_on_bias":
-        sizes = [physics.of_axes(p, f"s{run}") for run in range(2, shape.runs + 1)]
-        return np.array([-sum(sizes), *sizes])[channels.run]
+        sizes = [physics.of_axes(p, f"s{cycle}") for cycle in range(2, shape.runs + 1)]
+        return np.array([-sum(sizes), *sizes])[channels.power_cycle]
     return physics.EFFECTS[shape.name](channels, p, asdict(shape))
 
 
@@ -136,7 +136,7 @@ def test_an_effect_is_held_to_what_its_data_showed(shape):
         whole.t[100:150],
         *(0.3 * v[100:150] for v in (whole.output, whole.other)),
         whole.temperature[100:150],
-        run=whole.run[100:150],
+        power_cycle=whole.power_cycle[100:150],
     )
     free = replace(fitted(shape, 6), std=dict.fromkeys(shape.parameters, 0.5))
     held = free.with_ranges([some])
@@ -166,9 +166,9 @@ def test_a_range_that_is_none_is_an_error(seen):
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_calibration_undoes_what_the_simulator_adds(shape):
-    if "run" in shape.needs:
-        # of a run that it does not know a calibration knows nothing
-        assert not fitted(shape, 4).output(replace(log(), run=None)).any()
+    if "power_cycle" in shape.needs:
+        # of a power cycle that it does not know a calibration knows nothing
+        assert not fitted(shape, 4).output(replace(log(), power_cycle=None)).any()
         return
     truth, channels = example_truth(), log(600, 3)
     # each parameter adds some hundredths of its unit

@@ -1,4 +1,4 @@
-"""Power cycles: the bias jumps from run to run, is named with its size, and is no drift."""
+"""Power cycles: the bias jumps between power cycles, is named with its size, and is no drift."""
 
 from dataclasses import replace
 
@@ -26,14 +26,14 @@ PLAN = SessionTruth("multi_position", poses=16, rest_s=(4.0, 4.0), move_s=(2.0, 
 TRUTH = example_truth(sessions={"multi_position": PLAN}, rate=50.0)
 
 
-def power_cycles(seed, runs=3, size=1.0):
-    """Return the recording of several runs, and the offset of each run and sensor."""
+def power_cycles(seed, number=3, size=1.0):
+    """Return the recording of several power cycles, and the offset of each and sensor."""
     rng, samples, jumps = np.random.default_rng(seed), [], []
-    for run in range(runs):
+    for cycle in range(number):
         jump = {s: tuple(rng.normal(0, size * SIZE[s], 3)) for s in SENSORS}
-        plan = replace(PLAN, turn_on=jump, seed=10 * seed + run)
+        plan = replace(PLAN, turn_on=jump, seed=10 * seed + cycle)
         truth = replace(TRUTH, sessions={"multi_position": plan})
-        samples.append(simulate_session(truth, "multi_position", 10 * seed + run))
+        samples.append(simulate_session(truth, "multi_position", 10 * seed + cycle))
         jumps.append(jump)
     segments = [segment_session(s, "multi_position", SegmentSettings())[0] for s in samples]
     return record(samples, segments, 30.0), jumps
@@ -48,7 +48,7 @@ def cycles():
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
-def test_jumps_from_run_to_run_are_named_with_their_size(cycles, sensor):
+def test_jumps_between_power_cycles_are_named_with_their_size(cycles, sensor):
     _, jumps, found = cycles
     content = found.contents[sensor]
     assert [e["name"] for e in content["effects"]] == ["turn_on_bias"]
@@ -59,7 +59,7 @@ def test_jumps_from_run_to_run_are_named_with_their_size(cycles, sensor):
     values = np.array(list(effect["parameters"].values()))
     score = (values - true) / np.array(list(effect["std"].values()))
     assert np.abs(score).max() < 4
-    std, interval = find_effect("turn_on_bias")(3).run_to_run(effect["parameters"])
+    std, interval = find_effect("turn_on_bias")(3).repeatability(effect["parameters"])
     assert np.all((interval[0] < SIZE[sensor]) & (SIZE[sensor] < interval[1]))
     np.testing.assert_allclose(std, b.std(axis=0, ddof=1), rtol=0.3)
 
@@ -69,7 +69,7 @@ def test_scale_and_misalignment_are_as_good_as_of_one_run(cycles):
     pair = pair_of(TRUTH, recording)
     one, jumpy = (
         pair.calibrations(pair.fit(own))
-        for own in (recording.select(recording.poses.run == 0), recording)
+        for own in (recording.select(recording.poses.power_cycle == 0), recording)
     )
     for sensor in SENSORS:
         all_, single, mixed = (c[sensor].std for c in (found.calibrations, one, jumpy))
@@ -78,7 +78,7 @@ def test_scale_and_misalignment_are_as_good_as_of_one_run(cycles):
         assert all(mixed[name] > 3 * all_[name] for name in names)
 
 
-def test_runs_of_one_bias_have_none(monkeypatch):
+def test_power_cycles_of_one_bias_have_none(monkeypatch):
     def of_turn_on(search, base, trial, *how, **more):
         own = trial.effect.name == "turn_on_bias"
         return detection_limits(search, base, trial, *how, **more) if own else {}
@@ -91,11 +91,11 @@ def test_runs_of_one_bias_have_none(monkeypatch):
         assert candidate["status"] == "rejected" and candidate["detection_limit"]
 
 
-def test_a_check_allows_for_what_the_runs_showed(cycles):
-    """Of the next run no calibration knows the bias; it moves by as much as the others did."""
+def test_a_check_allows_for_what_the_power_cycles_showed(cycles):
+    """No calibration knows the bias of the next power cycle; it moves by as much as the others."""
     *_, found = cycles
     sensors = (found.calibrations[s] for s in SENSORS)
     calibration = Calibration("d", TRUTH.gravity, *sensors)
-    log, _ = power_cycles(7, runs=1)
+    log, _ = power_cycles(7, number=1)
     assert not check_drift(calibration, log, known_noise(TRUTH)).drifted
     assert check_drift(calibration, log, known_noise(TRUTH), turn_on=(0.0, 0.0)).drifted

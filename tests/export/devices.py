@@ -114,7 +114,7 @@ def without_flicker(exported):
 
 
 def power_cycled(exported, sensors=("accelerometer", "gyroscope")):
-    """Return the device with the biases of three runs, and their deviation, 0.01 SI on x."""
+    """Return the device with biases of three power cycles, and their deviation, 0.01 SI on x."""
     effect = TurnOnBias(3)
     values = dict.fromkeys(effect.parameters, 0.0) | {"s2x": 0.01, "s3x": 0.0, "s2z": 2e-3}
     for name in sensors:

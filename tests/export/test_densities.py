@@ -230,12 +230,12 @@ def test_what_a_tool_reads_bounds_the_allan_curve_of_every_axis(form):
 
 
 @FORMATS
-def test_a_bias_that_moves_from_run_to_run_says_where_a_filter_begins(form):
-    begin = "3 runs): start a filter's bias with this standard deviation"
+def test_a_bias_that_differs_between_power_cycles_says_where_a_filter_begins(form):
+    begin = "3 power cycles): start a filter's bias with this standard deviation"
     text = form.text(power_cycled(device()))
     for sensor, unit in (("accelerometer", "m/s^2"), ("gyroscope", "rad/s")):
         sizes = f"0.01, 0, 0.002 {unit}"
-        line = f"# {sensor}: turn-on bias, run to run {sizes} (1 sigma of x, y, z; {begin}\n"
+        line = f"# {sensor}: turn-on bias over power cycles {sizes} (1 sigma of x, y, z; {begin}\n"
         assert text.count(line) == 1
     assert "turn-on bias" not in form.text(device())
 

@@ -22,7 +22,7 @@ def test_means_do_not_cross_a_cut():
     assert list(found) == [1, 5, 2]
 
 
-def runs(tilts, rates=(1e-3, 3e-3, 5e-3)):
+def rests(tilts, rates=(1e-3, 3e-3, 5e-3)):
     """Means of sessions tilted about x by these angles, degrees, with these rates about z."""
     return {
         str(i): {"ax": 0.0, "ay": 9.8 * np.sin(a), "az": 9.8 * np.cos(a)}
@@ -32,7 +32,7 @@ def runs(tilts, rates=(1e-3, 3e-3, 5e-3)):
 
 
 def test_runs_in_one_attitude_give_all_axes():
-    found = repeatability(runs([0.0, 0.3, 0.9]))
+    found = repeatability(rests([0.0, 0.3, 0.9]))
     assert list(found) == list(CHANNELS)
     assert found["gz"] == {"std": pytest.approx(2e-3), "sessions": 3}
     expected = 9.8 * np.std(np.sin(np.radians([0.0, 0.3, 0.9])), ddof=1)
@@ -40,13 +40,13 @@ def test_runs_in_one_attitude_give_all_axes():
 
 
 @pytest.mark.parametrize("tilts", [[0.0, 1.1], [0.0, 0.9, -0.9], [0.0, 180.0]])
-def test_gravity_in_another_attitude_is_no_run_to_run_change(tilts):
-    found = repeatability(runs(tilts))
+def test_gravity_in_another_attitude_is_no_change_of_the_bias(tilts):
+    found = repeatability(rests(tilts))
     assert all(found[axis] is None for axis in ACCELERATION)
     assert found["gz"]["sessions"] == len(tilts)
 
 
 def test_one_run_has_no_repeatability_and_free_fall_no_attitude():
-    assert repeatability(runs([0.0])) is None
+    assert repeatability(rests([0.0])) is None
     floating = dict.fromkeys(CHANNELS, 0.0)
     assert repeatability({"a": floating, "b": floating})["az"] is None

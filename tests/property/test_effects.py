@@ -32,10 +32,10 @@ def test_any_term_of_the_accelerometer_lowers_chi_square(bias, scale, terms, see
     assert np.all(np.diff(found) <= 1e-7 * found[0]), found
 
 
-def of_two_runs(recording):
-    """Return a recording whose second half counts as a run of its own."""
+def of_two_power_cycles(recording):
+    """Return a recording whose second half counts as a power cycle of its own."""
     n = len(recording.poses)
-    return replace(recording, poses=replace(recording.poses, run=2 * np.arange(n) // n))
+    return replace(recording, poses=replace(recording.poses, power_cycle=2 * np.arange(n) // n))
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +43,7 @@ def made():
     """Two recordings that warm up, their pairs of sensors, fits, and the noise of these."""
     truth, found = planned(example_truth(), temperature=((0, 18), (150, 33), (500, 21))), []
     for seed in (1, 2):
-        one = of_two_runs(recording(truth, seed))
+        one = of_two_power_cycles(recording(truth, seed))
         pair = pair_of(truth, one)
         x = pair.fit(one).fit.x
         found.append((one, pair, x, pair.covariance_at(x, one).by(pair.noise)))
@@ -61,7 +61,9 @@ def test_any_effect_of_the_library_lowers_chi_square(made, effect):
         for one, pair, x, covariance in made:
             t = one.poses.mid_s
             own, other = (one.poses.f, one.poses.w)[:: 1 if sensor == "accelerometer" else -1]
-            channels = Channels(t, own, other, one.poses.temperature, run=one.poses.run)
+            channels = Channels(
+                t, own, other, one.poses.temperature, power_cycle=one.poses.power_cycle
+            )
             # a scan finds the time of a step
             shapes = effect.shapes(channels) or (effect(times=(float(t.mean()),)),)
             wide = of_sensor(sensor, shapes[-1])

@@ -112,7 +112,7 @@ def test_parameters_are_named_by_time_and_session_and_runs_have_their_scatter():
     rows = table_of("steps", steps, "rad/s", times=[30.0, 7200.0], sessions=["night", "day"])
     assert [row[0] for row in rows[2:4]] == ["h1z, night at 30.0 s", "h2x, day at 2.00 h"]
     runs = {f"s{k}{axis}": v for k, v in ((2, 0.02), (3, -0.02)) for axis in "xyz"}
-    (row,) = (r for r in table_of("turn_on_bias", runs, "m/s^2", runs=3) if "run, x" in r[0])
+    (row,) = (r for r in table_of("turn_on_bias", runs, "m/s^2", runs=3) if "cycles, x" in r[0])
     # 0.02 m/s^2; chi square with 2 degrees of freedom: 0.0506 and 7.378
     assert row[1:3] == ["2.04", "mg"] and "95 % interval 1.06 to 12.8 mg" in row[0]
 

@@ -258,8 +258,9 @@ def by_turns(turns, unit):
 def rest_bias(poses, noise, unit, reason):
     """Return the calibration of a gyroscope that only rested: its bias, weighted by the noise.
 
-    Where it differs more from run to run than noise lets expect, the mean over the runs, with the
-    variance ``s²/n`` of n runs. Nominal without a rest, or where the noise of an axis is not known.
+    Where it differs more between power cycles than noise lets expect, the mean over them, with the
+    variance ``s²/n`` of n power cycles. Nominal without a rest, or where the noise of an axis is
+    not known.
     """
     silent = poses.unknown_noise(noise, ANGULAR_RATE)
     if silent or not len(poses):
@@ -269,10 +270,10 @@ def rest_bias(poses, noise, unit, reason):
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
     total = weights.sum(axis=1)
     bias, variance = np.einsum("an,na->a", weights, poses.w) / total, 1 / total
-    runs = [weights * (poses.run == run) for run in np.unique(poses.run)]
-    if len(runs) > 1:
-        each = np.array([np.einsum("an,na->a", w, poses.w) / w.sum(axis=1) for w in runs])
-        scatter = each.var(axis=0, ddof=1) / len(runs)
+    cycles = [weights * (poses.power_cycle == k) for k in np.unique(poses.power_cycle)]
+    if len(cycles) > 1:
+        each = np.array([np.einsum("an,na->a", w, poses.w) / w.sum(axis=1) for w in cycles])
+        scatter = each.var(axis=0, ddof=1) / len(cycles)
         bias = np.where(scatter > variance, each.mean(axis=0), bias)
         variance = np.maximum(scatter, variance)
     return replace(

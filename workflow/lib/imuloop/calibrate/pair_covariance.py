@@ -20,9 +20,9 @@ class PairCovariance:
     """The covariance of the residuals of a PairModel that the noise predicts.
 
     Every channel has means at the poses and over parts of each move; what each makes of a residual
-    is the gain. What a move has of slow noise the poses beside it have too; noise of different runs
-    is independent. White noise within a move, and errors of its time stamps, enter its rotation and
-    its velocity alike.
+    is the gain. What a move has of slow noise the poses beside it have too; noise of different
+    power cycles is independent. White noise within a move, and errors of its time stamps, enter its
+    rotation and its velocity alike.
     """
 
     def __init__(self, x, model, recording):
@@ -56,7 +56,7 @@ class PairCovariance:
         """Covariance of the means by flicker and by walk of size one, the bias taken out."""
         ones = {term: AxisNoise(**{term: Coefficient(1.0)}) for term in "BK"}
         return {
-            term: self._about_mean(by_run(*self._windows, one, self._edges))
+            term: self._about_mean(by_power_cycle(*self._windows, one, self._edges))
             for term, one in ones.items()
         }
 
@@ -79,26 +79,26 @@ class PairCovariance:
 
     @cached_property
     def _windows(self):
-        """Runs of all means, at the poses and over parts of the moves, (M,); windows, s, (M, 2)."""
+        """Power cycle, (M,), and window, s, (M, 2), of each mean at a pose or in a move."""
         poses, rotations = self.poses, self.rotations
         edges = np.linspace(rotations.start_s, rotations.end_s, PARTS + 1)
         parts = np.stack([edges[:-1].T.ravel(), edges[1:].T.ravel()], axis=1)
-        runs = np.append(poses.run, np.repeat(poses.run[rotations.first], PARTS))
-        return runs, np.concatenate([poses.windows, parts])
+        cycles = np.append(poses.power_cycle, np.repeat(poses.power_cycle[rotations.first], PARTS))
+        return cycles, np.concatenate([poses.windows, parts])
 
     @cached_property
     def _edges(self):
-        """What the covariances of all axes share, by run."""
-        runs, windows = self._windows
-        return {run: edges(windows[runs == run]) for run in np.unique(runs).tolist()}
+        """What the covariances of all axes share, by power cycle."""
+        cycles, windows = self._windows
+        return {k: edges(windows[cycles == k]) for k in np.unique(cycles).tolist()}
 
     def _of_means(self, noise, axis):
         """Return the covariance of one channel's means at the poses and over the moves."""
         poses, model, n = self.poses, noise.axes[CHANNELS[axis]], len(self.poses)
         fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
-        whole = quick = by_run(*self._windows, model, self._edges)
+        whole = quick = by_power_cycle(*self._windows, model, self._edges)
         if fast != model:
-            quick = by_run(*self._windows, fast, self._edges)
+            quick = by_power_cycle(*self._windows, fast, self._edges)
         slow, diagonal = self._about_mean(whole - quick), quick.diagonal().copy()
         if whole.any():
             diagonal[:n] += poses.added[:, axis]
@@ -190,10 +190,10 @@ def _through(gain, covariance):
     return gain @ (gain @ covariance).T
 
 
-def by_run(runs, windows, noise, shared):
-    """Return the covariance of means over n windows by an AxisNoise, (n, n), and `edges` by run."""
-    found = np.zeros((len(runs),) * 2)
-    for run, own_edges in shared.items():
-        own = np.flatnonzero(runs == run)
+def by_power_cycle(cycles, windows, noise, shared):
+    """Return the covariance of means over n windows by an AxisNoise, (n, n)."""
+    found = np.zeros((len(cycles),) * 2)
+    for cycle, own_edges in shared.items():
+        own = np.flatnonzero(cycles == cycle)
         found[np.ix_(own, own)] = noise.mean_covariance(windows[own], own_edges)
     return found

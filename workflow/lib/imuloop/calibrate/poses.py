@@ -11,7 +11,7 @@ from imuloop.calibrate.gaps import Lost, errors_of_time
 from imuloop.calibrate.undersampling import PARTS, aliased_turns
 from imuloop.core.noise_model import without_weight
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, lost_samples
-from imuloop.core.segments import GAP, STATIC, runs
+from imuloop.core.segments import GAP, STATIC, power_cycles
 from imuloop.segment.windows import DECIDING
 
 # at both ends of a rest in the hand its samples count less and less, s
@@ -29,10 +29,10 @@ UNEVEN = 0.1
 class Poses:
     """Means over n static poses, arrays with a row per pose."""
 
-    # session, and run (`imuloop.core.segments.runs`): no two sessions share one, and noise of
-    # different runs is independent
+    # session, and power cycle (`imuloop.core.segments.power_cycles`): no two sessions share one,
+    # and noise of different power cycles is independent
     session: np.ndarray
-    run: np.ndarray
+    power_cycle: np.ndarray
     start_s: np.ndarray  # first and last instant, s on the session's clock
     end_s: np.ndarray
     duration_s: np.ndarray  # s at rest, less than end - start where a rest was interrupted
@@ -71,14 +71,14 @@ class Poses:
     def mean_covariance(self, noise):
         """Return the covariance of the pose means that a NoiseModel predicts, (6, n, n).
 
-        SI units squared, in the order ax … gz. Runs are independent. An axis whose noise is not
-        known gets the white part alone, the variance within the pose over its samples. What
+        SI units squared, in the order ax … gz. Power cycles are independent. An axis whose noise is
+        not known gets the white part alone, the variance within the pose over its samples. What
         rounding and tilts add is independent from pose to pose.
         """
         windows = self.windows
         whole = np.zeros((6, len(self), len(self)))
-        for run in np.unique(self.run):
-            own = np.flatnonzero(self.run == run)
+        for cycle in np.unique(self.power_cycle):
+            own = np.flatnonzero(self.power_cycle == cycle)
             whole[:, own[:, None], own] = noise.pose_mean_covariance(windows[own])
         for axis, each in enumerate(whole):
             known = each.any()
@@ -160,10 +160,10 @@ def gather_poses(segments):
         return np.concatenate([np.zeros(0), *(np.asarray(table[name]) for table in segments)])
 
     number = column("pose").astype(int)
-    run = np.concatenate([np.zeros(0, int), *map(runs, segments)])
+    cycle = np.concatenate([np.zeros(0, int), *map(power_cycles, segments)])
     kinds = [np.asarray(table["kind"]) == STATIC for table in segments]
     held = np.concatenate([np.zeros(0, bool), *kinds]) & (number >= 0)
-    rests = np.column_stack([session, run, number])[held]
+    rests = np.column_stack([session, cycle, number])[held]
     poses, pose = np.unique(rests, axis=0, return_inverse=True)
     pose, n = pose.ravel(), column("n")[held]
     start, end = column("start_s")[held], column("end_s")[held]
@@ -178,8 +178,8 @@ def gather_poses(segments):
     np.maximum.at(last, pose, end)
     return Poses(
         session=poses[:, 0],
-        # 0, 1, ... from session to session: a run without a pose does not count
-        run=np.unique(poses[:, :2], axis=0, return_inverse=True)[1].ravel(),
+        # 0, 1, ... from session to session: one without a pose does not count
+        power_cycle=np.unique(poses[:, :2], axis=0, return_inverse=True)[1].ravel(),
         start_s=first,
         end_s=last,
         duration_s=np.bincount(pose, end - start),

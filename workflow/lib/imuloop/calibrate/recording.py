@@ -82,9 +82,10 @@ class Recording:
         """Return the same, as if samples were close enough to follow the rotations."""
         return replace(self, rotations=self.rotations.without_aliasing())
 
-    def of_new_runs(self):
-        """Return the same, its runs none of those that a calibration knows: numbers below zero."""
-        return replace(self, poses=replace(self.poses, run=-1 - self.poses.run))
+    def of_new_power_cycles(self):
+        """Return the same, its power cycles none that a calibration knows: numbers below zero."""
+        new = replace(self.poses, power_cycle=-1 - self.poses.power_cycle)
+        return replace(self, poses=new)
 
     def pose_channels(self, sensor, output, other, see=lambda values: values):
         """Return what an effect of a sensor sees at the poses.
@@ -95,7 +96,8 @@ class Recording:
         poses = self.poses
         history = self._history(sensor, output, see, partial(pose_means, poses, self.logs))
         own = output(getattr(poses, OWN[sensor][0]))
-        return Channels(poses.mid_s, own, other, poses.temperature, history, run=poses.run)
+        cycle = poses.power_cycle
+        return Channels(poses.mid_s, own, other, poses.temperature, history, power_cycle=cycle)
 
     def rotation_channels(self, sensor, output, other, see=lambda values: values):
         """Return the same along the rotations, m of k samples; the other sensor is (m, k, 3)."""
@@ -112,7 +114,7 @@ class Recording:
             other.reshape(-1, 3),
             None if temperature is None else temperature.ravel(),
             self._history(sensor, output, see, at_samples),
-            run=np.repeat(self.poses.run[rotations.first], rotations.t.shape[1]),
+            power_cycle=np.repeat(self.poses.power_cycle[rotations.first], rotations.t.shape[1]),
         )
 
     def calibrated_force(self, calibration):

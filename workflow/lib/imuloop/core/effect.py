@@ -28,8 +28,8 @@ class Channels:
     # of a log that comes in pieces: what functions that remember have kept of it so far
     past: dict | None = None
     step: float | None = None  # of a log that comes in pieces: median step of the whole, s
-    # (n,): which of the runs of the data, 0, 1, ..., each point lies in; None in a run of its own
-    run: np.ndarray | None = None
+    # (n,): which power cycle of the data, 0, 1, ..., each point lies in; None in one of its own
+    power_cycle: np.ndarray | None = None
     # takes, by name of an effect, at which points it was clamped to its range
     clamped: dict | None = None
 
@@ -80,7 +80,7 @@ class Effect:
     parameters: ClassVar[dict[str, str]]
     equation: ClassVar[str]  # what it adds
     reference: ClassVar[str]  # where it is described
-    # channels without which it cannot be seen: ``temperature``, ``run``
+    # channels without which it cannot be seen: ``temperature``, ``power_cycle``
     needs: ClassVar[tuple[str, ...]] = ()
     # data in which it is looked for: ``poses``, ``static_record``, ``motion``, ``reference``
     records: ClassVar[tuple[str, ...]] = ("poses", "static_record")

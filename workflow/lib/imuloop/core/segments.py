@@ -1,4 +1,4 @@
-"""Segments: which stretch of a session is static, motion, disturbed or a gap, and of which run.
+"""Segments: which stretch of a session is static, motion, disturbed or a gap; power cycles.
 
 A pandas DataFrame, a row a stretch in order of time: `start_s`, `end_s` (half-open, on the
 samples' clock), `kind`, `pose` (number of the attitude held; -1 where none), `n` samples, and
@@ -68,11 +68,11 @@ def _statistics(rows, name, first, last):
     return mean, sqrt((deviations**2 + (means - mean) ** 2) @ n / n.sum())
 
 
-def runs(segments):
-    """Return the number of the run that each row lies in, shape (n,).
+def power_cycles(segments):
+    """Return the number of the power cycle that each row lies in, shape (n,), from 0.
 
-    A gap longer than all that was recorded ends a run: a clock that was set, or a device that was
-    off. What lies between is not known to be time, and noise is not followed across.
+    A gap longer than all that was recorded ends one: the device was off, or its clock was set. What
+    lies between is not known to be time, and noise is not followed across.
     """
     start, end = (np.asarray(segments[name], dtype=float) for name in ("start_s", "end_s"))
     gap = np.asarray(segments["kind"]) == GAP

@@ -10,7 +10,8 @@ def candidates(sensor, record, channels):
     Of the others status and reason by type; `record` is 'poses' or 'static_record', `channels` what
     effects see in it.
     """
-    available, others = {}, {}
+    available, others, cycle = {}, {}, channels.power_cycle
+    several = cycle is not None and cycle.any()
     for cls in Effect.library.values():
         if sensor not in cls.sensors or (record not in cls.records and not cls.unobservable):
             continue
@@ -24,13 +25,13 @@ def candidates(sensor, record, channels):
                 f"the temperature changes by {span(channels):.2g} K: a thermometer's own error can "
                 f"do so up to {LEAST_SPAN:g} K",
             )
-        elif "run" in cls.needs and (channels.run is None or not channels.run.any()):
+        elif "power_cycle" in cls.needs and not several:
             others[cls] = (
                 "not_available",
-                "one run shows one bias: record several sessions, switched off and on between",
+                "one power cycle shows one bias: record several sessions, off and on between",
             )
-        elif "run" in cls.needs and channels.run.max() >= cls.bounds["runs"][1]:
-            others[cls] = ("not_available", f"more runs than {cls.bounds['runs'][1]}")
+        elif "power_cycle" in cls.needs and cycle.max() >= cls.bounds["runs"][1]:
+            others[cls] = ("not_available", f"more power cycles than {cls.bounds['runs'][1]}")
         else:
             available[cls] = tuple(cls.shapes(channels))
     return available, others

@@ -11,44 +11,46 @@ from imuloop.effects.axes import on_each_axis, per_axis
 
 @dataclass(frozen=True)
 class TurnOnBias(Effect):
-    """``e_i = s_ki`` in run k, ``Σ_k s_ki = 0``: each of several runs has a bias of its own.
+    """``e_i = s_ki`` in power cycle k, ``Σ_k s_ki = 0``: each has a bias of its own.
 
-    A run is a session, or what follows a gap longer than all that was recorded before. The bias of
-    the calibration is the mean over the runs; in a log of a run that it does not know the effect is
-    zero. Leaves: levels of the pose means that change from run to run and in no other way.
-    Imitated by: whatever differs between the runs as a whole, temperature above all.
+    A power cycle is a session, or what follows a gap longer than all that was recorded before. The
+    bias of the calibration is the mean over the power cycles; in a log of one that it does not know
+    the effect is zero. Leaves: levels of the pose means that change from one power cycle to the
+    next and in no other way. Imitated by: whatever differs between the power cycles as a whole,
+    temperature above all.
     """
 
-    runs: int = 2
+    runs: int = 2  # number of power cycles, under the name that calibration.json has
 
     name = "turn_on_bias"
-    equation = "e_i = s_ki in run k, Σ_k s_ki = 0"
+    equation = "e_i = s_ki in power cycle k, Σ_k s_ki = 0"
     reference = "IEEE Std 1554-2005, bias repeatability"
-    needs = ("run",)
+    needs = ("power_cycle",)
     records = ("poses",)
     bounds = {"runs": (2, 50)}
 
     @property
     def parameters(self):
-        """Names and units, all axes of the second run first; the first has less their sum."""
+        """Names and units: all axes of the second power cycle, …; the first has less their sum."""
         return per_axis({f"s{k}": "output" for k in range(2, self.runs + 1)})
 
     @classmethod
     def shapes(cls, channels):
-        """Return the one shape for these runs."""
-        return (cls(int(channels.run.max()) + 1),)
+        """Return the one shape for these power cycles."""
+        return (cls(int(channels.power_cycle.max()) + 1),)
 
     def design(self, channels):
-        """Return which run each point is in, against the first, shape (n, 3, 3 (runs - 1))."""
-        if channels.run is None:
+        """Return which power cycle each point is in, against the first: (n, 3, 3 (runs - 1))."""
+        if channels.power_cycle is None:
             return np.zeros((len(channels.t), 3, 3 * (self.runs - 1)))
-        first = (channels.run == 0).astype(float)
-        return on_each_axis(*((channels.run == k) - first for k in range(1, self.runs)))
+        first = (channels.power_cycle == 0).astype(float)
+        return on_each_axis(*((channels.power_cycle == k) - first for k in range(1, self.runs)))
 
-    def run_to_run(self, values):
-        """Return the run-to-run standard deviation of each axis, and its 95 % interval, (2, 3).
+    def repeatability(self, values):
+        """Return the standard deviation of the bias over power cycles, and its 95 % interval.
 
-        By χ² with one degree of freedom less than there are runs. Takes the parameters by name, SI.
+        Of each axis, SI, (3,) and (2, 3); by χ² with one degree of freedom less than there are
+        power cycles. Takes the parameters by name, SI.
         """
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)
         std = np.vstack([-others.sum(axis=0), others]).std(axis=0, ddof=1)

@@ -121,7 +121,7 @@ def sensor_values(exported, name):
         "late": [late_words(e) for e in effects[BIAS] if e.effect.lag],
         "seen": {key: [s for e in effects[key] if (s := seen_words(e))] for key in (BIAS, G)},
         "turn_on": [
-            (", ".join(f"{std:.3g}" for std in e.effect.run_to_run(e.values)[0]), e.effect.runs)
+            (", ".join(f"{std:.3g}" for std in e.effect.repeatability(e.values)[0]), e.effect.runs)
             for e in sensor.effects
             if e.name == TurnOnBias.name
         ],

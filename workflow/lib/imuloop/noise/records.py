@@ -12,7 +12,7 @@ from imuloop.core.samples import (
     lost_samples,
     on_own_clock,
 )
-from imuloop.core.segments import DISTURBED, STATIC, runs
+from imuloop.core.segments import DISTURBED, STATIC, power_cycles
 from imuloop.noise.sampling import SPARSEST, Sampling
 
 # sessions pool into one estimate where their rates agree within this share
@@ -38,7 +38,7 @@ class RecordedSession:
 
 @dataclass(frozen=True)
 class Record:
-    """Stretches of a session, run by run (`imuloop.core.segments.runs`).
+    """Stretches of a session, run by run (`imuloop.core.segments.power_cycles`).
 
     For each run the `slices` of its samples, and the `samplings`, where in time they lie; `jitter`
     is the spread of the sampling interval, share of its mean, `lost` the samples missing in gaps of
@@ -84,7 +84,7 @@ def record_of(session, disturbed=False):
     kind, rest = np.asarray(session.segments["kind"]), _steadiest(session.segments)
     used = np.flatnonzero(rest | (disturbed & (kind == DISTURBED)))
     start, end = (np.asarray(session.segments[c], float)[used] for c in ("start_s", "end_s"))
-    run, level = runs(session.segments)[used], np.arange(len(used))
+    cycle, level = power_cycles(session.segments)[used], np.arange(len(used))
     if session.kind == "static":
         # the disturbances before each
         level = np.cumsum(kind == DISTURBED)[used]
@@ -93,21 +93,26 @@ def record_of(session, disturbed=False):
     if disturbed:
         # stretches that follow each other without a gap are one
         new = np.r_[True, start[1:] > end[:-1]]
-        first, last, run, level = first[new], last[np.r_[new[1:], True]], run[new], 0 * level[new]
+        first, last, cycle, level = (
+            first[new],
+            last[np.r_[new[1:], True]],
+            cycle[new],
+            0 * level[new],
+        )
     kept = last - first > 1
-    first, last, level, run = first[kept], last[kept], level[kept], run[kept]
+    first, last, level, cycle = first[kept], last[kept], level[kept], cycle[kept]
     if not len(first):
         return None
     seconds, count = (t[last - 1] - t[first]).sum(), (last - first).sum()
     first, last, stretch, lost, steps, jitter = _split_at_losses(t, first, last)
-    rate, level, run = float(steps / seconds), level[stretch], run[stretch]
+    rate, level, cycle = float(steps / seconds), level[stretch], cycle[stretch]
     samplings, slices = [], []
-    for k in np.unique(run):
-        i, j = first[run == k], last[run == k]
+    for k in np.unique(cycle):
+        i, j = first[cycle == k], last[cycle == k]
         start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(j - i) - (j - i)
         # stamps that scatter must not lay one stretch over another
         start = before + np.maximum.accumulate(start - before)
-        samplings.append(Sampling(rate, start, j - i, level[run == k]))
+        samplings.append(Sampling(rate, start, j - i, level[cycle == k]))
         slices.append(tuple(map(slice, i.tolist(), j.tolist())))
     return Record(session, tuple(slices), tuple(samplings), jitter, float(lost / count))
 

@@ -142,7 +142,7 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     """
     if not len(recording.poses):
         raise ImuloopError("the log holds no rest: nothing can be tested")
-    recording, gravity = recording.of_new_runs(), gravity or calibration.gravity
+    recording, gravity = recording.of_new_power_cycles(), gravity or calibration.gravity
     turn_on = dict(zip(SENSORS, turn_on or (None, None), strict=True))
     allowed = {
         name: _turn_on(getattr(calibration, name), noise, axes, turn_on[name])
@@ -166,13 +166,13 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
 def _turn_on(sensor, noise, axes, given):
     """Return the standard deviation of the three biases from one switching on to the next, SI.
 
-    What was given, what the calibration's own runs show, or what the noise allows for.
+    What was given, what the calibration's own power cycles show, or what the noise allows for.
     """
     if given is not None:
         return (float(given),) * 3
     for each in sensor.effects:
         if isinstance(each.effect, TurnOnBias):
-            return tuple(each.effect.run_to_run(each.values)[0].tolist())
+            return tuple(each.effect.repeatability(each.values)[0].tolist())
     return tuple(float(_FLICKER * (noise.axes[axis].B.value or 0.0)) for axis in axes)
 
 

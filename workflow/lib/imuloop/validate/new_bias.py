@@ -23,7 +23,7 @@ def update_biases(calibration, recording, noise, log, *, gravity=None):
     Parameters
     ----------
     calibration, recording, noise : Calibration, Recording, NoiseModel
-        The old calibration; rests of the new log, one run; noise of the device.
+        The old calibration; rests of the new log, one power cycle; noise of the device.
     log : str
         Name of the new log, for the calibration.
     gravity : float, optional
@@ -40,7 +40,7 @@ def update_biases(calibration, recording, noise, log, *, gravity=None):
         If the log determines the bias of neither sensor.
     """
     nothing = recording.rotations.select(np.zeros(len(recording.rotations), dtype=bool))
-    rests = replace(recording.of_new_runs(), rotations=nothing)
+    rests = replace(recording.of_new_power_cycles(), rotations=nothing)
     residuals = DriftResiduals.of(calibration, rests, noise, gravity or calibration.gravity)
     _, jacobian = residuals.at(residuals.old.x)
     kept = dict(residuals.untestable)

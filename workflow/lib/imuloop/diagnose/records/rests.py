@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.core.rest_log import RestLog
 from imuloop.core.samples import Samples, read_columns
-from imuloop.core.segments import STATIC, runs
+from imuloop.core.segments import STATIC, power_cycles
 from imuloop.diagnose.records.means import static_record
 
 # s; a rest of another session stands in for a static one from this length on: a shorter one shows
@@ -33,15 +33,15 @@ class StaticData:
         return self._logs[name]
 
     def records(self, sensor, calibration, mean_time):
-        """Return the StaticRecord of each run of each session, those without a mean left out.
+        """Return the StaticRecord of each power cycle of all sessions that has a mean.
 
         Arguments as of `static_record`; for 0 s windows are the shortest worth a spectrum.
         """
         found = []
         for name, table in self.segments.items():
             record = static_record(name, self.log(name), table, calibration, sensor, mean_time)
-            run = runs(table)[np.asarray(table["kind"]) == STATIC][record.stretch]
-            found += [record.part(run == k) for k in np.unique(run)]
+            cycle = power_cycles(table)[np.asarray(table["kind"]) == STATIC][record.stretch]
+            found += [record.part(cycle == k) for k in np.unique(cycle)]
         return [r for r in found if len(r.windows)]
 
 

@@ -17,7 +17,7 @@ UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # why a static record cannot show what the poses can
 UNSEEN = {
     "bias_drift": "in a static record it is called ramp",
-    "turn_on_bias": ("every static record has a level of its own: see its scatter from run to run"),
+    "turn_on_bias": "every static record has a level of its own: see its scatter over power cycles",
 }
 ONE_ATTITUDE = "in one attitude, without a turn, it cannot be told from the bias"
 

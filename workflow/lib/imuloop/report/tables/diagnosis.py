@@ -65,10 +65,10 @@ def effect_table(sensor, part, effect):
     if effect["name"] == TurnOnBias.name:
         si = next(iter(units.values()))
         shown = data_sheet(si)
-        run_to_run, interval = TurnOnBias(**effect["constants"]).run_to_run(effect["parameters"])
-        for axis, value, low, high in zip(XYZ, run_to_run, *interval, strict=True):
+        std, interval = TurnOnBias(**effect["constants"]).repeatability(effect["parameters"])
+        for axis, value, low, high in zip(XYZ, std, *interval, strict=True):
             ends = f"{shown.size(low)} to {shown.size(high)} {shown.unit}"
-            label = f"run to run, {axis}: 1 σ, 95 % interval {ends}"
+            label = f"over power cycles, {axis}: 1 σ, 95 % interval {ends}"
             rows.append((label, shown.size(value), shown.unit))
     note = f"{known.equation} ({known.reference})." if known else ""
     if effect["constants"].get("marker"):
