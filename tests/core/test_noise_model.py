@@ -62,7 +62,7 @@ def sampled(axis, n, dt):
 def test_pose_means_are_means_of_samples(name):
     n, dt = 4000, 0.1
     axes = {**dict.fromkeys(CHANNELS, AxisNoise()), "gy": PROCESSES[name]}
-    found = NoiseModel("device", axes).pose_mean_covariance(WINDOWS)
+    found = NoiseModel("device", axes).mean_covariance(WINDOWS)
     middle = dt * (np.arange(n) + 0.5)
     average = (WINDOWS[:, :1] < middle) & (middle < WINDOWS[:, 1:])
     average = average / average.sum(axis=1, keepdims=True)
@@ -74,13 +74,13 @@ def test_pose_means_are_means_of_samples(name):
     assert error.max() < 2e-3
     assert not np.delete(found, 4, axis=0).any()
     # a ramp is no part of it
-    assert not model(AxisNoise(R=known(0.1))).pose_mean_covariance(WINDOWS).any()
+    assert not model(AxisNoise(R=known(0.1))).mean_covariance(WINDOWS).any()
 
 
 @process
 @pytest.mark.parametrize("tau", [0.01, 1.0, 37.0, 2000.0])
 def test_adjacent_means_have_the_allan_variance(name, tau):
-    c = model(PROCESSES[name]).pose_mean_covariance([[5, 5 + tau], [5 + tau, 5 + 2 * tau]])[4]
+    c = model(PROCESSES[name]).mean_covariance([[5, 5 + tau], [5 + tau, 5 + 2 * tau]])[4]
     half_variance = (c[0, 0] + c[1, 1] - 2 * c[0, 1]) / 2
     assert half_variance == pytest.approx(PROCESSES[name].allan_variance(tau), rel=1e-9)
 
@@ -110,10 +110,19 @@ def test_density_of_quantisation_is_that_of_the_samples(n):
     assert variance == pytest.approx(PROCESSES["quantisation"].allan_variance(n / RATE), rel=1e-3)
 
 
+def test_means_of_different_power_cycles_are_independent():
+    cycle = np.arange(len(WINDOWS)) % 2
+    found = model(PROCESSES["all"]).mean_covariance(WINDOWS, cycle)
+    assert not found[:, cycle[:, None] != cycle].any()
+    for k in (0, 1):
+        alone = model(PROCESSES["all"]).mean_covariance(WINDOWS[cycle == k])
+        np.testing.assert_array_equal(found[:, cycle == k][:, :, cycle == k], alone)
+
+
 @pytest.mark.parametrize("windows", [[1.0, 2.0], [[1, 2, 3]], [[2, 1]], [[1, 1]]])
 def test_wrong_windows_are_named(windows):
     with pytest.raises(ValueError, match="windows"):
-        model(AxisNoise()).pose_mean_covariance(windows)
+        model(AxisNoise()).mean_covariance(windows)
 
 
 def test_the_file_gives_back_what_was_written(tmp_path):
@@ -140,7 +149,7 @@ def test_other_sizes_are_those_of_their_axis_and_term_alone():
     assert (found.axes["gx"].K.value, found.axes["ay"].B.value) == (0.0, 0.7)
     assert found.with_sizes({("gx", "K"): 0.02, ("ay", "B"): 0.05}) == noise
     # covariances add: that of a term is the difference
-    c = [m.pose_mean_covariance(WINDOWS) for m in (noise, found)]
-    walk = model(PROCESSES["walk"]).pose_mean_covariance(WINDOWS)
+    c = [m.mean_covariance(WINDOWS) for m in (noise, found)]
+    walk = model(PROCESSES["walk"]).mean_covariance(WINDOWS)
     np.testing.assert_allclose((c[0] - c[1])[3], walk[3], rtol=1e-9)
     assert not (c[0] - c[1])[[0, 2, 4, 5]].any()

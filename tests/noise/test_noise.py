@@ -167,7 +167,7 @@ def test_all_rests_stand_in_and_say_what_they_cannot_tell():
 def test_nothing_to_use_is_a_result(sessions):
     result = estimate_noise("imu", sessions, SETTINGS)
     assert not any(axis.N.identifiable for axis in result.model.axes.values())
-    assert not result.model.pose_mean_covariance([[0, 1]]).any()
+    assert not result.model.mean_covariance([[0, 1]]).any()
     assert "no session holds a rest" in result.notes[-1]
 
 

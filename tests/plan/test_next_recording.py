@@ -117,7 +117,7 @@ def test_turns_are_as_many_as_the_level_needs(first):
 
 
 def test_an_error_weighs_as_much_as_it_moves_the_output(first):
-    one = np.sqrt(NOISE.pose_mean_covariance(np.array([[0.0, 1.0]]))[:, 0, 0])
+    one = np.sqrt(NOISE.mean_covariance(np.array([[0.0, 1.0]]))[:, 0, 0])
     force, turn = (first[1]["sensors"][sensor]["parameters"] for sensor in SENSORS)
     assert force["K1"]["weight"] == pytest.approx(force["K1"]["std"] * TRUTH.gravity / one[1])
     assert turn["T20"]["weight"] == pytest.approx(turn["T20"]["std"] * np.radians(100) / one[5])

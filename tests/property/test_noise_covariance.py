@@ -34,8 +34,8 @@ def model(noise):
 @settings(max_examples=60)
 @given(noises, windows())
 def test_it_is_symmetric_never_negative_and_knows_no_clock(noise, spans):
-    c = model(noise).pose_mean_covariance(spans)[0]
-    later = model(noise).pose_mean_covariance(spans + 4096)[0]
+    c = model(noise).mean_covariance(spans)[0]
+    later = model(noise).mean_covariance(spans + 4096)[0]
     np.testing.assert_allclose(later, c, atol=1e-7 * np.abs(c).max())
     np.testing.assert_array_equal(c, c.T)
     # judged on correlations, where no window outweighs another
@@ -50,7 +50,7 @@ def test_an_angle_is_the_sum_of_its_parts(noise, steps):
     a, b, c, d = np.cumsum(steps)
     spans = np.array([[a, b], [b, c], [a, c], [c, d]])
     length = np.diff(spans)[:, 0]
-    found = model(noise).pose_mean_covariance(spans)[0] * (length[:, None] * length)
+    found = model(noise).mean_covariance(spans)[0] * (length[:, None] * length)
     add = np.array([[1, 1, -1, 0.0]])
     # the difference of whole and parts is exactly nothing, with itself and with any other window
     assert np.abs(add @ found).max() <= 1e-9 * np.abs(found).max()

@@ -38,7 +38,7 @@ class PairCovariance:
         """
         found = 0.0
         for gain, axis in zip(self.gains, range(6), strict=True):
-            found = found + _through(gain, self._of_means(noise, axis))
+            found = found + _through(gain, self._mean_covariance(noise, axis))
         white, at = [noise.axes[name].N.square for name in CHANNELS], self.model.moves
         added = self._added(slice(None) if aliasing else slice(ALIASED, None))
         found[at[:, :, None], at[:, None]] += np.tensordot(white, self.within, 1) + added
@@ -56,7 +56,7 @@ class PairCovariance:
         """Covariance of the means by flicker and by walk of size one, the bias taken out."""
         ones = {term: AxisNoise(**{term: Coefficient(1.0)}) for term in "BK"}
         return {
-            term: self._about_mean(by_power_cycle(*self._windows, one, self._edges))
+            term: self._about_mean(one.mean_covariance(self._windows, self._edges))
             for term, one in ones.items()
         }
 
@@ -79,31 +79,34 @@ class PairCovariance:
 
     @cached_property
     def _windows(self):
-        """Power cycle, (M,), and window, s, (M, 2), of each mean at a pose or in a move."""
+        """Windows of all means, at the poses and over parts of the moves, s, (M, 2)."""
         poses, rotations = self.poses, self.rotations
         edges = np.linspace(rotations.start_s, rotations.end_s, PARTS + 1)
         parts = np.stack([edges[:-1].T.ravel(), edges[1:].T.ravel()], axis=1)
-        cycles = np.append(poses.power_cycle, np.repeat(poses.power_cycle[rotations.first], PARTS))
-        return cycles, np.concatenate([poses.windows, parts])
+        return np.concatenate([poses.windows, parts])
 
     @cached_property
     def _edges(self):
-        """What the covariances of all axes share, by power cycle."""
-        cycles, windows = self._windows
-        return {k: edges(windows[cycles == k]) for k in np.unique(cycles).tolist()}
+        """What the covariances of all axes share."""
+        cycle = self.poses.power_cycle
+        moves = np.repeat(cycle[self.rotations.first], PARTS)
+        return edges(self._windows, np.append(cycle, moves))
 
-    def _of_means(self, noise, axis):
-        """Return the covariance of one channel's means at the poses and over the moves."""
+    def _mean_covariance(self, noise, axis):
+        """Return the covariance of one channel's means at the poses and over the moves.
+
+        `AxisNoise.mean_covariance`, and what is added to the poses' means.
+        """
         poses, model, n = self.poses, noise.axes[CHANNELS[axis]], len(self.poses)
         fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
-        whole = quick = by_power_cycle(*self._windows, model, self._edges)
+        whole = quick = model.mean_covariance(self._windows, self._edges)
         if fast != model:
-            quick = by_power_cycle(*self._windows, fast, self._edges)
+            quick = fast.mean_covariance(self._windows, self._edges)
         slow, diagonal = self._about_mean(whole - quick), quick.diagonal().copy()
         if whole.any():
             diagonal[:n] += poses.added[:, axis]
             # white noise within a move does not act as its mean does
-            diagonal[n:] -= model.N.square / np.ptp(self._windows[1][n:], axis=1)
+            diagonal[n:] -= model.N.square / np.ptp(self._windows[n:], axis=1)
         else:
             # of a channel without noise the poses' own variance is known
             diagonal[:n] = poses.variance[:, axis] / poses.n
@@ -188,12 +191,3 @@ class PairCovariance:
 def _through(gain, covariance):
     """Return ``G C Gᵀ``."""
     return gain @ (gain @ covariance).T
-
-
-def by_power_cycle(cycles, windows, noise, shared):
-    """Return the covariance of means over n windows by an AxisNoise, (n, n)."""
-    found = np.zeros((len(cycles),) * 2)
-    for cycle, own_edges in shared.items():
-        own = np.flatnonzero(cycles == cycle)
-        found[np.ix_(own, own)] = noise.mean_covariance(windows[own], own_edges)
-    return found

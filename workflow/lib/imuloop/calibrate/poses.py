@@ -69,17 +69,13 @@ class Poses:
         return np.column_stack([self.mid_s - half, self.mid_s + half])
 
     def mean_covariance(self, noise):
-        """Return the covariance of the pose means that a NoiseModel predicts, (6, n, n).
+        """Return the covariance of the pose means, (6, n, n), SI units squared, in order ax … gz.
 
-        SI units squared, in the order ax … gz. Power cycles are independent. An axis whose noise is
-        not known gets the white part alone, the variance within the pose over its samples. What
-        rounding and tilts add is independent from pose to pose.
+        That of `NoiseModel.mean_covariance`, and what rounding and tilts add, independent from pose
+        to pose. An axis whose noise is not known gets the white part alone, the variance within the
+        pose over its samples.
         """
-        windows = self.windows
-        whole = np.zeros((6, len(self), len(self)))
-        for cycle in np.unique(self.power_cycle):
-            own = np.flatnonzero(self.power_cycle == cycle)
-            whole[:, own[:, None], own] = noise.pose_mean_covariance(windows[own])
+        whole = noise.mean_covariance(self.windows, self.power_cycle)
         for axis, each in enumerate(whole):
             known = each.any()
             each += np.diag(self.added[:, axis] if known else self.variance[:, axis] / self.n)

@@ -179,27 +179,43 @@ class AxisNoise:
         return total
 
     def mean_covariance(self, windows, shared=None):
-        """Return the covariance of the mean output over windows of time, shape (n, n).
+        """Return the covariance of the mean output over windows of time, shape (n, n), SI.
 
-        The levels of flicker and walk, common to all windows, are the smallest natural ones (see
-        `kernel`, walk from the first window on): they are what a fitted bias absorbs.
+        The levels of flicker and walk, common to all windows of a power cycle, are the smallest
+        natural ones (see `kernel`, walk from the first window on): they are what a fitted bias
+        absorbs. Means of different power cycles are independent. Coefficients that are not
+        identifiable count as 0; the ramp is no random process and is not part of the covariance.
+
         Takes start and end of each window, s, (n, 2), in any order; they may touch or overlap; and
-        `edges` of the same windows, where several axes have them.
+        their `edges`, where several axes have them or they lie in several power cycles.
         """
-        times, start, end, common = shared or edges(windows)
-        k = self.kernel(times, times[-1], common)
-        k = k[end] - k[start]
-        k = k[:, end] - k[:, start]
-        length = windows[:, 1] - windows[:, 0]
-        return (k + k.T) / (2 * length[:, None] * length)
+        covariance = np.zeros((len(windows),) * 2)
+        for own, times, start, end, common in edges(windows) if shared is None else shared:
+            k = self.kernel(times, times[-1], common)
+            k = k[end] - k[start]
+            k = k[:, end] - k[:, start]
+            length = windows[own, 1] - windows[own, 0]
+            covariance[np.ix_(own, own)] = (k + k.T) / (2 * length[:, None] * length)
+        return covariance
 
 
-def edges(windows):
-    """Return times at which windows start or end, from the first on, their places, and `lags`."""
-    times = np.unique(windows)
-    start, end = np.searchsorted(times, windows).T
-    times = times - times[0]
-    return times, start, end, lags(times, times[-1])
+def edges(windows, power_cycle=None):
+    """Return what covariances of means over windows share, of one power cycle after the other.
+
+    Which windows lie in it; times at which they start or end, s, from the first on; the places of
+    both among the times; and their `lags`. Takes windows, s, (n, 2), and the power cycle that each
+    lies in, (n,); one by default.
+    """
+    if power_cycle is None:
+        power_cycle = np.zeros(len(windows), dtype=int)
+    shared = []
+    for cycle in np.unique(power_cycle):
+        own = np.flatnonzero(power_cycle == cycle)
+        times = np.unique(windows[own])
+        start, end = np.searchsorted(times, windows[own]).T
+        times = times - times[0]
+        shared.append((own, times, start, end, lags(times, times[-1])))
+    return shared
 
 
 def lags(t, span):
@@ -239,19 +255,18 @@ class NoiseModel:
             axes[axis] = replace(axes[axis], **{term: coefficient})
         return replace(self, axes=axes)
 
-    def pose_mean_covariance(self, windows):
-        """Return the covariance of the mean outputs over windows of time, (n, 2), s, (6, n, n).
+    def mean_covariance(self, windows, power_cycle=None):
+        """Return `AxisNoise.mean_covariance` of all axes, shape (6, n, n).
 
-        In (m/s^2)^2 for ax, ay, az, then (rad/s)^2 for gx, gy, gz. Coefficients that are not
-        identifiable count as 0, so a model without any gives zeros. The ramp is no random process
-        and is not part of the covariance.
+        In (m/s^2)^2 for ax, ay, az, then (rad/s)^2 for gx, gy, gz; zeros of a model without any
+        coefficient. Takes windows, s, (n, 2), and the power cycle that each lies in, (n,); one by
+        default. A ValueError if a window does not end after its start.
         """
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2 or np.any(windows[:, 1] <= windows[:, 0]):
             raise ValueError("windows: a start and a later end each needed, shape (n, 2)")
-        if not len(windows):
-            return np.zeros((len(CHANNELS), 0, 0))
-        shared, covariance = edges(windows), np.empty((len(CHANNELS), len(windows), len(windows)))
+        shared = edges(windows, power_cycle)
+        covariance = np.empty((len(CHANNELS), len(windows), len(windows)))
         # an axis at a time: a record of days has thousands of windows
         for total, axis in zip(covariance, CHANNELS, strict=True):
             total[:] = self.axes[axis].mean_covariance(windows, shared)

@@ -51,7 +51,7 @@ def next_recording(diagnosed):
     steps, poses = [np.diff(log.t) for log in recording.logs], recording.poses
     # counts only where the noise of an axis is known from the poses alone
     rate = float(1 / np.median(np.concatenate(steps))) if steps else 1.0
-    floor = noise.pose_mean_covariance(np.array([[0.0, MEAN_S]]))[:, 0, 0]
+    floor = noise.mean_covariance(np.array([[0.0, MEAN_S]]))[:, 0, 0]
     white = np.median(poses.variance, axis=0) / rate if len(poses) else np.zeros(6)
     floor = np.sqrt(np.where(floor > 0, floor, white))
     if not np.all(floor > 0) or poses.unknown_noise(noise, CHANNELS):
@@ -186,7 +186,7 @@ def _rests(gyroscope, noise):
     """Return what hours at rest would add where the bias comes from rests alone."""
     entries = []
     for seconds in STATIC_S if gyroscope.method == "static" else ():
-        mean = noise.pose_mean_covariance(np.array([[0.0, seconds]]))[3:, 0, 0]
+        mean = noise.mean_covariance(np.array([[0.0, seconds]]))[3:, 0, 0]
         now = {name: std * gyroscope.raw_unit.scale for name, std in gyroscope.std.items()}
         after = {n: float((s**-2 + 1 / mean[int(n[1])]) ** -0.5) for n, s in now.items()}
         entries.append(_entry("static", seconds) | {"std": after})

@@ -45,7 +45,7 @@ class ReferenceModel:
         """What each session's nuisances are, (s, q)."""
         return self._solved[1][:, :, 0]
 
-    def mean_covariance(self, covariance):
+    def covariance_of_mean(self, covariance):
         """Return the covariance of the sessions' mean nuisances, (q, q), by that of x, (p, p)."""
         own, solved = self._solved
         slope = solved[:, :, 1:].mean(axis=0)

@@ -277,7 +277,7 @@ def _result(choices):
     }
     sessions = model.nuisances[:, :6] + np.pad(sensor.bias, ((0, 0), (0, 3)))
     # as the windows show, and as sessions differ
-    variance = np.diag(model.mean_covariance(covariance))[:6]
+    variance = np.diag(model.covariance_of_mean(covariance))[:6]
     if len(sessions) > 1:
         variance = np.maximum(variance, sessions.var(axis=0, ddof=1) / len(sessions))
     fit = sensor, solution, covariance, within, no_axes, sessions, variance
