@@ -20,6 +20,7 @@ from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.records.poses import interleaved
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import WarmUp
@@ -97,6 +98,31 @@ def test_too_few_poses_are_not_testable():
     for sensor in SENSORS:
         assert found.contents[sensor]["verdict"] == "not_testable"
         assert "4 poses found, at least 10 needed" in found.contents[sensor]["why"]
+
+
+@pytest.mark.parametrize(("poses", "folds", "needed"), [(10, 10, 12), (11, 10, 12), (12, 3, 16)])
+def test_what_calibrates_and_cannot_be_tested_names_the_poses_needed(poses, folds, needed):
+    made, settings = recording(TRUTH, 3), DiagnoseSettings(folds=folds)
+    pair, reasons = fitted_pair(TRUTH, made.select(np.arange(41) < poses))
+    found = diagnose_poses(pair, reasons, made.select(np.arange(41) < poses), settings, 0)
+    assert "accelerometer" in found.calibrations
+    why = f"{poses} poses found, {needed} needed: 10 have to remain with any of {folds} parts held"
+    assert found.contents["accelerometer"]["verdict"] == "not_testable"
+    assert found.contents["accelerometer"]["why"].startswith(why)
+    # and so many are enough
+    enough = made.select(np.arange(41) < needed)
+    keeps = [interleaved(needed, folds) != k for k in range(folds)]
+    assert pair.undetermined("accelerometer", enough, keeps) == [None] * folds
+
+
+def test_turns_too_few_with_a_part_held_out_are_named():
+    made = recording(TRUTH, 3).select(np.arange(41) < 14)
+    few = replace(made, rotations=made.rotations.select(np.arange(13) < 6))
+    found = diagnosed(TRUTH, few)
+    assert found.contents["gyroscope"]["why"] == (
+        "with one of 10 parts held out: 4 rotations between poses found, at least 5 needed for the "
+        "9 parameters of misalignment and scale factor"
+    )
 
 
 def test_a_fit_that_its_weights_do_not_allow_is_not_testable(sensitive, monkeypatch):

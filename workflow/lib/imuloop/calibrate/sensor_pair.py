@@ -378,17 +378,15 @@ class SensorPair:
         return gyroscope_lost(jacobian[:, at], white, covariance, found.x[at[6:]], largest)
 
     def undetermined(self, sensor, recording, keeps):
-        """Return for each mask of poses whether these alone do not determine a sensor."""
+        """Return for each mask of poses why these alone do not determine a sensor, or None."""
         largest = self.settings.largest_condition
         if sensor == "accelerometer":
             poses = (recording.poses.select(keep) for keep in keeps)
-            each = (accelerometer_undetermined(p, self.gravity, largest) for p in poses)
-        else:
-            # the design, but for what the parameters of a part differ by
-            jacobian, first = self.turns_derivative(recording), recording.rotations.first
-            parts = (jacobian[keep[first] & keep[first + 1]] for keep in keeps)
-            each = (gyroscope_undetermined(part, largest) for part in parts)
-        return [reason is not None for reason in each]
+            return [accelerometer_undetermined(p, self.gravity, largest) for p in poses]
+        # the design, but for what the parameters of a part differ by
+        jacobian, first = self.turns_derivative(recording), recording.rotations.first
+        parts = (jacobian[keep[first] & keep[first + 1]] for keep in keeps)
+        return [gyroscope_undetermined(part, largest) for part in parts]
 
     def turns_derivative(self, recording):
         """Return the derivative of the rotations' errors at the start of a fit, (m, 2, 12)."""

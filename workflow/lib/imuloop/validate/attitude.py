@@ -67,8 +67,10 @@ def validate_attitude(device, diagnosed, settings):
         return no_attitude(device, why or "the poses determine no calibration of the gyroscope")
     block = blocks(len(recording.poses), settings)
     keeps = [block != k for k in range(block.max() + 1)]
-    if any(any(poses.pair.undetermined(s, recording, keeps)) for s in poses.pair.estimated):
-        why = f"{len(block)} poses do not determine the model with a block of them held out"
+    estimated, undetermined = poses.pair.estimated, poses.pair.undetermined
+    reasons = [why for s in estimated for why in undetermined(s, recording, keeps) if why]
+    if reasons:
+        why = f"with a block of the {len(block)} poses held out: {reasons[0]}"
         return no_attitude(device, why)
     if poses.choices is None:
         return no_attitude(device, poses.contents["gyroscope"]["why"])

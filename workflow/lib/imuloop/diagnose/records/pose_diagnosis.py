@@ -1,11 +1,13 @@
 """Diagnosis of both sensors at the poses: what their model lacks, and what remains."""
 
+import itertools
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from scipy.linalg import LinAlgError
 
+from imuloop.calibrate.determined import LEAST_POSES
 from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, Kind, OfSensor, SensorPair
 from imuloop.core.errors import plural
@@ -86,6 +88,30 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
     )
 
 
+def undetermined_held_out(problem):
+    """Return by sensor why the poses of a PoseProblem do not determine it with a part held out."""
+    pair, recording, parts = problem.sensor, problem.recording, problem.settings.folds
+    keeps, found = [problem.fold_of_pose != k for k in range(problem.parts)], {}
+    for sensor in pair.estimated:
+        reasons = [why for why in pair.undetermined(sensor, recording, keeps) if why]
+        if reasons:
+            found[sensor] = f"with one of {problem.parts} parts held out: {reasons[0]}"
+    n, needed = len(recording.poses), poses_needed(parts)
+    if "accelerometer" in found and n < needed:
+        why = f"{n} poses found, {needed} needed: {LEAST_POSES} have to remain with any of {parts}"
+        found["accelerometer"] = f"{why} parts held out"
+    return found
+
+
+def poses_needed(parts):
+    """Return the fewest poses of which `LEAST_POSES` remain with any of so many parts held out."""
+    return next(
+        n
+        for n in itertools.count(LEAST_POSES)
+        if n - np.bincount(interleaved(n, parts)).max() >= LEAST_POSES
+    )
+
+
 def diagnose_poses(
     pair, reasons, recording, settings, tests, found=(), information=None, search_formulas=None
 ):
@@ -100,11 +126,9 @@ def diagnose_poses(
         return PoseResult(contents)
     found = [e for e in found if e.sensor in pair.estimated]
     problem = pose_problem(pair, recording, settings, tests, found, information)
-    keeps = [problem.fold_of_pose != k for k in range(problem.parts)]
-    lost = [s for s in pair.estimated if any(pair.undetermined(s, recording, keeps))]
+    lost = undetermined_held_out(problem)
     tested = [sensor for sensor in pair.estimated if sensor not in lost]
-    why = f"{len(recording.poses)} poses do not determine the model with a part held out"
-    contents |= {sensor: not_testable(why) for sensor in lost}
+    contents |= {sensor: not_testable(why) for sensor, why in lost.items()}
     try:
         if reason := problem.rejection_reason(()):
             return PoseResult(contents | {s: not_testable(reason) for s in tested}, pair)
