@@ -7,10 +7,11 @@ import numpy as np
 from scipy.integrate import cumulative_trapezoid
 from scipy.signal.windows import tukey
 
-from imuloop.calibrate.gaps import Lost, errors_of_time
+from imuloop.calibrate.errors_of_time import Lost, errors_of_time
 from imuloop.calibrate.undersampling import PARTS, aliased_turns
+from imuloop.core.gaps import lost_samples
 from imuloop.core.noise_model import without_weight
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, lost_samples
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.segments import GAP, STATIC, power_cycles
 from imuloop.segment.windows import DECIDING
 
@@ -277,7 +278,7 @@ def gather_rotations(poses, logs, segments, longest_s, clipped):
     both poses: what it begins and ends with is too slow to be told from a rest, and as an angle
     more than the noise of the time added. It is left out where it lasts longer than asked, where a
     gap interrupts it, where the angular rate reached the end of its range, and where it lost too
-    much elsewhere (`gaps.errors_of_time`). Takes the Log and the segments of each session, and
+    much elsewhere (`errors_of_time`). Takes the Log and the segments of each session, and
     which samples have the angular rate and the specific force at the end of their range, (2, N).
     """
     turns, short_enough, left_out, beyond = [], 0, [], 0

@@ -5,7 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 
-from imuloop.calibrate.gaps import Lost
+from imuloop.calibrate.errors_of_time import Lost
 from imuloop.calibrate.poses import (
     Poses,
     Rotations,

@@ -10,7 +10,7 @@ from scipy.interpolate import CubicSpline
 from scipy.optimize import minimize_scalar
 from scipy.special import zeta
 
-from imuloop.core.samples import lost_samples
+from imuloop.core.gaps import lost_samples
 
 # bands of the upper half of the spectrum, between a quarter and half the rate
 BANDS = 32
@@ -41,7 +41,7 @@ def aliased_turns(t, w, begin, last, bias, variance):
     ζ Hurwitz' function. The likeliest p of all turns (Whittle), and a of each, give the variance
     2 a f_s⁻ᵖ ζ(p) of each axis. That is of samples at instants; means over each step would be free
     of it, and a filter within the sensor is seen as a faster fall. Arguments as of
-    `gaps.errors_of_time`.
+    `errors_of_time.errors_of_time`.
 
     Returns
     -------

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from imuloop.core.samples import GAP_STEPS
+from imuloop.core.gaps import gap_limit
 
 # exponents that are summed at once: exp(±500) is far from the limits of a double
 _SUMMED = 500.0
@@ -165,7 +165,7 @@ def secant(t, values, seconds, step=None):
     s = (t + seconds - t[k])[:, None] / h
     shifted = (1 - s) ** 2 * ((1 + 2 * s) * values[k] + h * s * change[k])
     shifted += s**2 * ((3 - 2 * s) * values[k + 1] - h * (1 - s) * change[k + 1])
-    whole = (s >= 0) & (s <= 1) & (h <= GAP_STEPS * (step or usual_step(t)))
+    whole = (s >= 0) & (s <= 1) & (h <= gap_limit(step or usual_step(t)))
     moved = (np.abs(seconds) >= _INSTANT)[:, None]
     by = np.where(moved, seconds[:, None], 1.0)
     return np.where(whole & moved, (shifted - values) / by, change)

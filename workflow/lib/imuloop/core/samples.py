@@ -37,11 +37,6 @@ LOGGED_TIME = "t_logged"
 OWN_TIME = {"accelerometer": "t_accelerometer", "gyroscope": "t_gyroscope"}
 # of a reference beside the samples: quaternion, scalar first, body to world; place, m
 ORIENTATION, POSITION = ("qw", "qx", "qy", "qz"), ("px", "py", "pz")
-# a step of time longer than this many median steps is a gap: one sample lost makes it two
-GAP_STEPS = 1.5
-# over a gap of fewer, samples before and after it belong together; a clock that starts again goes
-# on after ten
-LONG_GAP_STEPS = 9.5
 
 # rows of a piece: 8 columns of it are 8 MB
 ROWS = 1 << 17
@@ -53,12 +48,6 @@ ATTRS_KEY = b"PANDAS_ATTRS"
 # other names of the columns would be in the way of what reads them, and a column outlives a
 # spreadsheet, a cut and a new name of the file
 CALIBRATED = "calibrated_by_imuloop"
-
-
-def lost_samples(steps, usual):
-    """Return how many samples each step, s, has lost; none below `GAP_STEPS` usual steps."""
-    wide = steps > GAP_STEPS * usual
-    return np.where(wide, np.rint(steps / usual), 1).astype(int) - 1
 
 
 def at_rail(samples, rails, names):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.samples import GAP_STEPS
+from imuloop.core.gaps import gap_limit
 
 # standard errors by which samples have to follow their stamps
 SURE = 4.0
@@ -29,7 +29,7 @@ class Scatter:
     """
 
     def __init__(self, step, grid=0.0):
-        self.step, self.longest = step, GAP_STEPS * step + grid
+        self.step, self.longest = step, gap_limit(step) + grid
         self._shared = self._square = self._chance = 0.0
 
     def add(self, t, w):

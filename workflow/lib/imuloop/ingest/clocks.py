@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.samples import GAP_STEPS
+from imuloop.core.gaps import gap_limit
 
 # rows after a fall of the stamps that show what it is
 AHEAD = 100
@@ -172,7 +172,7 @@ class Clock:
             return 0
         step = np.median(steps[steps > 0]).item()
         returned = np.flatnonzero(stamps > last)
-        leaps = returned.size and stamps[returned[0]] - stamps[returned[0] - 1] > GAP_STEPS * step
+        leaps = returned.size and stamps[returned[0]] - stamps[returned[0] - 1] > gap_limit(step)
         if last - first < RESET_STEPS * step or leaps:
             return 0
         if width := tick and span(last, first, step, tick):

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from imuloop.core.samples import ANGULAR_RATE, GAP_STEPS, TIME, Samples
+from imuloop.core.gaps import gap_limit
+from imuloop.core.samples import ANGULAR_RATE, TIME, Samples
 from imuloop.core.stamps import Scatter
 
 # stamps come in bursts where the median step is less than this share of the sensor's step
@@ -189,7 +190,7 @@ def rebuilt(logged, step, counts, packets=None):
 
 def _steps(measured):
     """Return the median and the mean step, s."""
-    median = measured["gaps"]["longer_than_s"] / GAP_STEPS
+    median = measured["gaps"]["longer_than_s"] / gap_limit(1.0)
     return median, measured["duration_s"] / (measured["rows"] - 1)
 
 

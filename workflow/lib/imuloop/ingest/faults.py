@@ -212,7 +212,10 @@ def time_steps(samples):
 
 
 def long_steps(samples, longest):
-    """Return the row before each step of time longer than `longest`, s, its time, and the step."""
+    """Return the row before each step of time longer than `longest`, s, its time, and the step.
+
+    What is that long is for the caller to say: a gap, or one that a device may be turned in.
+    """
     found = [(np.empty(0, dtype=int), np.empty(0), np.empty(0))]
     for row, t, steps in time_steps(samples):
         at = np.flatnonzero(steps > longest)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, GAP_STEPS, TIME
+from imuloop.core.gaps import gap_limit
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.core.units import INCREMENTS
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest.stamps import stamp_values
@@ -42,7 +43,7 @@ def steps(x, before, origin, scale, usual, constant):
         return np.full(len(x), constant), none, none
     # rows that do not go forward are dropped
     dt = np.where(x > before, (x - before) * scale, 1.0)
-    wide = none if usual is None else dt > GAP_STEPS * usual
+    wide = none if usual is None else dt > gap_limit(usual)
     return np.where(wide, usual or 1.0, dt), before < origin, wide
 
 

@@ -7,11 +7,11 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from imuloop.core.errors import plural
+from imuloop.core.gaps import GAP_STEPS, gap_limit
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     CHANNELS,
-    GAP_STEPS,
     TEMPERATURE,
     Samples,
     read_metadata,
@@ -91,7 +91,7 @@ def _time_figures(samples):
     figures["duration_s"] = float(steps.sum())
     # which leaves them in another order
     median = float(np.median(steps, overwrite_input=True))
-    limit = gaps["longer_than_s"] = GAP_STEPS * median
+    limit = gaps["longer_than_s"] = gap_limit(median)
     wide = steps > limit
     if wide.any():
         rows, starts, long = faults.long_steps(samples, limit)

@@ -7,7 +7,8 @@ import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, Lacking, RejectedLog, did_you_mean, one_line
-from imuloop.core.samples import GAP_STEPS, SENSORS, TEMPERATURE
+from imuloop.core.gaps import gap_limit
+from imuloop.core.samples import SENSORS, TEMPERATURE
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import HELD, STAMP, check_each_once, listed, without_sign
 from imuloop.ingest.raw_log import RawLog
@@ -307,7 +308,7 @@ def _nearest(clock, stream, values):
         after = np.clip(np.searchsorted(known, at), 1, len(known) - 1)
         before = known[after] - at > at - known[after - 1]
         nearest = after - before
-        near = np.abs(known[nearest] - at) <= GAP_STEPS / 2 * np.median(np.diff(known))
+        near = np.abs(known[nearest] - at) <= gap_limit(np.median(np.diff(known))) / 2
     if len(known) < 2 or len(np.unique(nearest[near])) < 2:
         raise RejectedLog(f"{stream.name} and {clock.name} share no time: their clocks differ")
     note = f"has a clock of its own: each row of {clock.name} holds its nearest sample"
@@ -323,6 +324,6 @@ def _interpolated(clock, stream, values):
     if len(known) < 2:
         return np.full(len(at), np.nan)
     after = np.clip(np.searchsorted(known, at), 1, len(known) - 1)
-    near = known[after] - known[after - 1] <= GAP_STEPS * np.median(np.diff(known))
+    near = known[after] - known[after - 1] <= gap_limit(np.median(np.diff(known)))
     between = (near & (at >= known[0]) & (at <= known[-1])) | np.isin(at, known)
     return np.where(between, np.interp(at, known, values), np.nan)

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from imuloop.core.gaps import lost_samples
 from imuloop.core.samples import (
     OWN_TIME,
     SENSORS,
     TEMPERATURE,
     TIME,
-    lost_samples,
     on_own_clock,
 )
 from imuloop.core.segments import DISTURBED, STATIC, power_cycles

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imuloop.core.samples import LONG_GAP_STEPS
+from imuloop.core.gaps import LONG_GAP_STEPS, gap_limit
 
 # a run of which a smaller share was recorded is not searched for lines: zeros in its gaps would be
 # most of the work, and each line many of equal height
@@ -78,7 +78,7 @@ class Sampling:
         missing. A line does not stay one.
         """
         gaps = self.starts[1:] - (self.starts + self.lengths)[:-1]
-        new = (gaps + 1 > LONG_GAP_STEPS) | (np.diff(self.levels) != 0)
+        new = (gaps + 1 > gap_limit(1.0, LONG_GAP_STEPS)) | (np.diff(self.levels) != 0)
         first = np.flatnonzero(np.append(True, new))
         lengths = np.add.reduceat(self.lengths, first)
         return replace(self, starts=self.starts[first], lengths=lengths, levels=self.levels[first])

@@ -107,7 +107,7 @@ def undisturbed(rows, stretches, step, settings):
     repeated on the rest, so that a tilt beside a knock, or the sway after it, is found too. A
     lasting tilt costs its transition only: before and after are separate stretches.
 
-    Takes Samples, their stretches without a gap, and the median step of time, s.
+    Takes Samples, their stretches between long gaps, and the median step of time, s.
 
     References
     ----------

@@ -21,8 +21,8 @@ def held_rests(w, stretches, step, bias, sway, shortest):
 
     By the mean rate over `WINDOW`, less the bias, (3,): from where it is first below `HOLDS` to
     where it is for the last time before it rises above `sway`, rad/s. None is shorter than
-    `SHORTEST` and `shortest`, s. Takes angular rate, rad/s, (3, n), the stretches without a gap,
-    and the step of time, s.
+    `SHORTEST` and `shortest`, s. Takes angular rate, rad/s, (3, n), the stretches between long
+    gaps, and the step of time, s.
     """
     width, rests = max(2, round(WINDOW / step)), []
     for i, j in stretches:

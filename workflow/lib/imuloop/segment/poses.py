@@ -30,7 +30,7 @@ def number_poses(rows, rests, table, stretches, settings):
     gyroscope, its bias taken from both rests, never turned by more than `turned` in between. So a
     full turn, or one about the vertical, which leave gravity where it was, make a new pose. What
     happened in a gap is not known: the rest after it is a new pose. Takes Samples, rests, their
-    rows of the table of segments, and stretches without a gap.
+    rows of the table of segments, and stretches between long gaps.
     """
     numbers = np.zeros(len(rests), dtype=np.int64)
     force, rate = (

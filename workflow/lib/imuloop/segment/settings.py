@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from imuloop.core.samples import LONG_GAP_STEPS
+from imuloop.core.gaps import LONG_GAP_STEPS
 from imuloop.core.setting import Positive, setting
 
 
@@ -46,8 +46,8 @@ class SegmentSettings:
     )
     gap_factor: float = setting(
         LONG_GAP_STEPS,
-        "A longer step of time, in median steps, is a gap: it ends a rest, and no rotation over it "
-        "is used",
+        "A longer step of time, in median steps, is a long gap: it ends a rest, and no rotation "
+        "over it is used",
         gt=1,
     )
     false_alarm: float = setting(

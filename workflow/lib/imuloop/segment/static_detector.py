@@ -28,8 +28,9 @@ class Activity:
     """Windowed variances and mean rate about each sample.
 
     Variances, (2, n), are the sums of the three windowed ones of accelerometer and gyroscope,
-    (m/s²)² and (rad/s)²; infinite where no whole window fits between two gaps, the accelerometer's
-    also where it reads zero on all axes. The rate, rad/s, (3, n), is the windowed mean.
+    (m/s²)² and (rad/s)²; infinite where no whole window fits between two long gaps,
+    the accelerometer's also where it reads zero on all axes. The rate, rad/s, (3, n), is the
+    windowed mean.
     """
 
     variances: np.ndarray
@@ -56,10 +57,10 @@ class RestLevel:
 
 
 def activity(force, rate, stretches, window):
-    """Return the Activity of a session; no window reaches across a gap.
+    """Return the Activity of a session; no window reaches across a long gap.
 
-    Takes specific force, m/s², and angular rate, rad/s, shape (3, n), the stretches without a gap
-    and the window's length, samples.
+    Takes specific force, m/s², and angular rate, rad/s, shape (3, n), the stretches between long
+    gaps, and the window's length, samples.
     """
     variances, means = np.full((2, force.shape[1]), np.inf), np.zeros_like(rate)
     for i, j in stretches:
@@ -174,7 +175,7 @@ def widened(f, w, rests, stretches, step):
     `EDGE_S` of each sensor is compared with that of the rest, by the variance of its samples there:
     the sum of the three squares is below the quantile of χ² that noise passes once in 100,000. The
     last `EDGE_S` before the first one above is left out. Takes specific force and angular rate,
-    (3, n), ranges of samples, the stretches without a gap, and the step of time, s.
+    (3, n), ranges of samples, the stretches between long gaps, and the step of time, s.
     """
     width = max(round(EDGE_S / step), 1)
     sensors = [(x, rounding_variance(x.T)) for x in (f, w)]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import TIME
 
 
@@ -12,15 +13,15 @@ def runs(mask):
 
 
 def unbroken(rows, gap_factor):
-    """Return the stretches of `Samples` without a gap, and the median step, s.
+    """Return the stretches of `Samples` between long gaps (`core.gaps`), and the median step, s.
 
-    A gap is a step of time longer than `gap_factor` times the median step. A log of fewer than
-    two samples has no step; one second stands in.
+    Long is a gap of more than `gap_factor` median steps. A log of fewer than two samples has no
+    step; one second stands in.
     """
     step = rows.interval
     if step is None:
         return np.array([[0, len(rows)]])[: len(rows)], 1.0
-    cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_factor * step)
+    cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, gap_factor))
     edges = np.concatenate([[0], cuts, [len(rows)]])
     return np.column_stack([edges[:-1], edges[1:]]), step
 

@@ -7,7 +7,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from imuloop.calibrate.recording import Log
-from imuloop.core.samples import GAP_STEPS, ORIENTATION, POSITION, read_columns, read_metadata
+from imuloop.core.gaps import gap_limit
+from imuloop.core.samples import ORIENTATION, POSITION, read_columns, read_metadata
 
 # s; length of a window of rotation, and half of one of position
 TURN, HALF = 1.0, 0.2
@@ -147,7 +148,7 @@ class ReferenceRecording:
 def _windows(log, session, kind, length, apart):
     """Return session, first, middle and last row of the windows of a log, (m, 4)."""
     step = np.median(np.diff(log.t))
-    broken = np.concatenate([[0], np.cumsum(np.diff(log.t) > GAP_STEPS * step)])
+    broken = np.concatenate([[0], np.cumsum(np.diff(log.t) > gap_limit(step))])
     known = np.isfinite(log.attitude[:, 0, 0])
     if kind == "position":
         lost = np.cumsum(~known)

@@ -15,8 +15,8 @@ import numpy as np
 
 from imuloop.calibrate.undersampling import outer_products
 from imuloop.core.errors import plural
+from imuloop.core.gaps import gap_limit, lost_samples
 from imuloop.core.rotation import mean_rates
-from imuloop.core.samples import GAP_STEPS, lost_samples
 from imuloop.core.stamps import Scatter, bend
 
 # windows of a rotation that determine the error of a gap
@@ -146,6 +146,6 @@ def _mean_square(w, lost, n, usual):
     turned = usual * np.cumsum(mean_rates(w, np.full(len(w) - 1, usual)), axis=0)
     around = np.stack([w[first + i] for i in (-1, 0, n + 1, n + 2)], axis=1)
     steps = np.tile(usual * np.array([1.0, n + 1, 1.0]), (len(first), 1))
-    over = mean_rates(around, steps, steps > GAP_STEPS * usual)[:, 1] * steps[:, 1:2]
+    over = mean_rates(around, steps, steps > gap_limit(usual))[:, 1] * steps[:, 1:2]
     error = over - (turned[first + n] - turned[first - 1])
     return error.T @ error / len(first)
