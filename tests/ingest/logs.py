@@ -78,7 +78,7 @@ def gait():
 
 
 def between_two_levels():
-    """Noise far below the step: runs of thousands of samples at one value are its nature."""
+    """Noise far below the step: stretches of thousands of samples at one value are its nature."""
     rng = np.random.default_rng(4)
     log = pd.DataFrame({"t": np.arange(30_000) / 100})
     drift = 0.4 * np.sin(np.arange(30_000) / 3000)

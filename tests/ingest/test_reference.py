@@ -55,7 +55,7 @@ def test_a_sound_reference_is_beside_the_samples(tmp_path):
     quality, samples = made(tmp_path)
     found = quality["reference"]
     assert quality["status"] == "ok"
-    # as simulated: 0.2 degrees, 1 mm, 3 % lost, 0.5 % swapped in runs of five
+    # as simulated: 0.2 degrees, 1 mm, 3 % lost, 0.5 % swapped in stretches of five
     assert found["noise"]["orientation"] == pytest.approx(np.radians(0.2), rel=0.1)
     assert found["noise"]["position"] == pytest.approx(1e-3, rel=0.1)
     assert found["lost"] == pytest.approx(0.03 * 6000, rel=0.5)

@@ -60,7 +60,7 @@ class Way:
 WAYS = {
     **{f"no header, {s!r}": (lambda log, s=s: text(log, sep=s, header=False), NUMBERS)
        for s in ",\t; "},
-    "runs of blanks": (blanks, NUMBERS),
+    "several blanks": (blanks, NUMBERS),
     "byte order mark, preamble, blank lines, other columns":
         (lambda log: PREAMBLE + text(log.assign(note="still")[["note", *log]]), {}, (),
          {"bad_lines": 0, "warnings": ["1 line(s) before the table skipped"]}),

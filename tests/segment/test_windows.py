@@ -1,15 +1,8 @@
-"""Sliding statistics and ranges of samples against a direct computation."""
-
-from itertools import pairwise
+"""Sliding statistics against a direct computation."""
 
 import numpy as np
-import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from imuloop.core.samples import Samples
-from imuloop.segment.stretches import merged, runs, unbroken, without
 from imuloop.segment.windows import rounding_variance, sliding_statistics
 
 
@@ -46,29 +39,3 @@ def test_rounding_variance_is_that_of_the_resolution():
     x[500, 1] = 1e10
     assert rounding_variance(x) == pytest.approx((0.25 * 9.80665) ** 2 / 12)
     assert rounding_variance(np.full((10, 3), 9.8)) > 0
-
-
-def test_runs_and_stretches():
-    assert runs([1, 1, 0, 1]).tolist() == [[0, 2], [3, 4]]
-    assert runs([0, 0]).tolist() == [] and runs([1]).tolist() == [[0, 1]]
-    stretches, step = unbroken(Samples(pd.DataFrame({"t": [0.0, 1.0, 2.0, 4.0, 5.0, 6.4]})), 1.5)
-    assert stretches.tolist() == [[0, 3], [3, 6]]
-    assert step == 1.0
-    assert unbroken(Samples(pd.DataFrame({"t": []})), 1.5)[0].shape == (0, 2)
-
-
-@given(
-    st.lists(st.tuples(st.integers(0, 60), st.integers(1, 9)), min_size=1, max_size=12), st.data()
-)
-def test_cuts_leave_what_a_mask_leaves(cuts, data):
-    edges = sorted(data.draw(st.sets(st.integers(0, 60), min_size=2, max_size=8)))
-    ranges = np.array(list(pairwise(edges))[::2])
-    cuts = merged(np.array([(i, i + n) for i, n in cuts], dtype=int).reshape(-1, 2))
-    assert np.all(cuts[1:, 0] > cuts[:-1, 1])
-    left = []
-    for i, j in ranges:
-        mask = np.ones(j - i, dtype=bool)
-        for first, last in cuts:
-            mask[max(first - i, 0) : max(last - i, 0)] = False
-        left += (runs(mask) + i).tolist()
-    assert without(ranges, cuts).tolist() == left

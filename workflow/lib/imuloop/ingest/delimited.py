@@ -1,4 +1,4 @@
-"""Text tables: comma, tab, semicolon or runs of blanks, with or without a header."""
+"""Text tables: comma, tab, semicolon or blanks, with or without a header."""
 
 import re
 from contextlib import suppress
@@ -298,7 +298,7 @@ def _delimiter(layout):
 def _check_headers(text, layout, positions):
     """Reject a text in which another header names other columns: other rows follow it."""
     for line in _WORDS.findall(text) if layout.headed else ():
-        # runs of blanks are tabs by now
+        # blanks that follow each other are a tab by now
         names = fields_of(COMMENT.sub("", decoded(line), count=1), _delimiter(layout))
         if names == layout.names or len(names) < LEAST or any(map(is_number, names)):
             continue
@@ -353,9 +353,9 @@ def _whole(lines):
 def _pieces(stream, packed, size, layout):
     """Give the lines of a stream in plain ASCII, some `size` bytes at once.
 
-    Runs of blanks become tabs, and what the `layout` rewrites is rewritten; the stream comes out of
-    `packed` bytes. With the text, whole lines, come the number of lines left out and the bytes in
-    them, and bytes of the text read, empty ones left out.
+    Blanks that follow each other become a tab, and what the `layout` rewrites is rewritten; the
+    stream comes out of `packed` bytes. With the text, whole lines, come the number of lines left
+    out and the bytes in them, and bytes of the text read, empty ones left out.
     """
     rest, taken, written, lost, ended = b"", 0, 0, 0, False
     while not ended:

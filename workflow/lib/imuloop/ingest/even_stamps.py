@@ -154,20 +154,20 @@ def spread(x, readable, after, held, step, last):
         return x, held
     starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
     stamps, size = own[starts], np.diff(starts, append=len(own))
-    run = np.repeat(np.arange(len(starts)), size)[:n]
-    number, before = np.arange(n) - starts[run], stamps[0]
+    packet = np.repeat(np.arange(len(starts)), size)[:n]
+    number, before = np.arange(n) - starts[packet], stamps[0]
     if held and held[0] == stamps[0]:
         # the packet began in the rows of the last call
-        number[run == 0] += held[1]
+        number[packet == 0] += held[1]
         size[0] += held[1]
         before = held[2]
     elif held:
         before = held[0]
     away = np.diff(stamps, prepend=before) if last else np.diff(stamps, append=stamps[-1])
-    width = np.where(away > 0, np.minimum(step, away / size), step)[run]
+    width = np.where(away > 0, np.minimum(step, away / size), step)[packet]
     moved = x.copy()
-    moved[readable] = own[:n] + ((number - (size[run] - 1) * last) * width).astype(x.dtype)
-    end = run[-1]
+    moved[readable] = own[:n] + ((number - (size[packet] - 1) * last) * width).astype(x.dtype)
+    end = packet[-1]
     return moved, (stamps[end], number[-1] + 1, stamps[end - 1] if end else before)
 
 

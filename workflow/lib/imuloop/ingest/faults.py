@@ -9,10 +9,15 @@ import numpy as np
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, ROWS, TEMPERATURE, TIME
 from imuloop.ingest.axes import AGREEMENT, Axes
+from imuloop.ingest.constant_stretches import (
+    LENGTHS,
+    ConstantStretches,
+    held_lengths,
+    rows_a_value,
+)
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.rest_means import RestMeans
-from imuloop.ingest.runs import LENGTHS, Runs, held_lengths, rows_a_value
 from imuloop.ingest.spikes import EDGE, isolated
 from imuloop.ingest.stops import Stops
 
@@ -65,7 +70,7 @@ def measure(samples, metadata, figures, threads=1):
     zeros = {name: -unit["offset"] * unit["scale"] for s, unit in units for name in SENSORS[s]}
     longest = max(figures["gaps"]["longer_than_s"] or 0.0, TURN_GAP)
     gaps = long_steps(samples, longest)[0] if figures["gaps"]["count"] else ()
-    runs = {name: Runs(steps[name]) for name in CHANNELS}
+    constant = {name: ConstantStretches(steps[name]) for name in CHANNELS}
     means, stops, way = RestMeans(rate), Stops(rate, gaps), Axes(rate)
 
     def at(row):
@@ -102,7 +107,7 @@ def measure(samples, metadata, figures, threads=1):
         found.append([more[0], *more[3:]])
         means.add(dict(zip(CHANNELS, x, strict=False)))
         for name, values, changes in zip(CHANNELS, x, changed, strict=False):
-            runs[name].add(values, row, np.flatnonzero(changes) + 1)
+            constant[name].add(values, row, np.flatnonzero(changes) + 1)
         # where an integer wraps around nothing is known of a turn
         for values, rows in zip(x, wraps, strict=False):
             values[rows[rows > 0]] = values[rows[rows > 0] + 1] = np.nan
@@ -114,7 +119,7 @@ def measure(samples, metadata, figures, threads=1):
     zero_rows, in_turn, zero_reads = (dict(zip(SENSORS, n, strict=True)) for n in padding.tolist())
     variances = dict(zip(CHANNELS, np.concatenate(variances, axis=1), strict=True))
     limits, spikes = dict(zip(CHANNELS, limits, strict=True)), dict(zip(names, spikes, strict=True))
-    stuck = {name: runs[name].stuck() for name in CHANNELS}
+    stuck = {name: constant[name].stuck() for name in CHANNELS}
     force = sum(variances[name] for name in ACCELERATION)
     silent = [
         name
@@ -132,14 +137,14 @@ def measure(samples, metadata, figures, threads=1):
     clipped = {name: {"values": [], "rows": 0} for name in CHANNELS}
     for axes in SENSORS.values():
         for name, value, rows in _clipped(
-            [(n, limits[n], runs[n], stuck[n], spikes[n]) for n in axes if n not in silent],
+            [(n, limits[n], constant[n], stuck[n], spikes[n]) for n in axes if n not in silent],
             *(ranges, steps, rate),
         ):
             clipped[name]["values"].append(value)
             clipped[name]["rows"] += rows
     for name, found in stuck.items():
         values, padded = clipped[name]["values"], padding if name in ANGULAR_RATE else ()
-        stuck[name] = [run for run in found if run[2] not in values and run[:2] not in padded]
+        stuck[name] = [s for s in found if s[2] not in values and s[:2] not in padded]
     axes = way.fit()
     rests = stops.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
     resting = bool(rests) and rests["share"] >= QUIET_SHARE
@@ -195,8 +200,8 @@ def _stuck_figures(found, rate, at):
     spans = [[at(i), at(i + n - 1)] for i, n in sorted((i, n) for n, i, _ in found)]
     return {
         "stretches": len(found),
-        "rows": sum(run[0] for run in found),
-        "longest_s": max((run[0] for run in found), default=0) / rate,
+        "rows": sum(stretch[0] for stretch in found),
+        "longest_s": max((stretch[0] for stretch in found), default=0) / rate,
         "first_s": spans[0][0] if found else None,
         "spans_s": spans,
     }
@@ -245,22 +250,23 @@ def _at_limits(x, limits, step):
 def _clipped(axes, ranges, steps, rate):
     """Give (name, value, rows) of the ends of the range that axes of a sensor keep to.
 
-    `axes` are name, rows at the ends and next to them, Runs, stuck runs and spikes of each. Ends of
-    the same size, to a step, are one end: it may be reached on each axis for a few samples only.
+    `axes` are name, rows at the ends and next to them, ConstantStretches, stuck stretches and
+    spikes of each. Ends of the same size, to a step, are one end: it may be reached on each axis
+    for a few samples only.
     """
     ends = []
-    for name, limits, runs, stuck, spikes in axes:
+    for name, limits, constant, stuck, spikes in axes:
         for value, (at, *near) in zip(ranges[name], limits, strict=True):
-            here = [run[0] for run in stuck if run[2] == value]
-            wide = runs.wide >= 0.5 * runs.varied
+            here = [s[0] for s in stuck if s[2] == value]
+            wide = constant.wide >= 0.5 * constant.varied
             cut = at**2 >= CUT_TAIL * near[0] if wide else at >= STEEP * max(near)
-            cut &= at >= LEAST_CLIPPED and spikes < at / 2 and runs.fine
+            cut &= at >= LEAST_CLIPPED and spikes < at / 2 and constant.fine
             raw = abs(value / steps[name]) if steps[name] else 0.0
             cut |= at >= LEAST_RAIL and any(abs(round(raw, 1) - rail) < 0.5 for rail in RAILS)
             # one long stretch is a stuck value
             cut &= ranges[name][0] < ranges[name][1]
             cut &= not (len(here) == 1 and here[0] >= max(rate, 0.9 * at))
-            ends.append((name, value, at, near[0], cut, runs.fine, 1.01 * (steps[name] or 0.0)))
+            ends.append((name, value, at, near[0], cut, constant.fine, 1.01 * (steps[name] or 0.0)))
     for name, value, at, _, cut, fine, within in ends:
         same = [e for e in ends if e[5] and abs(abs(e[1]) - abs(value)) <= within]
         total, next_to = sum(e[2] for e in same), sum(e[3] for e in same)

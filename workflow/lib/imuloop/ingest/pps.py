@@ -15,6 +15,7 @@ import numpy as np
 from scipy.ndimage import median_filter
 
 from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.stretches import stretches_of
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import position
 from imuloop.ingest.convert import counter_batches
@@ -156,9 +157,9 @@ def timeline(counters, times, dated, limits, scale):
     """Return GNSS time over the counter, through the marks that can be used.
 
     Rejected are marks that are no whole second, that are more than `MOST_OFF` of a second away from
-    where their neighbours put them, and all but the longest run of marks between which the local
-    clock is no further off than `MOST_OFF`. `counters` have no roll-over, `times` are s, or ns
-    where `dated`; `limits` are the range of the log's counter, `scale` are seconds per tick.
+    where their neighbours put them, and all but the longest stretch of marks between which the
+    local clock is no further off than `MOST_OFF`. `counters` have no roll-over, `times` are s, or
+    ns where `dated`; `limits` are the range of the log's counter, `scale` are seconds per tick.
     """
     given = len(counters)
     times = times if dated else times.astype(float)
@@ -182,8 +183,8 @@ def timeline(counters, times, dated, limits, scale):
     counters, times, t, local = counters[fits], times[fits], t[fits], local[fits]
     off = np.diff(local) / np.diff(t) - 1
     sound = (np.diff(t) > 0) & (np.abs(off) <= MOST_OFF)
-    runs = np.flatnonzero(np.diff(np.concatenate(([False], sound, [False])).astype(int)))
-    begin, end = max(runs.reshape(-1, 2).tolist(), key=lambda run: run[1] - run[0], default=(0, 0))
+    whole = stretches_of(sound).tolist()
+    begin, end = max(whole, key=lambda stretch: stretch[1] - stretch[0], default=(0, 0))
     if end - begin < 1:
         raise RejectedLog(f"1PPS: of {given} marks no two fit together; see units.time and pps")
     counters, t = counters[begin : end + 1], t[begin : end + 1]

@@ -10,6 +10,7 @@ from scipy.signal import correlate
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.errors import ImuloopError
+from imuloop.core.gaps import gap_limit
 from imuloop.core.rotation import prefix_product, step_vectors
 from imuloop.core.samples import (
     ACCELERATION,
@@ -18,6 +19,7 @@ from imuloop.core.samples import (
     TIME,
     read_columns,
 )
+from imuloop.core.stretches import stretches_of
 from imuloop.ingest.attitudes import BRIDGED, COMPARED, Reference, angles, at_instants, turns
 from imuloop.ingest.columns import STAMP
 from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
@@ -231,18 +233,18 @@ def _without_jumps(reference, t, w, frame):
 def _stretches(whole, cut):
     """Return start and end, s, of what a reference lacks, by reason; not what a cubic bridges."""
 
-    def runs(missing, least):
-        edges = np.flatnonzero(np.diff(np.pad(missing, 1).astype(int)))
-        first, last = np.maximum(edges[::2] - 1, 0), np.minimum(edges[1::2], len(missing) - 1)
-        spans = np.column_stack([whole.t[first], whole.t[last]])
-        return spans[np.ptp(spans, axis=1) > least].tolist()
+    def spans(missing, least):
+        begin, end = stretches_of(missing).T
+        first, last = np.maximum(begin - 1, 0), np.minimum(end, len(missing) - 1)
+        found = np.column_stack([whole.t[first], whole.t[last]])
+        return found[np.ptp(found, axis=1) > least].tolist()
 
-    bridged = max(BRIDGED, 1.5 * np.median(np.diff(whole.t)))
+    bridged = max(BRIDGED, gap_limit(np.median(np.diff(whole.t))))
     placed, left = (np.isfinite(each.p[:, 0]) for each in (whole, cut))
     return {
-        "lost": runs(~whole.known, bridged),
-        "swapped": runs(whole.known & ~cut.known, 0.0),
-        "leaps": runs(placed & ~left & cut.known, 0.0),
+        "lost": spans(~whole.known, bridged),
+        "swapped": spans(whole.known & ~cut.known, 0.0),
+        "leaps": spans(placed & ~left & cut.known, 0.0),
     }
 
 

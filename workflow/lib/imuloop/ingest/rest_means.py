@@ -12,6 +12,7 @@ from scipy.special import chdtr, chdtri
 
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, CHANNELS
+from imuloop.core.stretches import stretches_of
 
 # means at rest are of blocks of at least so long (s) and so many rows, of so many parts that tell
 # the noise; of so many blocks, a day and a half
@@ -81,12 +82,11 @@ class RestMeans:
         if coarse or not (noise > 0).all():
             return None
         rests[: np.flatnonzero(rests)[int(SETTLED * rests.sum())]] = False
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], rests, [0]])))
-        runs = [parts[a + SETTLING : b].mean(axis=2) for a, b in edges.reshape(-1, 2)]
+        means_of = [parts[a + SETTLING : b].mean(axis=2) for a, b in stretches_of(rests)]
         found = {"rate": None, "upper": None, "window_s": None, "noise_share": None}
         tracked, size = False, 1
-        while any(len(run) >= size for run in runs):
-            means = [r[: len(r) // size * size].reshape(-1, size, 3).mean(axis=1) for r in runs]
+        while any(len(rest) >= size for rest in means_of):
+            means = [r[: len(r) // size * size].reshape(-1, size, 3).mean(axis=1) for r in means_of]
             every, window = np.concatenate(means), size * self.block_s
             power, n = (every**2 / noise).sum() * window, every.size
             if n >= LEAST_MEANS:

@@ -16,6 +16,7 @@ import numpy as np
 
 from imuloop.core.rotation import exponential, matrix, prefix_product
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, sums_over
+from imuloop.core.stretches import stretches_of
 from imuloop.ingest.thinning import EvenSubsample, means
 
 # windows, of averages over at least so long, s
@@ -90,13 +91,12 @@ class Stops:
         quiet = known & (spread <= QUIET * max(np.quantile(spread[known], 0.05), floor))
         u = centre / np.where(known, size, 1.0)
         together = quiet[1:] & quiet[:-1] & (np.linalg.norm(np.diff(u, axis=1), axis=0) < STILL)
-        # runs of windows of one attitude; a window alone is no stop
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], together, [0]])))
-        runs = edges.reshape(-1, 2) + np.array([0, 1])
-        self.still += int(np.diff(runs, axis=1).sum())
-        starts = [np.arange(a, b, LONGEST_STOP) for a, b in runs]
-        ends = [np.minimum(at + LONGEST_STOP, b) for at, (_, b) in zip(starts, runs, strict=True)]
-        if not len(runs):
+        # windows of one attitude that follow each other; a window alone is no stop
+        rests = stretches_of(together) + np.array([0, 1])
+        self.still += int(np.diff(rests, axis=1).sum())
+        starts = [np.arange(a, b, LONGEST_STOP) for a, b in rests]
+        ends = [np.minimum(at + LONGEST_STOP, b) for at, (_, b) in zip(starts, rests, strict=True)]
+        if not len(rests):
             return
         stops = np.column_stack([np.concatenate(starts), np.concatenate(ends)])
         windows = np.diff(stops, axis=1)
@@ -104,7 +104,7 @@ class Stops:
         self.stops.add(np.hstack([first + stops[:, :1] * width, windows, both]))
         self._judge(stops, u, centre, turning, np.median(both[:, 3:], axis=0), first)
         half = self.fine // 2
-        for (_, a), (b, _) in pairwise(runs):
+        for (_, a), (b, _) in pairwise(rests):
             turn, gap = _angle(u[:, a - 1], u[:, b]), self._gaps(first, a - 1, b)
             if gap < 0 and turn > LEAST_TURN and (b - a) * self.fine * self.dt < LONGEST_MOVE:
                 bias = (turning[:, a - 1] + turning[:, b]) / 2

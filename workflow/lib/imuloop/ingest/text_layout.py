@@ -46,7 +46,7 @@ _JUDGED, _HEADERS = 64, 3
 class Layout:
     """How a text table is written.
 
-    `separator` is a comma, tab, semicolon, or a blank that stands for any run of blanks; `names`
+    `separator` is a comma, tab, semicolon, or a blank that stands for any number of blanks; `names`
     are numbers where the file has none (`headed`); rows begin at the byte `start`, `before` are the
     fields of lines before header and rows; `units` are those of a row below the header, else empty;
     `rows` are the fields of the first rows. In all lines each pattern of `rewrites` gives place to

@@ -41,7 +41,7 @@ def consecutive_means(stretches, count):
 
 
 def repeatability(means):
-    """Return the scatter of the mean output from run to run.
+    """Return the scatter of the mean output over sessions.
 
     The sample standard deviation of the means of the static sessions. Gravity enters the
     accelerometer's mean with the attitude, so its axes count only where all sessions point the
@@ -60,7 +60,7 @@ def repeatability(means):
     comparable = f.any(axis=1).all() and np.all(angle <= SAME_ATTITUDE)
     figures = {}
     for axis in next(iter(means.values())):
-        runs = np.array([each[axis] for each in means.values()])
+        own = np.array([each[axis] for each in means.values()])
         known = comparable or axis not in ACCELERATION
-        figures[axis] = {"std": float(runs.std(ddof=1)), "sessions": len(runs)} if known else None
+        figures[axis] = {"std": float(own.std(ddof=1)), "sessions": len(own)} if known else None
     return figures

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import betaincinv, chdtr, chdtri
 
 from imuloop.core.samples import CHANNELS
-from imuloop.segment.stretches import lengths, merged, without
+from imuloop.core.stretches import lengths, merged, without
 from imuloop.segment.wavelets import FINE, SPACING, coarse_details, fine_details, pieces
 from imuloop.segment.windows import DECIDING, rounding_variance
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from imuloop.core.stretches import lengths, stretches_of
 from imuloop.segment.static_detector import long_enough
-from imuloop.segment.stretches import lengths, runs
 from imuloop.segment.windows import sliding_statistics
 
 # a tremor, 6 Hz and more, takes itself out of a mean rate over so long, s
@@ -30,7 +30,7 @@ def held_rests(w, stretches, step, bias, sway, shortest):
             continue
         mean, _ = sliding_statistics(w[:, i:j].T, width)
         rate = np.linalg.norm(mean - bias, axis=1)
-        for a, b in runs(rate <= sway):
+        for a, b in stretches_of(rate <= sway):
             holds = a + np.flatnonzero(rate[a:b] <= HOLDS)
             if len(holds):
                 rests.append([i + holds[0], i + holds[-1] + 1])

@@ -4,7 +4,7 @@ import numpy as np
 
 from imuloop.core.rotation import exponential, multiply, prefix_product, step_vectors
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, ROWS, TIME
-from imuloop.segment.stretches import lengths
+from imuloop.core.stretches import lengths
 
 
 def _turned(rows, first, last, bias, limit):

@@ -14,6 +14,7 @@ from imuloop.core.samples import (
     at_rail,
 )
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
+from imuloop.core.stretches import lengths, merged, unbroken, without
 from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.held import SWAYS, held_rests, sways, united
 from imuloop.segment.multiples import attitudes, choose_multiples, expected_error
@@ -27,7 +28,6 @@ from imuloop.segment.static_detector import (
     widened,
 )
 from imuloop.segment.steady import unsteady_samples
-from imuloop.segment.stretches import lengths, merged, unbroken, without
 from imuloop.segment.tilt import steady_rests, tilts
 
 # rests that are dropped as too short, at least so many and this share of those kept, make it worth

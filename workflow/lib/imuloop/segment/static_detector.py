@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from imuloop.segment.stretches import lengths, runs
+from imuloop.core.stretches import lengths, stretches_of
 from imuloop.segment.windows import rounding_variance, sliding_statistics
 
 # samples of a rest: the variance of fewer says nothing of its mean's error
@@ -135,7 +135,7 @@ def rate_at_rest(moving, level, settings):
     if not len(near) or not len(far):
         return first
     other = np.median(moving.rate[:, far], axis=1, keepdims=True)
-    # a rest is a run of windows
+    # a rest is a stretch of windows
     rests = [1 + np.sum(np.diff(of) > moving.window) for of in (near, far)]
     if min(rests) < RESTS_OF_A_BIAS or max(away(first, near).mean(), away(other, far).mean()) > FEW:
         return first
@@ -153,7 +153,7 @@ def detect_rests(still, stretches, step, settings):
     trim = round(settings.trim_s / step)
     rests = [np.empty((0, 2), dtype=int)]
     for i, j in stretches:
-        each = runs(still[i:j]) + i
+        each = stretches_of(still[i:j]) + i
         each[each[:, 0] > i, 0] += trim
         each[each[:, 1] < j, 1] -= trim
         rests.append(each)

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.signal import detrend
 
 from imuloop.core.samples import CHANNELS, sums_over
-from imuloop.segment.stretches import lengths, merged, runs, without
+from imuloop.core.stretches import lengths, merged, stretches_of, without
 
 # blocks that are averaged, s, and at most so many in a session
 BLOCK, BLOCKS = 2.0, 1 << 14
@@ -108,13 +108,13 @@ def _placed(u):
 def steady_rests(f, w, rests, bias, step):
     """Return rests less the ends in which the device tilts, and the tilt that each still has, rad.
 
-    A rest keeps the longest run of its parts without a tilt, if no more than `CUT` of it is lost:
-    a tilt changes gravity's direction, not its norm. Else it keeps all, with the root mean square
-    of its tilt. Arguments as of `rest_tilts`.
+    A rest keeps the longest stretch of its parts without a tilt, if no more than `CUT` of it is
+    lost: a tilt changes gravity's direction, not its norm. Else it keeps all, with the root mean
+    square of its tilt. Arguments as of `rest_tilts`.
     """
     kept, tilt = rests.copy(), np.zeros(len(rests))
     for k, (parts, tilts) in enumerate(rest_tilts(f, w, rests, bias, step)):
-        still = runs(tilts == 0)
+        still = stretches_of(tilts == 0)
         spans = parts[still[:, 1] - 1, 1] - parts[still[:, 0], 0]
         if spans.max(initial=0) >= (1 - CUT) * (rests[k, 1] - rests[k, 0]):
             first, end = still[np.argmax(spans)]

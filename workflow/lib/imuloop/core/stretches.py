@@ -1,4 +1,4 @@
-"""Stretches: runs of samples, as half-open ranges of indices, shape (k, 2)."""
+"""Stretches: samples that follow each other, as half-open ranges of indices, shape (k, 2)."""
 
 import numpy as np
 
@@ -6,8 +6,8 @@ from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import TIME
 
 
-def runs(mask):
-    """Return the runs of true values of a mask."""
+def stretches_of(mask):
+    """Return the stretches in which a mask, shape (n,), is true, shape (k, 2)."""
     edges = np.flatnonzero(np.diff(np.asarray(mask, dtype=int), prepend=0, append=0))
     return edges.reshape(-1, 2)
 

@@ -1,22 +1,23 @@
-"""Runs of one value on an axis: stuck, or held over several rows."""
+"""Stretches of one value on an axis: stuck, or held over several rows."""
 
 import numpy as np
 
-# a value repeated fewer times is never stuck; a stuck run is so many times longer than the longest
-# of the others, of at least so many; where these vary more than chance lets them (noise below the
-# quantisation step), so many times
-LEAST_STUCK, STUCK_FACTOR, LEAST_RUNS, STUCK_FACTOR_COARSE = 10, 5, 50, 50
-# the longest runs of an axis that are kept, and run lengths that are counted one by one
-KEPT_RUNS, LENGTHS = 1000, 256
-# steps that the noise of 64 rows spans: to tell runs, and to tell a cut tail; of a piece so many
-# such blocks, at most twice, are looked at
+# a value repeated fewer times is never stuck; a stuck stretch is so many times longer than the
+# longest of the others, of at least so many; where these vary more than chance lets them (noise
+# below the quantisation step), so many times
+LEAST_STUCK, STUCK_FACTOR, LEAST_STRETCHES, STUCK_FACTOR_COARSE = 10, 5, 50, 50
+# the longest stretches of an axis that are kept, and lengths that are counted one by one
+KEPT, LENGTHS = 1000, 256
+# steps that the noise of 64 rows spans: to tell stretches, and to tell a cut tail; of a piece so
+# many such blocks, at most twice, are looked at
 SPAN, WIDE_SPAN, BLOCKS = 1.5, 3.5, 256
-# values are held where rows a new value are at least this many, and this share of runs near it
+# values are held where rows a new value are at least this many, and this share of stretches near
+# it
 LEAST_HELD, HELD_SHARE = 1.25, 0.98
 
 
-class Runs:
-    """Runs of one value on an axis, over row groups: their lengths, and the longest."""
+class ConstantStretches:
+    """Stretches of one value on an axis, over row groups: their lengths, and the longest."""
 
     def __init__(self, step):
         self.step = step or 0.0
@@ -46,8 +47,8 @@ class Runs:
 
     def _keep(self, length, start, value):
         self.long.append((int(length), int(start), float(value)))
-        if len(self.long) > 2 * KEPT_RUNS:
-            self.long = sorted(self.long, reverse=True)[:KEPT_RUNS]
+        if len(self.long) > 2 * KEPT:
+            self.long = sorted(self.long, reverse=True)[:KEPT]
 
     @property
     def fine(self):
@@ -55,22 +56,22 @@ class Runs:
         return self.lively >= 0.5 * self.varied > 0
 
     def stuck(self):
-        """Return (rows, first row, value) of each run too long for chance."""
+        """Return (rows, first row, value) of each stretch too long for chance."""
         if self.rows > self.open:
             length = self.rows - self.open
             self.counts[min(length, LENGTHS)] += 1
             if length >= LEAST_STUCK:
                 self._keep(length, self.open, self.last)
             self.open = self.rows
-        long = sorted((run for run in self.long if np.isfinite(run[2])), reverse=True)
-        # the zero-th count is the empty run before the first row
+        long = sorted((each for each in self.long if np.isfinite(each[2])), reverse=True)
+        # the zero-th count is the empty stretch before the first row
         counts, usual = self.counts[1:], np.arange(1, LENGTHS + 1)
         short = np.flatnonzero(counts[: LEAST_STUCK - 1])
-        lengths = [run[0] for run in long] + [int(short[-1]) + 1 if len(short) else 1]
+        lengths = [each[0] for each in long] + [int(short[-1]) + 1 if len(short) else 1]
         for k in range(len(long) - 1, -1, -1) if self.fine else ():
             rest = np.where(usual <= lengths[k + 1], counts, 0)
             n = rest.sum()
-            if n < LEAST_RUNS:
+            if n < LEAST_STRETCHES:
                 continue
             even = lengths[k + 1] <= 1 + 3 * (rest @ usual) / n * np.log(n)
             if lengths[k] >= (STUCK_FACTOR if even else STUCK_FACTOR_COARSE) * lengths[k + 1]:
@@ -79,7 +80,7 @@ class Runs:
 
 
 def held_lengths(changed):
-    """Return how many runs of rows without a change on any axis (k, n) there are, by length."""
+    """Return how many stretches without a change on any axis (k, n) there are, by length."""
     lengths = np.diff(np.flatnonzero(changed.any(axis=0)))
     return np.bincount(np.minimum(lengths, LENGTHS), minlength=LENGTHS + 1)
 
@@ -87,7 +88,7 @@ def held_lengths(changed):
 def rows_a_value(counts):
     """Return how many rows a value of a sensor is held, 1 where it is not."""
     total, counts, lengths = counts.sum(), counts[:LENGTHS], np.arange(LENGTHS)
-    if counts.sum() < LEAST_RUNS:
+    if counts.sum() < LEAST_STRETCHES:
         return 1.0
 
     def near(length):
