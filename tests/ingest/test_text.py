@@ -136,6 +136,7 @@ WAYS = {
 }  # fmt: skip
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("way", WAYS)
 def test_the_same_samples_come_from_text_however_it_is_written(log, run, tmp_path, way):
     way = Way(*WAYS[way])

@@ -18,7 +18,7 @@ MOST = 1 << 62
 YEARS = "1824 to 2115"
 # what a unit of dates counts in a second
 _PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
-_NAMED_MONTH = ("%d-%b-%Y %H:%M:%S.%f", "%d-%b-%Y %H:%M:%S")
+_NAMED_MONTH = "%d-%b-%Y %H:%M:%S.%f"
 _OF_DAY = r"\d{1,2}:\d\d:\d\d(\.\d+)?"
 # stamps between these are taken as Unix time where ISO stamps ask for it, s (2000 and 2100)
 _UNIX = (946_684_800, 4_102_444_800)
@@ -52,9 +52,9 @@ def parse_stamps(text):
     if clock.notna().any():
         return pa.array(pd.to_timedelta(clock).dt.total_seconds(), from_pandas=True)
     moment = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
-    for form in _NAMED_MONTH if moment.isna().all() else ():
-        named = pd.to_datetime(series, format=form, utc=True, errors="coerce")
-        moment = moment.fillna(named)
+    if moment.isna().all():
+        with_fraction = series.where(series.str.contains(".", regex=False, na=True), series + ".0")
+        moment = pd.to_datetime(with_fraction, format=_NAMED_MONTH, utc=True, errors="coerce")
     return stamp_array(pa.array(moment, from_pandas=True))
 
 
