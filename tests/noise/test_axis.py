@@ -10,7 +10,7 @@ from imuloop.noise.intervals import coefficients_with_intervals
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.modes import modes
 from imuloop.noise.processes import densities, gauss_markov_density
-from imuloop.noise.sampling import Run, Sampling
+from imuloop.noise.sampling import Sampling, Signal
 from imuloop.noise.selection import Selection
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
@@ -103,14 +103,14 @@ def test_rests_are_too_short_for_a_process_that_is_a_walk_to_them():
     basis = modes([rests])
     for seed in range(4):
         x = record(5000 + seed, K=4e-3)
-        runs = [rests.with_values(np.concatenate([x[i : i + 700] for i in rests.starts]))]
-        noise = estimate_axis(basis, runs, SETTINGS).noise
+        signals = [rests.with_values(np.concatenate([x[i : i + 700] for i in rests.starts]))]
+        noise = estimate_axis(basis, signals, SETTINGS).noise
         assert all(process.tc.value < 70 / 5 for process in noise.gauss_markov)
 
 
 def test_a_process_in_whose_place_a_walk_may_stand_goes_down_to_zero():
-    runs = [WHOLE.with_values(record(1, K=1e-3))]
-    likelihood = Likelihood(*BASIS.amplitudes(runs), BASIS.count, BASIS.ramp)
+    signals = [WHOLE.with_values(record(1, K=1e-3))]
+    likelihood = Likelihood(*BASIS.amplitudes(signals), BASIS.count, BASIS.ramp)
     selection = Selection(BASIS, likelihood, SETTINGS.significance)
     (process,) = coefficients_with_intervals(selection, ("N", 1000.0)).gauss_markov
     # the walk alone tells the value, and nothing of the time
@@ -181,7 +181,7 @@ def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():
     whole = estimate_record(x, RATE, SETTINGS).noise
     x[15_000:] += 1.0
     values = np.r_[x[:14_000], x[15_000:]]
-    cut = Run(RATE, *np.array([[0, 15_000], [14_000, 15_000], [0, 1]]), values)
+    cut = Signal(RATE, *np.array([[0, 15_000], [14_000, 15_000], [0, 1]]), values)
     moved = estimate_axis(modes([cut]), [cut], SETTINGS).noise
     assert moved.K.value == pytest.approx(whole.K.value, rel=0.3)
     one_level = replace(cut, levels=np.zeros(2, int))

@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from bench.noise.limits import line_limit
 from imuloop.noise.lines import find_line, mains
 from imuloop.noise.periodogram import chance_at_one
-from imuloop.noise.sampling import Run
+from imuloop.noise.sampling import Signal
 from seeds import least, seeds
 
 RATE = 100.0
@@ -39,17 +39,17 @@ def noise(kind, rng, n):
     return x + hump, lambda f: 2 + 18 / (1 + (2 * np.pi * f) ** 2)
 
 
-def run(x, gaps=False, step=0.0):
-    """Return a run, whole or of three stretches, the last of a new level, a step away."""
+def signal(x, gaps=False, step=0.0):
+    """Return a Signal, whole or of three stretches, the last of a new level, a step away."""
     n = len(x)
     ends = [(0, n // 10), (n // 8, n // 2), (int(0.7 * n), n)] if gaps else [(0, n)]
     starts, lengths = np.transpose([(a, b - a) for a, b in ends])
     values = np.concatenate([x[a:b] + step * (a > n / 2) for a, b in ends])
-    return Run(RATE, starts, lengths, np.array([0, 0, 1])[: len(ends)], values)
+    return Signal(RATE, starts, lengths, np.array([0, 0, 1])[: len(ends)], values)
 
 
 def line_of(x, density=white_density, gaps=False):
-    return find_line([run(x, gaps)], density, LEVEL)
+    return find_line([signal(x, gaps)], density, LEVEL)
 
 
 def sinusoid(n, frequency, amplitude, phase):
@@ -70,7 +70,7 @@ def test_noise_has_lines_as_often_as_the_level_says(gaps, seeds):
     for kind in KINDS:
         for seed in range(seeds):
             x, density = noise(kind, np.random.default_rng([seed, gaps, len(kind)]), 1500)
-            found[kind] += find_line([run(x, gaps, 500.0)], density, level) is not None
+            found[kind] += find_line([signal(x, gaps, 500.0)], density, level) is not None
     # binomial: 3 standard errors of all, 4 of one kind
     total, count = sum(found.values()), len(KINDS) * seeds
     assert total / count == pytest.approx(level, abs=3 * np.sqrt(0.09 / count)), found
@@ -87,7 +87,7 @@ def test_intervals_hold_and_limit_is_found_nine_times_in_ten(gaps, seeds):
             rng = np.random.default_rng([seed, times, gaps])
             x, density = noise("white", rng, n)
             f = rng.uniform(2.0, 45.0)
-            amplitude = times * line_limit(run(x, gaps), density, f, LEVEL)
+            amplitude = times * line_limit(signal(x, gaps), density, f, LEVEL)
             line = line_of(x + sinusoid(n, f, amplitude, rng.uniform(0, 7)), density, gaps)
             if line is None or abs(line.frequency.value - f) > RATE / n:
                 continue
@@ -103,12 +103,12 @@ def test_intervals_hold_and_limit_is_found_nine_times_in_ten(gaps, seeds):
 def test_a_strong_line_leaves_nothing_across_gaps_and_levels(frequency):
     n = 6000
     x = 1e-4 * np.random.default_rng(2).standard_normal(n)
-    with_line = run(x + sinusoid(n, frequency, 3.0, 0.4) + 0.002 * np.arange(n), True, 9.8)
+    with_line = signal(x + sinusoid(n, frequency, 3.0, 0.4) + 0.002 * np.arange(n), True, 9.8)
     line = find_line([with_line], lambda f: 2e-10 + 0 * f, LEVEL)
     assert line.frequency.value == pytest.approx(frequency, abs=1e-6)
     assert line.amplitude.value == pytest.approx(3.0, abs=1e-4)
     (rest,) = line.subtract([with_line])
-    expected = run(x + 0.002 * np.arange(n), True)
+    expected = signal(x + 0.002 * np.arange(n), True)
     for y, z in zip(rest.split(rest.values), expected.split(expected.values), strict=True):
         assert np.std(y - z) < 1e-4
 
@@ -117,11 +117,11 @@ def test_sessions_have_their_own_phase_and_clock_and_may_lack_the_line():
     n, rng = 20_000, np.random.default_rng(4)
     clean = [rng.standard_normal(n) * np.sqrt(RATE) for _ in range(3)]
     lines = sinusoid(n, 8.0, 2.0, 0.3), sinusoid(n, 8.0 * (1 + 3e-5), 2.0, 2.0), np.zeros(n)
-    runs = [run(x + line) for x, line in zip(clean, lines, strict=True)]
-    line = find_line(runs, white_density, LEVEL)
-    assert {part.run for part in line.parts} == {0, 1}
-    rest = line.subtract(runs)
-    assert rest[2] is runs[2]
+    signals = [signal(x + line) for x, line in zip(clean, lines, strict=True)]
+    line = find_line(signals, white_density, LEVEL)
+    assert {part.signal for part in line.parts} == {0, 1}
+    rest = line.subtract(signals)
+    assert rest[2] is signals[2]
     for i in range(2):
         assert np.std(rest[i].values - clean[i]) < 3 * np.sqrt(3 * RATE / n)
     assert find_line(rest, white_density, LEVEL) is None
@@ -137,7 +137,7 @@ def test_a_line_that_wanders_is_one_line():
     assert line.frequency.ci95[0] < turns[-1] * RATE / n < line.frequency.ci95[1]
     assert line.amplitude.value == pytest.approx(5.0, rel=0.05)
     # what is left is none of half its amplitude
-    again = find_line(line.subtract([run(x)]), white_density, LEVEL)
+    again = find_line(line.subtract([signal(x)]), white_density, LEVEL)
     assert again is None or again.amplitude.value < 1.0
 
 
@@ -158,9 +158,9 @@ def test_a_steady_line_has_one_part():
 
 def test_a_line_of_part_of_a_period_in_a_short_session_stays_out_of_it():
     rng, sizes = np.random.default_rng(3), (20_000, 500)
-    runs = [run(rng.standard_normal(n) * 10 + sinusoid(n, 0.08, 4.0, 1.0)) for n in sizes]
-    line = find_line(runs, white_density, LEVEL)
-    assert [part.run for part in line.parts] == [0]
+    signals = [signal(rng.standard_normal(n) * 10 + sinusoid(n, 0.08, 4.0, 1.0)) for n in sizes]
+    line = find_line(signals, white_density, LEVEL)
+    assert [part.signal for part in line.parts] == [0]
     assert line.frequency.value == pytest.approx(0.08, abs=0.001)
 
 
@@ -188,7 +188,7 @@ def test_rounding_of_stretches_that_never_change_is_no_line():
     starts = np.array([0, 16, 100, 115, 129, 158, 172, 214, 228, 270, 285])
     lengths = np.array([11, 9, 10, 9, 9, 9, 9, 9, 9, 9, 9])
     values = np.random.default_rng(1).normal(size=11).repeat(lengths)
-    rests = Run(4.807692, starts, lengths, np.arange(11), values)
+    rests = Signal(4.807692, starts, lengths, np.arange(11), values)
     assert find_line([rests], lambda f: 1e-34 + 0 * f, LEVEL) is None
 
 

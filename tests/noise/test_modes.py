@@ -4,11 +4,11 @@ from scipy.linalg import block_diag, toeplitz
 
 from imuloop.noise.modes import expected_squares, modes
 from imuloop.noise.processes import (
+    block_mean_covariances,
     densities,
     gauss_markov_density,
     gauss_markov_means,
     gauss_markov_samples,
-    mean_covariances,
     sample_covariances,
 )
 from imuloop.noise.sampling import Sampling
@@ -22,7 +22,7 @@ BROKEN = Sampling(10.0, *np.array([[0, 700, 1500], [500, 600, 400], [0, 0, 1]]))
 
 
 def broken(x):
-    """Return the run of what BROKEN keeps of 1900 samples."""
+    """Return the Signal of what BROKEN keeps of 1900 samples."""
     ends = zip(BROKEN.starts, BROKEN.lengths, strict=True)
     return BROKEN.with_values(np.concatenate([x[start : start + n] for start, n in ends]))
 
@@ -43,7 +43,7 @@ def test_covariance_of_means_is_that_of_samples_averaged():
     # takes samples to means of blocks
     average = ((place >= starts[:, None]) & (place < starts[:, None] + m)) / m
     samples = sample_covariances(45, dt)
-    means = mean_covariances(distances(starts), m, dt)
+    means = block_mean_covariances(distances(starts), m, dt)
     for process in range(4):
         dense = average @ toeplitz(samples[process]) @ average.T
         assert contrast @ means[process] @ contrast == pytest.approx(
@@ -57,8 +57,8 @@ def test_covariance_of_means_is_that_of_samples_averaged():
 def test_flicker_of_long_means_is_scale_free(m):
     """Flicker has no time of its own: contrasts of means do not depend on their length."""
     starts, contrast = np.array([0, 1, 2, 40]), np.eye(4) - 0.25
-    one = contrast @ mean_covariances(distances(starts * m), m, 1.0)[2] @ contrast
-    ten = contrast @ mean_covariances(distances(starts * 10 * m), 10 * m, 0.3)[2] @ contrast
+    one = contrast @ block_mean_covariances(distances(starts * m), m, 1.0)[2] @ contrast
+    ten = contrast @ block_mean_covariances(distances(starts * 10 * m), 10 * m, 0.3)[2] @ contrast
     assert one == pytest.approx(ten, rel=1e-3)
     # half the variance of the difference of neighbours is the Allan variance
     allan = (one[0, 0] + one[1, 1] - 2 * one[0, 1]) / 2
@@ -77,7 +77,7 @@ def test_flicker_of_samples_has_its_density_up_to_half_the_rate():
 def test_white_and_walk_are_diagonal_in_a_broken_record():
     basis = modes([BROKEN])
     (piece,) = basis._pieces
-    white, walk = mean_covariances(distances(piece.start), basis.m, basis.dt)[[1, 3]]
+    white, walk = block_mean_covariances(distances(piece.start), basis.m, basis.dt)[[1, 3]]
     contrasts = block_diag(*(level.basis for level in piece.levels))
     for covariance in (white, walk):
         inside = contrasts.T @ covariance @ contrasts

@@ -18,7 +18,7 @@ def assert_no_walk_by_another_name(samples, axis):
     segments, _ = segment_session(samples, "multi_position", SegmentSettings())
     record = record_of(RecordedSession("poses", "multi_position", samples, segments))
     basis = modes(record.samplings)
-    noise = estimate_axis(basis, record.runs(axis), NoiseSettings()).noise
+    noise = estimate_axis(basis, record.signals(axis), NoiseSettings()).noise
     assert noise.N.identifiable and noise.N.ci95[0] < noise.N.value < noise.N.ci95[1]
     for process in noise.gauss_markov:
         assert process.tc.value < basis.level / 5

@@ -38,22 +38,22 @@ class AxisEstimate:
 
 def estimate_record(x, rate, settings):
     """Return the AxisEstimate of one unbroken record `x`, shape (n,), of `rate` in Hz."""
-    run = Sampling.unbroken(rate, len(x)).with_values(np.asarray(x, float))
-    return estimate_axis(modes([run]), [run], settings)
+    signal = Sampling.unbroken(rate, len(x)).with_values(np.asarray(x, float))
+    return estimate_axis(modes([signal]), [signal], settings)
 
 
-def estimate_axis(basis, runs, settings):
+def estimate_axis(basis, signals, settings):
     """Return the AxisEstimate of one axis, without any term of under 16 values.
 
     Lines are found and taken out (`find_lines`). Then octaves at the top that a filter has emptied
     are left out, and the terms are chosen (`Selection`). Where the spectrum leaves them beyond
     chance, frequencies that hold many values count less, and the terms are chosen once more.
 
-    Takes Modes, the axis' Runs that these are of, SI, not all constant, and NoiseSettings.
+    Takes Modes, the axis' Signals that these are of, SI, not all constant, and NoiseSettings.
     """
     if basis.count.sum() < MIN_VALUES:
         return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
-    lines, selection = find_lines(basis, runs, settings)
+    lines, selection = find_lines(basis, signals, settings)
     highest = band(selection)
     if highest:
         selection = selection.weighted(np.where(basis.frequency <= highest, basis.count, 0.0))
@@ -68,15 +68,15 @@ def estimate_axis(basis, runs, settings):
     return AxisEstimate(noise, size, highest or 0.5 / basis.dt)
 
 
-def find_lines(basis, runs, settings):
+def find_lines(basis, signals, settings):
     """Return the lines, and the Selection of what remains; arguments as of `estimate_axis`.
 
     Lines are found and taken out one by one, each against the noise fitted beside those before.
     What one before has left where it wandered is taken out too, but is no line.
     """
-    lines, digits = [], (DIGITS * max(abs(run.values).max() for run in runs)) ** 2
+    lines, digits = [], (DIGITS * max(abs(signal.values).max() for signal in signals)) ** 2
     while True:
-        likelihood = Likelihood(*basis.amplitudes(runs), basis.count, basis.ramp, digits)
+        likelihood = Likelihood(*basis.amplitudes(signals), basis.count, basis.ramp, digits)
         selection = Selection(basis, likelihood, settings.significance)
         if len(lines) == LINES:
             break
@@ -84,12 +84,12 @@ def find_lines(basis, runs, settings):
         if (power <= likelihood.floor).all():
             # nothing but rounding is left
             break
-        line = find_line(runs, _density(selection), settings.significance)
-        line = line or _slow_line(runs, selection)
+        line = find_line(signals, _density(selection), settings.significance)
+        line = line or _slow_line(signals, selection)
         if line is None:
             break
         lines.append(line)
-        runs = line.subtract(runs)
+        signals = line.subtract(signals)
     true = [
         line
         for i, line in enumerate(lines)
@@ -98,7 +98,7 @@ def find_lines(basis, runs, settings):
     return true, selection
 
 
-def _slow_line(runs, selection):
+def _slow_line(signals, selection):
     """Return a line of few periods that the fitted terms hold for noise, or None.
 
     What stands out from its neighbours alone is kept from the fit of the terms, and is a line if it
@@ -106,7 +106,7 @@ def _slow_line(runs, selection):
     among many, too narrow for any term to follow.
     """
     basis, level = selection.modes, selection.level
-    slow = [means for run in runs if (means := run.closed_up().means(basis.m))]
+    slow = [means for signal in signals if (means := signal.closed_up().means(basis.m))]
     flat = basis.dt * np.mean(selection.likelihood.power())
     line = find_line(slow, lambda f: np.full_like(f, flat), level)
     if line is None:
@@ -115,7 +115,7 @@ def _slow_line(runs, selection):
     apart = abs(basis.frequency - line.frequency.value) > width
     spectrum = _density(selection.weighted(selection.likelihood.count * apart))
     # the means tell in no time whether the whole record is worth another look
-    return find_line(slow, spectrum, level) and find_line(runs, spectrum, level)
+    return find_line(slow, spectrum, level) and find_line(signals, spectrum, level)
 
 
 def _density(selection):

@@ -9,7 +9,7 @@ from imuloop.core.noise_model import Coefficient
 from imuloop.noise.periodogram import SHORTEST, Periodogram, chance_over_band
 from imuloop.noise.sinusoids import FittedSinusoid, fit_sinusoid, follow, strongest_frequency
 
-# relative difference of the clocks of two runs, within which a line is the same
+# relative difference of the clocks of two power cycles, within which a line is the same
 SAME_CLOCK = 1e-4
 # mains, Hz; relative wander (50 mHz) and error of the clock behind the time stamps
 MAINS, ORDERS = (50.0, 60.0), ("1st", "2nd", "3rd", "4th", "5th")
@@ -22,8 +22,8 @@ TWO_SIDED, ONE_SIDED = 1.959964, 1.644854
 class Line:
     """Sinusoid of one axis.
 
-    Frequency in Hz, and amplitude, SI of the axis, in the run where it stands out most. `parts` are
-    what is removed: more than one per run where frequency, phase or amplitude wander; then
+    Frequency in Hz, and amplitude, SI of the axis, in the signal where it stands out most. `parts`
+    are what is removed: more than one per signal where frequency, phase or amplitude wander; then
     `frequency` is the mean weighted with the power and `amplitude` the root mean square, low by
     what the line wanders within a part.
     """
@@ -32,46 +32,46 @@ class Line:
     amplitude: Coefficient
     parts: tuple[FittedSinusoid, ...]
 
-    def subtract(self, runs):
-        """Return the runs without the line; runs that do not show it are returned unchanged."""
-        shown = {part.run for part in self.parts}
+    def subtract(self, signals):
+        """Return the Signals without the line; those that do not show it are returned unchanged."""
+        shown = {part.signal for part in self.parts}
         result = [
-            replace(run, values=np.array(run.values, float)) if i in shown else run
-            for i, run in enumerate(runs)
+            replace(signal, values=np.array(signal.values, float)) if i in shown else signal
+            for i, signal in enumerate(signals)
         ]
         for part in self.parts:
-            part.subtract(result[part.run])
+            part.subtract(result[part.signal])
         return result
 
     def explains(self, line, rate):
         """Return whether a later line is a remainder: within 1/T of a part of time T."""
         near = {
-            part.run
+            part.signal
             for part in self.parts
             if abs(part.frequency - line.frequency.value) * (part.end - part.begin) <= rate
         }
-        return near.issuperset(part.run for part in line.parts)
+        return near.issuperset(part.signal for part in line.parts)
 
 
-def find_line(runs, spectrum, level):
+def find_line(signals, spectrum, level):
     """Return the most significant sinusoid; None if chance explains it.
 
     The largest ratio of the periodogram to the spectrum and its local background, see
     `Periodogram`, is a line where the chance of it is below the level. A line that wanders is one
     line: where the halves of the record, each with a frequency, phase and amplitude of its own,
-    explain more than the whole and chance, it is followed through them. Runs are tested one by
+    explain more than the whole and chance, it is followed through them. Signals are tested one by
     one and their independent frequencies W add: the clocks of two sessions differ by more than the
     width 1/T of a line, so that powers at one frequency do not.
 
-    Takes the Runs of an axis, SI, the one-sided density of the noise, SI^2/Hz, as a function of
-    frequency in Hz, and the chance of finding a line in noise that has none. None also where no run
-    is long enough.
+    Takes the Signals of an axis, SI, the one-sided density of the noise, SI^2/Hz, as a function of
+    frequency in Hz, and the chance of finding a line in noise that has none. None also where no
+    signal is long enough.
 
     References
     ----------
     Intervals: D. C. Rife and R. R. Boorstyn, IEEE Trans. Inf. Theory 20 (1974) 591.
     """
-    each = {i: Periodogram.of(run, spectrum) for i, run in enumerate(runs)}
+    each = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
     each = {i: periodogram for i, periodogram in each.items() if periodogram}
     if not each:
         return None
@@ -80,23 +80,25 @@ def find_line(runs, spectrum, level):
     independent = sum(periodogram.independent for periodogram in each.values())
     if chance_over_band(peaks[best][0], independent) > level:
         return None
-    strongest = fit_sinusoid(runs[best], peaks[best][1], best)
+    strongest = fit_sinusoid(signals[best], peaks[best][1], best)
     if chance_over_band(each[best].chance(strongest), independent) > level:
         return None
     parts = {}
     for i, periodogram in each.items():
-        run, sinusoid = runs[i], strongest
+        signal, sinusoid = signals[i], strongest
         if i != best:
-            if sinusoid.frequency * run.span < SHORTEST:
+            if sinusoid.frequency * signal.span < SHORTEST:
                 continue
-            reach = 1 / runs[best].span + 1 / run.span + SAME_CLOCK * sinusoid.frequency
-            sinusoid = fit_sinusoid(run, strongest_frequency(run, sinusoid.frequency, reach), i)
-            if chance_over_band(periodogram.chance(sinusoid), 2 * reach * run.span) > level:
+            reach = 1 / signals[best].span + 1 / signal.span + SAME_CLOCK * sinusoid.frequency
+            sinusoid = fit_sinusoid(
+                signal, strongest_frequency(signal, sinusoid.frequency, reach), i
+            )
+            if chance_over_band(periodogram.chance(sinusoid), 2 * reach * signal.span) > level:
                 continue
-        parts[i] = follow(run, sinusoid, periodogram.density(sinusoid.frequency)[0])
+        parts[i] = follow(signal, sinusoid, periodogram.density(sinusoid.frequency)[0])
     density, freedom = each[best].density(strongest.frequency)
     return Line(
-        *_averaged(parts[best], density * runs[best].rate / 2, stdtrit(freedom, 0.975)),
+        *_averaged(parts[best], density * signals[best].rate / 2, stdtrit(freedom, 0.975)),
         parts=tuple(part for i in sorted(parts) for part in parts[i]),
     )
 
@@ -126,7 +128,7 @@ def mains(frequency, rate):
 
 
 def _averaged(parts, variance, quantile):
-    """Return frequency and amplitude, averaged over the parts of a run.
+    """Return frequency and amplitude, averaged over the parts of a signal.
 
     For white noise of a variance, and the quantile of the intervals, standard errors.
     """

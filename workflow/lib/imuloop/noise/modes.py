@@ -9,9 +9,9 @@ from scipy.interpolate import CubicSpline
 
 from imuloop.noise.processes import (
     NAMES,
+    block_mean_covariances,
     gauss_markov_means,
     gauss_markov_samples,
-    mean_covariances,
     sample_covariances,
 )
 
@@ -81,12 +81,12 @@ class _Level:
 
 @dataclass(frozen=True)
 class _Piece:
-    """Blocks that share a slope, at most `BLOCKS` of one run.
+    """Blocks that share a slope, at most `BLOCKS` of one power cycle.
 
-    `place` is where each begins among the values of the run, `start` its first sample there.
+    `place` is where each begins among the values of its Signal, `start` its first sample there.
     """
 
-    run: int
+    cycle: int
     place: np.ndarray
     start: np.ndarray
     levels: tuple[_Level, ...]
@@ -100,13 +100,14 @@ class _Piece:
 
 @dataclass(frozen=True)
 class Modes:
-    """Basis of one or more runs, each cut into blocks of m samples of dt in s.
+    """Basis of one or more power cycles, each cut into blocks of m samples of dt in s.
 
     Fast modes: orthonormal cosine coefficients 1 ... m-1 of each block. Slow modes: the means of
     the blocks, an exact decimation, in the basis of their contrasts that diagonalises the walk;
-    white noise is diagonal in any orthonormal basis. For an unbroken run that is again the
-    cosine transform. Contrasts are free of the level of each run and of each stretch between
-    two disturbances, while gaps keep their place in time; those of a few samples are closed up.
+    white noise is diagonal in any orthonormal basis. For an unbroken one that is again the
+    cosine transform. Contrasts are free of the level of each power cycle and of each stretch
+    between two disturbances, while gaps keep their place in time; those of a few samples are closed
+    up.
 
     In this basis white noise and walk are uncorrelated, others nearly so, and the expected square
     of each mode is exact for every process.
@@ -114,7 +115,7 @@ class Modes:
     Attributes
     ----------
     span, level : float
-        Longest run, and longest time without a new level, s.
+        Longest power cycle, and longest time without a new level, s.
     frequency, count : ndarray, shape (r,)
         Of each row Hz, and values behind it: slow modes one by one, then bins of the fast ones.
     units : ndarray, shape (r, 4)
@@ -135,16 +136,16 @@ class Modes:
     # the first fast mode of each bin
     _bins: np.ndarray
 
-    def amplitudes(self, runs):
+    def amplitudes(self, signals):
         """Return the slow modes' amplitudes, with sign, and the fast ones' mean squares, SI.
 
-        Of the Runs of an axis. The straight line of each piece is taken out of the fast ones
+        Of the Signals of an axis. The straight line of each piece is taken out of the fast ones
         before.
         """
         slow, squares = [], np.zeros(self.m - 1)
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]
         for piece in self._pieces:
-            x = runs[piece.run].values
+            x = signals[piece.cycle].values
             blocks = [x[i : i + self.m] for i in piece.place]
             means = np.array([block.mean() for block in blocks])
             amplitudes, ramp = piece.contrasts(means), piece.contrasts(piece.start * self.dt)
@@ -170,7 +171,7 @@ class Modes:
 
     @cached_property
     def correlation_times(self):
-        """Correlation times between two samples and the longest run, s."""
+        """Correlation times between two samples and the longest power cycle, s."""
         low, high = np.log10([self.dt, max(self.span, 8 * self.dt)])
         return 10 ** np.linspace(low, high, int(np.ceil(TIMES * (high - low))) + 1)
 
@@ -192,14 +193,14 @@ class Modes:
 
 
 def modes(samplings):
-    """Return the Modes of Samplings of one rate, one per run, with two samples or more."""
+    """Return the Modes of Samplings of one rate, one per power cycle, with two samples or more."""
     closed = [sampling.closed_up() for sampling in samplings]
     dt = 1 / np.average([s.rate for s in closed], weights=[s.lengths.sum() for s in closed])
     m = _block_length(np.concatenate([sampling.lengths for sampling in closed]))
     # blocks of one sample where all are lone blocks of a level, as of bursts of two samples
     m, pieces = next((k, p) for k in (m, 1) if (p := _pieces(closed, k)))
     slow = [
-        level.squares(mean_covariances(level.distance, m, dt))
+        level.squares(block_mean_covariances(level.distance, m, dt))
         for piece in pieces
         for level in piece.levels
     ]
@@ -247,9 +248,9 @@ def _block_length(lengths):
 
 
 def _pieces(samplings, m):
-    """Return the pieces of all runs, none of more than `BLOCKS` blocks or without a contrast."""
+    """Return the pieces of all power cycles, of at most `BLOCKS` blocks and with a contrast."""
     pieces = []
-    for run, sampling in enumerate(samplings):
+    for cycle, sampling in enumerate(samplings):
         number = sampling.lengths // m
         stretch = np.repeat(np.arange(len(number)), number)
         within = m * np.concatenate([np.arange(n) for n in number])
@@ -261,5 +262,5 @@ def _pieces(samplings, m):
             ends = np.flatnonzero(np.diff(level[part])) + 1
             if len(part) > len(ends) + 1:
                 levels = tuple(_Level.of(each, m) for each in np.split(start[part], ends))
-                pieces.append(_Piece(run, place[part], start[part], levels))
+                pieces.append(_Piece(cycle, place[part], start[part], levels))
     return pieces

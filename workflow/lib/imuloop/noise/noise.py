@@ -114,7 +114,7 @@ def estimate_noise(device, sessions, settings, views=True):
     curves = {}
     for sensor, axis in ((s, axis) for s, own in SENSORS.items() for axis in own):
         # curves and spectra take a few missing samples for none
-        closed = [closed_up(record.runs(axis)) for record in by_sensor[sensor]]
+        closed = [closed_up(record.signals(axis)) for record in by_sensor[sensor]]
         factors, curve = pooled[sensor]
         variance = allan_variance([x for each in closed for x in each], factors)
         curves[axis] = dict(zip(TERMS, fit_curve(variance, curve), strict=True))
@@ -195,15 +195,15 @@ def _of_each(by_sensor, function):
 
 
 def _estimate(axis, records, basis, settings, notes):
-    runs, rate = [run for record in records for run in record.runs(axis)], 1 / basis.dt
+    signals, rate = [signal for record in records for signal in record.signals(axis)], 1 / basis.dt
     nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 * rate)
-    if not all(np.isfinite(run.values).all() for run in runs):
+    if not all(np.isfinite(signal.values).all() for signal in signals):
         notes.append(f"{axis}: values that are not finite, no coefficient estimated")
         return nothing
-    if all(run.is_constant() for run in runs):
+    if all(signal.is_constant() for signal in signals):
         notes.append(f"{axis}: output is constant, no coefficient estimated")
         return nothing
-    estimate = estimate_axis(basis, runs, settings)
+    estimate = estimate_axis(basis, signals, settings)
     if not any(getattr(estimate.noise, name).upper95 for name in TERMS):
         notes.append(f"{axis}: too few samples for a coefficient")
     if estimate.misfit:

@@ -1,4 +1,4 @@
-"""Periodogram of the clean stretches of a run, over its local background."""
+"""Periodogram of the clean stretches of a signal, over its local background."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 from scipy import fft
 from scipy.special import betainc
 
-# periods in a run below which a line is not told from a drift; as far from Nyquist
+# periods in a signal below which a line is not told from a drift; as far from Nyquist
 SHORTEST = 3
 # independent values in a block of the background: at least, and a quarter of those below it up to
 # what a median needs and to 0.3 Hz; 1 % of its frequency where that is more. Mains' wander, folded
@@ -23,7 +23,7 @@ SURE = 1e-9
 
 @dataclass(frozen=True)
 class Periodogram:
-    r"""Periodogram of one run relative to its spectrum, and the medians of its blocks.
+    r"""Periodogram of one Signal relative to its spectrum, and the medians of its blocks.
 
     The periodogram :math:`I(f) = 2 |\sum x_j e^{-2 \pi i f t_j}|^2/(n r)`, level means and one
     slope removed, gaps filled with zeros, padded to twice the record, is divided by the spectrum
@@ -70,27 +70,27 @@ class Periodogram:
     spectrum: Callable
 
     @classmethod
-    def of(cls, run, spectrum):
-        """Return the periodogram of one run; None if it is too short, sparse or has no noise."""
-        n, (first, last) = int(run.lengths.sum()), run.extent
+    def of(cls, signal, spectrum):
+        """Return the periodogram of one Signal; None if it is too short, sparse or has no noise."""
+        n, (first, last) = int(signal.lengths.sum()), signal.extent
         # frequencies in units of rate/n, the distance of independent ones
         low = SHORTEST * n / (last + 1 - first)
-        sizes = _block_sizes(low, n, run.rate)
+        sizes = _block_sizes(low, n, signal.rate)
         # of what never changes rounding alone is left
-        if not sizes or run.is_sparse or run.is_constant():
+        if not sizes or signal.is_sparse or signal.is_constant():
             return None
         padded = 16 * fft.next_fast_len(-(-(last + 1 - first) // 8))
         edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
         edges[-1] = int((n / 2 - low) * padded / n)
-        step, blocks = run.rate / padded, [*pairwise(edges.tolist())]
+        step, blocks = signal.rate / padded, [*pairwise(edges.tolist())]
         nodes = [np.linspace(i, j - 1, min(NODES, j - i)) for i, j in blocks]
-        density = [spectrum(step * each) * n * run.rate / 2 for each in nodes]
+        density = [spectrum(step * each) * n * signal.rate / 2 for each in nodes]
         if not all((each > 0).all() for each in density):
             return None
         # single precision: its rounding lies 14 decades below the variance; a power of two keeps
         # squares within it
         size = 2.0 ** np.rint(np.log2(max(each.max() for each in density)) / 2)
-        transform = fft.rfft(_filled(run, size), padded)
+        transform = fft.rfft(_filled(signal, size), padded)
         power = transform.real**2 + transform.imag**2
         medians = np.empty(len(sizes))
         for b, (i, j) in enumerate(blocks):
@@ -99,11 +99,13 @@ class Periodogram:
             medians[b] = np.median(power[i:j:2])
         if not medians.all():
             return None
-        middle = run.starts + (run.lengths - 1) / 2
-        spread = (middle - np.average(middle, weights=run.lengths)) ** 2 + (run.lengths**2 - 1) / 12
-        turns = np.sqrt(4 * np.pi * np.average(spread, weights=run.lengths))
+        middle = signal.starts + (signal.lengths - 1) / 2
+        spread = (middle - np.average(middle, weights=signal.lengths)) ** 2 + (
+            signal.lengths**2 - 1
+        ) / 12
+        turns = np.sqrt(4 * np.pi * np.average(spread, weights=signal.lengths))
         return cls(
-            rate=run.rate,
+            rate=signal.rate,
             step=step,
             edges=edges,
             sizes=np.array(sizes),
@@ -178,13 +180,13 @@ def _block_sizes(low, n, rate):
     return sizes
 
 
-def _filled(run, size):
+def _filled(signal, size):
     """Return the values over `size`, levels and slope removed, with zeros in the gaps."""
-    samples = zip(run.starts, run.lengths, strict=True)
-    t = run.centred(np.concatenate([start + np.arange(float(n)) for start, n in samples]))
-    x, (first, last) = run.centred(run.values), run.extent
+    samples = zip(signal.starts, signal.lengths, strict=True)
+    t = signal.centred(np.concatenate([start + np.arange(float(n)) for start, n in samples]))
+    x, (first, last) = signal.centred(signal.values), signal.extent
     x -= (t @ x) / (t @ t) * t
     filled = np.zeros(last + 1 - first, np.float32)
-    for start, part in zip(run.starts, run.split(x), strict=True):
+    for start, part in zip(signal.starts, signal.split(x), strict=True):
         filled[start - first : start - first + len(part)] = part / size
     return filled

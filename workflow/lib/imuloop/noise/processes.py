@@ -32,8 +32,11 @@ def sample_covariances(n, dt):
     return np.stack([quantisation, (d == 0) / dt, _flicker_samples(d), -d * dt / 2])
 
 
-def mean_covariances(d, m, dt):
+def block_mean_covariances(d, m, dt):
     """Return the covariance of means over m samples for unit Q, N, B, K, shape (4, ...), SI.
+
+    Of an even record, by the distance of the blocks, with a level that cancels in contrasts;
+    `AxisNoise.mean_covariance` is that of any windows of time.
 
     The same processes as in `sample_covariances`; `d` is the distance of two blocks in samples, 0
     or m and more, `dt` the interval of the samples, s.
@@ -55,7 +58,7 @@ def gauss_markov_samples(n, dt, tc):
 def gauss_markov_means(d, m, dt, tc):
     """Return the covariance of block means of a Gauss-Markov process of variance 1.
 
-    For distances as `mean_covariances` takes them, for each of the correlation times `tc`, s.
+    For distances as `block_mean_covariances` takes them, for each of the correlation times `tc`, s.
     """
     tc = np.reshape(tc, np.shape(tc) + (1,) * d.ndim)
     # 1 - phi^n without cancellation where the process is slow

@@ -38,9 +38,9 @@ class RecordedSession:
 
 @dataclass(frozen=True)
 class Record:
-    """Stretches of a session, run by run (`imuloop.core.segments.power_cycles`).
+    """Stretches of a session, one power cycle after the other (`core.segments.power_cycles`).
 
-    For each run the `slices` of its samples, and the `samplings`, where in time they lie; `jitter`
+    For each the `slices` of its samples, and the `samplings`, where in time they lie; `jitter`
     is the spread of the sampling interval, share of its mean, `lost` the samples missing in gaps of
     a few, share of those there.
     """
@@ -61,17 +61,17 @@ class Record:
         """Samples of each stretch, gaps of a few samples closed up, shape (s,)."""
         return np.concatenate([sampling.closed_up().lengths for sampling in self.samplings])
 
-    def runs(self, name):
-        """Return the Runs of a column; the values of a lone stretch are a view."""
+    def signals(self, name):
+        """Return the Signals of a column; the values of a lone stretch are a view."""
         x = np.asarray(self.session.samples[name])
         each = ([x[s] for s in slices] for slices in self.slices)
         values = (np.concatenate(parts) if len(parts) > 1 else parts[0] for parts in each)
         return [s.with_values(v) for s, v in zip(self.samplings, values, strict=True)]
 
 
-def closed_up(runs):
-    """Return the values of the stretches of Runs, gaps of a few samples closed up."""
-    return [x for run in runs for x in run.closed_up().split(run.values)]
+def closed_up(signals):
+    """Return the values of the stretches of Signals, gaps of a few samples closed up."""
+    return [x for signal in signals for x in signal.closed_up().split(signal.values)]
 
 
 def record_of(session, disturbed=False):
@@ -236,7 +236,7 @@ def _conditions(record):
             "closed up, so that K, R and correlation times may be off by as much"
         )
     if TEMPERATURE in record.session.samples:
-        values = np.concatenate([run.values for run in record.runs(TEMPERATURE)])
+        values = np.concatenate([signal.values for signal in record.signals(TEMPERATURE)])
         low, high = np.fmin.reduce(values), np.fmax.reduce(values)
         if high - low > TEMPERATURE_RANGE:
             yield (

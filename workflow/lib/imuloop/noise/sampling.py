@@ -1,4 +1,4 @@
-"""When the clean stretches of a run were sampled, and their values."""
+"""When the clean stretches of a power cycle were sampled, and their values."""
 
 from dataclasses import dataclass, replace
 
@@ -6,21 +6,23 @@ import numpy as np
 
 from imuloop.core.gaps import LONG_GAP_STEPS, gap_limit
 
-# a run of which a smaller share was recorded is not searched for lines: zeros in its gaps would be
+# a power cycle of which a smaller share was recorded is not searched for lines: zeros in its gaps
+# would be
 # most of the work, and each line many of equal height
 SPARSEST = 16
 
 
 @dataclass(frozen=True, eq=False)
 class Sampling:
-    """Clean stretches of a run on its grid of samples; gaps keep their place in time.
+    """Clean stretches of a power cycle on its grid of samples; gaps keep their place in time.
 
     Attributes
     ----------
     rate : float
         Hz.
     starts, lengths : ndarray of int, shape (s,)
-        First sample of each stretch, counted from the start of the run, ascending, and its samples.
+        First sample of each stretch, counted from the start of the first, ascending, and its
+        samples.
     levels : ndarray of int, shape (s,)
         Neighbours of one number share a level, across a gap; after a disturbance, which may have
         moved the device, a new one begins.
@@ -49,7 +51,7 @@ class Sampling:
 
     @property
     def is_sparse(self):
-        """Whether less than 1/`SPARSEST` of the run was recorded."""
+        """Whether less than 1/`SPARSEST` of the power cycle was recorded."""
         return self.span * self.rate > SPARSEST * self.lengths.sum()
 
     @property
@@ -58,8 +60,8 @@ class Sampling:
         return np.cumsum(np.diff(self.levels, prepend=self.levels[0]) != 0)
 
     def with_values(self, values):
-        """Return the Run of values, shape (n,)."""
-        return Run(self.rate, self.starts, self.lengths, self.levels, values)
+        """Return the Signal of values, shape (n,)."""
+        return Signal(self.rate, self.starts, self.lengths, self.levels, values)
 
     def split(self, x):
         """Return the values of each stretch, as views, of those of all, shape (n,)."""
@@ -85,8 +87,8 @@ class Sampling:
 
 
 @dataclass(frozen=True, eq=False)
-class Run(Sampling):
-    """The same with the values of all stretches, one after the other, shape (n,)."""
+class Signal(Sampling):
+    """A Sampling with the values of one channel: all stretches one after the other, (n,)."""
 
     values: np.ndarray
 
@@ -95,7 +97,7 @@ class Run(Sampling):
         return not any(np.ptp(x) for x in self.split(self.values))
 
     def means(self, size):
-        """Return the run of the means over `size` samples, counted from the start of each stretch.
+        """Return the Signal of means over `size` samples, counted from the start of each stretch.
 
         None where no stretch is as long.
         """
@@ -105,12 +107,12 @@ class Run(Sampling):
             return None
         values = np.concatenate([x[: n * size].reshape(n, size).mean(axis=1) for x, n in each])
         starts = self.starts[kept] // size
-        return Run(self.rate / size, starts, number[kept], self.levels[kept], values)
+        return Signal(self.rate / size, starts, number[kept], self.levels[kept], values)
 
     def cut(self, begin, end):
-        """Return the run from sample `begin` to before `end`, its values a view."""
+        """Return the Signal from sample `begin` to before `end`, its values a view."""
         offset = np.clip(begin - self.starts, 0, self.lengths).sum()
         first, last = np.clip([self.starts, self.starts + self.lengths], begin, end)
         kept, lengths = last > first, last - first
         values = self.values[offset : offset + lengths.sum()]
-        return Run(self.rate, first[kept], lengths[kept], self.levels[kept], values)
+        return Signal(self.rate, first[kept], lengths[kept], self.levels[kept], values)
