@@ -2,126 +2,64 @@
 
 import ast
 import hashlib
-import re
 from functools import cache
 from importlib.metadata import packages_distributions, version
+from importlib.util import resolve_name
 from pathlib import Path
-from typing import NamedTuple
 
 _LIBRARY = Path(__file__).resolve().parent
 _DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
-# a name that is read, in a syntax tree as text
-_READ = re.compile(r"Name\(id='(\w+)'(?!, ctx=(?:Store|Del))")
-
-
-def code_digest(script, library=_LIBRARY):
-    """Return the SHA-256 of a script and of all code of the library that it reaches.
-
-    Hashed are the syntax trees without docstrings and positions. Followed are all ``import``
-    statements, those inside functions too. Of a module from which names are imported, those
-    functions and classes count, what they name in the module, and what stands outside of functions
-    and classes. A module counts with the ``__init__`` of its packages, and a package whose
-    ``__init__`` walks its own folder (``pkgutil``) counts with every module in it. Of the packages
-    of others that are imported on the way the installed versions are hashed.
-
-    `library` is the folder of the package, whose name is the package's.
-    """
-    library = Path(library)
-    own = _parts(Path(script), "")
-    found = {("", place): part.digest for place, part in enumerate(own)}
-    reached, waiting = set(), [each for part in own for each in part.imports]
-    others = set()
-    while waiting:
-        module, name = waiting.pop()
-        if name and _module_path(library, f"{module}.{name}"):
-            # what is imported from a package is a module
-            waiting += [(module, ""), (f"{module}.{name}", None)]
-            continue
-        path = _module_path(library, module)
-        if path is None:
-            others.add(module.partition(".")[0])
-            continue
-        if (module, name) in reached:
-            continue
-        reached.add((module, name))
-        is_package, parent = path.name == "__init__.py", module.rpartition(".")[0]
-        waiting.append((parent, ""))
-        for place, part in enumerate(_parts(path, module if is_package else parent)):
-            if name is None or part.name in (None, name):
-                found[module, place] = part.digest
-                waiting += [*part.imports, *((module, used) for used in part.uses)]
-                if is_package and "pkgutil" in {source for source, _ in part.imports}:
-                    beside = path.parent.glob("[!_]*.py")
-                    waiting += [(f"{module}.{each.stem}", None) for each in beside]
-    content = (sorted(found.items()), _versions(others))
-    return hashlib.sha256(repr(content).encode()).hexdigest()
-
-
-def _versions(packages):
-    """Return the installed version of each package that is not Python's own, by distribution."""
-    found = {each for name in packages for each in _distributions().get(name, ())}
-    return [(each, version(each)) for each in sorted(found)]
-
-
 # reads the metadata of all that is installed, for a quarter of a second
 _distributions = cache(packages_distributions)
 
 
-class _Part(NamedTuple):
-    """A function or class of a module by its name, or what stands outside of them, name None."""
+def code_digest(script, library=_LIBRARY):
+    """Return the SHA-256 of a script, of what it reaches in the library, and of others' versions.
 
-    name: str | None
-    digest: str
-    imports: tuple
-    uses: frozenset
+    Reached is what is imported, inside functions too, and the functions and classes that this names
+    in its own module; what stands outside of these in a module that is reached, and in its
+    packages; and every module of a package that walks its own folder. Comments and docstrings do
+    not count. `library` is the folder of the package.
+    """
+    paths, above = Path(library).rglob("*.py"), Path(library).parent
+    files = {".".join(each.relative_to(above).with_suffix("").parts): each for each in paths}
+    files = {"": Path(script)} | {k.removesuffix(".__init__"): path for k, path in files.items()}
+    found, others, waiting = {}, set(), [("", "*")]
+    while waiting:
+        module, name = waiting.pop()
+        if module not in files:
+            others.update(_distributions().get(module.partition(".")[0], ()))
+        elif f"{module}.{name}" in files:
+            waiting += [(module, ""), (f"{module}.{name}", "*")]
+        elif (module, name) not in found:
+            parts = [p for p in _parts(files[module], module) if name in ("*", p[0]) or not p[0]]
+            reached = [each for *_, own in parts for each in own]
+            found[module, name] = [digest for _, digest, _ in parts]
+            waiting += [*reached, (module.rpartition(".")[0], "")]
+            if "pkgutil" in dict(reached):
+                waiting += [(each, "*") for each in files if each.rpartition(".")[0] == module]
+    content = sorted(found.items()), [(each, version(each)) for each in sorted(others)]
+    return hashlib.sha256(repr(content).encode()).hexdigest()
 
 
 @cache
-def _module_path(library, name):
-    """Return the file of a module by its dotted name; None outside the library."""
-    first, *rest = name.split(".")
-    if first != library.name:
-        return None
-    path = library.joinpath(*rest)
-    candidates = (path / "__init__.py", path.with_suffix(".py"))
-    return next((candidate for candidate in candidates if candidate.is_file()), None)
-
-
-@cache
-def _parts(path, package):
-    """Return the parts of a file: digest of the tree, (module, name) imported, names used."""
-    tree = ast.parse(path.read_bytes(), filename=str(path))
+def _parts(path, module):
+    """Return name, empty but of definitions, digest, and (module, name) used of each statement."""
+    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    tree, parts = ast.parse(path.read_bytes(), filename=str(path)), []
     defined = {node.name for node in tree.body if isinstance(node, _DEFINITIONS)}
-    parts = []
-    for node in tree.body[bool(tree.body and _is_text(tree.body[0])) :]:
-        imports = []
-        for each in _statements(node):
-            if isinstance(each, _DEFINITIONS) and _is_text(each.body[0]):
+    for node in tree.body[ast.get_docstring(tree) is not None :]:
+        used = []
+        for each in ast.walk(node):
+            if isinstance(each, _DEFINITIONS) and ast.get_docstring(each) is not None:
                 del each.body[0]
+            elif isinstance(each, ast.Name) and isinstance(each.ctx, ast.Load):
+                used += [(module, each.id)] * (each.id in defined)
             elif isinstance(each, ast.Import):
-                imports += [(alias.name, None) for alias in each.names]
+                used += [(alias.name, "*") for alias in each.names]
             elif isinstance(each, ast.ImportFrom):
-                parents = package.split(".")
-                start = parents[: len(parents) - each.level + 1] if each.level else []
-                module = ".".join(filter(None, [*start, each.module]))
-                imports += [(module, alias.name) for alias in each.names]
-        name = node.name if isinstance(node, _DEFINITIONS) else None
-        code = ast.dump(node)
-        uses = defined.intersection(_READ.findall(code)) - {name}
-        digest = hashlib.sha256(code.encode()).hexdigest()
-        parts.append(_Part(name, digest, tuple(imports), frozenset(uses)))
-    return tuple(parts)
-
-
-def _statements(node):
-    """Yield a statement and all that stand inside it; imports and definitions are statements."""
-    yield node
-    for block in ("body", "handlers", "cases", "orelse", "finalbody"):
-        inside = getattr(node, block, ())
-        if isinstance(inside, list):
-            for each in inside:
-                yield from _statements(each)
-
-
-def _is_text(node):
-    return isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str)
+                source = resolve_name("." * each.level + (each.module or ""), package)
+                used += [(source, alias.name) for alias in each.names]
+        digest = hashlib.sha256(ast.dump(node).encode()).hexdigest()
+        parts.append((node.name if isinstance(node, _DEFINITIONS) else "", digest, used))
+    return parts
