@@ -77,7 +77,10 @@ def without_pose(sessions, kind):
 
 
 def with_sessions(reason, sessions):
-    """Return a reason; for missing poses, also what happened to the sessions."""
+    """Return a reason, text or None; for missing poses, also what happened to the sessions.
+
+    Sessions as of `usable`.
+    """
     for kind in ("multi_position", "six_position"):
         bare = without_pose({}, kind)
         if reason and reason.startswith(bare):
@@ -103,9 +106,10 @@ def read_recording(sessions, longest_rotation):
 
 
 def first_log(sessions):
-    """Return the metadata of the samples of the first session, by order of `KINDS`.
+    """Return the metadata of the samples of the first session, by order of `KINDS`, a dict.
 
-    One without rows comes last: of a log that was not read the units are not known.
+    Sessions as of `usable`. One without rows comes last: of a log that was not read the units are
+    not known.
     """
 
     def order(session):
@@ -115,14 +119,17 @@ def first_log(sessions):
 
 
 def raw_units(sessions):
-    """Return the raw units (accelerometer, gyroscope) of the first session, by order of `KINDS`."""
+    """Return the RawUnits (accelerometer, gyroscope) of the log that `first_log` chooses."""
     units = first_log(sessions)["raw_units"]
     found = (units[quantity] for quantity in ("acceleration", "angular_rate"))
     return tuple(RawUnit(unit["name"], unit["scale"], unit["offset"]) for unit in found)
 
 
 def layout(sessions):
-    """Return the declaration of the first log, and its autopilot's names of the sensors."""
+    """Return what was declared of the log that `first_log` chooses, a dict.
+
+    With the key ``sensor_ids``, an autopilot's numbers of its sensors, where the log holds them.
+    """
     first = first_log(sessions)
     ids = first.get("sensor_ids")
     return first.get("declared", {}) | ({"sensor_ids": ids} if ids else {})
@@ -239,7 +246,8 @@ def calibrate_sensors(recording, noise, gravity, units, settings, given=None, tu
 def by_turns(turns, unit):
     """Return the gyroscope's calibration by KnownTurns alone; None where they do not determine it.
 
-    Its bias is that of the rests in these sessions.
+    Its bias is that of the rests in these sessions. Takes the RawUnit of the gyroscope. A
+    `NotConverged` or another LinAlgError if the turns have no fit.
     """
     if turns is None or not len(turns):
         return None
@@ -260,7 +268,8 @@ def rest_bias(poses, noise, unit, reason):
 
     Where it differs more between power cycles than noise lets expect, the mean over them, with the
     variance ``s²/n`` of n power cycles. Nominal without a rest, or where the noise of an axis is
-    not known.
+    not known. Takes Poses, NoiseModel, the RawUnit of the gyroscope, and why the rest of it is not
+    calibrated, text.
     """
     silent = poses.unknown_noise(noise, ANGULAR_RATE)
     if silent or not len(poses):

@@ -63,7 +63,10 @@ def accelerometer_lost(jacobian, x, gravity, largest):
 
 
 def no_ellipsoid(poses, leads):
-    """Return why poses that no accelerometer gives have no fit, and where it leads."""
+    """Return why poses that no accelerometer gives have no fit, text.
+
+    Takes the number of poses, and where the fit leads, text.
+    """
     return (
         f"specific force at {poses} poses lies on no ellipsoid of an accelerometer: the fit leads "
         f"to {leads}; was a pose clipped or wrapped around, did scale or offset change midway?"
@@ -73,7 +76,8 @@ def no_ellipsoid(poses, leads):
 def gyroscope_undetermined(jacobian, largest):
     """Return why rotations do not determine T and K, or None if they do.
 
-    Takes the derivative of the errors of the rotations with respect to T, K and b, (m, 2, 12).
+    Takes the derivative of the errors of the rotations with respect to T, K and b, (m, 2, 12), and
+    the largest condition number of the design.
     """
     count = len(jacobian)
     if count < LEAST_ROTATIONS:

@@ -122,12 +122,15 @@ class GyroscopeModel:
 
 
 def midpoints(values):
-    """Return the means of neighbours along the second axis."""
+    """Return the means of neighbours along the second axis: of (m, k, ...), (m, k - 1, ...)."""
     return (values[:, 1:] + values[:, :-1]) / 2
 
 
 def at_both_ends(values):
-    """Return at each sample the sum of the values of the steps beside it, (m, k, ...)."""
+    """Return at each sample the sum of the values of the steps beside it, (m, k, ...).
+
+    Takes the values of the steps, (m, k - 1, ...).
+    """
     found = np.zeros((len(values), values.shape[1] + 1, *values.shape[2:]))
     found[:, 1:] = values
     found[:, :-1] += values
@@ -135,7 +138,7 @@ def at_both_ends(values):
 
 
 def tangents(directions):
-    """Return two unit vectors normal to each direction and to each other, shape (n, 2, 3)."""
+    """Return two unit vectors normal to each direction, (n, 3), and to each other, (n, 2, 3)."""
     helper = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
     first = np.cross(directions, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -143,5 +146,5 @@ def tangents(directions):
 
 
 def cross_matrix(vectors):
-    """Return the matrices of ``v ×``, shape (n, 3, 3)."""
+    """Return the matrices of ``v ×``, shape (n, 3, 3), of vectors v, (n, 3)."""
     return np.cross(np.eye(3), vectors[:, None])

@@ -26,7 +26,7 @@ class NotConverged(LinAlgError):
 
 
 def why_no_fit(error):
-    """Return what to say of a LinAlgError that a fit raised."""
+    """Return what to say of a LinAlgError that a fit raised, one line of text."""
     return str(error) if isinstance(error, NotConverged) else SINGULAR
 
 
@@ -168,7 +168,10 @@ def chi_square(values, covariance, jacobian, groups):
 
 
 def covariance_of(white):
-    """Return ``(Wᵀ W)⁻¹``, from the singular values of W with columns of length one."""
+    """Return ``(Wᵀ W)⁻¹``, (p, p), from the singular values of W, (n, p), its columns normalised.
+
+    A LinAlgError if W has no full rank, or is not finite.
+    """
     length = np.linalg.norm(white, axis=0)
     if not (np.isfinite(length).all() and length.all()):
         raise LinAlgError("a parameter that no residual depends on")

@@ -217,7 +217,10 @@ def rounded_means(samples, variance):
 
 
 def rounded(poses, logs):
-    """Return the poses with what rounding adds to the variance of their means."""
+    """Return the Poses with what rounding adds to the variance of their means.
+
+    Takes the Poses and the Log of each session.
+    """
     added = np.zeros((len(poses), len(CHANNELS)))
     for session in np.unique(poses.session):
         own, log = poses.session == session, logs[session]
@@ -274,11 +277,11 @@ def turns_within(poses, logs):
 def gather_rotations(poses, logs, segments, longest_s, clipped):
     """Return the Rotations between consecutive poses of the same session, and the Lost.
 
-    A rotation runs from the last sample of a pose to the first of the next. A slow one reaches into
-    both poses: what it begins and ends with is too slow to be told from a rest, and as an angle
-    more than the noise of the time added. It is left out where it lasts longer than asked, where a
-    gap interrupts it, where the angular rate reached the end of its range, and where it lost too
-    much elsewhere (`errors_of_time`). Takes the Log and the segments of each session, and
+    A rotation lasts from the last sample of a pose to the first of the next. A slow one reaches
+    into both poses: what it begins and ends with is too slow to be told from a rest, and as an
+    angle more than the noise of the time added. It is left out where it lasts longer than asked,
+    where a gap interrupts it, where the angular rate reached the end of its range, and where it
+    lost too much elsewhere (`errors_of_time`). Takes the Log and the segments of each session, and
     which samples have the angular rate and the specific force at the end of their range, (2, N).
     """
     turns, short_enough, left_out, beyond = [], 0, [], 0

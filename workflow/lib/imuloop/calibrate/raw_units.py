@@ -39,13 +39,19 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), red
 
 
 def as_logged(calibration, base):
-    """Return the base parameters of a calibration, SI as logged: inverse of `in_raw_units`."""
+    """Return the base parameters of a SensorCalibration, (p,), SI: inverse of `in_raw_units`.
+
+    `base` are their names, those of T first, then three scale factors and three biases.
+    """
     unit = calibration.raw_unit
     T = [calibration.T[int(name[1]), int(name[2])] for name in base[:-6]]
     return np.concatenate([T, calibration.K / unit.scale, unit.to_si(calibration.b)])
 
 
 def si_factor(names, unit):
-    """Return the SI units, as logged, of each of the parameters of a SensorCalibration."""
+    """Return how many SI units, as logged, one of each parameter of a SensorCalibration is, (p,).
+
+    Takes the names of its parameters and the RawUnit.
+    """
     of = {"K": 1 / unit.scale, "b": unit.scale}
     return np.array([1.0 if "." in name else of.get(name[0], 1.0) for name in names])

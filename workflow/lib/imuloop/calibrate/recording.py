@@ -145,7 +145,10 @@ class Recording:
 
 
 def pose_means(poses, logs, whole):
-    """Return the mean over each pose of an array per session, first axis the session's samples."""
+    """Return the mean over each pose, (n, ...), of an array per session, `whole`, (N, ...) each.
+
+    Takes the Poses and the Log of each session.
+    """
     means = []
     for s, start, end in zip(poses.session, poses.start_s, poses.end_s, strict=True):
         first, last = np.searchsorted(logs[s].t, [start, end])

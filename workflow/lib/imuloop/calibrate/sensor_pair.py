@@ -378,7 +378,10 @@ class SensorPair:
         return gyroscope_lost(jacobian[:, at], white, covariance, found.x[at[6:]], largest)
 
     def undetermined(self, sensor, recording, keeps):
-        """Return for each mask of poses why these alone do not determine a sensor, or None."""
+        """Return why the poses of each mask alone do not determine a sensor, text or None.
+
+        Takes the Recording and masks of its n poses, (n,) of bool each.
+        """
         largest = self.settings.largest_condition
         if sensor == "accelerometer":
             poses = (recording.poses.select(keep) for keep in keeps)
@@ -408,6 +411,6 @@ def parameters(effects=()):
 
 
 def places(effects=()):
-    """Return where the parameters of each sensor are among all."""
+    """Return the numbers of the parameters of each sensor among all, by sensor, ints (k,)."""
     owners = np.array([sensor for sensor, _, _ in parameters(effects)])
     return {sensor: np.flatnonzero(owners == sensor) for sensor in SENSORS}

@@ -31,7 +31,7 @@ def find_faces(f, tolerance):
 
 
 def untestable_faces(faces):
-    """Return which faces are missing, or None if all six were found."""
+    """Return which of the `faces` are missing, text, or None if all six were found."""
     wanted = {1: "+x", -1: "-x", 2: "+y", -2: "-y", 3: "+z", -3: "-z"}
     missing = [name for face, name in wanted.items() if face not in faces]
     if not missing:
