@@ -221,7 +221,7 @@ def test_a_parameter_that_axes_share_is_estimated_from_the_rows_of_all(monkeypat
         assert fitted.values["dx"] == pytest.approx(d, abs=0.2)
 
 
-def test_the_next_mean_is_foretold_by_those_before_it():
+def test_the_next_mean_is_predicted_by_those_before_it():
     at = record(np.zeros((60, 3))).windows
     values = np.random.default_rng(9).normal(size=60)
     # of white noise it is the mean of all before

@@ -206,7 +206,7 @@ def test_a_process_is_that_of_the_noise_stage(no_limits):
     assert residual["after"] == pytest.approx(residual["floor"], rel=0.3)
 
 
-def test_a_process_that_foretells_nothing_better_is_no_effect(no_limits, still):
+def test_a_process_that_predicts_nothing_better_is_no_effect(no_limits, still):
     """An effect lowers an error on unseen data, whatever a spectrum looked like."""
     made, noise = still
     term = GaussMarkovTerm(known(0.01), known(20.0))
@@ -215,9 +215,7 @@ def test_a_process_that_foretells_nothing_better_is_no_effect(no_limits, still):
     found = diagnosed(made, noise).content["gyroscope"]
     assert (found["verdict"], found["effects"]) == ("consistent", [])
     (candidate,) = (c for c in found["candidates"] if c["name"] == "gauss_markov")
-    assert (
-        candidate["status"] == "not_observable" and "foretells no mean better" in candidate["why"]
-    )
+    assert candidate["status"] == "not_observable" and "predicts no mean better" in candidate["why"]
 
 
 def test_too_short_and_silent_records_say_why(no_limits, still):

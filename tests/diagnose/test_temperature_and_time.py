@@ -58,7 +58,7 @@ def test_a_bias_that_jumps_gets_its_step(no_limits, tmp_path):
     sizes = [step["parameters"][f"h1{axis}"] for axis in "xyz"]
     np.testing.assert_allclose(sizes, truth["steps"][0], rtol=0.1, atol=2e-3)
     assert effects["gyroscope"] == [] and made["ratios"]["accelerometer"] < 0.2
-    # a pose that may lie on either side of the step is foretold by nothing, and counts in no error
+    # a pose that may lie on either side of the step is predicted by nothing, and counts in no error
     verdicts = [made["verdicts"][sensor]["poses"] for sensor in SENSORS]
     assert verdicts == ["explained", "consistent"]
     assert "unexplained" not in made["verdicts"]["accelerometer"]["motion"]
@@ -67,7 +67,7 @@ def test_a_bias_that_jumps_gets_its_step(no_limits, tmp_path):
 @pytest.mark.parametrize(
     ("out", "hidden"), [({3}, [3]), ({4}, [4]), ({2, 3}, [2, 3]), ({2}, []), ({3, 4}, [3, 4])]
 )
-def test_only_poses_between_what_is_seen_of_a_step_are_not_foretold(out, hidden):
+def test_only_poses_between_what_is_seen_of_a_step_are_not_predicted(out, hidden):
     """Of an accelerometer alone: its recording may have no turns that count."""
     number = np.arange(8)
     problem = SimpleNamespace(

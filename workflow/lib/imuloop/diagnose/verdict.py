@@ -20,7 +20,7 @@ LEFT = ("unexplained", "partly_explained")
 
 
 def not_testable(why):
-    """Return what a diagnosis holds where nothing could be tested, with the reason."""
+    """Return the contract's fields where nothing could be tested, with the reason, text."""
     lists = ("effects", "candidates", "confounded", "correlates")
     return {"verdict": "not_testable", "why": why, "residuals": {}} | {name: [] for name in lists}
 
@@ -35,18 +35,18 @@ class Judged:
     reduced_chi2: float  # by the noise as estimated
 
 
-def judge(alternatives, squares, fitted=0, foretold=True):
+def judge(alternatives, squares, fitted=0, predicted=True):
     """Return the probability of each alternative of the noise, and the Judged of each kind.
 
     Of an alternative it takes the logarithm of its probability beforehand, and of independent
     blocks of residuals values, covariance, derivative, folds and the rows of each kind, as of
     `chi_square` and `held_out_covariance`; further the sum of the squares of the held-out errors of
     each kind, how many parameters beside those of the derivative were fitted, and, of one block,
-    which rows have held-out errors.
+    which rows have held-out errors, (n,) of bool.
     """
 
     def part(covariance, rows):
-        return covariance[np.ix_(rows & foretold, rows & foretold)]
+        return covariance[np.ix_(rows & predicted, rows & predicted)]
 
     found, heldout, logs = [], [], []
     for prior, blocks in alternatives:
@@ -70,7 +70,10 @@ def judge(alternatives, squares, fitted=0, foretold=True):
 
 
 def verdict(above_before, above_after, effects):
-    """Return the verdict by whether a residual is above its floor, without and with effects."""
+    """Return the verdict, a word of the contract, on a residual.
+
+    By whether it is above its floor without and with the effects that were added, bool each.
+    """
     if not effects:
         return "unexplained" if above_before else "consistent"
     return "partly_explained" if above_after else "explained"
@@ -112,7 +115,10 @@ def above_floor(judged, share, heldout, floor, chosen):
 
 
 def unseen(cls, limits, units):
-    """Return why these data cannot show an effect at all, by its detection limits, or None."""
+    """Return why these data cannot show an effect at all, text, or None.
+
+    By its class, its detection limits by parameter, SI, and the units of the parameters.
+    """
     if not limits:
         return "at no size that was tried would held-out parts confirm it for certain"
     name = min(limits, key=limits.get)

@@ -93,7 +93,7 @@ class GaussMarkov(Effect):
 
     No pattern that could be subtracted: a term of the noise, covariance (q² Tc/2) exp(-|d|/Tc),
     which the noise stage finds. It is an effect where it lowers the error by which the next mean is
-    foretold. Of several on one axis it is the largest.
+    predicted. Of several on one axis it is the largest.
     Leaves: a hump of the Allan curve at 1.89 Tc. Imitated by: `sinusoid` where the record holds a
     few periods; flicker.
     """

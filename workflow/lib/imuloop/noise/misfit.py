@@ -35,7 +35,7 @@ def band(selection):
         fit = selection.weighted(np.where(below, count, 0.0)).likelihood.fit(units, True)
         expected = likelihood.above_rounding(units @ fit.theta)
         share = count[top] @ (power / expected)[top] / n
-        # what is foretold of few values is off by more than noise: the power has to fall, too
+        # what is predicted of few values is off by more than noise: the power has to fall, too
         near = below & (frequency > highest / 4)
         level, level_below = (count[rows] @ power[rows] / count[rows].sum() for rows in (top, near))
         falls = fdtr(n, count[near].sum(), level / level_below) < CHANCE

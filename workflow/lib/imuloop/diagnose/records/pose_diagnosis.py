@@ -89,7 +89,10 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
 
 
 def undetermined_held_out(problem):
-    """Return by sensor why the poses of a PoseProblem do not determine it with a part held out."""
+    """Return why poses do not determine a sensor with a part held out, text, by such sensor.
+
+    Takes the PoseProblem.
+    """
     pair, recording, parts = problem.sensor, problem.recording, problem.settings.folds
     keeps, found = [problem.fold_of_pose != k for k in range(problem.parts)], {}
     for sensor in pair.estimated:
@@ -117,9 +120,9 @@ def diagnose_poses(
 ):
     """Return the PoseResult of a device.
 
-    Takes what `calibrate.calibrate.sensor_pair` gives, the number of tests that share the
-    significance, and `found` and `information` of PoseProblem; `search_formulas` as of
-    `content.searched_beyond`.
+    Takes what `calibrate.calibrate.start_pair` gives, the Recording, DiagnoseSettings, the number
+    of tests that share the significance, and `found` and `information` of PoseProblem;
+    `search_formulas` as of `content.searched_beyond`.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
     if pair is None:
@@ -203,8 +206,8 @@ def judged_residuals(choices, kinds, errors, sensors=(), before=None):
     start = before or choices
     more = len(others) < len(added) or start is not choices
     plain = start.following(kinds_of(others)) if more else errors
-    foretold = np.isfinite(plain) & np.isfinite(errors)
-    errors = [np.where(foretold, each, np.nan) for each in (plain, errors)]
+    predicted = np.isfinite(plain) & np.isfinite(errors)
+    errors = [np.where(predicted, each, np.nan) for each in (plain, errors)]
     base = start.problem.linearized(others if more else added)
     final = problem.linearized(added)
     groups, both = [problem.of_kind(kind) for kind in kinds], []
@@ -214,11 +217,11 @@ def judged_residuals(choices, kinds, errors, sensors=(), before=None):
             for prior, covariance in about.alternatives
         ]
         squares = [np.nansum(own[rows] ** 2) for rows in groups]
-        both.append(judge(alternatives, squares, foretold=foretold[:, 0]))
+        both.append(judge(alternatives, squares, predicted=predicted[:, 0]))
     # the noise is as likely as the fit with the effects has it
     (_, judged_base), (weights, judged_final) = both
     spreads = (held_out_covariance(c, base.jacobian, problem.ends) for _, c in final.alternatives)
-    floors = [np.where(foretold, np.diag(spread)[:, None], np.nan) for spread in spreads]
+    floors = [np.where(predicted, np.diag(spread)[:, None], np.nan) for spread in spreads]
     floor = np.tensordot(weights, floors, 1)
     share = settings.significance / RESIDUALS / settings.family
     residuals, above, slow = {}, (False, False), False

@@ -1,4 +1,4 @@
-"""Noise with a correlation time that the noise stage found: what it foretells of the next mean."""
+"""Noise with a correlation time that the noise stage found: what it predicts of the next mean."""
 
 import numpy as np
 
@@ -30,8 +30,8 @@ def process_entry(sensor, problem, effects, fine, noise, curve_fit):
             values, fold = (record.values - taken)[:, place], fold_of(record, problem)
             for block in set(fold.tolist()) - {-1}:
                 at = fold == block
-                foretold = [prediction_errors(values[at], record.windows[at], m) for m in models]
-                parts.append((fold[at], *foretold))
+                predicted = [prediction_errors(values[at], record.windows[at], m) for m in models]
+                parts.append((fold[at], *predicted))
         if parts:
             fold, *errors[axis] = map(np.concatenate, zip(*parts, strict=True))
             pair = (e[:, None] for e in errors[axis])
@@ -41,7 +41,7 @@ def process_entry(sensor, problem, effects, fine, noise, curve_fit):
         return None, "the noise stage finds none"
     if not axes:
         low, high = min(intervals.values(), key=lambda ends: ends[1])
-        why = f"the noise has it, but it foretells no mean better: ratio {low:.3f} to {high:.3f}"
+        why = f"the noise has it, but it predicts no mean better: ratio {low:.3f} to {high:.3f}"
         return None, why
     largest = {
         a: max(noise.axes[a].gauss_markov, key=lambda p: p.q.square * p.tc.value) for a in axes
@@ -64,4 +64,4 @@ def process_entry(sensor, problem, effects, fine, noise, curve_fit):
         "heldout_after": size(after),
         "ratio_ci95": ratio_interval(fold, before, after, settings),
     }
-    return entry, "found by the noise stage; it foretells the next mean better"
+    return entry, "found by the noise stage; it predicts the next mean better"

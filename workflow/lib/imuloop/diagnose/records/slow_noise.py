@@ -49,9 +49,9 @@ def hypotheses(windows, grid):
 def prediction_errors(values, windows, noise):
     """Return the error of predicting each mean from those before it, shape (n,), SI.
 
-    The foretold is the conditional mean by an AxisNoise beside a level of which nothing is known:
+    The prediction is the conditional mean by an AxisNoise beside a level of which nothing is known:
     with its covariance ``Σ = L Lᵀ`` the error is ``diag(L) L⁻¹ x``. Takes means x, shape (n,), over
-    windows, (n, 2) s; the first, of which nothing is foretold, has the error 0.
+    windows, (n, 2) s; the first, which nothing predicts, has the error 0.
     """
     covariance = noise.mean_covariance(windows)
     root = cholesky(covariance + UNKNOWN * np.diag(covariance).max(), lower=True)

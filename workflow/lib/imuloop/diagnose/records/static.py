@@ -24,7 +24,7 @@ MERGED = 200
 class StaticProblem:
     """The static records of one sensor: each a block of rows with a level of its own.
 
-    The bias changes from one power-on to the next, and so does the attitude. Rows are the means
+    The bias changes from one power cycle to the next, and so does the attitude. Rows are the means
     over windows, in long records over several neighbours; their axes are those of the sensor.
     """
 
