@@ -28,7 +28,8 @@ def candidates(sensor, record, channels):
         elif "power_cycle" in cls.needs and not several:
             others[cls] = (
                 "not_available",
-                "one power cycle shows one bias: record several sessions, off and on between",
+                "one power cycle shows one bias: record several sessions, switched off and on "
+                "between",
             )
         elif "power_cycle" in cls.needs and cycle.max() >= cls.bounds["runs"][1]:
             others[cls] = ("not_available", f"more power cycles than {cls.bounds['runs'][1]}")
