@@ -61,7 +61,7 @@ NONE = {"poses": block("not_testable", ""), "motion": block("not_testable", "")}
                 "Undeclared in the accelerometer and gyroscope: bias over temperature; "
                 "in the accelerometer: bias steps.",
                 "Left: nothing beyond the noise.",
-                "Not tested at poses.",
+                "Not tested: scale and misalignment, which poses show.",
             ],
         ),
         (
@@ -98,7 +98,8 @@ NONE = {"poses": block("not_testable", ""), "motion": block("not_testable", "")}
             [
                 "Undeclared in the gyroscope beside a reference: time offset.",
                 "Still unexplained in the gyroscope or the reference: error of the rotation over",
-                "Not tested: accelerometer, too few. Not tested: gyroscope at poses or at rest.",
+                "Not tested: accelerometer, too few. Not tested: "
+                "gyroscope: scale and misalignment, which poses show, nor its bias at rest.",
             ],
         ),
     ],
@@ -204,7 +205,8 @@ def test_the_headline_is_the_largest_find_and_a_small_gain_is_none():
     good = device("A", "consistent", error())
     found = device("B", "explained", error(final=1.9e-3), error("gravity at rest", 1e-3))
     words = "undeclared g-sensitivity. Gravity at rest 0.11° → 0.057°"
-    assert headline([good, found]) == f"B, one of 2 devices: {words}"
+    of_all = words.removeprefix("undeclared ")
+    assert headline([good, found]) == f"Undeclared effects in 1 of 2 devices. B: {of_all}"
     assert headline([found]) == f"B: {words}"
     # it is the device's own sentence
     assert all(size in card({}, found["loop"])["gain"] for size in ("0.11°", "0.057°"))

@@ -16,6 +16,7 @@ from urllib.parse import quote
 
 import pandas as pd
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 import imuloop
@@ -240,7 +241,9 @@ def calibrate(
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
     failures, notes = [], []
-    with tqdm(total=len(logs) + len(chain.stages()), disable=not progress, leave=False) as bar:
+    stages = tqdm(total=len(logs) + len(chain.stages()), disable=not progress, leave=False)
+    # the matrices are small: threads within a product slow it down
+    with stages as bar, threadpool_limits(1, "blas"):
         for session, log in logs.items():
             bar.set_description(f"ingest {session}")
             wrong, look = _ingested(device, session, log, declared)

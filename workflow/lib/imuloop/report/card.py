@@ -63,8 +63,14 @@ def headline(summaries):
         before, after = (display.text(error[stage], 2) for stage in ("calibrated", "final"))
         what = error["what"].capitalize()
         effects = joined(error["effects"])
-        of = f", one of {len(summaries)} devices" if len(summaries) > 1 else ""
-        return f"{summary['label']}{of}: undeclared {effects}. {what} {before} → {after}"
+        with_effects = sum(
+            any(verdict in ("explained", "partly_explained") for _, verdict, _ in s["answers"])
+            for s in summaries
+        )
+        of = f"Undeclared effects in {with_effects} of {len(summaries)} devices. "
+        of = of * (len(summaries) > 1)
+        undeclared = "" if of else "undeclared "
+        return f"{of}{summary['label']}: {undeclared}{effects}. {what} {before} → {after}"
     every = {verdict for s in summaries for _, verdict, _ in s["answers"]}
     verdicts = every - {"not_testable"}
     named = summaries[0]["label"] if len(summaries) == 1 else plural(len(summaries), "device")
@@ -191,8 +197,9 @@ def _untested(diagnosis):
         if lost == {*PARTS}:
             found.setdefault(f", {block_of(diagnosis, sensor)['why']}", []).append(sensor)
         elif "poses" in lost:
-            at_rest = " or at rest" if "static_record" in lost else ""
-            found.setdefault(f" at poses{at_rest}", []).append(sensor)
+            at_rest = ", nor its bias at rest" if "static_record" in lost else ""
+            text = f": scale and misalignment, which poses show{at_rest}"
+            found.setdefault(text, []).append(sensor)
     said = (
         sentence_of(f"not tested{why}" if len(s) > 1 else f"not tested: {s[0]}{why}")
         for why, s in found.items()

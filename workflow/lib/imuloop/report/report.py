@@ -56,7 +56,6 @@ def write_report(folders, provenance, report_path, comparison_path):
         "report.html.j2",
         headline=headline(devices),
         recorded=recorded(devices),
-        with_effects=sum(_has_effects(d) for d in devices),
         many=not together,
         groups=grouped(devices),
         # escaped when they were written
@@ -113,11 +112,6 @@ def recorded(devices):
     if len(dated) < len(devices):
         text += f" ({dated[0] if len(dated) == 1 else f'{len(dated)} of {len(devices)}'})"
     return f"recorded {text}"
-
-
-def _has_effects(device):
-    said = [block["verdict"] for parts in device["verdicts"].values() for block in parts.values()]
-    return not {"explained", "partly_explained"}.isdisjoint(said)
 
 
 def _given(content):
