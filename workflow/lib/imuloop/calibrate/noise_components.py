@@ -15,7 +15,7 @@ TINY = 1e-6
 FARTHEST = 1.96
 # steps of the search, and its end: by so much the logarithm of the likelihood may still rise; and
 # where the noise of drawn data is wanted
-STEPS, RISE, ROUGH = 100, 1e-9, 0.05
+STEPS, RISE, ROUGH = 100, 1e-9, 5e-3
 # rise after the last step that makes no other weights; beyond it nothing was found
 UNSETTLED = 1e-3
 

@@ -90,6 +90,10 @@ class PairModel:
             self._moves[key] = self.of_moves(*self.at(x))
         return self._moves[key]
 
+    def know_moves(self, found, x):
+        """Take the MoveResiduals with parameters x from another model that has the same there."""
+        self._moves[np.asarray(x, dtype=float).tobytes()] = found
+
     def residuals(self, x):
         """Return all residuals in one vector, in the order of `KINDS`, and their derivative."""
         key = np.asarray(x, dtype=float).tobytes()

@@ -1,7 +1,7 @@
 """The poses of a device and the rotations between: residuals of a calibration, and their noise."""
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -194,9 +194,14 @@ class PoseProblem:
         estimated = np.array([component.size for component in slow])
         first = np.array([component.size for component in components])
 
-        likelihood = SizeLikelihood(jacobian, covariance, components)
-        likeliest = likelihood.maximised(values, likelihood.projection())
-        at_likeliest = likelihood.projection(likeliest)
+        likeliest = likely_sizes(values, jacobian, covariance, components)
+
+        @cache
+        def likelihood():
+            """Return the likelihood of sizes, made where drawn data ask for it, and its start."""
+            found = SizeLikelihood(jacobian, covariance, components)
+            return found, found.projection(likeliest)
+
         as_estimated = precision(total(covariance, components, first))
 
         def hypotheses(likeliest):
@@ -208,7 +213,8 @@ class PoseProblem:
 
         def noise_with(values):
             """Return what the noise may be by other residuals."""
-            return hypotheses(likelihood.maximised(values, at_likeliest, ROUGH))
+            found, start = likelihood()
+            return hypotheses(found.maximised(values, start, ROUGH))
 
         noisy = likely_sizes(values, jacobian, covariance, slow)
         off = (noisy - estimated) / [component.deviation for component in slow]
@@ -250,12 +256,15 @@ class PoseProblem:
     def enter(self, effects):
         """Find what several effects add, many at once: what they have in common is found once."""
         new = [e for e in effects if e not in self._columns]
-        solution = self.linearized(()).solution
+        solution, base = self.linearized(()).solution, self.linearized(()).model
         for first in range(0, len(new), TOGETHER):
             own = new[first : first + TOGETHER]
             count = sum(len(e.parameters) for e in own)
+            at = np.append(solution.fit.x, np.zeros(count))
             model = self.sensor.model(solution, self.recording, own)
-            _, jacobian = model.residuals(np.append(solution.fit.x, np.zeros(count)))
+            # what a move leaves depends on the parameters' values, not on effects of size zero
+            model.know_moves(base.moves_at(solution.fit.x), at)
+            _, jacobian = model.residuals(at)
             columns = np.concatenate([jacobian[:, -count:], self._known_effects(own)])
             self._columns.update(by_effect(columns[:, None], own))
 
