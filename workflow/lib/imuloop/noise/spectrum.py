@@ -1,9 +1,8 @@
 """Power spectral density of records that may be cut into stretches."""
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy.fft import rfft
-from scipy.signal import welch
-from scipy.signal.windows import hann
 
 from imuloop.core.tables import table
 from imuloop.noise.allan import interval
@@ -89,21 +88,29 @@ def segment_lengths(longest):
 
 def _pooled_welch(stretches, rate, length):
     """Return the density pooled over stretches, the segments, and the pairs that overlap."""
-    step, total, segments, overlaps = length // 2, 0.0, 0, 0
+    window, total, segments, overlaps = _hann(length), 0.0, 0, 0
     at_once = max(1, PIECE // length)
     for x in stretches:
-        count = max(0, (len(x) - length) // step + 1)
-        for i in range(0, count, at_once):
-            j = min(i + at_once, count)
-            total += (j - i) * welch(x[i * step : (j + 1) * step], rate, nperseg=length)[1]
-        segments += count
-        overlaps += max(0, count - 1)
-    return total / segments, segments, overlaps
+        if len(x) < length:
+            continue
+        each = sliding_window_view(x, length)[:: length // 2]
+        for i in range(0, len(each), at_once):
+            part = each[i : i + at_once]
+            transform = rfft((part - part.mean(axis=1, keepdims=True)) * window)
+            total += (transform.real**2 + transform.imag**2).sum(axis=0)
+        segments += len(each)
+        overlaps += len(each) - 1
+    return 2 * total / (rate * segments * (window @ window)), segments, overlaps
+
+
+def _hann(length):
+    """Return the Hann window of one period."""
+    return np.hanning(length + 1)[:-1]
 
 
 def _squared_correlation(shift, length=64):
     """Return the squared correlation of coefficients d = 0, 1, ... apart, `shift` samples on."""
-    window = hann(length, sym=False)
+    window = _hann(length)
     product = window[shift:] * window[: length - shift]
     return np.abs(rfft(product, length) / (window @ window))[: length // 4] ** 2
 
