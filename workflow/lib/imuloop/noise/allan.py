@@ -45,6 +45,8 @@ def allan_variance(stretches, factors):
     """
     factors = np.asarray(factors)
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
+    # of x over m samples, and of that over m more: memory that is used again
+    changes, second = np.empty(2 * CHUNK), np.empty(CHUNK)
     for values in stretches:
         count, x = terms(factors, len(values)), _integral(values)
         weight += count
@@ -52,8 +54,16 @@ def allan_variance(stretches, factors):
         for i in range(0, count.max(initial=0), CHUNK):
             for k in np.flatnonzero(count > i):
                 size, m = min(CHUNK, count[k] - i), factors[k]
-                first, middle, last = (x[i + j * m : i + j * m + size] for j in range(3))
-                difference = (last - middle) - (middle - first)
+                if m < size:
+                    change = np.subtract(
+                        x[i + m : i + 2 * m + size], x[i : i + m + size], out=changes[: m + size]
+                    )
+                    later, earlier = change[m:], change[:size]
+                else:
+                    first, middle, last = (x[i + j * m : i + j * m + size] for j in range(3))
+                    later = np.subtract(last, middle, out=changes[:size])
+                    earlier = np.subtract(middle, first, out=second[:size])
+                difference = np.subtract(later, earlier, out=second[:size])
                 total[k] += difference @ difference
     mean = np.divide(total, weight, out=np.full(len(total), np.nan), where=weight > 0)
     return mean / (2.0 * factors**2)

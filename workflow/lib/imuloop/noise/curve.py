@@ -57,37 +57,40 @@ class NoiseOfCurve:
     def of(cls, factors, lengths, rate):
         """Return the noise of a curve at averaging `factors` over stretches, rate in Hz."""
         lengths, repeats = np.unique(lengths, return_counts=True)
+        factors = np.asarray(factors, dtype=np.int64)[:, None]
+        count = terms(factors, lengths)
         level, quadratic = np.zeros((len(factors), 5)), np.zeros((len(factors), 4, 4))
-        ramp = np.zeros((len(factors), 4))
+        ramp, used = np.zeros((len(factors), 4)), count.any(axis=1)
+        m, count = factors[used], count[used]
         # the difference of a difference, as a function of the distance
         squared = np.poly(np.ones(4))
-        for i, m in enumerate(np.asarray(factors, dtype=np.int64)):
-            count, tau = terms(m, lengths), m / rate
-            if not count.any():
-                continue
 
-            def pairs(d, m=m, count=count):
-                pairs = np.clip(count[:, None] - d, 0, None)
-                return (repeats @ pairs) * np.where(d > 0, 2.0, 1.0)
+        def pairs(d):
+            each = zip(repeats, count.T[..., None], strict=True)
+            return sum(n * np.clip(c - d, 0, None) for n, c in each) * np.where(d > 0, 2.0, 1.0)
 
-            def covariance(d, m=m):
-                shifts = np.arange(-2, 3)[:, None] * m
-                return squared @ _kernels(np.abs(d + shifts) / rate)
+        def covariance(d):
+            shifts = np.arange(-2, 3)[:, None, None] * m
+            return np.tensordot(squared, _kernels(np.abs(d + shifts) / rate), (0, 1))
 
-            # white and walk end with the difference; flicker's tail has gone with the fourth power
-            step = max(1, min(m, count.max()) // 8)
-            d = np.arange(0, min(3 * m, count.max()), step, dtype=float)
-            r, weight = covariance(d), pairs(d) * step
-            level[i, :4], quadratic[i], ramp[i] = r[:, 0], (r * weight) @ r.T, r @ weight
-            # quantisation lives on single lags, exactly
-            d, spike = m * np.arange(3.0), squared[2:]
-            weight, level[i, 0] = pairs(d) * spike, spike[0]
-            quadratic[i, 0] = quadratic[i, :, 0] = covariance(d) @ weight
-            quadratic[i, 0, 0], ramp[i, 0] = weight @ spike, weight.sum()
-            scale, number = 2 * tau**2, repeats @ count
-            level[i, :4] /= scale
-            quadratic[i] *= 2 / (scale * number) ** 2
-            level[i, 4], ramp[i] = tau**2 / 2, ramp[i] / number**2
+        # white and walk end with the difference; flicker's tail has gone with the fourth power
+        longest = count.max(axis=1, keepdims=True)
+        step, reach = np.maximum(np.minimum(m, longest) // 8, 1), np.minimum(3 * m, longest)
+        d = step * np.arange(np.max(-(-reach // step), initial=1), dtype=float)
+        r, weight = covariance(d), pairs(d) * step * (d < reach)
+        level[used, :4], ramp[used] = r[..., 0].T, np.einsum("pkd,kd->kp", r, weight)
+        quadratic[used] = np.einsum("pkd,kd,qkd->kpq", r, weight, r)
+        # quantisation lives on single lags, exactly
+        d, spike = m * np.arange(3.0), squared[2:]
+        weight, level[used, 0] = pairs(d) * spike, spike[0]
+        cross = np.einsum("pkd,kd->kp", covariance(d), weight)
+        cross[:, 0], ramp[used, 0] = weight @ spike, weight.sum(axis=1)
+        quadratic[used, 0] = quadratic[used, :, 0] = cross
+        scale, number = 2 * (m / rate) ** 2, count @ repeats[:, None]
+        level[used, :4] /= scale
+        level[used, 4] = scale[:, 0] / 4
+        quadratic[used] *= 2 / (scale * number)[..., None] ** 2
+        ramp[used] /= number**2
         return cls(level, quadratic, ramp)
 
     def variance(self, theta):

@@ -106,29 +106,35 @@ def estimate_noise(device, sessions, settings, views=True):
             "an upper limit only"
         )
     with_added = _with_disturbed(by_sensor, settings) if views and static else None
-    pooled = {s: _curve(np.concatenate(lengths[s]), rates[s], settings) for s in SENSORS}
     names = dict.fromkeys(record.session.name for own in by_sensor.values() for record in own)
     statistics = {name: {} for name in names}
     allan = {name: [each] for name, each in nothing.allan.items()}
     spectra = {name: [each] for name, each in nothing.spectra.items()}
     curves = {}
-    for sensor, axis in ((s, axis) for s, own in SENSORS.items() for axis in own):
-        # curves and spectra take a few missing samples for none
-        closed = [closed_up(record.signals(axis)) for record in by_sensor[sensor]]
-        factors, curve = pooled[sensor]
-        variance = allan_variance([x for each in closed for x in each], factors)
-        curves[axis] = dict(zip(TERMS, fit_curve(variance, curve), strict=True))
-        squares = [getattr(axes[axis], name).square for name in TERMS]
-        for record, n, x in zip(by_sensor[sensor], lengths[sensor], closed, strict=True):
-            m, curve = _curve(n, record.rate, settings)
-            name, edf = record.session.name, curve.degrees_of_freedom(squares)
-            allan[name].append(allan_table(axis, m / record.rate, allan_variance(x, m), edf))
-            # from rest to rest the attitude changes, and gravity with it: the longest speaks alone
-            statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
-            if views and np.isfinite(statistics[name][axis]["mean"]):
-                spectra[name].append(spectrum_table(axis, x, record.rate))
-        # or two axes would be in memory at once
-        closed = x = None
+    for sensor, own in SENSORS.items():
+        records, each = by_sensor[sensor], lengths[sensor]
+        by_record = [_curve(n, r.rate, settings) for n, r in zip(each, records, strict=True)]
+        alone = len(records) == 1
+        pooled = by_record[0] if alone else _curve(np.concatenate(each), rates[sensor], settings)
+        for axis in own:
+            # curves and spectra take a few missing samples for none
+            closed = [closed_up(record.signals(axis)) for record in records]
+            variances = [allan_variance(x, m) for x, (m, _) in zip(closed, by_record, strict=True)]
+            factors, curve = pooled
+            together = [x for stretches in closed for x in stretches]
+            variance = variances[0] if alone else allan_variance(together, factors)
+            curves[axis] = dict(zip(TERMS, fit_curve(variance, curve), strict=True))
+            squares = [getattr(axes[axis], name).square for name in TERMS]
+            each = zip(records, closed, by_record, variances, strict=True)
+            for record, x, (m, curve), variance in each:
+                name, edf = record.session.name, curve.degrees_of_freedom(squares)
+                allan[name].append(allan_table(axis, m / record.rate, variance, edf))
+                # attitude, and gravity with it, changes from rest to rest: the longest speaks alone
+                statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
+                if views and np.isfinite(statistics[name][axis]["mean"]):
+                    spectra[name].append(spectrum_table(axis, x, record.rate))
+            # or two axes would be in memory at once
+            closed = together = each = x = None
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
         model=NoiseModel(device, axes),

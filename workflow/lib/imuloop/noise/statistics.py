@@ -17,10 +17,12 @@ def summary(stretches, rate):
     standard deviation of consecutive 10 s and 100 s means. None where a figure needs more data.
     """
     x = np.concatenate(stretches)
-    low, q25, median, q75, high = np.quantile(x, [0, 0.25, 0.5, 0.75, 1])
+    mean, std = x.mean(), x.std(ddof=1) if len(x) > 1 else None
+    # x is a copy, which may be sorted in place
+    low, q25, median, q75, high = np.quantile(x, [0, 0.25, 0.5, 0.75, 1], overwrite_input=True)
     figures = {
-        "mean": x.mean(),
-        "std": x.std(ddof=1) if len(x) > 1 else None,
+        "mean": mean,
+        "std": std,
         "min": low,
         "q25": q25,
         "median": median,
