@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
-from scipy.stats import chi2, norm
+from scipy.special import chdtrc, ndtr
 
 from imuloop.calibrate.least_squares import chi_square
 from imuloop.core.errors import ImuloopError
@@ -190,7 +190,7 @@ def _test(residuals, turn_on, level):
     basis = np.hstack([own[0] for own in tests])
     change, covariance, expected = fit_change(residuals, basis, prior)
     std = np.sqrt(np.diag(covariance))
-    p_values = 2 * norm.sf(np.abs(change / std))
+    p_values = 2 * ndtr(-np.abs(change / std))
     # the change of a scale factor is relative
     scaled = [name in SCALES for own in tests for name in own[1]]
     factor = np.where(scaled, basis.T @ old.x, 1.0)
@@ -199,7 +199,7 @@ def _test(residuals, turn_on, level):
     ends = np.cumsum([own[0].shape[1] for own in tests])
     parts = [slice(end - own[0].shape[1], end) for own, end in zip(tests, ends, strict=True)]
     joint = [float(change[at] @ np.linalg.solve(covariance[at, at], change[at])) for at in parts]
-    chances = [float(chi2.sf(x, at.stop - at.start)) for x, at in zip(joint, parts, strict=True)]
+    chances = [float(chdtrc(at.stop - at.start, x)) for x, at in zip(joint, parts, strict=True)]
     found = {
         name: SensorDrift(None, untested=residuals.estimated[name], why=why)
         for name, why in residuals.untestable.items()
@@ -235,7 +235,7 @@ def fit_change(residuals, basis, prior):
     groups = [owners == name for name in residuals.tested]
     for at, (square, dof) in zip(groups, chi_square(*left, groups)[0], strict=True):
         # the new log fits worse than its noise whatever the parameters: so do they
-        if dof > LEAST_DOF and chi2.sf(square, dof) < MISFIT:
+        if dof > LEAST_DOF and chdtrc(dof, square) < MISFIT:
             excess[at] = square / dof
     size = np.sqrt(excess)
     expected = residuals.noise * np.outer(size, size) + known

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from imuloop.calibrate.determined import AXES
 from imuloop.calibrate.raw_units import in_raw_units
@@ -77,7 +77,7 @@ def _written(result, turned):
         covariance[:count, :count] = sensor.covariance
     if not sensor.fitted:
         mean, x[bias] = result.sessions[:, :3].mean(axis=0), sensor.state[bias]
-        by_chance = ((mean - x[bias]) ** 2 / result.variance[:3]).sum() < chi2.isf(BY_CHANCE, 3)
+        by_chance = ((mean - x[bias]) ** 2 / result.variance[:3]).sum() < chdtri(3, BY_CHANCE)
         x[bias] = x[bias] if by_chance else mean
         covariance[bias, bias] = np.diag(result.variance[:3])
         if turned and sensor.sensor == "gyroscope":

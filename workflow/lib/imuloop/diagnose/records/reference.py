@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import LinAlgError, block_diag
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.noise_components import Component
@@ -152,7 +152,7 @@ class ReferenceProblem(PoseProblem):
         """Return why a reference in few sessions does not tell the sensor from itself, or None."""
         if len(self.recording.logs) < WHOLE:
             values = self.linearized(base).values
-            if np.median(values**2 / self.floor) > ABOVE * chi2.ppf(0.5, 1):
+            if np.median(values**2 / self.floor) > ABOVE * chdtri(1, 0.5):
                 return WITHIN
         return None
 

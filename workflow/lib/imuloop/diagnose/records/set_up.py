@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import chndtrinc, ndtri
-from scipy.stats import chi2
+from scipy.special import chdtrc, chdtri, chndtrinc, ndtri
 
 from imuloop.core.effect import Channels
 from imuloop.diagnose.choice import Choices
@@ -67,7 +66,7 @@ def set_up_content(choices, covariance, fitted, errors):
     for effect in problem.found:
         at, values = places[effect], fitted[effect].vector
         own = np.linalg.inv(covariance[np.ix_(at, at)])
-        p_value = float(chi2.sf(values @ own @ values, len(at)))
+        p_value = float(chdtrc(len(at), values @ own @ values))
         entry = fitted[effect].to_dict() | {
             "units": effect.units(problem.sensor.sensor),
             "p_value": p_value,
@@ -86,7 +85,7 @@ def set_up_content(choices, covariance, fitted, errors):
                 found += [*at]
         # the test asks for χ² of so much; held-out errors fall by χ² ± 2 χ, for certain 1.96 times
         square = max(
-            chndtrinc(chi2.isf(chance, len(at)), len(at), 1 - power),
+            chndtrinc(chdtri(len(at), chance), len(at), 1 - power),
             4 * (ndtri(0.975) + ndtri(power)) ** 2,
         )
         limits = problem.limit_correction * np.sqrt(square / np.diag(own))
