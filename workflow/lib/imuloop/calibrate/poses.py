@@ -4,8 +4,6 @@ from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
-from scipy.signal.windows import tukey
 
 from imuloop.calibrate.errors_of_time import Lost, errors_of_time
 from imuloop.calibrate.undersampling import PARTS, aliased_turns
@@ -229,11 +227,17 @@ def rounded(poses, logs):
     return replace(poses, added=poses.added + added)
 
 
+def _tapered(n, share):
+    """Return weights of n samples that rise and fall as a cosine over a share at either end."""
+    from_end = np.minimum(np.arange(1, n + 1), np.arange(n, 0, -1)) / (n + 1)
+    return (1 - np.cos(np.pi * np.minimum(from_end / share, 1))) / 2
+
+
 def turns_within(poses, logs):
     r"""Return the poses with means of those that tilt, and the turns from there to both ends.
 
     A hand's velocity at the ends of a rest, over its length, is an error of the mean specific
-    force: the samples of its first and last `FADE` count less and less (`tukey`). The mean of
+    force: the samples of its first and last `FADE` count less and less (`_tapered`). The mean of
     directions that differ by small turns is shorter than each, by half their mean square.
 
     Of specific force u the mean over a rest is that at an instant where the turn since the start
@@ -254,11 +258,12 @@ def turns_within(poses, logs):
         log = logs[poses.session[k]]
         rows = slice(*np.searchsorted(log.t, [poses.start_s[k], poses.end_s[k]]))
         t, force, rate = log.t[rows], log.f[rows], log.w[rows]
-        turned = cumulative_trapezoid(rate - bias, t, axis=0, initial=0)
+        middle = (rate[1:] + rate[:-1]) / 2 - bias
+        turned = np.pad(np.cumsum(middle * np.diff(t)[:, None], axis=0), ((1, 0), (0, 0)))
         mean = turned.mean(axis=0)
         # one that was interrupted keeps the means of its parts
         if len(t) == poses.n[k]:
-            weights = tukey(len(t) + 2, min(2 * FADE / duration_s[k], 1.0))[1:-1]
+            weights = _tapered(len(t), min(FADE / duration_s[k], 0.5))
             mean, f[k], w[k] = (
                 np.average(x, axis=0, weights=weights) for x in (turned, force, rate)
             )

@@ -1,7 +1,6 @@
 """Functions of a log's past: lag, play, moving mean; and gaps of a slow channel."""
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from imuloop.core.gaps import gap_limit
 
@@ -131,11 +130,14 @@ def fast_part(t, values, period, step=None):
     """
     if step is None:
         step = usual_step(t) if len(t) > 1 else period
-    size = max(_FEWEST, 2 * round(period / step / 2) + 1)
-    mean = values
+    half = max(_FEWEST // 2, round(period / step / 2))
+    # from the first value on, so that sums keep their digits
+    values = values - values[:1]
+    mean, size = values, 2 * half + 1
     for _ in range(2):
         # the ends are held beyond the log
-        mean = uniform_filter1d(mean, size, axis=0, mode="nearest")
+        sums = np.cumsum(np.pad(mean, ((half + 1, half), (0, 0)), mode="edge"), axis=0)
+        mean = (sums[size:] - sums[:-size]) / size
     return values - mean
 
 

@@ -12,7 +12,7 @@ of the marks: the local clock's error over the interval is spread evenly over it
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import median_filter
+from numpy.lib.stride_tricks import sliding_window_view
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.stretches import stretches_of
@@ -176,7 +176,8 @@ def timeline(counters, times, dated, limits, scale):
     usual = np.median(rate[np.isfinite(rate)]) if np.isfinite(rate).any() else 1.0
     away = local - usual * t
     if len(away) > _NEIGHBOURS:
-        middle = median_filter(away, 2 * _NEIGHBOURS + 1, mode="mirror")
+        mirrored = np.pad(away, _NEIGHBOURS, mode="reflect")
+        middle = np.median(sliding_window_view(mirrored, 2 * _NEIGHBOURS + 1), axis=1)
     else:
         middle = np.median(away) if len(away) else 0.0
     fits = np.abs(away - middle) <= MOST_OFF

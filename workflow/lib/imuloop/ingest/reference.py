@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from scipy.signal import correlate
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.errors import ImuloopError
@@ -176,7 +176,9 @@ def _on_clock(reference, t, w):
     for at, values in (((start + end) / 2, size), (t, own)):
         on_grid = np.interp(grid, at, values, left=np.nan, right=np.nan)
         pair.append(np.nan_to_num(on_grid - np.nanmean(on_grid)))
-    alike = correlate(pair[1], pair[0], method="fft")
+    # the correlation at all shifts
+    size = next_fast_len(2 * len(grid), real=True)
+    alike = irfft(rfft(pair[1], size) * rfft(pair[0][::-1], size), size)[: 2 * len(grid) - 1]
     best = int(np.argmax(alike))
     shift = (best + 1 - len(grid)) * step
     if abs(shift) <= SAME_CLOCK:

@@ -1,7 +1,6 @@
 """Tilts of a device that should rest: gravity's direction turns as the gyroscope says."""
 
 import numpy as np
-from scipy.signal import detrend
 
 from imuloop.core.samples import CHANNELS, sums_over
 from imuloop.core.stretches import lengths, merged, stretches_of, without
@@ -75,15 +74,14 @@ def tilts(rows, ranges, step):
 def _alike(u, turned, taken):
     """Return the shortest windows of blocks in which two courses are alike, shape (k, 2).
 
-    Of both what is taken by `scipy.signal.detrend` is left out: the mean, or a line.
+    Of both what is taken is left out: the mean ("constant"), or a line ("linear").
     """
     alike, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
         starts = np.arange(0, len(u) - length + 1, max(length // 4, 1))
         at = starts[:, None] + np.arange(length)
         power, residual = (
-            (detrend(x[at], axis=1, type=taken) ** 2).sum(axis=2).mean(axis=1)
-            for x in (u, u - turned)
+            (_without(taken, x[at]) ** 2).sum(axis=2).mean(axis=1) for x in (u, u - turned)
         )
         # a ramp has a root mean square of a twelfth's root of its span
         sure = (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
@@ -94,6 +92,15 @@ def _alike(u, turned, taken):
         alike = merged(np.concatenate([alike, windows])) if len(windows) else alike
         length *= 2
     return alike
+
+
+def _without(taken, x):
+    """Return courses, (k, b, 3), each without its mean, or its line."""
+    x = x - x.mean(axis=1, keepdims=True)
+    if taken == "linear":
+        t = np.arange(x.shape[1]) - (x.shape[1] - 1) / 2
+        x -= t[:, None] * (t @ x)[:, None] / (t @ t)
+    return x
 
 
 def _placed(u):

@@ -5,7 +5,6 @@ their range are left out.
 """
 
 import numpy as np
-from scipy.signal import upfirdn
 
 from imuloop.core.samples import ROWS
 
@@ -42,8 +41,10 @@ def fine_details(x, before, levels):
     for width in FINE[:levels]:
         first = before // width or (1 if width == 2 else 2)
         own = slice(first, x.shape[1] // width)
-        # an output for each second sample, of which the first is that after the beginning
-        smooth, detail = (upfirdn([0, *h], smooth, down=2, axis=1)[:, 1:] for h in (LOW, HIGH))
+        # an output for each second sample; before the beginning there are zeros
+        count = smooth.shape[1] // 2
+        before_it = np.pad(smooth, ((0, 0), (2, 0)))
+        detail, smooth = _filtered([before_it[:, k:][:, : 2 * count : 2] for k in (3, 2, 1, 0)])
         details.append((width * first - 2 * (width - 1), detail[:, own]))
     return details, smooth[:, own]
 
@@ -56,7 +57,11 @@ def coarse_details(smooth, width):
     """
     apart = width // (2 * SPACING)
     count = max(smooth.shape[1] - 3 * apart, 0)
-    taps = [smooth[:, k * apart :][:, :count] for k in (3, 2, 1, 0)]
+    return _filtered([smooth[:, k * apart :][:, :count] for k in (3, 2, 1, 0)])
+
+
+def _filtered(taps):
+    """Return details and smooth sequence of the samples at each tap of the filters."""
     return tuple(
         sum(factor * tap for factor, tap in zip(filter_, taps, strict=True))
         for filter_ in (HIGH, LOW)
