@@ -132,9 +132,9 @@ class Picture:
                 for axis in (area.xaxis, area.yaxis):
                     if axis.get_scale() == "log" and axis.isDefault_majloc:
                         _mark_decades(axis)
-                if area in areas:
-                    area.grid(which="minor", lw=0.3)
-                else:
+                        if area in areas:
+                            axis.grid(which="minor", lw=0.3)
+                if area not in areas:
                     # a second scale lies over the first
                     area.grid(False)
             if self.zoom:
