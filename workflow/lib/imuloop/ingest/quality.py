@@ -166,13 +166,13 @@ def _channel_figures(rows, names, scales, ends, clipped, magnitudes):
 def _levels(x):
     """Return the ends of values and their smallest step, infinite where most are distinct."""
     # a table of those seen takes a quarter of the time of a sort
-    levels = np.sort(pc.unique(pa.array(x)))
+    levels = pc.unique(pa.array(x)).to_numpy(zero_copy_only=False)
     levels = levels[np.isfinite(levels)]
     if not levels.size:
         return np.nan, np.nan, np.inf
-    low, high, step = levels[0], levels[-1], np.inf
+    low, high, step = levels.min(), levels.max(), np.inf
     if 2 <= levels.size <= np.count_nonzero(np.isfinite(x)) / 2:
-        steps = np.diff(levels)
+        steps = np.diff(np.sort(levels))
         # closer than rounding of the conversion to SI is the same value
         step = steps[steps > 1e-12 * max(abs(low), abs(high))].min(initial=np.inf)
     return low, high, step
