@@ -52,8 +52,8 @@ def allan_variance(stretches, factors):
         weight += count
         # chunk by chunk, so that the short averages of all factors find their samples in the cache
         for i in range(0, count.max(initial=0), CHUNK):
-            for k in np.flatnonzero(count > i):
-                size, m = min(CHUNK, count[k] - i), factors[k]
+            for k in np.flatnonzero(count > i).tolist():
+                size, m = min(CHUNK, int(count[k]) - i), int(factors[k])
                 if m < size:
                     change = np.subtract(
                         x[i + m : i + 2 * m + size], x[i : i + m + size], out=changes[: m + size]
