@@ -45,22 +45,22 @@ def allan_variance(stretches, factors):
     """
     factors = np.asarray(factors)
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
-    # of x over m samples, and of that over m more: memory that is used again
+    # changes of x over m samples, and how these change m samples on: memory that is used again
     changes, second = np.empty(2 * CHUNK), np.empty(CHUNK)
     for values in stretches:
         count, x = terms(factors, len(values)), _integral(values)
         weight += count
         # chunk by chunk, so that the short averages of all factors find their samples in the cache
         for i in range(0, count.max(initial=0), CHUNK):
+            part = x[i:]
             for k in np.flatnonzero(count > i).tolist():
                 size, m = min(CHUNK, int(count[k]) - i), int(factors[k])
                 if m < size:
-                    change = np.subtract(
-                        x[i + m : i + 2 * m + size], x[i : i + m + size], out=changes[: m + size]
-                    )
+                    both = m + size
+                    change = np.subtract(part[m : m + both], part[:both], out=changes[:both])
                     later, earlier = change[m:], change[:size]
                 else:
-                    first, middle, last = (x[i + j * m : i + j * m + size] for j in range(3))
+                    first, middle, last = (part[j * m : j * m + size] for j in range(3))
                     later = np.subtract(last, middle, out=changes[:size])
                     earlier = np.subtract(middle, first, out=second[:size])
                 difference = np.subtract(later, earlier, out=second[:size])

@@ -57,13 +57,10 @@ class NoiseOfCurve:
     def of(cls, factors, lengths, rate):
         """Return the noise of a curve at averaging `factors` over stretches, rate in Hz."""
         lengths, repeats = np.unique(lengths, return_counts=True)
-        factors = np.asarray(factors, dtype=np.int64)[:, None]
-        count = terms(factors, lengths)
-        level, quadratic = np.zeros((len(factors), 5)), np.zeros((len(factors), 4, 4))
-        ramp, used = np.zeros((len(factors), 4)), count.any(axis=1)
-        m, count = factors[used], count[used]
+        m = np.asarray(factors, dtype=np.int64)[:, None]
         # the difference of a difference, as a function of the distance
-        squared = np.poly(np.ones(4))
+        count, squared = terms(m, lengths), np.poly(np.ones(4))
+        longest = count.max(axis=1, keepdims=True)
 
         def pairs(d):
             each = zip(repeats, count.T[..., None], strict=True)
@@ -74,24 +71,20 @@ class NoiseOfCurve:
             return np.tensordot(squared, _kernels(np.abs(d + shifts) / rate), (0, 1))
 
         # white and walk end with the difference; flicker's tail has gone with the fourth power
-        longest = count.max(axis=1, keepdims=True)
         step, reach = np.maximum(np.minimum(m, longest) // 8, 1), np.minimum(3 * m, longest)
         d = step * np.arange(np.max(-(-reach // step), initial=1), dtype=float)
         r, weight = covariance(d), pairs(d) * step * (d < reach)
-        level[used, :4], ramp[used] = r[..., 0].T, np.einsum("pkd,kd->kp", r, weight)
-        quadratic[used] = np.einsum("pkd,kd,qkd->kpq", r, weight, r)
+        level, ramp = r[..., 0].T, np.einsum("pkd,kd->kp", r, weight)
+        quadratic = np.einsum("pkd,kd,qkd->kpq", r, weight, r)
         # quantisation lives on single lags, exactly
         d, spike = m * np.arange(3.0), squared[2:]
-        weight, level[used, 0] = pairs(d) * spike, spike[0]
+        weight, level[:, 0] = pairs(d) * spike, spike[0]
         cross = np.einsum("pkd,kd->kp", covariance(d), weight)
-        cross[:, 0], ramp[used, 0] = weight @ spike, weight.sum(axis=1)
-        quadratic[used, 0] = quadratic[used, :, 0] = cross
-        scale, number = 2 * (m / rate) ** 2, count @ repeats[:, None]
-        level[used, :4] /= scale
-        level[used, 4] = scale[:, 0] / 4
-        quadratic[used] *= 2 / (scale * number)[..., None] ** 2
-        ramp[used] /= number**2
-        return cls(level, quadratic, ramp)
+        cross[:, 0], ramp[:, 0] = weight @ spike, weight.sum(axis=1)
+        quadratic[:, 0] = quadratic[:, :, 0] = cross
+        scale, number = 2 * (m / rate) ** 2, np.maximum(count @ repeats[:, None], 1)
+        level = np.hstack([level / scale, scale / 4]) * (longest > 0)
+        return cls(level, quadratic * 2 / (scale * number)[..., None] ** 2, ramp / number**2)
 
     def variance(self, theta):
         """Return the variances for theta = (Q^2, N^2, B^2, K^2, R^2), shape (k,)."""

@@ -114,16 +114,15 @@ def estimate_noise(device, sessions, settings, views=True):
     for sensor, own in SENSORS.items():
         records, each = by_sensor[sensor], lengths[sensor]
         by_record = [_curve(n, r.rate, settings) for n, r in zip(each, records, strict=True)]
-        alone = len(records) == 1
-        pooled = by_record[0] if alone else _curve(np.concatenate(each), rates[sensor], settings)
+        factors, pooled = _curve(np.concatenate(each), rates[sensor], settings)
         for axis in own:
             # curves and spectra take a few missing samples for none
             closed = [closed_up(record.signals(axis)) for record in records]
             variances = [allan_variance(x, m) for x, (m, _) in zip(closed, by_record, strict=True)]
-            factors, curve = pooled
             together = [x for stretches in closed for x in stretches]
+            alone = len(records) == 1
             variance = variances[0] if alone else allan_variance(together, factors)
-            curves[axis] = dict(zip(TERMS, fit_curve(variance, curve), strict=True))
+            curves[axis] = dict(zip(TERMS, fit_curve(variance, pooled), strict=True))
             squares = [getattr(axes[axis], name).square for name in TERMS]
             each = zip(records, closed, by_record, variances, strict=True)
             for record, x, (m, curve), variance in each:

@@ -17,6 +17,8 @@ SHORTEST = 3
 FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
 # places in a block where the spectrum is calculated: 1e-4 of a walk's, where it is steepest
 NODES = 33
+# where the chance of a peak is integrated
+EXPONENTS = np.geomspace(1e-4, 1e3, 700)
 # chance at one frequency below which peaks are ranked by their height
 SURE = 1e-9
 
@@ -160,9 +162,8 @@ def chance_at_one(x, m, sides):
     """Return E[exp(-x M)], M the largest of `sides` medians of m exponentials of mean 1."""
     if x <= 0:
         return 1.0
-    s = np.geomspace(1e-4, 1e3, 700)
-    below = betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-s / x)) ** sides
-    return np.trapezoid(np.exp(-s) * below, s)
+    below = betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-EXPONENTS / x)) ** sides
+    return np.trapezoid(np.exp(-EXPONENTS) * below, EXPONENTS)
 
 
 def chance_over_band(chance, independent):

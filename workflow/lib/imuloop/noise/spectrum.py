@@ -88,11 +88,9 @@ def segment_lengths(longest):
 
 def _pooled_welch(stretches, rate, length):
     """Return the density pooled over stretches, the segments, and the pairs that overlap."""
-    window, total, segments, overlaps = _hann(length), 0.0, 0, 0
+    window, total, segments, overlaps = np.hanning(length + 1)[:-1], 0.0, 0, 0
     at_once = max(1, PIECE // length)
-    for x in stretches:
-        if len(x) < length:
-            continue
+    for x in (x for x in stretches if len(x) >= length):
         each = sliding_window_view(x, length)[:: length // 2]
         for i in range(0, len(each), at_once):
             part = each[i : i + at_once]
@@ -103,14 +101,9 @@ def _pooled_welch(stretches, rate, length):
     return 2 * total / (rate * segments * (window @ window)), segments, overlaps
 
 
-def _hann(length):
-    """Return the Hann window of one period."""
-    return np.hanning(length + 1)[:-1]
-
-
 def _squared_correlation(shift, length=64):
     """Return the squared correlation of coefficients d = 0, 1, ... apart, `shift` samples on."""
-    window = _hann(length)
+    window = np.hanning(length + 1)[:-1]
     product = window[shift:] * window[: length - shift]
     return np.abs(rfft(product, length) / (window @ window))[: length // 4] ** 2
 

@@ -17,19 +17,11 @@ def summary(stretches, rate):
     standard deviation of consecutive 10 s and 100 s means. None where a figure needs more data.
     """
     x = np.concatenate(stretches)
-    mean, std = x.mean(), x.std(ddof=1) if len(x) > 1 else None
+    figures = {"mean": x.mean(), "std": x.std(ddof=1) if len(x) > 1 else None}
     # x is a copy, which may be sorted in place
-    low, q25, median, q75, high = np.quantile(x, [0, 0.25, 0.5, 0.75, 1], overwrite_input=True)
-    figures = {
-        "mean": mean,
-        "std": std,
-        "min": low,
-        "q25": q25,
-        "median": median,
-        "q75": q75,
-        "max": high,
-        "peak_to_peak": high - low,
-    }
+    quantiles = np.quantile(x, [0, 0.25, 0.5, 0.75, 1], overwrite_input=True)
+    figures |= zip(("min", "q25", "median", "q75", "max"), quantiles, strict=True)
+    figures["peak_to_peak"] = figures["max"] - figures["min"]
     for name, seconds in MEANS.items():
         means = consecutive_means(stretches, round(seconds * rate))
         figures[name] = means.std(ddof=1) if len(means) > 1 else None

@@ -57,31 +57,33 @@ def tilts(rows, ranges, step):
     # not its direction alone: a tilt leaves the magnitude as it is
     u = means[:, :3] / size
     cuts = np.empty((0, 2), dtype=int)
-    for taken in ("linear", "constant"):
+    for degree in (1, 0):
         rests = without(stretches, cuts)
         if not len(rests):
             break
         bias = np.median(np.concatenate([means[i:j, 3:] for i, j in rests]), axis=0)
         change = np.cross(u, means[:, 3:] - bias) * width * step
         turned = np.cumsum(change, axis=0) - change / 2
-        windows = np.concatenate([i + _alike(u[i:j], turned[i:j], taken) for i, j in rests])
+        windows = np.concatenate([i + _alike(u[i:j], turned[i:j], degree) for i, j in rests])
         if len(windows):
             placed = np.array([i + _placed(u[i:j]) for i, j in windows])
             cuts = merged(np.concatenate([cuts, placed]))
     return np.column_stack([first[cuts[:, 0]], first[cuts[:, 1] - 1] + width])
 
 
-def _alike(u, turned, taken):
+def _alike(u, turned, degree):
     """Return the shortest windows of blocks in which two courses are alike, shape (k, 2).
 
-    Of both what is taken is left out: the mean ("constant"), or a line ("linear").
+    Of both the polynomial of a degree is left out: the mean, 0, or a line, 1.
     """
     alike, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
         starts = np.arange(0, len(u) - length + 1, max(length // 4, 1))
         at = starts[:, None] + np.arange(length)
+        basis = np.linalg.qr(np.vander(np.arange(length), degree + 1))[0]
         power, residual = (
-            (_without(taken, x[at]) ** 2).sum(axis=2).mean(axis=1) for x in (u, u - turned)
+            ((x - basis @ (basis.T @ x)) ** 2).sum(axis=2).mean(axis=1)
+            for x in (u[at], (u - turned)[at])
         )
         # a ramp has a root mean square of a twelfth's root of its span
         sure = (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
@@ -92,15 +94,6 @@ def _alike(u, turned, taken):
         alike = merged(np.concatenate([alike, windows])) if len(windows) else alike
         length *= 2
     return alike
-
-
-def _without(taken, x):
-    """Return courses, (k, b, 3), each without its mean, or its line."""
-    x = x - x.mean(axis=1, keepdims=True)
-    if taken == "linear":
-        t = np.arange(x.shape[1]) - (x.shape[1] - 1) / 2
-        x -= t[:, None] * (t @ x)[:, None] / (t @ t)
-    return x
 
 
 def _placed(u):

@@ -42,9 +42,8 @@ def fine_details(x, before, levels):
         first = before // width or (1 if width == 2 else 2)
         own = slice(first, x.shape[1] // width)
         # an output for each second sample; before the beginning there are zeros
-        count = smooth.shape[1] // 2
-        before_it = np.pad(smooth, ((0, 0), (2, 0)))
-        detail, smooth = _filtered([before_it[:, k:][:, : 2 * count : 2] for k in (3, 2, 1, 0)])
+        count, padded = smooth.shape[1] // 2, np.pad(smooth, ((0, 0), (2, 0)))
+        detail, smooth = _filtered([padded[:, k::2][:, :count] for k in (3, 2, 1, 0)])
         details.append((width * first - 2 * (width - 1), detail[:, own]))
     return details, smooth[:, own]
 

@@ -54,5 +54,6 @@ def rounding_variance(x):
     """
     x = x[:DECIDING]
     steps, size = np.abs(np.diff(x, axis=0)), np.abs(x)
-    steps = steps[steps > 1e-9 * np.maximum(size[1:], size[:-1])]
-    return steps.min() ** 2 / 12 if steps.size else 1.0
+    true = steps > 1e-9 * np.maximum(size[1:], size[:-1])
+    resolution = steps.min(where=true, initial=np.inf)
+    return resolution**2 / 12 if resolution < np.inf else 1.0

@@ -1,6 +1,7 @@
 """Residual of each pose or turn, before and after the added effects, and what it goes with."""
 
 import numpy as np
+import pandas as pd
 
 from imuloop.core.samples import ACCELERATION, TEMPERATURE
 from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, drawn, entitle
@@ -89,7 +90,7 @@ def goes_with(panels, error):
     size = np.abs(error)
     shown = {words.partition(",")[0]: v for key, (words, v) in panels.items() if key != "axis"}
     found = [
-        (np.corrcoef(_ranks(size), _ranks(values))[0, 1], words)
+        (np.corrcoef(pd.Series(size).rank(), pd.Series(values).rank())[0, 1], words)
         for words, values in shown.items()
         if np.ptp(values) > 0 and np.ptp(size) > 0
     ]
@@ -98,12 +99,6 @@ def goes_with(panels, error):
         return f"its size goes with none of {', '.join(shown)} beyond chance"
     verb = "grows" if rho > 0 else "falls"
     return f"its size {verb} with {words} (rank correlation {number(rho, 2)})"
-
-
-def _ranks(values):
-    """Return the rank of each value; equal ones share their mean."""
-    _, place, count = np.unique(values, return_inverse=True, return_counts=True)
-    return (np.cumsum(count) - (count - 1) / 2)[place]
 
 
 def draw_residuals(area, x, before, after, floor):
