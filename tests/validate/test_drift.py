@@ -17,7 +17,7 @@ from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.effects.other_sensor import GSensitivity
 from imuloop.simulate.truth import Noise, example_truth
-from imuloop.validate.drift import check_drift, holm
+from imuloop.validate.drift import check_drift
 from imuloop.validate.new_bias import update_biases
 from seeds import least
 
@@ -322,8 +322,3 @@ def test_a_bias_that_the_log_does_not_determine_stays(still, truth, noise, calib
     bare = [SensorCalibration.nominal(u, "none") for u in (ACCELERATION_UNIT, RATE_UNIT)]
     with pytest.raises(ImuloopError, match=r"no bias can be updated: accelerometer: .*gyroscope: "):
         update_biases(Calibration("d", 9.8, *bare), made, noise, "log")
-
-
-def test_holm_against_its_paper():
-    # S. Holm 1979: the smallest times m, the next times m - 1, …, never falling, at most 1
-    np.testing.assert_allclose(holm([0.03, 0.01, 0.04, 0.6]), [0.09, 0.04, 0.09, 0.6])

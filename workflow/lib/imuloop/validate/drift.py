@@ -8,6 +8,7 @@ from scipy.special import chdtrc, ndtr
 
 from imuloop.calibrate.least_squares import chi_square
 from imuloop.core.errors import ImuloopError
+from imuloop.core.p_values import holm
 from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
@@ -255,12 +256,3 @@ def _solve(residuals, basis, expected):
         change = change - np.linalg.lstsq(design, solve_triangular(root, r, lower=True))[0]
     r, jacobian = residuals.at(residuals.old.x + basis @ change)
     return change, np.linalg.inv(design.T @ design), (r, expected, jacobian @ basis)
-
-
-def holm(p_values):
-    """Return p-values that hold for a whole family, shape (m,), after Holm."""
-    p = np.asarray(p_values, dtype=float)
-    order = np.argsort(p, kind="stable")
-    adjusted = np.empty(len(p))
-    adjusted[order] = np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1))
-    return np.minimum(adjusted, 1.0)
