@@ -11,7 +11,7 @@ from referencing import Registry, Resource
 
 SCHEMAS = Path(__file__).resolve().parents[1] / "workflow/schemas"
 # these are a calibration each
-ALSO = {"six_position": "calibration", "multi_position": "calibration"}
+ALSO = dict.fromkeys(("six_position", "multi_position", "family_calibration"), "calibration")
 
 
 def fault(path):

@@ -1,0 +1,95 @@
+"""results/family.json: what it holds of a type."""
+
+import numpy as np
+import pytest
+
+from family.members import EVERY, NOTHING, Family, member
+from imuloop.core.files import read_json
+from imuloop.family.family import effects, of_type, write_family
+from result_files import fault
+
+
+def diagnosed(**p_values):
+    """Return a diagnosis in which effects of the gyroscope were tried at poses, by p-value."""
+    found = [
+        {
+            "name": name,
+            "p_value": p,
+            "status": "added" if p is not None and p < 1e-4 else "rejected",
+        }
+        for name, p in p_values.items()
+    ]
+    return {"sensors": NOTHING["sensors"] | {"gyroscope": {"poses": {"candidates": found}}}}
+
+
+def of_effects(*diagnoses):
+    zero = dict.fromkeys(EVERY, 0.0)
+    one = dict.fromkeys(EVERY, 1e-3)
+    members = [member(f"d{k}", zero, one, each) for k, each in enumerate(diagnoses)]
+    return {each["name"]: each for each in effects(members)}
+
+
+def test_the_file_fits_its_schema_and_says_the_truth(tmp_path):
+    family = Family(3)
+    order = {"serial": np.arange(50), "date": [*range(738000, 738049), None]}
+    write_family(tmp_path / "family.json", {"chip": family.members(**order)})
+    assert fault(tmp_path / "family.json") is None
+    found = read_json(tmp_path / "family.json")["types"]["chip"]
+    assert [*found["parameters"]] == [e for e in EVERY[:21]] + [
+        f"{c}.{t}" for s in ("a", "g") for t in "NBK" for c in (f"{s}x", f"{s}y", f"{s}z")
+    ]
+    assert found["tests"] == 39 * (50 + 2)
+    for k, name in enumerate(EVERY):
+        one = found["parameters"][name]
+        if not one["logarithmic"]:
+            assert abs(one["mean"] - family.mean[k]) < 4 * one["mean_std"]
+            assert one["values"]["d7"]["value"] == pytest.approx(family.y[7, k], abs=1e-9)
+        assert one["values"]["d7"]["std"] == pytest.approx(family.std[7, k], rel=1e-3)
+        assert one["within"] == pytest.approx(np.sqrt(np.mean(family.std[:, k] ** 2)), rel=1e-3)
+        inside = [v["limits"][0] <= v["value"] <= v["limits"][1] for v in one["values"].values()]
+        assert inside == [v["within_limits"] for v in one["values"].values()]
+
+
+def test_a_drift_of_the_production_has_a_small_p_value():
+    family = Family(4)
+    k = EVERY.index("gyroscope.b2")
+    family.y[:, k] += family.spread[k] * np.arange(50) / 5
+    found = of_type(family.members(serial=np.arange(50)))["parameters"]
+    p = {name: one["trends"]["serial"]["p_value"] for name, one in found.items()}
+    assert p.pop("gyroscope.b2") < 1e-6 and min(p.values()) > 0.05
+
+
+def test_a_parameter_that_few_determined_is_left_out():
+    members = Family(5, count=4).members()
+    zero, one = dict.fromkeys(EVERY, 0.0), dict.fromkeys(EVERY, 1e-3)
+    unknown = one | {"gyroscope.K0": 0.0}
+    members = [*members[:2], member("e", zero, unknown), member("f", zero, unknown)]
+    found = of_type(members)["parameters"]
+    assert "gyroscope.K0" not in found and [*found["gyroscope.K1"]["values"]] == "d0 d1 e f".split()
+
+
+def test_an_effect_of_one_device_is_not_that_of_the_type():
+    rng = np.random.default_rng(0)
+    one = [diagnosed(g_sensitivity=p) for p in [1e-30, *rng.uniform(0.05, 1, 9)]]
+    found = of_effects(*one)["g_sensitivity"]
+    assert found["added"] == ["d0"] and found["tried"] == 10 and found["p_value"] > 0.3
+
+
+def test_an_effect_that_none_shows_by_itself_all_show_together():
+    found = of_effects(*[diagnosed(g_sensitivity=p) for p in [0.03, 0.02, 0.04, 0.01] * 5])
+    assert found["g_sensitivity"]["added"] == [] and found["g_sensitivity"]["p_value"] < 1e-6
+
+
+def test_what_was_not_tried_does_not_count():
+    found = of_effects(*[diagnosed(g_sensitivity=0.5, earth_rate=None)] * 2, diagnosed())
+    assert found == {}
+
+
+def test_p_values_of_effects_hold_for_all_of_them():
+    # none has any: no more than one family in twenty has one below 0.05
+    rng, false = np.random.default_rng(1), 0
+    names = ("g_sensitivity", "g2_sensitivity", "scale_nonlinearity")
+    for _ in range(200):
+        each = [diagnosed(**dict(zip(names, rng.uniform(size=3), strict=True))) for _ in range(6)]
+        false += min(one["p_value"] for one in of_effects(*each).values()) < 0.05
+    assert false <= 18

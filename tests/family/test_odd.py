@@ -1,0 +1,91 @@
+"""Devices that stand out and trends: named where there are some, and hardly ever where none are."""
+
+import numpy as np
+import pytest
+
+from family.members import EVERY, Family
+from imuloop.core.p_values import holm
+from imuloop.family.family import SIGNIFICANCE, of_type
+from imuloop.family.odd import AT_MOST, deviations, trend
+from seeds import least, seeds
+
+KINDS = ("accelerometer.b", "gyroscope.K")
+
+
+def named(family):
+    return {each["device"] for each in of_type(family.members())["odd"]}
+
+
+@seeds(4, 40)
+def test_odd_devices_are_named_and_others_are_not(seeds):
+    hits, count, false = 0, 0, 0
+    for seed in range(seeds):
+        # a chip of another lot: three axes of one kind
+        family = Family(seed, unlike=KINDS)
+        found = named(family)
+        hits, count = hits + len(found & {*family.odd}), count + len(family.odd)
+        false += bool(found - {*family.odd}) + bool(named(Family(1000 + seed)))
+    assert hits >= 0.95 * count
+    assert false <= least(2 * seeds, SIGNIFICANCE, 0.99)
+
+
+@seeds(4, 40)
+def test_one_parameter_alone_is_named_as_often_as_an_exact_test_can(seeds):
+    # Student's t with 48 degrees of freedom needs 4.66 at 0.05 over 1950 tests: of deviations of
+    # five spreads 70 to 75 % reach it, whose spread is measured from 50 devices
+    hits = count = 0
+    for seed in range(seeds):
+        single = Family(seed, unlike=[EVERY[seed % 21]])
+        hits, count = hits + len(named(single) & {*single.odd}), count + 1
+    assert hits >= least(count, 0.65, 0.01)
+
+
+def test_two_odd_devices_do_not_hide_each_other_or_themselves():
+    rng = np.random.default_rng(0)
+    y, std = rng.normal(size=30), np.full(30, 0.1)
+    y[3], y[4] = 12.0, 12.5
+    away, p = deviations(y, std**2)
+    assert set(np.flatnonzero(holm(p) < SIGNIFICANCE)) == {3, 4}
+    assert away[3] > 8
+    # of fewer than ten devices none is left out beforehand
+    assert int(AT_MOST * 9) == 0
+
+
+def test_a_device_that_knows_little_of_itself_is_not_odd():
+    rng = np.random.default_rng(4)
+    y, std = rng.normal(size=30), np.full(30, 0.1)
+    y[3], std[3] = 12.0, 10.0
+    away, p = deviations(y, std**2)
+    assert abs(away[3]) < 2 and holm(p).min() > SIGNIFICANCE
+
+
+def test_what_is_the_same_in_all_devices_but_for_noise_has_no_odd_one():
+    rng = np.random.default_rng(2)
+    std = np.full(20, 1e-3)
+    away, p = deviations(1e-3 * rng.normal(size=20), std**2)
+    assert np.isfinite(away).all() and holm(p).min() > SIGNIFICANCE
+
+
+def test_a_trend_has_its_slope_and_a_missing_number_is_left_out():
+    rng = np.random.default_rng(3)
+    order, std = np.arange(40) + 737000.0, np.full(40, 0.2)
+    y = 5 + 0.1 * (order - order[0]) + rng.normal(0, 0.5, 40) + std * rng.normal(size=40)
+    order[7] = np.nan
+    slope, error, p = trend(y, std**2, order)
+    assert slope == pytest.approx(0.1, abs=3 * error) and error < 0.02 and p < 1e-8
+    # numpy's weighted fit has the same slope where the weights are even
+    kept = np.isfinite(order)
+    line = np.polyfit(order[kept] - order[0], y[kept], 1)
+    assert slope == pytest.approx(line[0], rel=1e-6)
+    assert trend(y, std**2, np.full(40, 3.0)) is None
+    assert trend(y, std**2, np.where(np.arange(40) < 3, order, np.nan)) is None
+
+
+@seeds(40, 400)
+def test_the_p_value_of_a_trend_is_one(seeds):
+    p = []
+    for seed in range(seeds):
+        rng = np.random.default_rng(seed)
+        std = rng.lognormal(-1, 0.5, 12)
+        p.append(trend(rng.normal(size=12) + std * rng.normal(size=12), std**2, np.arange(12))[2])
+    assert np.sum(np.array(p) < 0.1) <= least(seeds, 0.1, 0.995)

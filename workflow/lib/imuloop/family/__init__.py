@@ -1,0 +1,1 @@
+"""Devices of one type together: what they share, how they spread, which stand out."""

@@ -1,0 +1,83 @@
+"""What is compared between devices: each parameter with its standard error, of all of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.calibrate.raw_units import as_logged, si_factor
+from imuloop.calibrate.sensor_pair import BASES, parameters
+from imuloop.core.samples import SENSORS
+
+# noise coefficients, white, flicker and walk, with their SI units
+TERMS = {
+    "accelerometer": {"N": "m/s^2/√Hz", "B": "m/s^2", "K": "m/s^3/√Hz"},
+    "gyroscope": {"N": "rad/s/√Hz", "B": "rad/s", "K": "rad/s^2/√Hz"},
+}
+# half a 95 % interval in standard deviations
+_REACH = 1.959964
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """One parameter of n devices; not-a-number where a device did not determine it.
+
+    Of a noise coefficient, which is positive, the natural logarithm, whose spread is relative.
+    """
+
+    name: str  # ``accelerometer.K0``, ``gx.N``
+    unit: str  # SI
+    logarithmic: bool
+    values: np.ndarray  # (n,)
+    std: np.ndarray
+
+    @property
+    def known(self):
+        """Which devices determined it, (n,)."""
+        return np.isfinite(self.values) & (self.std > 0)
+
+
+def of_calibrations(calibrations):
+    """Return the Estimates of misalignment, scale factor error and bias, of n Calibrations.
+
+    SI as logged; a scale factor is relative to the nominal one, less 1.
+    """
+    names = parameters()
+    values, std = np.full((2, len(names), len(calibrations)), np.nan)
+    for k, calibration in enumerate(calibrations):
+        found = {}
+        for sensor, base in BASES.items():
+            own = getattr(calibration, sensor)
+            x = as_logged(own, base) - [name[0] == "K" for name in base]
+            errors = dict(zip(own.names, si_factor(own.names, own.raw_unit), strict=True))
+            errors = {name: own.std[name] * factor for name, factor in errors.items()}
+            found |= {(sensor, n): (v, errors.get(n)) for n, v in zip(base, x, strict=True)}
+        for i, (sensor, name, _) in enumerate(names):
+            value, error = found[sensor, name]
+            if error:
+                values[i, k], std[i, k] = value, error
+    return [
+        Estimates(f"{sensor}.{name}", unit, False, values[i], std[i])
+        for i, (sensor, name, unit) in enumerate(names)
+    ]
+
+
+def of_noise(noises):
+    """Return the Estimates of the noise coefficients that a NoiseModel of n devices has."""
+    found = []
+    for sensor, channels in SENSORS.items():
+        for term, unit in TERMS[sensor].items():
+            for channel in channels:
+                each = [logarithm(getattr(noise.axes[channel], term)) for noise in noises]
+                found.append(Estimates(f"{channel}.{term}", unit, True, *np.transpose(each)))
+    return found
+
+
+def logarithm(coefficient):
+    """Return the logarithm of a noise coefficient and its standard error; nan where not known."""
+    value, interval = coefficient.value, coefficient.ci95
+    if not value or not interval or interval[1] <= value:
+        return np.nan, np.nan
+    low, high = interval
+    above = np.log(high / value)
+    # one that may be nothing has no lower end
+    return np.log(value), (above if low <= 0 else (above + np.log(value / low)) / 2) / _REACH

@@ -1,0 +1,194 @@
+"""results/family.json: what devices of one type say together."""
+
+from dataclasses import dataclass, field
+from datetime import date
+from pathlib import Path
+
+import numpy as np
+from scipy.stats import chi2
+
+from imuloop.core.files import read_json, write_json
+from imuloop.core.model import Calibration
+from imuloop.core.noise_model import NoiseModel
+from imuloop.core.p_values import holm
+from imuloop.core.samples import SENSORS
+from imuloop.family.estimates import of_calibrations, of_noise
+from imuloop.family.odd import deviations, trend
+from imuloop.family.prior import Prior
+from imuloop.family.random_effects import fit, spread_interval
+
+# version of the JSON file
+FORMAT = 1
+# devices that have to have a parameter in common
+LEAST = 3
+# chance that any device of a type is named that does not stand out, or any trend that is none
+SIGNIFICANCE = 0.05
+# limits of a control chart, in standard deviations
+LIMITS = 3.0
+# what devices may be ordered by
+ORDERS = ("serial", "date")
+
+
+@dataclass(frozen=True)
+class Member:
+    """A device of a type: its results without a prior, and with one where that is asked for."""
+
+    name: str
+    calibration: Calibration
+    noise: NoiseModel
+    diagnosis: dict
+    order: dict = field(default_factory=dict)  # serial number, date as a day's number
+    with_prior: Calibration | None = None
+
+
+def read_member(folder, serial=None, date_made=None, prior=None):
+    """Return the Member that lies in a folder of results; the rest as of the config."""
+    folder = Path(folder)
+    day = date.fromisoformat(date_made).toordinal() if date_made else None
+    return Member(
+        folder.name,
+        Calibration.from_json(folder / "calibration.json"),
+        NoiseModel.from_json(folder / "noise.json"),
+        read_json(folder / "diagnosis.json"),
+        {"serial": serial, "date": day},
+        Calibration.from_json(folder / "family_calibration.json") if prior else None,
+    )
+
+
+def write_family(path, types):
+    """Write what the devices of each type, Members by its name, say together."""
+    write_json(path, {"format": FORMAT, "types": {t: of_type(m) for t, m in types.items()}})
+
+
+def of_type(members):
+    """Return the content of family.json on one type.
+
+    All tests of a type, each device in each parameter and each trend, are one family, after Holm.
+    """
+    every = of_calibrations([m.calibration for m in members])
+    every += of_noise([m.noise for m in members])
+    parameters, tests = {}, []
+    for each in (e for e in every if e.known.sum() >= LEAST):
+        found = parameters[each.name] = of_parameter(each, members)
+        tests += [(each.name, device, v) for device, v in found["values"].items()]
+        tests += [(each.name, None, t) for t in found["trends"].values()]
+    adjusted = holm([test["p_value"] for *_, test in tests]).tolist()
+    for (*_, test), p in zip(tests, adjusted, strict=True):
+        test["p_value"] = p
+    odd = [
+        {"device": device, "parameter": name} | {k: v[k] for k in ("deviation", "p_value")}
+        for name, device, v in tests
+        if device and v["p_value"] < SIGNIFICANCE
+    ]
+    return {
+        "devices": [m.name for m in members],
+        "order": {m.name: m.order for m in members},
+        "tests": len(tests),
+        "significance": SIGNIFICANCE,
+        "parameters": parameters,
+        "odd": sorted(odd, key=lambda each: each["p_value"]),
+        "effects": effects(members),
+        "priors": {m.name: of_prior(m, members) for m in members if m.with_prior},
+    }
+
+
+def of_parameter(each, members):
+    """Return mean, spread, values and trends of one parameter, its p-values not adjusted yet.
+
+    Mean, values and limits of a noise coefficient are those of logarithms taken back; its spread
+    and its errors are relative.
+    """
+    own = each.known
+    y, std = each.values[own], each.std[own]
+    names = [m.name for m, k in zip(members, own, strict=True) if k]
+    found, shown = fit(y, std**2), np.exp if each.logarithmic else np.asarray
+    reach = LIMITS * np.sqrt(found.variance[0] + std**2)
+    low, high = (shown(found.beta[0, 0] + sign * reach) for sign in (-1, 1))
+    away, p = deviations(y, std**2)
+    columns = {
+        **{
+            "value": shown(y),
+            "std": std,
+            "low": shown(y - 1.96 * std),
+            "high": shown(y + 1.96 * std),
+        },
+        **{"limits": np.column_stack([low, high]), "deviation": away, "p_value": p},
+    }
+    columns["within_limits"] = (low <= shown(y)) & (shown(y) <= high)
+    trends = {}
+    for key in ORDERS:
+        order = [m.order.get(key) for m, k in zip(members, own, strict=True) if k]
+        slope = trend(y, std**2, [np.nan if o is None else o for o in order])
+        if slope:
+            trends[key] = dict(zip(("slope", "std", "p_value"), slope, strict=True))
+    return {
+        "unit": each.unit,
+        "logarithmic": each.logarithmic,
+        "mean": shown(found.beta[0, 0]),
+        "mean_std": np.sqrt(found.covariance[0, 0, 0]),
+        "spread": np.sqrt(found.variance[0]),
+        "spread_ci95": spread_interval(y, std**2),
+        "within": np.sqrt(np.mean(std**2)),
+        "values": {
+            name: {key: column[k] for key, column in columns.items()}
+            for k, name in enumerate(names)
+        },
+        "trends": trends,
+    }
+
+
+def effects(members):
+    """Return the effects that were tried in several devices, those that most have first.
+
+    The p-value is that of fewer than half of the devices having the effect: Fisher's of the larger
+    half of theirs (partial conjunction), after Holm over the effects. So one device cannot give its
+    effect to the type, and all together show one that none shows by itself.
+
+    References
+    ----------
+    Y. Benjamini, R. Heller, "Screening for partial conjunction hypotheses", Biometrics 64 (2008).
+    """
+    tried = {}
+    for member in members:
+        for sensor in SENSORS:
+            for record, block in member.diagnosis["sensors"][sensor].items():
+                for each in block["candidates"]:
+                    if each["p_value"] is not None:
+                        of = tried.setdefault((sensor, record, each["name"]), {})
+                        of[member.name] = each["p_value"], each["status"] == "added"
+    found = []
+    for (sensor, record, name), devices in tried.items():
+        if len(devices) >= LEAST:
+            p = np.sort([max(p, 1e-300) for p, _ in devices.values()])
+            larger = p[(len(p) + 1) // 2 - 1 :]
+            added = [device for device, (_, has) in devices.items() if has]
+            one = {
+                "sensor": sensor,
+                "record": record,
+                "name": name,
+                "tried": len(p),
+                "added": added,
+            }
+            chance = chi2.sf(-2 * np.log(larger).sum(), 2 * len(larger))
+            found.append(one | {"p_value": float(chance)})
+    for one, p in zip(found, holm([one["p_value"] for one in found]).tolist(), strict=True):
+        one["p_value"] = p
+    return sorted(found, key=lambda one: (one["p_value"], -len(one["added"])))
+
+
+def of_prior(member, members):
+    """Return what the prior of the others changed in one device, by parameter, SI."""
+    others = [m.calibration for m in members if m is not member]
+    prior = Prior.of(others)
+    own, changed = (of_calibrations([c]) for c in (member.calibration, member.with_prior))
+    found = {}
+    for a, b, mean, variance in zip(own, changed, prior.mean, prior.variance, strict=True):
+        if b.known[0]:
+            is_scale = a.name.partition(".")[2][0] == "K"
+            found[a.name] = {
+                "unit": a.unit,
+                **{"own": a.values[0], "own_std": a.std[0]},
+                **{"prior": mean - is_scale, "prior_std": np.sqrt(variance)},
+                **{"value": b.values[0], "std": b.std[0]},
+            }
+    return found

@@ -1,0 +1,53 @@
+"""Devices that stand out from those of their type, and what drifts from device to device."""
+
+import numpy as np
+from scipy.stats import median_abs_deviation
+
+from imuloop.family.random_effects import fit
+
+# robust standard deviations from the median beyond which a device is no measure for others, and the
+# share of the devices that may be so: two odd ones would hide each other
+FAR, AT_MOST = 4.0, 0.1
+# the farthest devices, which are tried; none of the others is farther
+TRIED = 50
+
+
+def deviations(y, squares):
+    """Return how far each device lies from what the others predict, and the p-value of that, (n,).
+
+    The deviation is in standard deviations of the prediction: spread of the others, error of their
+    mean, own error. Its p-value is of Student's t, with their degrees of freedom; one where a
+    device was not tried.
+    """
+    count = len(y)
+    robust = median_abs_deviation(y, scale="normal") ** 2 + squares
+    distance = np.abs(y - np.median(y)) / np.sqrt(np.maximum(robust, np.finfo(float).tiny))
+    suspects = np.argsort(distance)[count - int(AT_MOST * count) :]
+    measure = np.ones(count, dtype=bool)
+    measure[suspects[distance[suspects] > FAR]] = False
+    whole = fit(y, squares, counted=[measure])
+    found, p = whole.deviation(y, squares)[0], np.ones(count)
+    tried = np.argsort(-np.abs(found))[:TRIED]
+    others = np.repeat(measure[None], len(tried), axis=0)
+    others[np.arange(len(tried)), tried] = False
+    apart = fit(y, squares, counted=others)
+    found[tried], p[tried] = apart.deviation(y[tried], squares[tried])
+    return found, p
+
+
+def trend(y, squares, order):
+    """Return slope, standard error and p-value of values over a serial number or a date.
+
+    Weighted by the errors and by what is left of the spread; the standard error after Knapp and
+    Hartung. None where all have the same place in the order, or fewer than four have one.
+    """
+    order = np.asarray(order, dtype=float)
+    known = np.isfinite(order)
+    if known.sum() < 4 or np.ptp(order[known]) == 0:
+        return None
+    # about its middle, in its own span: a date is a large number
+    middle, span = order[known].mean(), np.ptp(order[known])
+    along = (order[known] - middle) / span
+    found = fit(y[known], squares[known], np.column_stack([np.ones(len(along)), along]))
+    std = np.sqrt(found.covariance[0, 1, 1] * found.scale[0])
+    return float(found.beta[0, 1] / span), float(std / span), float(found.p_value(1)[0])
