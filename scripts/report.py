@@ -13,6 +13,7 @@ open_log(snakemake.log[0], "report")
 folders = [Path(path).parent for path in snakemake.input.sections]
 repository = Path(imuloop.__file__).parents[3]
 made_by = provenance(imuloop.__version__, repository, params.command, params.config)
-write_report(folders, made_by, output.report, output.comparison)
+family = snakemake.input.family
+write_report(folders, made_by, output.report, output.comparison, *family)
 for line in verdict_lines(folders):
     say(line)

@@ -80,6 +80,18 @@ DEVICE = """
     label: nothing is given
     type: 2nd
     type: '2nd' is not a name (a letter, then up to 63 letters, digits, _ or -)
+    serial: A7
+    serial: 'A7' is not a number
+    date: "2026-02-30"
+    date: '2026-02-30' is not a day, as 2026-01-31
+    date: 2026-02-03T10:00:00
+    date: '2026-02-03T10:00:00' is not a day, as 2026-01-31
+    prior: type
+    prior: 'type' is not a prior; use one of family
+    prior: family
+    prior: 'family' needs the device's type
+    prior: family, type: chip
+    prior: 'family' needs 4 other devices of the type; 0 name it
     gravity: 98
     gravity: 98 is greater than the maximum of 9.9
     full_scale: {acceleration: 1e3}
@@ -159,9 +171,12 @@ def one_fault():
     yield from WHOLE
 
 
-def test_a_device_may_name_its_type(faults):
-    """The contract has the key, whatever reads it."""
-    assert faults(session(SOUND, "type: chip,")) == []
+def test_a_device_may_name_its_type_its_number_its_day_and_a_prior(faults):
+    assert faults(session(SOUND, "type: chip, serial: 7, date: 2026-02-28,")) == []
+    whole = "\n".join(f"  d{k}: {{type: chip, {STATIC}" for k in range(5))
+    assert faults(f"defaults: {{prior: family}}\ndevices:\n{whole}") == []
+    fewer = faults(f"defaults: {{prior: family}}\ndevices:\n{whole.rpartition(chr(10))[0]}")
+    assert fewer == ["defaults.prior: 'family' needs 4 other devices of the type; 3 name it"]
 
 
 @pytest.mark.parametrize(("text", "line"), list(one_fault()))

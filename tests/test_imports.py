@@ -22,7 +22,7 @@ ARROWS = {
     "noise": {"effects", "ingest", "segment"},
     "calibrate": {"ingest", "segment"},
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
-    "family": {"calibrate"},
+    "family": {"effects", "calibrate"},
     "discover": {"effects", "calibrate", "diagnose"},
     "validate": {"effects", "calibrate", "diagnose"},
     "plan": {"segment", "noise", "calibrate", "diagnose"},

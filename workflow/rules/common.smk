@@ -9,8 +9,9 @@ from pathlib import Path
 import imuloop
 import yaml
 from imuloop.code_digest import code_digest
-from imuloop.config import fetched, is_stored, resolve, source_path
+from imuloop.config import by_type, fetched, is_stored, resolve, source_path
 from imuloop.core.errors import ImuloopError, nearest
+from imuloop.family import LEAST
 from imuloop.file_faults import SIMULATED
 
 # a job is one thread; those of the linear algebra library would take the other jobs' cores
@@ -41,6 +42,9 @@ if workflow.is_main_process:
         raise WorkflowError("\n".join(faults))
 
 DEVICES = resolve(config)
+# devices of each type that is compared, and devices that are completed by the others of theirs
+TYPES = {kind: names for kind, names in by_type(DEVICES).items() if len(names) >= LEAST}
+WITH_PRIOR = [name for name, device in DEVICES.items() if device["prior"]]
 NAME = r"[A-Za-z][A-Za-z0-9_-]*"
 CACHE = config.get("cache", "data/cache")
 FETCHED = fetched(DEVICES)
@@ -83,6 +87,18 @@ def device_of(wildcards):
 def session_of(wildcards):
     """Return the resolved config of a job's session."""
     return one_of(device_of(wildcards)["sessions"], wildcards.session, "session")
+
+
+def others_of_type(wildcards):
+    """Return the other devices of the type of a job's device."""
+    names = TYPES.get(device_of(wildcards)["type"], ())
+    return [name for name in names if name != wildcards.device]
+
+
+def calibration_to_use(wildcards):
+    """Return the calibration of a job's device, with the prior where it asks for one."""
+    of_prior = "family_" if device_of(wildcards)["prior"] else ""
+    return f"results/{wildcards.device}/{of_prior}calibration.json"
 
 
 def settings(*keys):

@@ -4,7 +4,7 @@ EXPORTS = sorted(f"export/{path.name}" for path in (TEMPLATES / "export").iterdi
 
 rule export:
     input:
-        calibration="results/{device}/calibration.json",
+        calibration=calibration_to_use,
         noise="results/{device}/noise.json",
         # they may say that a stage failed
         multi_position="results/{device}/multi_position.json",
@@ -25,7 +25,7 @@ rule export:
         mem_mb=by_size(250, 0),
         runtime=by_size(5, 0),
     params:
-        device=settings("label"),
+        device=settings("label", "prior"),
         code=code("export.py"),
         templates=templates(*EXPORTS),
     script:

@@ -43,14 +43,11 @@ rule report_device:
         mem_mb=by_size(450, 600),
         runtime=by_size(5, 2),
     params:
-        device=settings("label"),
+        device=settings("label", "prior"),
         code=code("report_device.py"),
         templates=templates(
-            "section.html.j2",
-            "failures.html.j2",
-            "failed.html.j2",
-            "device.html.j2",
-            *PAGE,
+            *("section.html.j2", "table.html.j2", "failures.html.j2", "failed.html.j2"),
+            *("device.html.j2", *PAGE),
         ),
     script:
         "../../scripts/report_device.py"
@@ -61,6 +58,7 @@ rule report:
         sections=expand("results/{device}/section.html", device=DEVICES),
         summaries=expand("results/{device}/summary.json", device=DEVICES),
         exports=expand("results/{device}/exports.json", device=DEVICES),
+        family=["results/family.json"] if TYPES else [],
     output:
         report=report(
             "results/report.html",
@@ -94,6 +92,6 @@ rule report:
         command=lambda wildcards: COMMAND,
         config=DEVICES,
         code=code("report.py"),
-        templates=templates("report.html.j2", *PAGE),
+        templates=templates("report.html.j2", "family.html.j2", "table.html.j2", *PAGE),
     script:
         "../../scripts/report.py"

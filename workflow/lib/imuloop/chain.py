@@ -26,6 +26,7 @@ class Device:
     folder: Path  # its results
     kinds: Mapping  # kind of each session by its name
     label: str = ""  # name in the report
+    prior: str | None = None  # whether the other devices of its type are one, ``family``
     gravity: float = 9.80665  # local, m/s^2
     # as in the config
     nominal: Mapping = field(default_factory=dict)
@@ -41,6 +42,11 @@ class Device:
     def file(self, name):
         """Return the path of one of the device's results."""
         return Path(self.folder) / name
+
+    @property
+    def calibration(self):
+        """The path of the calibration to use: with the prior, where one is asked for."""
+        return self.file("family_calibration.json" if self.prior else "calibration.json")
 
     @property
     def sessions(self):
@@ -223,16 +229,46 @@ def allan(device):
     return _of_each_session(device, "allan", work, write_placeholder)
 
 
+def family_prior(device, others):
+    """Write family_calibration.json: the device's own calibration, completed by that of others.
+
+    Takes the folders of the other devices of its type.
+    """
+    from imuloop.calibrate.calibrate import read_recording
+    from imuloop.calibrate.settings import CalibrateSettings
+    from imuloop.core.model import Calibration
+    from imuloop.core.noise_model import NoiseModel
+    from imuloop.family.prior import Prior, with_prior
+
+    given = [device.file(f"{name}.json") for name in ("noise", "multi_position", "diagnosis")]
+
+    def own():
+        return Calibration.from_json(device.file("calibration.json"))
+
+    def work():
+        settings = CalibrateSettings(**device.calibrate)
+        prior = Prior.of([Calibration.from_json(Path(o, "calibration.json")) for o in others])
+        recording = read_recording(device.sessions, settings.longest_rotation)
+        found = with_prior(own(), prior, recording, NoiseModel.from_json(given[0]), settings)
+        found.to_json(device.calibration)
+
+    def write_placeholder(reason, failed):
+        own().to_json(device.calibration, failed)
+
+    return attempt(device, "family_prior", work, write_placeholder, given)
+
+
 def export(device):
     """Write the folder of other tools' files and exports.json, the list of them."""
     from imuloop.core.errors import one_line
     from imuloop.export.export import README, export_files, read_exported, write_exports
 
     given = [device.file(f"{name}.json") for name in ("noise", "multi_position", "diagnosis")]
+    given += [device.calibration] * bool(device.prior)
     folder = device.file("exports")
 
     def work():
-        calibration, noise_path = device.file("calibration.json"), device.file("noise.json")
+        calibration, noise_path = device.calibration, device.file("noise.json")
         qualities = [files["quality"] for files in device.sessions.values()]
         names = device.name, device.label or device.name
         exported = read_exported(*names, calibration, noise_path, qualities, given[2])
@@ -249,7 +285,7 @@ def report_device(device):
     """Write a device's part of the report, its page, its figures and its row of the comparison."""
     from imuloop.report.section import write_failed, write_section
 
-    given = device.name, device.label or device.name, device.folder, device.kinds
+    given = device.name, device.label or device.name, device.folder, device.kinds, device.prior
     return attempt(
         device,
         "report_device",

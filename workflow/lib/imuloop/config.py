@@ -99,9 +99,10 @@ def resolve(config):
     """Return every device of a config without faults, with all keys, as the stages need them.
 
     By device: ``label``, ``gravity`` (m/s^2), ``full_scale``, ``nominal``, the stages' settings,
-    and ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or ``acceleration``
-    and ``angular_rate``; ``pps`` and ``reference`` in files of their own), ``columns``, ``units``,
-    ``rate`` (Hz), ``time_range``, ``pps``, ``reference``, ``known_rotation``.
+    ``type``, ``serial``, ``date`` and ``prior``, None where not given, and ``sessions`` with
+    ``kind``, ``format``, ``sources`` (by role: ``log``, or ``acceleration`` and ``angular_rate``;
+    ``pps`` and ``reference`` in files of their own), ``columns``, ``units``, ``rate`` (Hz),
+    ``time_range``, ``pps``, ``reference``, ``known_rotation``.
     """
     return {
         name: _device(name, each) for name, each in merged_devices(without_dates(config)).items()
@@ -114,6 +115,7 @@ def _device(name, device):
         gravity = normal_gravity(gravity["latitude"], gravity["height"])
     return {
         "label": device.get("label", name),
+        **{key: device.get(key) for key in ("type", "serial", "date", "prior")},
         "gravity": float(gravity),
         "full_scale": device.get("full_scale", {}),
         "nominal": device.get("nominal", {}),
@@ -148,6 +150,15 @@ def sources(file):
     if isinstance(file, dict) and "acceleration" in file:
         return {role: sources(file[role])["log"] for role in ("acceleration", "angular_rate")}
     return {"log": {"path": file} if isinstance(file, str) else dict(file)}
+
+
+def by_type(devices):
+    """Return the names of the devices of each type that some devices name, in their order."""
+    types = {}
+    for name, device in devices.items():
+        if device.get("type"):
+            types.setdefault(device["type"], []).append(name)
+    return types
 
 
 def is_stored(path):

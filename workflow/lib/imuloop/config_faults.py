@@ -17,6 +17,7 @@ from imuloop.config import OF_LOGS, merged_devices, without_dates
 from imuloop.config_model import BRANCH, CALLED, Config
 from imuloop.config_text import yaml_faults
 from imuloop.core.errors import nearest, one_line
+from imuloop.family import LEAST_OTHERS
 from imuloop.file_faults import file_faults, marks_faults, path_fault, reference_faults
 from imuloop.ingest.spellings import UNITS, stated_unit
 from imuloop.ingest.stamps import is_iso
@@ -215,7 +216,10 @@ def _meaning_faults(config, wrong, replicas):
         yield ("cache",), f"{cache} is a file, not a folder"
     if not isinstance(config.get("devices"), dict) or ("defaults",) in wrong:
         return
-    for name, device in merged_devices(config).items():
+    merged = merged_devices(config)
+    for name, device in merged.items():
+        if text := _prior_fault(name, merged):
+            yield _declared(config, ("devices", name, "prior")), text
         if name in ("figures", "types"):
             text = f"'{name}' is reserved for results of several devices; name it otherwise"
             yield ("devices", name), text
@@ -238,6 +242,20 @@ def _meaning_faults(config, wrong, replicas):
             faults += _session_faults(session, sound, device, replicas, whole)
             for part, text in faults:
                 yield _declared(config, (*key, *part)), text
+
+
+def _prior_fault(name, devices):
+    """Return why a device cannot have the prior that it asks for, or None."""
+    types = {key: d.get("type") for key, d in devices.items() if isinstance(d, dict)}
+    if name not in types or devices[name].get("prior") != "family":
+        return None
+    own = types.pop(name)
+    if own is None:
+        return "'family' needs the device's type"
+    count = sum(other == own for other in types.values())
+    if count < LEAST_OTHERS:
+        return f"'family' needs {LEAST_OTHERS} other devices of the type; {count} name it"
+    return None
 
 
 def _missing_keys(name, session):

@@ -4,6 +4,7 @@ The check, ``workflow/schemas/config.schema.yaml`` and ``docs/settings.md`` are 
 models; the settings of a stage are beside it. What depends on several keys is in `config_faults`.
 """
 
+from datetime import date
 from typing import Annotated, Literal, Union
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
@@ -68,6 +69,15 @@ def _different(columns):
     if len({*columns}) < len(columns):
         raise ValueError(f"{columns} names a column twice")
     return columns
+
+
+def _day(text):
+    """Return the text of a day; a fault where it is none."""
+    try:
+        date.fromisoformat(text)
+    except ValueError:
+        raise ValueError(f"'{text}' is not a day, as 2026-01-31") from None
+    return text
 
 
 def columns(count):
@@ -293,7 +303,18 @@ class Device(Keys):
     label: Annotated[Text, Field(max_length=200)] = Field(
         None, description="Name shown in the report; the device's name if not given"
     )
-    type: Name = Field(None, description="Name of its type; no result depends on it")
+    type: Name = Field(
+        None, description="Name of its type: three devices that name the same are compared"
+    )
+    serial: Number = Field(None, description="Serial number, by which a trend is looked for")
+    date: Annotated[str, AfterValidator(_day)] = Field(
+        None, description="Day it was made, by which a trend is looked for"
+    )
+    prior: Literal["family"] = Field(
+        None,
+        description="The other devices of its type, four or more, complete what its data lack; "
+        "in family_calibration.json and the exports",
+    )
     gravity: either(float=Annotated[Number, Field(ge=9.7, le=9.9)], keys=Place) = Field(
         STANDARD_GRAVITY, description="Local gravity, m/s^2, or computed for a place"
     )

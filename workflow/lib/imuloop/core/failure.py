@@ -57,13 +57,17 @@ def attempt(device, stage, work, write_placeholder, before=()):
     return []
 
 
-def read_failures(folder, sessions):
-    """Return the failures of a device's stages, (name of a session or None, Failure), in order."""
+def read_failures(folder, sessions, prior=None):
+    """Return the failures of a device's stages, (name of a session or None, Failure), in order.
+
+    Takes the names of its sessions, and the prior that it asks for.
+    """
     contents = []
     for name in sessions:
         contents.append((name, read_json(Path(folder, name, "quality.json"))))
         contents.append((name, read_metadata(Path(folder, name, "segments.parquet"))))
-    for name in ("noise", "multi_position", "diagnosis", "exports"):
+    of_prior = ("family_calibration",) if prior else ()
+    for name in ("noise", "multi_position", "diagnosis", *of_prior, "exports"):
         if (path := Path(folder, f"{name}.json")).exists():
             contents.append((None, read_json(path)))
     failed = [(name, content.get("failed")) for name, content in contents]

@@ -87,6 +87,7 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
         tuple(content["notes"]),
         (min(map(min, spans)), max(map(max, spans))) if spans else None,
         beside,
+        Path(calibration).name,
     )
 
 

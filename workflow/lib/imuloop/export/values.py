@@ -32,6 +32,7 @@ class Exported:
     temperature_range: tuple[float, float] | None = None  # of the logs, degC, if known
     # parameters, SI, of the effects found beside a reference, by sensor and name
     beside: dict = field(default_factory=dict)
+    calibration_file: str = "calibration.json"  # where the calibration lies, in the folder above
 
     def sensor(self, name):
         """Return the `SensorCalibration` of ``accelerometer`` or ``gyroscope``."""
@@ -77,6 +78,7 @@ def values(exported):
         "model": MODEL,
         "gravity": float(calibration.gravity),
         "measured": calibration.measured,
+        "calibration_file": exported.calibration_file,
         "limits": calibration.limits(),
         "ids": calibration.log.get("sensor_ids", {}),
         "rate": exported.rate_hz and float(exported.rate_hz),

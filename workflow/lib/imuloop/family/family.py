@@ -1,7 +1,7 @@
 """results/family.json: what devices of one type say together."""
 
+import datetime
 from dataclasses import dataclass, field
-from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.p_values import holm
 from imuloop.core.samples import SENSORS
+from imuloop.family import LEAST
 from imuloop.family.estimates import of_calibrations, of_noise
 from imuloop.family.odd import deviations, trend
 from imuloop.family.prior import Prior
@@ -19,8 +20,6 @@ from imuloop.family.random_effects import fit, spread_interval
 
 # version of the JSON file
 FORMAT = 1
-# devices that have to have a parameter in common
-LEAST = 3
 # chance that any device of a type is named that does not stand out, or any trend that is none
 SIGNIFICANCE = 0.05
 # limits of a control chart, in standard deviations
@@ -41,17 +40,19 @@ class Member:
     with_prior: Calibration | None = None
 
 
-def read_member(folder, serial=None, date_made=None, prior=None):
+def read_member(folder, serial=None, date=None, prior=None):
     """Return the Member that lies in a folder of results; the rest as of the config."""
     folder = Path(folder)
-    day = date.fromisoformat(date_made).toordinal() if date_made else None
+    made = folder / "family_calibration.json"
+    completed = prior and not read_json(made).get("failed")
+    day = datetime.date.fromisoformat(date).toordinal() if date else None
     return Member(
         folder.name,
         Calibration.from_json(folder / "calibration.json"),
         NoiseModel.from_json(folder / "noise.json"),
         read_json(folder / "diagnosis.json"),
         {"serial": serial, "date": day},
-        Calibration.from_json(folder / "family_calibration.json") if prior else None,
+        Calibration.from_json(made) if completed else None,
     )
 
 
@@ -67,19 +68,20 @@ def of_type(members):
     """
     every = of_calibrations([m.calibration for m in members])
     every += of_noise([m.noise for m in members])
-    parameters, tests = {}, []
+    parameters, chances, tests = {}, [], []
     for each in (e for e in every if e.known.sum() >= LEAST):
-        found = parameters[each.name] = of_parameter(each, members)
-        tests += [(each.name, device, v) for device, v in found["values"].items()]
-        tests += [(each.name, None, t) for t in found["trends"].values()]
-    adjusted = holm([test["p_value"] for *_, test in tests]).tolist()
-    for (*_, test), p in zip(tests, adjusted, strict=True):
-        test["p_value"] = p
-    odd = [
-        {"device": device, "parameter": name} | {k: v[k] for k in ("deviation", "p_value")}
-        for name, device, v in tests
-        if device and v["p_value"] < SIGNIFICANCE
-    ]
+        found, p = of_parameter(each, members)
+        parameters[each.name] = found
+        chances += [*p, *(one["p_value"] for one in found["trends"].values())]
+        tests += [(each.name, k) for k in (*range(len(p)), *found["trends"])]
+    odd = []
+    for (name, k), p in zip(tests, holm(chances).tolist(), strict=True):
+        found = parameters[name]
+        if k in found["trends"]:
+            found["trends"][k]["p_value"] = p
+        elif p < SIGNIFICANCE:
+            device, away = found["devices"][k], found["deviations"][k]
+            odd.append({"device": device, "parameter": name, "deviation": away, "p_value": p})
     return {
         "devices": [m.name for m in members],
         "order": {m.name: m.order for m in members},
@@ -93,35 +95,23 @@ def of_type(members):
 
 
 def of_parameter(each, members):
-    """Return mean, spread, values and trends of one parameter, its p-values not adjusted yet.
+    """Return the content on one parameter, and the p-value of each device's standing out.
 
-    Mean, values and limits of a noise coefficient are those of logarithms taken back; its spread
-    and its errors are relative.
+    Those p-values and the trends' are not adjusted yet. Mean, values and limits of a noise
+    coefficient are those of logarithms taken back; its spread and its errors are relative.
     """
     own = each.known
     y, std = each.values[own], each.std[own]
-    names = [m.name for m, k in zip(members, own, strict=True) if k]
+    chosen = [m for m, k in zip(members, own, strict=True) if k]
     found, shown = fit(y, std**2), np.exp if each.logarithmic else np.asarray
     reach = LIMITS * np.sqrt(found.variance[0] + std**2)
-    low, high = (shown(found.beta[0, 0] + sign * reach) for sign in (-1, 1))
     away, p = deviations(y, std**2)
-    columns = {
-        **{
-            "value": shown(y),
-            "std": std,
-            "low": shown(y - 1.96 * std),
-            "high": shown(y + 1.96 * std),
-        },
-        **{"limits": np.column_stack([low, high]), "deviation": away, "p_value": p},
-    }
-    columns["within_limits"] = (low <= shown(y)) & (shown(y) <= high)
     trends = {}
     for key in ORDERS:
-        order = [m.order.get(key) for m, k in zip(members, own, strict=True) if k]
-        slope = trend(y, std**2, [np.nan if o is None else o for o in order])
-        if slope:
+        order = [np.nan if m.order.get(key) is None else m.order[key] for m in chosen]
+        if slope := trend(y, std**2, order):
             trends[key] = dict(zip(("slope", "std", "p_value"), slope, strict=True))
-    return {
+    content = {
         "unit": each.unit,
         "logarithmic": each.logarithmic,
         "mean": shown(found.beta[0, 0]),
@@ -129,12 +119,15 @@ def of_parameter(each, members):
         "spread": np.sqrt(found.variance[0]),
         "spread_ci95": spread_interval(y, std**2),
         "within": np.sqrt(np.mean(std**2)),
-        "values": {
-            name: {key: column[k] for key, column in columns.items()}
-            for k, name in enumerate(names)
-        },
+        "devices": [m.name for m in chosen],
+        "values": shown(y),
+        "std": std,
+        "lower_limits": shown(found.beta[0, 0] - reach),
+        "upper_limits": shown(found.beta[0, 0] + reach),
+        "deviations": away,
         "trends": trends,
     }
+    return content, p
 
 
 def effects(members):

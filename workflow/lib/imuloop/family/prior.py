@@ -5,16 +5,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import LinAlgError
 
+# a calibration may hold any effect of the library
+import imuloop.effects  # noqa: F401
 from imuloop.calibrate.least_squares import known_rows, why_no_fit
 from imuloop.calibrate.raw_units import as_logged, si_factor
 from imuloop.calibrate.sensor_pair import BASES, SensorPair, places
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS, SENSORS
+from imuloop.family import LEAST_OTHERS
 from imuloop.family.estimates import of_calibrations
 from imuloop.family.random_effects import fit
 
-# other devices that a prior needs: the variance of Student's t with fewer is not finite
-LEAST_OTHERS = 4
 # methods whose data are not the poses of the fit
 ELSEWHERE = ("six_position", "known_rotation")
 
@@ -66,7 +67,7 @@ def with_prior(own, prior, recording=None, noise=None, settings=None):
 
     Information adds. A sensor's own estimate is weighed against the prior by both covariances.
     Where the poses of the recording do not determine a sensor by themselves, both are fitted to
-    them anew, beside the prior, which makes up what they lack.
+    them anew, beside the prior, which makes up what they lack. That they lack it is still said.
 
     Parameters
     ----------
@@ -147,7 +148,6 @@ def _changed(own, names, x, covariance, method):
         covariance=covariance / np.outer(factor, factor),
         effects=effects,
         method=method,
-        not_testable=None,
     )
 
 
@@ -174,6 +174,10 @@ def fitted(own, made, prior, recording, noise, settings):
     except LinAlgError as error:
         raise ImuloopError(f"with the prior of its type: {why_no_fit(error)}") from error
     return {
-        sensor: replace(found, method="family", verdict=getattr(own, sensor).verdict)
+        sensor: replace(
+            found,
+            method="family",
+            **{key: getattr(getattr(own, sensor), key) for key in ("not_testable", "verdict")},
+        )
         for sensor, found in pair.calibrations(solution).items()
     }

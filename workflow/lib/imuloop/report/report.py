@@ -12,16 +12,18 @@ from imuloop.noise.filters import RANGE
 from imuloop.report.card import headline
 from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.drawing import write_svg
+from imuloop.report.figures.family import control_charts
 from imuloop.report.figures.loop import loop_picture, reach
 from imuloop.report.page import write_page
 from imuloop.report.tables import comparison as tables
+from imuloop.report.tables import family as of_type
 from imuloop.report.verdict import WORDS, grouped
 
 # the most devices whose parts are in the report itself; of more each has a page of its own
 TOGETHER = 10
 
 
-def write_report(folders, provenance, report_path, comparison_path):
+def write_report(folders, provenance, report_path, comparison_path, family_path=None):
     """Write the report and the comparison of all devices.
 
     Parameters
@@ -33,6 +35,8 @@ def write_report(folders, provenance, report_path, comparison_path):
         (resolved), …; single values become rows of a table, mappings are printed as YAML.
     report_path, comparison_path : path-like
         HTML and CSV file to write; pictures of all devices go into ``figures`` beside the latter.
+    family_path : path-like, optional
+        family.json, where devices name their type.
     """
     given = [(read_json(folder / "summary.json"), Path(folder)) for folder in folders]
     given.sort(key=lambda each: each[0]["status"] != "failed")
@@ -47,7 +51,13 @@ def write_report(folders, provenance, report_path, comparison_path):
     allan = figures.allan_comparison(several, drawings, together)
     # of few the table says it
     intervals = figures.parameter_comparison(() if together else several, drawings)
-    for picture in (*allan, *intervals):
+    types = read_json(family_path)["types"] if family_path else {}
+    families = [
+        _family(*each, {d["device"]: d["label"] for d in devices}, drawings)
+        for each in types.items()
+    ]
+    charts = [picture for family in families for picture in family["charts"]]
+    for picture in (*allan, *intervals, *charts):
         write_svg(drawings, picture.stem, picture)
     # on one axis they can be compared by eye
     ends = reach([error for d in devices for error in d["loop"]])
@@ -75,6 +85,8 @@ def write_report(folders, provenance, report_path, comparison_path):
         verdict_words=WORDS,
         allan=allan,
         intervals=intervals,
+        families=families,
+        priors={name for found in types.values() for name in found["priors"]},
         styles=[figures.line_style(i) for i in range(len(devices))],
         comparison=comparison,
         facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},
@@ -84,6 +96,17 @@ def write_report(folders, provenance, report_path, comparison_path):
             if isinstance(v, Mapping)
         },
     )
+
+
+def _family(name, found, labels, drawings):
+    """Return what is laid out of a type, by its name and its content of family.json."""
+    return {
+        "name": name,
+        "finding": of_type.finding(found, labels),
+        "tables": of_type.family_tables(found, labels),
+        "priors": of_type.prior_tables(found, labels),
+        "charts": control_charts(name, found, labels, drawings),
+    }
 
 
 def verdict_lines(folders):

@@ -84,6 +84,12 @@ class DeviceResults:
     poses: pd.DataFrame = field(default_factory=pd.DataFrame)
     moves: pd.DataFrame = field(default_factory=pd.DataFrame)
     reference: pd.DataFrame = field(default_factory=pd.DataFrame)
+    prior: str | None = None  # that it asks for
+
+    @property
+    def calibration_file(self):
+        """The name of the file with the calibration to use."""
+        return "family_calibration.json" if self.prior else "calibration.json"
 
     @property
     def simulated(self):
@@ -127,8 +133,11 @@ def of_axes(values, sensor):
     return [(axis, values.get(c)) for axis, c in zip(XYZ, SENSORS[sensor], strict=True)]
 
 
-def read_device(name, label, folder, sessions):
-    """Return the results of a device in ``results/<device>``; kind of each session by its name."""
+def read_device(name, label, folder, sessions, prior=None):
+    """Return the results of a device in ``results/<device>``; kind of each session by its name.
+
+    And the prior that it asks for.
+    """
     folder = Path(folder)
     spectra = pd.read_parquet(folder / "spectra.parquet")
     return DeviceResults(
@@ -138,11 +147,12 @@ def read_device(name, label, folder, sessions):
         tuple(_session(folder / session, kind, spectra) for session, kind in sessions.items()),
         {method: Calibration.from_json(folder / file) for method, file in CALIBRATIONS.items()},
         *(read_json(folder / f"{stem}.json") for stem in ("noise", "diagnosis")),
-        tuple(read_failures(folder, sessions)),
+        tuple(read_failures(folder, sessions, prior)),
         *(
             pd.read_parquet(folder / f"{table}.parquet")
             for table in ("poses", "moves", "reference")
         ),
+        prior,
     )
 
 

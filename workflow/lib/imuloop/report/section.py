@@ -24,13 +24,14 @@ from imuloop.report.tables import calibration, candidates, data, diagnosis, nois
 from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence
 
 
-def write_section(name, label, folder, sessions):
+def write_section(name, label, folder, sessions, prior=None):
     """Write a device's section, its page, its row of the comparison and its figures.
 
-    Takes name and label as in the config, the folder ``results/<device>``, and the kind of each
-    session by its name. The label is shown as it is, never as markup.
+    Takes name and label as in the config, the folder ``results/<device>``, the kind of each session
+    by its name, and the prior that the device asks for. The label is shown as it is, never as
+    markup.
     """
-    device = read_device(name, label, folder, sessions)
+    device = read_device(name, label, folder, sessions, prior)
     _empty(device.figures)
     values = content(device)
     whole = pictures(device, "loop")
@@ -39,9 +40,9 @@ def write_section(name, label, folder, sessions):
     _write(device, "section.html.j2", whole, **values)
 
 
-def write_failed(name, label, folder, sessions, failed):
+def write_failed(name, label, folder, sessions, prior, failed):
     """Write what `write_section` does, of a device whose part failed, with the `Failure`."""
-    failures = (*read_failures(folder, sessions), (None, Failure(**failed)))
+    failures = (*read_failures(folder, sessions, prior), (None, Failure(**failed)))
     device = DeviceResults(name, label, Path(folder), failures=failures)
     _empty(device.figures)
     _write(device, "failed.html.j2", [], steps=next_steps(device))
