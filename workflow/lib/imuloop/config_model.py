@@ -303,17 +303,14 @@ class Device(Keys):
     label: Annotated[Text, Field(max_length=200)] = Field(
         None, description="Name shown in the report; the device's name if not given"
     )
-    type: Name = Field(
-        None, description="Name of its type: three devices that name the same are compared"
-    )
-    serial: Number = Field(None, description="Serial number, by which a trend is looked for")
+    type: Name = Field(None, description="Name of its type; three or more of a type are compared")
+    serial: Number = Field(None, description="Number, for trends within the type")
     date: Annotated[str, AfterValidator(_day)] = Field(
-        None, description="Day it was made, by which a trend is looked for"
+        None, description="Day, for trends within the type"
     )
     prior: Literal["family"] = Field(
         None,
-        description="The other devices of its type, four or more, complete what its data lack; "
-        "in family_calibration.json and the exports",
+        description="Four or more other devices of its type complete what its data lack",
     )
     gravity: either(float=Annotated[Number, Field(ge=9.7, le=9.9)], keys=Place) = Field(
         STANDARD_GRAVITY, description="Local gravity, m/s^2, or computed for a place"
