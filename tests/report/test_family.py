@@ -11,8 +11,10 @@ from family.members import EVERY, Family
 from imuloop.family.family import write_family
 from imuloop.report.figures.family import FEWEST, control_charts, production
 from imuloop.report.report import write_report
+from imuloop.report.section import write_section
 from imuloop.report.tables.family import family_tables, finding, prior_tables
 from report.build import PROVENANCE
+from report.plausible_results import DEVICES
 from soundness import Page
 
 COUNT = 12
@@ -119,6 +121,30 @@ def test_days_and_labels_stand_below_where_there_are_no_numbers(found, labels):
     assert production(found | {"order": order}, labels)["d0"] == "2021-07-29"
     order["d3"]["date"] = None
     assert production(found | {"order": order}, labels) == labels
+
+
+def test_the_part_of_a_device_names_the_calibration_to_use(results, tmp_path):
+    folder = shutil.copytree(results / "board", tmp_path / "board")
+    shutil.copy(folder / "calibration.json", folder / "family_calibration.json")
+    label, kinds = DEVICES["board"]
+    for prior, name in ((None, "calibration"), ("family", "family_calibration")):
+        write_section("board", label, folder, kinds, prior)
+        text = (folder / "section.html").read_text(encoding="utf-8")
+        assert f"apply results/board/{name}.json LOG" in text
+    # why there is none
+    content = json.loads((folder / "calibration.json").read_text())
+    failed = {"stage": "family_prior", "why": "no prior", "log": None}
+    (folder / "family_calibration.json").write_text(json.dumps(content | {"failed": failed}))
+    write_section("board", label, folder, kinds, "family")
+    assert "<strong>family_prior</strong>: no prior." in (folder / "section.html").read_text(
+        "utf-8"
+    )
+
+
+def test_without_a_parameter_in_common_nothing_is_compared(found, labels):
+    bare = found | {"tests": 0, "parameters": {}, "odd": [], "effects": [], "priors": {}}
+    assert finding(bare, labels) == "No three devices have a parameter in common."
+    assert family_tables(bare, labels) == []
 
 
 def test_of_few_devices_there_is_no_chart(found, labels, tmp_path):

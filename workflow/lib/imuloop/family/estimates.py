@@ -33,7 +33,7 @@ class Estimates:
     @property
     def known(self):
         """Which devices determined it, (n,)."""
-        return np.isfinite(self.values) & (self.std > 0)
+        return np.isfinite(self.values) & np.isfinite(self.std) & (self.std > 0)
 
 
 def of_calibrations(calibrations):

@@ -156,19 +156,21 @@ def fitted(own, made, prior, recording, noise, settings):
 
     That is the prior; of a sensor that other sessions determine, `made`, the two together.
     """
-    base = prior.mean.copy()
-    units = {s: getattr(own, s).raw_unit for s in SENSORS}
-    pair = SensorPair(noise, own.gravity, units, settings, tuple(SENSORS), base)
+    known = {}
     for sensor in SENSORS:
         mean, variance = prior.of_sensor(sensor)
-        covariance, given = np.diag(variance), made[sensor]
+        known[sensor] = mean, np.diag(variance)
         if getattr(own, sensor).method in ELSEWHERE:
-            mean = as_logged(given, BASES[sensor])
+            given = made[sensor]
             factor = si_factor(given.names, given.raw_unit)
             covariance = given.covariance * np.outer(factor, factor)
+            known[sensor] = as_logged(given, BASES[sensor]), covariance
+    base = np.concatenate([mean for mean, _ in known.values()])
+    units = {s: getattr(own, s).raw_unit for s in SENSORS}
+    pair = SensorPair(noise, own.gravity, units, settings, tuple(SENSORS), base)
+    for sensor, (mean, covariance) in known.items():
         rows = known_rows(covariance)
         pair = pair.knowing(sensor, rows, rows @ mean)
-        base[places()[sensor]] = mean
     try:
         solution = pair.fit(recording)
     except LinAlgError as error:

@@ -6,14 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from imuloop.report.figures.drawing import (
-    BLUE,
-    INK,
-    VERMILLION,
-    Picture,
-    entitle,
-    write_csv,
-)
+from imuloop.report.figures.drawing import BLUE, INK, VERMILLION, Picture, entitle, write_csv
 from imuloop.report.numbers import number
 from imuloop.report.tables.family import kinds, outside_limits
 
@@ -50,20 +43,14 @@ def production(found, labels):
     By serial number or, where not all have one, by date, else in the order of the config.
     """
     names, order = found["devices"], found["order"]
-    for key, text in (("serial", number_of), ("date", day_of)):
+    written = {
+        "serial": "{:.12g}".format,
+        "date": lambda ordinal: date.fromordinal(int(ordinal)).isoformat(),
+    }
+    for key, text in written.items():
         if all(order[n][key] is not None for n in names):
             return {n: text(order[n][key]) for n in sorted(names, key=lambda n: order[n][key])}
     return {n: labels[n] for n in names}
-
-
-def number_of(serial):
-    """Return a serial number as text."""
-    return f"{serial:.12g}"
-
-
-def day_of(ordinal):
-    """Return the date of a day's number."""
-    return date.fromordinal(int(ordinal)).isoformat()
 
 
 def _chart(name, kind, shown, places, labels, folder):
@@ -73,14 +60,10 @@ def _chart(name, kind, shown, places, labels, folder):
         place = {device: k for k, device in enumerate(places)}
         table = pd.DataFrame({key: one[key] for key in ("devices", *COLUMNS)})
         table["outside"] = table.index.isin(outside_limits(one))
-        reach = 1.96 * table["std"]
-        low, high = (
-            table["values"] * np.exp(sign * reach)
-            if kind.relative
-            else table["values"] + sign * reach
-            for sign in (-1, 1)
-        )
-        table = table.assign(axis=axis, low=low, high=high, place=table["devices"].map(place))
+        for key, reach in (("low", -1.96 * table["std"]), ("high", 1.96 * table["std"])):
+            values = table["values"]
+            table[key] = values * np.exp(reach) if kind.relative else values + reach
+        table = table.assign(axis=axis, place=table["devices"].map(place))
         tables.append(table.sort_values("place"))
     whole = pd.concat(tables)
     lengths = [*COLUMNS[:1], *COLUMNS[2:], "low", "high"]

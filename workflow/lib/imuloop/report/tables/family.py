@@ -79,6 +79,8 @@ def finding(found, labels):
         f"By chance alone {PERCENT.text(found['significance'], 1)} of such families have any "
         f"device named, or any trend, in all of {found['tests']} tests."
     )
+    if not found["tests"]:
+        return "No three devices have a parameter in common."
     who = [*dict.fromkeys(labels[each["device"]] for each in found["odd"])]
     if not who:
         drift = "" if trends(found) else ", nothing drifts over serial number or date"
