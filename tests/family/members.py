@@ -8,7 +8,7 @@ import numpy as np
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.units import RawUnit
-from imuloop.family.family import Member
+from imuloop.family.family import Member, tried_effects
 
 NAMES = {
     "accelerometer": "T01 T02 T12 K0 K1 K2 b0 b1 b2".split(),
@@ -49,7 +49,7 @@ def member(name, values, std, diagnosis=NOTHING, **order):
     }
     sensors = (sensor(s, values, std) for s in NAMES)
     calibration = Calibration(name, 9.80665, *sensors)
-    return Member(name, calibration, NoiseModel(name, axes), diagnosis, order)
+    return Member(name, calibration, NoiseModel(name, axes), tried_effects(diagnosis), order)
 
 
 class Family:

@@ -42,23 +42,22 @@ def of_calibrations(calibrations):
     SI as logged; a scale factor is relative to the nominal one, less 1.
     """
     names = parameters()
-    values, std = np.full((2, len(names), len(calibrations)), np.nan)
-    for k, calibration in enumerate(calibrations):
-        found = {}
-        for sensor, base in BASES.items():
-            own = getattr(calibration, sensor)
-            x = as_logged(own, base) - [name[0] == "K" for name in base]
-            errors = dict(zip(own.names, si_factor(own.names, own.raw_unit), strict=True))
-            errors = {name: own.std[name] * factor for name, factor in errors.items()}
-            found |= {(sensor, n): (v, errors.get(n)) for n, v in zip(base, x, strict=True)}
-        for i, (sensor, name, _) in enumerate(names):
-            value, error = found[sensor, name]
-            if error:
-                values[i, k], std[i, k] = value, error
+    std = np.array([[_error(getattr(c, s), name) for s, name, _ in names] for c in calibrations])
+    values = [
+        np.concatenate([as_logged(getattr(c, s), base) for s, base in BASES.items()])
+        for c in calibrations
+    ]
+    values = np.array(values) - [name[0] == "K" for _, name, _ in names]
+    values[~np.isfinite(std)] = np.nan
     return [
-        Estimates(f"{sensor}.{name}", unit, False, values[i], std[i])
+        Estimates(f"{sensor}.{name}", unit, False, values[:, i], std[:, i])
         for i, (sensor, name, unit) in enumerate(names)
     ]
+
+
+def _error(sensor, name):
+    """Return the standard error of a parameter, SI as logged; nan where it was not estimated."""
+    return sensor.std.get(name, np.nan) * si_factor((name,), sensor.raw_unit)[0]
 
 
 def of_noise(noises):

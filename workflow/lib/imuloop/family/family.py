@@ -35,7 +35,7 @@ class Member:
     name: str
     calibration: Calibration
     noise: NoiseModel
-    diagnosis: dict
+    tried: dict  # p-value of each effect that was, and whether it was added; see `tried_effects`
     order: dict = field(default_factory=dict)  # serial number, date as a day's number
     with_prior: Calibration | None = None
 
@@ -50,10 +50,24 @@ def read_member(folder, serial=None, date=None, prior=None):
         folder.name,
         Calibration.from_json(folder / "calibration.json"),
         NoiseModel.from_json(folder / "noise.json"),
-        read_json(folder / "diagnosis.json"),
+        tried_effects(read_json(folder / "diagnosis.json")),
         {"serial": serial, "date": day},
         Calibration.from_json(made) if completed else None,
     )
+
+
+def tried_effects(diagnosis):
+    """Return p-value, and whether it was added, of each effect that a diagnosis tested.
+
+    By sensor, kind of data and name: all that counts of a file that is large.
+    """
+    return {
+        (sensor, record, each["name"]): (each["p_value"], each["status"] == "added")
+        for sensor in SENSORS
+        for record, block in diagnosis["sensors"][sensor].items()
+        for each in block["candidates"]
+        if each["p_value"] is not None
+    }
 
 
 def write_family(path, types):
@@ -143,27 +157,17 @@ def effects(members):
     """
     tried = {}
     for member in members:
-        for sensor in SENSORS:
-            for record, block in member.diagnosis["sensors"][sensor].items():
-                for each in block["candidates"]:
-                    if each["p_value"] is not None:
-                        of = tried.setdefault((sensor, record, each["name"]), {})
-                        of[member.name] = each["p_value"], each["status"] == "added"
+        for effect, outcome in member.tried.items():
+            tried.setdefault(effect, {})[member.name] = outcome
     found = []
     for (sensor, record, name), devices in tried.items():
         if len(devices) >= LEAST:
             p = np.sort([max(p, 1e-300) for p, _ in devices.values()])
             larger = p[(len(p) + 1) // 2 - 1 :]
             added = [device for device, (_, has) in devices.items() if has]
-            one = {
-                "sensor": sensor,
-                "record": record,
-                "name": name,
-                "tried": len(p),
-                "added": added,
-            }
+            one = {"sensor": sensor, "record": record, "name": name, "tried": len(p)}
             chance = chi2.sf(-2 * np.log(larger).sum(), 2 * len(larger))
-            found.append(one | {"p_value": float(chance)})
+            found.append(one | {"added": added, "p_value": float(chance)})
     for one, p in zip(found, holm([one["p_value"] for one in found]).tolist(), strict=True):
         one["p_value"] = p
     return sorted(found, key=lambda one: (one["p_value"], -len(one["added"])))
