@@ -166,7 +166,10 @@ def test_a_calibration_with_a_prior_is_written_and_read(others, tmp_path):
     assert not own.accelerometer.measured
     found = with_prior(own, Prior.of(others), made, NOISE, CalibrateSettings())
     assert found.measured
-    assert found.limits()[0].startswith("accelerometer: family (6 poses found, at least 10 needed")
+    assert found.limits()[0] == (
+        "accelerometer: family (6 poses found, at least 10 needed for 9 parameters and a check; "
+        "completed by the other devices of its type)"
+    )
     found.to_json(tmp_path / "family_calibration.json")
     again = Calibration.from_json(tmp_path / "family_calibration.json")
     np.testing.assert_allclose(values(again), values(found), rtol=1e-12)

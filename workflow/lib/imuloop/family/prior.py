@@ -87,6 +87,12 @@ def with_prior(own, prior, recording=None, noise=None, settings=None):
     fits = recording is not None and len(recording.poses) and np.isfinite(prior.variance).all()
     if lacking and fits and not own.effects and not recording.poses.unknown_noise(noise, CHANNELS):
         made = fitted(own, made, prior, recording, noise, settings)
+    for sensor, found in made.items():
+        before = getattr(own, sensor)
+        why = before.not_testable
+        if why and found.method == "family":
+            why += "; completed by the other devices of its type"
+        made[sensor] = replace(found, not_testable=why, verdict=before.verdict)
     return replace(own, **made)
 
 
@@ -175,11 +181,4 @@ def fitted(own, made, prior, recording, noise, settings):
         solution = pair.fit(recording)
     except LinAlgError as error:
         raise ImuloopError(f"with the prior of its type: {why_no_fit(error)}") from error
-    return {
-        sensor: replace(
-            found,
-            method="family",
-            **{key: getattr(getattr(own, sensor), key) for key in ("not_testable", "verdict")},
-        )
-        for sensor, found in pair.calibrations(solution).items()
-    }
+    return {s: replace(f, method="family") for s, f in pair.calibrations(solution).items()}
