@@ -30,9 +30,9 @@ from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.precision import precision
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.likeness import SHARE
-from imuloop.diagnose.records.means import StaticRecord
 from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.records.static import StaticProblem
+from imuloop.diagnose.records.static_windows import StaticRecord
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.discover.discovery import discover, error_ratios, heldout_errors
 from imuloop.discover.search_input import of_poses, of_static, rows_of

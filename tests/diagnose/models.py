@@ -5,7 +5,7 @@ from imuloop.calibrate.calibrate import start_pair
 from imuloop.calibrate.sensor_pair import Kind, OfSensor
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
-from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
 from imuloop.diagnose.settings import DiagnoseSettings
 
 

@@ -15,10 +15,10 @@ from imuloop.calibrate.noise_components import Component
 from imuloop.core.effect import Channels
 from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Hypotheses
-from imuloop.diagnose.records.means import StaticRecord
-from imuloop.diagnose.records.poses import PoseProblem
+from imuloop.diagnose.records.pose_problem import PoseProblem
 from imuloop.diagnose.records.slow_noise import ratios
 from imuloop.diagnose.records.static import StaticProblem
+from imuloop.diagnose.records.static_windows import StaticRecord
 from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
 

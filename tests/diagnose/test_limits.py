@@ -12,7 +12,7 @@ from diagnose.test_search import with_effect
 from imuloop.core.noise_model import Coefficient
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.limits import detection_limits
-from imuloop.diagnose.records.poses import PoseProblem
+from imuloop.diagnose.records.pose_problem import PoseProblem
 from imuloop.diagnose.records.static import StaticProblem
 from imuloop.effects.drifts import BiasDrift, Ramp, WarmUp
 from imuloop.effects.sinusoid import Sinusoid

@@ -20,7 +20,7 @@ from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
-from imuloop.diagnose.records.poses import interleaved
+from imuloop.diagnose.records.pose_problem import interleaved
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import WarmUp

@@ -10,7 +10,7 @@ import pytest
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
 from calibrate.devices import known
-from diagnose.test_means import calibration
+from diagnose.test_static_windows import calibration
 from imuloop.core.noise_model import GaussMarkovTerm
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.diagnose.records.rests import StaticData

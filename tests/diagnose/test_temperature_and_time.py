@@ -9,7 +9,7 @@ import pytest
 from bench.realistic.device import stream
 from bench.realistic.judge import SENSORS, judged
 from imuloop.calibrate.sensor_pair import OfSensor
-from imuloop.diagnose.records.poses import PoseProblem
+from imuloop.diagnose.records.pose_problem import PoseProblem
 from imuloop.effects.steps import Steps
 
 

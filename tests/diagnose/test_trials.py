@@ -10,7 +10,7 @@ from scipy.stats import kstest
 from diagnose.rows import Column, N, Other, T, rows, search
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.limits import detection_limits
-from imuloop.diagnose.records.poses import PoseProblem
+from imuloop.diagnose.records.pose_problem import PoseProblem
 from seeds import seeds
 
 LINE = np.column_stack([np.ones(N), T])

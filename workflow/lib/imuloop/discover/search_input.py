@@ -12,7 +12,7 @@ from imuloop.calibrate.noise_components import Component
 from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, OfSensor
 from imuloop.core.effect import Channels
 from imuloop.diagnose.records.motion import MotionProblem
-from imuloop.diagnose.records.poses import by_effect
+from imuloop.diagnose.records.pose_problem import by_effect
 from imuloop.diagnose.records.slow_noise import unit_noise
 from imuloop.diagnose.records.static import StaticProblem
 from imuloop.diagnose.search import Search

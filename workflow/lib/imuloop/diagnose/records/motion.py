@@ -16,7 +16,7 @@ from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import untried
 from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnosed
-from imuloop.diagnose.records.poses import PoseProblem, interleaved
+from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
 from imuloop.diagnose.records.probes import of_moves
 from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import not_testable

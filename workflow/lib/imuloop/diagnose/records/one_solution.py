@@ -8,7 +8,7 @@ from scipy.special import chdtri
 from imuloop.calibrate.determined import AXES
 from imuloop.calibrate.raw_units import in_raw_units
 from imuloop.calibrate.reference.sensors import BESIDE, TURN
-from imuloop.diagnose.records.poses import by_effect
+from imuloop.diagnose.records.pose_problem import by_effect
 from imuloop.effects.other_sensor import LeverArm, SizeEffect
 
 # sessions from which on whole ones are held out: without two of them one is left to learn from

@@ -21,8 +21,8 @@ from imuloop.diagnose.content import (
     size_of,
     untried,
 )
+from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
 from imuloop.diagnose.records.pose_tables import residual_columns
-from imuloop.diagnose.records.poses import PoseProblem, interleaved
 from imuloop.diagnose.records.probes import of_poses
 from imuloop.diagnose.records.scan import pose_step
 from imuloop.diagnose.residuals import held_out_covariance

@@ -22,8 +22,8 @@ from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
 from imuloop.diagnose.records.carried import carried, errors_over, series
 from imuloop.diagnose.records.one_solution import WHOLE
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
+from imuloop.diagnose.records.pose_problem import Linearized, PoseProblem, by_effect
 from imuloop.diagnose.records.pose_tables import no_tables
-from imuloop.diagnose.records.poses import Linearized, PoseProblem, by_effect
 from imuloop.diagnose.records.set_up import fixed, prior_rows, set_up, set_up_content
 from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import leaves, not_testable

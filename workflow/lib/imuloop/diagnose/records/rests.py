@@ -7,7 +7,7 @@ import numpy as np
 from imuloop.core.rest_log import RestLog
 from imuloop.core.samples import Samples, read_columns
 from imuloop.core.segments import STATIC, power_cycles
-from imuloop.diagnose.records.means import static_record
+from imuloop.diagnose.records.static_windows import static_record
 
 # s; a rest of another session stands in for a static one from this length on: a shorter one shows
 # no effect that the poses do not show better

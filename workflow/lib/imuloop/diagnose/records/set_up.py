@@ -9,7 +9,7 @@ from scipy.special import chdtrc, chdtri, chndtrinc, ndtri
 from imuloop.core.effect import Channels
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import size_of
-from imuloop.diagnose.records.poses import by_effect
+from imuloop.diagnose.records.pose_problem import by_effect
 from imuloop.effects.delays import ClockDrift, TimeOffset
 from imuloop.effects.other_sensor import LeverArm
 

@@ -8,14 +8,14 @@ from imuloop.core import rest_log
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.samples import CHANNELS, Samples
 from imuloop.core.units import RawUnit
-from imuloop.diagnose.records.means import (
+from imuloop.diagnose.records.rests import rests_to_use
+from imuloop.diagnose.records.static_windows import (
     LEAST_MEANS,
     LEAST_SAMPLES,
     MOST_MEANS,
     static_record,
     window_length,
 )
-from imuloop.diagnose.records.rests import rests_to_use
 from imuloop.effects.drifts import settling
 from imuloop.effects.mechanics import creep, vibration
 from imuloop.effects.temperature import branch, lagged_rate
