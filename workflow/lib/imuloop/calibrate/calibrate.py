@@ -209,7 +209,7 @@ def _estimated(pair, recording):
         if sensor == "accelerometer" and isinstance(error, NotConverged):
             return None, no_ellipsoid(len(recording.poses), "no minimum")
         return None, why_no_fit(error)
-    if reason := pair.lost_by(sensor, solution, recording):
+    if reason := pair.why_invalid(sensor, solution, recording):
         return None, reason
     made = pair.calibrations(solution)
     if fault := sensor_fault(made[sensor], sensor):

@@ -45,7 +45,7 @@ def _accelerometer_condition(jacobian, x, gravity):
     return condition_number(jacobian, np.concatenate([np.ones(3), K, gravity / K]))
 
 
-def accelerometer_lost(jacobian, x, gravity, largest):
+def accelerometer_invalid(jacobian, x, gravity, largest):
     """Return why a fit of gravity's norm is invalid, or None if it is valid.
 
     Gravity's norm is also met where K tends to zero and K b to a vector as long as gravity. What
@@ -95,9 +95,10 @@ def gyroscope_undetermined(jacobian, largest):
     )
 
 
-def gyroscope_lost(jacobian, white, covariance, K, largest):
-    """Return why a fit of rotations is undetermined at its solution, or None if it is not.
+def gyroscope_invalid(jacobian, white, covariance, K, largest):
+    """Return why a fit of rotations is invalid, or None if it is valid.
 
+    It is where the rotations do not determine T and K at the solution, or contradict each other.
     Takes the derivative of the errors of m rotations with respect to T and K, (2 m, 9), these
     errors, each given those before it, (2 m,), the covariance of T and K, and K, (3,).
     """

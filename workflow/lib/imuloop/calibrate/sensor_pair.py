@@ -8,9 +8,9 @@ import numpy as np
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.accelerometer import AccelerometerModel, SpecificForce
 from imuloop.calibrate.determined import (
-    accelerometer_lost,
+    accelerometer_invalid,
     accelerometer_undetermined,
-    gyroscope_lost,
+    gyroscope_invalid,
     gyroscope_undetermined,
 )
 from imuloop.calibrate.gyroscope import AngularRate, GyroscopeModel
@@ -360,22 +360,22 @@ class SensorPair:
         }
 
     def rejection_reason(self, solution, recording):
-        """Return why a fit is none, or None if it is one, by the first sensor that has none."""
-        reasons = (self.lost_by(sensor, solution, recording) for sensor in self.estimated)
+        """Return why a fit is invalid for the first sensor for which it is, or None if for none."""
+        reasons = (self.why_invalid(sensor, solution, recording) for sensor in self.estimated)
         return next(filter(None, reasons), None)
 
-    def lost_by(self, sensor, solution, recording):
-        """Return why the fit of one sensor is none, or None if it is one."""
+    def why_invalid(self, sensor, solution, recording):
+        """Return why the fit of one sensor is invalid, or None if it is valid."""
         found, largest = solution.fit, self.settings.largest_condition
         at = np.flatnonzero(np.isin(self.free, places()[sensor]))
         rows = self.rows(recording)[1] == list(self.kinds).index(OF_SENSOR[sensor][-1])
         jacobian = found.jacobian[rows]
         if sensor == "accelerometer":
-            return accelerometer_lost(jacobian[:, at], found.x[at], self.gravity, largest)
+            return accelerometer_invalid(jacobian[:, at], found.x[at], self.gravity, largest)
         at = at[:9]
         covariance = found.covariance[np.ix_(at, at)]
         white = found.white[: len(rows)][rows]
-        return gyroscope_lost(jacobian[:, at], white, covariance, found.x[at[6:]], largest)
+        return gyroscope_invalid(jacobian[:, at], white, covariance, found.x[at[6:]], largest)
 
     def undetermined(self, sensor, recording, keeps):
         """Return why the poses of each mask alone do not determine a sensor, text or None.
