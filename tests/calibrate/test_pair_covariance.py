@@ -107,7 +107,9 @@ def test_the_rates_have_the_rounding_of_the_angular_rate():
     pair, x = true_pair(TRUTH, made, moves=False)
     n = len(made.poses)
     plain, rounded = (
-        pair.covariance_at(x, replace(made, poses=replace(made.poses, added=np.tile(more, (n, 1)))))
+        pair.covariance_at(
+            x, replace(made, poses=replace(made.poses, extra_variance=np.tile(more, (n, 1))))
+        )
         .by(pair.noise)
         .diagonal()[n : 4 * n]
         for more in (0 * rounding, rounding)

@@ -65,8 +65,8 @@ def test_gravity_at_both_ends_of_a_rest_that_tilts_follows_from_its_mean():
     assert np.abs(u[0] - direction).max() > 1e-3
     assert not poses.to_start[1].any() and not poses.to_end[1].any()
     # and the rest says nothing of the bias below its turn over its length
-    assert poses.added[0, 3:].min() == pytest.approx(12 * (1e-3 / 5) ** 2)
-    assert not poses.added[1].any()
+    assert poses.extra_variance[0, 3:].min() == pytest.approx(12 * (1e-3 / 5) ** 2)
+    assert not poses.extra_variance[1].any()
 
 
 def test_a_hand_at_the_ends_of_a_rest_and_its_sway_leave_gravity_as_it_is():

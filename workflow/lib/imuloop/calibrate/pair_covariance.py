@@ -40,8 +40,8 @@ class PairCovariance:
         for gain, axis in zip(self.gains, range(6), strict=True):
             found = found + _through(gain, self._mean_covariance(noise, axis))
         white, at = [noise.axes[name].N.square for name in CHANNELS], self.model.moves
-        added = self._added(slice(None) if aliasing else slice(ALIASED, None))
-        found[at[:, :, None], at[:, None]] += np.tensordot(white, self.within, 1) + added
+        extra = self._extra_covariance(slice(None) if aliasing else slice(ALIASED, None))
+        found[at[:, :, None], at[:, None]] += np.tensordot(white, self.within, 1) + extra
         for axis, columns in zip(ANGULAR_RATE, self.tilted, strict=True):
             found += noise.axes[axis].N.square * (columns @ columns.T)
         return self._counted(found)
@@ -63,7 +63,7 @@ class PairCovariance:
     def of_aliasing(self):
         """Return what samples too far apart add to the covariance of the residuals that count."""
         found, at = np.zeros((len(self.model.counted),) * 2), self.model.moves
-        found[at[:, :, None], at[:, None]] = self._added(slice(ALIASED))
+        found[at[:, :, None], at[:, None]] = self._extra_covariance(slice(ALIASED))
         return self._counted(found)
 
     def _about_mean(self, means):
@@ -95,7 +95,7 @@ class PairCovariance:
     def _mean_covariance(self, noise, axis):
         """Return the covariance of one channel's means at the poses and over the moves.
 
-        `AxisNoise.mean_covariance`, and what is added to the poses' means.
+        `AxisNoise.mean_covariance`, and `extra_variance` of the poses.
         """
         poses, model, n = self.poses, noise.axes[CHANNELS[axis]], len(self.poses)
         fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
@@ -104,7 +104,7 @@ class PairCovariance:
             quick = fast.mean_covariance(self._windows, self._edges)
         slow, diagonal = self._about_mean(whole - quick), quick.diagonal().copy()
         if whole.any():
-            diagonal[:n] += poses.added[:, axis]
+            diagonal[:n] += poses.extra_variance[:, axis]
             # white noise within a move does not act as its mean does
             diagonal[n:] -= model.N.square / np.ptp(self._windows[n:], axis=1)
         else:
@@ -127,11 +127,11 @@ class PairCovariance:
                 found[axis, :, 2:, 2:] = weighted.swapaxes(1, 2) @ own
         return found
 
-    def _added(self, part):
+    def _extra_covariance(self, part):
         """Return what time stamps, and samples too far apart, add to the residuals, (m, w, w)."""
-        at, added = self.rotations.added_at[:, part], self.rotations.added[:, part]
+        at, extra = (x[:, part] for x in (self.rotations.extra_at, self.rotations.extra_covariance))
         gain = self.moves.by_turn[np.arange(len(at))[:, None], at]
-        return (gain @ added @ gain.swapaxes(2, 3)).sum(axis=1)
+        return (gain @ extra @ gain.swapaxes(2, 3)).sum(axis=1)
 
     def _by_part(self, change, seconds, passed):
         """Return integrals over each part of each move, (m, parts, w, 3).

@@ -41,7 +41,7 @@ class Poses:
     variance: np.ndarray  # sample variance of the six channels within the pose, (n, 6)
     temperature: np.ndarray | None  # mean, degC; None unless every session logs one
     # variance that rounding (`rounded_means`) and tilts add to the six means, (n, 6)
-    added: np.ndarray
+    extra_variance: np.ndarray
     # root mean square of the tilt that both sensors show in the pose, rad, (n,)
     tilt: np.ndarray
     # turns from the attitude of the mean to that at the start and at the end, rad, on body axes,
@@ -70,14 +70,15 @@ class Poses:
     def mean_covariance(self, noise):
         """Return the covariance of the pose means, (6, n, n), SI units squared, in order ax … gz.
 
-        That of `NoiseModel.mean_covariance`, and what rounding and tilts add, independent from pose
-        to pose. An axis whose noise is not known gets the white part alone, the variance within the
-        pose over its samples.
+        Of the poses alone; the fit of both sensors takes that of `PairCovariance`, moves included.
+        It is that of `NoiseModel.mean_covariance`, and what rounding and tilts add, independent
+        from pose to pose. An axis whose noise is not known gets the white part alone, the variance
+        within the pose over its samples.
         """
         whole = noise.mean_covariance(self.windows, self.power_cycle)
         for axis, each in enumerate(whole):
-            known = each.any()
-            each += np.diag(self.added[:, axis] if known else self.variance[:, axis] / self.n)
+            white = self.variance[:, axis] / self.n
+            each += np.diag(self.extra_variance[:, axis] if each.any() else white)
         return whole
 
     def unknown_noise(self, noise, channels):
@@ -109,8 +110,8 @@ class Rotations:
     uneven: np.ndarray | None = None
     # steps about which an error is added, (m, g), and its covariance, rad²: first, in `PARTS` of
     # them, what samples too far apart lose (`undersampling.aliased_turns`), then errors of time
-    added_at: np.ndarray | None = None
-    added: np.ndarray | None = None
+    extra_at: np.ndarray | None = None
+    extra_covariance: np.ndarray | None = None
     # variance of each axis by samples too far apart, rad², (m,), and the power of frequency by
     # which it falls
     aliased: np.ndarray | None = None
@@ -132,9 +133,9 @@ class Rotations:
 
     def without_aliasing(self):
         """Return the same, as if their samples were close enough."""
-        added = self.added.copy()
-        added[:, :PARTS] = 0.0
-        return replace(self, added=added, aliased=0.0 * self.aliased)
+        covariance = self.extra_covariance.copy()
+        covariance[:, :PARTS] = 0.0
+        return replace(self, extra_covariance=covariance, aliased=0.0 * self.aliased)
 
 
 def _selected(table, keep):
@@ -183,7 +184,7 @@ def gather_poses(segments):
         w=pooled([f"{c}_mean" for c in ANGULAR_RATE]),
         variance=pooled([f"{c}_std" for c in CHANNELS], power=2),
         temperature=None,
-        added=np.zeros((len(poses), 6)),
+        extra_variance=np.zeros((len(poses), 6)),
         tilt=np.sqrt(pooled(["tilt_rad"], power=2)[:, 0]),
         to_start=np.zeros((len(poses), 3)),
         to_end=np.zeros((len(poses), 3)),
@@ -219,12 +220,12 @@ def rounded(poses, logs):
 
     Takes the Poses and the Log of each session.
     """
-    added = np.zeros((len(poses), len(CHANNELS)))
+    extra = np.zeros((len(poses), len(CHANNELS)))
     for session in np.unique(poses.session):
         own, log = poses.session == session, logs[session]
         for axis, values in enumerate(np.hstack([log.f, log.w]).T):
-            added[own, axis] = rounded_means(values, poses.variance[own, axis])
-    return replace(poses, added=poses.added + added)
+            extra[own, axis] = rounded_means(values, poses.variance[own, axis])
+    return replace(poses, extra_variance=poses.extra_variance + extra)
 
 
 def _tapered(n, share):
@@ -272,11 +273,10 @@ def turns_within(poses, logs):
             # as long as a plain mean that is as good against white noise
             duration_s[k] *= weights.mean() ** 2 / np.mean(weights**2)
         to_start[k], to_end[k] = -mean, turned[-1] - mean
-    added = poses.added.copy()
-    added[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
-    return replace(
-        poses, f=f, w=w, duration_s=duration_s, added=added, to_start=to_start, to_end=to_end
-    )
+    extra = poses.extra_variance.copy()
+    extra[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
+    ends = {"to_start": to_start, "to_end": to_end}
+    return replace(poses, f=f, w=w, duration_s=duration_s, extra_variance=extra, **ends)
 
 
 def gather_rotations(poses, logs, segments, longest_s, clipped):

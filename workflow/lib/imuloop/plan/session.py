@@ -131,5 +131,5 @@ def planned_recording(plan, calibration, variance, rate, aliased=0.0):
     }
     made = record([log], [segments], np.inf).without_aliasing().of_new_power_cycles()
     at = np.zeros((len(made.rotations), 1), int)
-    added = np.tile(aliased * np.eye(3), (*at.shape, 1, 1))
-    return replace(made, rotations=replace(made.rotations, added_at=at, added=added))
+    extra = np.tile(aliased * np.eye(3), (*at.shape, 1, 1))
+    return replace(made, rotations=replace(made.rotations, extra_at=at, extra_covariance=extra))
