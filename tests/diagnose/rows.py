@@ -7,7 +7,7 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.precision import precision
-from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
+from imuloop.diagnose.evidence import Evidence, Hypotheses, RowGroup
 from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
 
@@ -62,7 +62,7 @@ class Rows:
     def slow(self, effect):
         return False
 
-    def groups(self):
+    def rows_by_kind(self):
         return [np.ones(len(self.fold), dtype=bool)]
 
     def shows(self, search, base, trial):
@@ -91,13 +91,13 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     n = len(values)
     noise = Hypotheses.of(map(precision, covariances or [np.eye(n)]))
     fold = np.arange(n) % PARTS
-    block = Block(values[:, None], nuisance, noise, fold[:, None])
+    group = RowGroup(values[:, None], nuisance, noise, fold[:, None])
     prior, shapes = np.zeros(len(noise.log_det)), {}
     plain = np.arange(len(prior)) == 0
     for effect in columns:
         shapes[type(effect)] = (*shapes.get(type(effect), ()), effect)
     evidence = Evidence(
-        [block], prior, lambda e: columns[e].reshape(n, 1, -1), least=1.0, as_estimated_mask=plain
+        [group], prior, lambda e: columns[e].reshape(n, 1, -1), least=1.0, as_estimated_mask=plain
     )
     return Rows(evidence, shapes, DiagnoseSettings(significance=threshold), fold)
 

@@ -23,7 +23,7 @@ from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
 
 SETTINGS, TESTS = DiagnoseSettings(), 20
-# rows of each block, whose noise is independent of the other's
+# rows of each group, whose noise is independent of the other's
 ROWS = (30, 45)
 LEVEL = np.repeat([0, 1], ROWS)
 
@@ -45,7 +45,7 @@ OF_CLASS = {Beside: (BESIDE,), Column: (CANDIDATE, LIKE_IT)}
 
 @dataclass(frozen=True)
 class Linear:
-    """``y = A β + D θ + v``, block by block: A the level of each, D (n, 3), v of known covariance.
+    """``y = A β + D θ + v``, group by group: A the level of each, D (n, 3), v of known covariance.
 
     `part` is the part that each row is held out with.
     """
@@ -123,12 +123,12 @@ class LinearSensor:
 
 
 def poses(problem):
-    """Return the problem as poses: one block, its nuisances the parameters of the sensor."""
+    """Return the problem as poses: one group of rows, its nuisances the sensor's parameters."""
     return PoseProblem(LinearSensor(), problem, OF_CLASS, SETTINGS, TESTS, problem.part)
 
 
 def static(problem):
-    """Return the problem as static records: a block each, with its level; candidates on an axis."""
+    """Return the problem as static records: groups of rows with levels; candidates on an axis."""
     values, columns = (np.split(each, [ROWS[0]]) for each in (problem.y, problem.columns))
     records = []
     for number, (y, d) in enumerate(zip(values, columns, strict=True)):

@@ -31,7 +31,7 @@ class Hypotheses:
 
 
 @dataclass(frozen=True)
-class Block:
+class RowGroup:
     """Rows whose noise is independent of that of all other rows."""
 
     values: np.ndarray  # (n, a): residuals of a axes, which share the noise but for its size
@@ -64,9 +64,9 @@ class Pattern:
 
 @dataclass(eq=False)
 class Evidence:
-    """Rows of all blocks with the patterns that may explain them."""
+    """All rows, group by group, with the patterns that may explain them."""
 
-    blocks: list[Block]
+    row_groups: list[RowGroup]
     prior: np.ndarray  # (h,): logarithm of each hypothesis' probability before the data
     # gives the derivative of all rows with respect to an effect's parameters, (N, a, q)
     design: Callable
@@ -78,7 +78,7 @@ class Evidence:
     as_estimated_mask: np.ndarray | None = None
     # hypothesis at which nuisances are estimated; that of the parameters by default
     nuisance_index: int | None = None
-    # squares of records of noise that were drawn, by block and record: see `limits`
+    # squares of records of noise that were drawn, by group and record: see `limits`
     squares: dict = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self):
@@ -87,13 +87,13 @@ class Evidence:
             self.estimation_mask = np.ones(len(self.prior), dtype=bool)
         if self.as_estimated_mask is None:
             self.as_estimated_mask = self.estimation_mask
-        self.axes = self.blocks[0].values.shape[1]
-        # columns, (N,) each, and of each block their products with the precision, (h, n)
-        self.columns, self.weighted = [], [[] for _ in self.blocks]
+        self.axes = self.row_groups[0].values.shape[1]
+        # columns, (N,) each, and of each group their products with the precision, (h, n)
+        self.columns, self.weighted = [], [[] for _ in self.row_groups]
         self._known, self._patterns, self._fold_fits = {}, {}, {}
-        self._ends = np.cumsum([len(b.values) for b in self.blocks])[:-1]
-        self.sides = [b.noise.precision @ b.nuisance for b in self.blocks]
-        self.values = self.add_columns(np.concatenate([b.values for b in self.blocks]).T)
+        self._ends = np.cumsum([len(g.values) for g in self.row_groups])[:-1]
+        self.sides = [g.noise.precision @ g.nuisance for g in self.row_groups]
+        self.values = self.add_columns(np.concatenate([g.values for g in self.row_groups]).T)
 
     def add_columns(self, vectors):
         """Return the numbers of columns, shape (k, N); one that is known is entered once."""
@@ -106,10 +106,9 @@ class Evidence:
             numbers.append(self._known[key])
         if new:
             self.columns += new
-            for block, weighted, part in zip(
-                self.blocks, self.weighted, self.split(np.array(new).T), strict=True
-            ):
-                weighted += list(np.moveaxis(block.noise.precision @ part, 2, 0))
+            rows = self.split(np.array(new).T)
+            for group, weighted, own in zip(self.row_groups, self.weighted, rows, strict=True):
+                weighted += list(np.moveaxis(group.noise.precision @ own, 2, 0))
         return tuple(numbers)
 
     def matrix(self, numbers):
@@ -138,22 +137,22 @@ class Evidence:
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def with_noise(self, noise):
-        """Return the same evidence under other Hypotheses about the noise of each block.
+        """Return the same evidence under other Hypotheses about the noise of each group.
 
         For drawn records: noise that was fitted makes data likelier than these, by its parameters.
         """
-        blocks = [replace(b, noise=n) for b, n in zip(self.blocks, noise, strict=True)]
-        return replace(self, blocks=blocks, prior=self.prior + sum(n.fitted for n in noise))
+        groups = [replace(g, noise=n) for g, n in zip(self.row_groups, noise, strict=True)]
+        return replace(self, row_groups=groups, prior=self.prior + sum(n.fitted for n in noise))
 
     def with_folds(self, folds):
-        """Return the same evidence with other parts, (N, 2), as of `Block`."""
-        each = zip(self.blocks, self.split(folds), strict=True)
-        return replace(self, blocks=[replace(b, folds=own) for b, own in each])
+        """Return the same evidence with other parts, (N, 2), as of `RowGroup`."""
+        each = zip(self.row_groups, self.split(folds), strict=True)
+        return replace(self, row_groups=[replace(g, folds=own) for g, own in each])
 
     def fold_fit(self, out=frozenset()):
         """Return the FoldFit of the rows that touch no part of `out`."""
         if out not in self._fold_fits:
-            touch = (np.isin(b.folds, list(out)).any(axis=1) for b in self.blocks)
+            touch = (np.isin(g.folds, list(out)).any(axis=1) for g in self.row_groups)
             held = tuple(np.flatnonzero(rows) for rows in touch)
             self._fold_fits[out] = FoldFit(self, held, self.values)
         return self._fold_fits[out]
@@ -163,5 +162,5 @@ class Evidence:
         self._fold_fits.clear()
 
     def split(self, rows):
-        """Return an array of all rows, shape (N, …), block by block."""
+        """Return an array of all rows, shape (N, …), group by group."""
         return np.split(rows, self._ends)

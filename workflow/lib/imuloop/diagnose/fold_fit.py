@@ -67,7 +67,7 @@ class FoldFit:
     """The training rows of a fold: all rows outside some parts."""
 
     evidence: object  # all rows
-    held: tuple  # rows of each block that are held out
+    held: tuple  # rows of each group that are held out
     values: tuple  # columns of the residuals of each axis
     _place: dict = field(default_factory=dict)
     _sides: dict = field(default_factory=dict)
@@ -78,18 +78,18 @@ class FoldFit:
 
     @cached_property
     def _roots(self):
-        """Of each block a root R of the covariance of what is taken out of it, ``(Uᵀ P U)⁻¹``.
+        """Of each group a root R of the covariance of what is taken out of it, ``(Uᵀ P U)⁻¹``.
 
         U has the unit vectors of the rows that are held out, each as if it had a parameter of its
         own, then the nuisances; R, (h, u, u), is upper triangular: the first are not of the last.
         """
         found = []
-        parts = zip(self.evidence.blocks, self.evidence.sides, self.held, strict=True)
-        for block, side, held in parts:
-            if not np.all(np.any(np.delete(block.nuisance, held, axis=0), axis=0)):
+        parts = zip(self.evidence.row_groups, self.evidence.sides, self.held, strict=True)
+        for group, side, held in parts:
+            if not np.all(np.any(np.delete(group.nuisance, held, axis=0), axis=0)):
                 raise np.linalg.LinAlgError("a parameter that nothing seen depends on")
-            own, beside = block.noise.precision[:, held[:, None], held], side[:, held]
-            corner = np.concatenate([np.swapaxes(beside, 1, 2), block.nuisance.T @ side], axis=2)
+            own, beside = group.noise.precision[:, held[:, None], held], side[:, held]
+            corner = np.concatenate([np.swapaxes(beside, 1, 2), group.nuisance.T @ side], axis=2)
             own = np.concatenate([np.concatenate([own, beside], axis=2), corner], axis=1)
             size = np.sqrt(np.einsum("huu->hu", own))
             own = np.linalg.cholesky(own / size[:, :, None] / size[:, None])
@@ -101,18 +101,18 @@ class FoldFit:
     @cached_property
     def rows(self):
         """Number of rows less nuisances."""
-        blocks = zip(self.evidence.blocks, self.held, strict=True)
-        return sum(len(b.values) - len(held) - b.nuisance.shape[1] for b, held in blocks)
+        groups = zip(self.evidence.row_groups, self.held, strict=True)
+        return sum(len(g.values) - len(held) - g.nuisance.shape[1] for g, held in groups)
 
     @cached_property
     def log_det(self):
         """``log det`` of the covariance and of the nuisances' information, shape (h,)."""
-        blocks = zip(self.evidence.blocks, self._roots, strict=True)
-        each = ((b, np.einsum("huu->hu", root)) for b, root in blocks)
-        return sum(b.noise.log_det - 2 * np.log(own).sum(axis=1) for b, own in each)
+        groups = zip(self.evidence.row_groups, self._roots, strict=True)
+        each = ((g, np.einsum("huu->hu", root)) for g, root in groups)
+        return sum(g.noise.log_det - 2 * np.log(own).sum(axis=1) for g, own in each)
 
     def gram(self, columns):
-        """Return products of columns, nuisances taken out, summed over the blocks, (h, k, k).
+        """Return products of columns, nuisances taken out, summed over the groups, (h, k, k).
 
         Of columns Z, with U as of `_roots`: ``Zᵀ P Z - (Uᵀ P Z)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
         """
@@ -158,11 +158,11 @@ class FoldFit:
             self._sides.clear()
 
     def weighted(self, i, point, columns):
-        """Return ``P̃ X`` of columns X of a block, (n, k), zero in the rows that are held out.
+        """Return ``P̃ X`` of columns X of a group, (n, k), zero in the rows that are held out.
 
         P̃ is the precision of the rows that are seen, the nuisances taken out.
         """
-        whole, held = self.evidence.blocks[i].noise.precision[point], self.held[i]
+        whole, held = self.evidence.row_groups[i].noise.precision[point], self.held[i]
         found = whole @ columns
         taken = self._roots[i][point] @ self.taken(i, point, found.T).T
         found -= whole[:, held] @ taken[: len(held)]
@@ -172,14 +172,14 @@ class FoldFit:
 
     def taken(self, i, point, weighted):
         """Return t, (..., u), by which ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, of the rows ``xᵀ P`` of x."""
-        nuisance = self.evidence.blocks[i].nuisance
+        nuisance = self.evidence.row_groups[i].nuisance
         side = np.concatenate([weighted[..., self.held[i]], weighted @ nuisance], axis=-1)
         return side @ self._roots[i][point]
 
     def of_steps(self, i, point):
-        """Return what a block tells of the size of a step before each of its rows, (n,)."""
+        """Return what a group tells of the size of a step before each of its rows, (n,)."""
         if (i, point) not in self._steps:
-            whole = self.evidence.blocks[i].noise.precision[point]
+            whole = self.evidence.row_groups[i].noise.precision[point]
             # sums over all rows from one on are products with its step
             after = whole[::-1].cumsum(axis=0)[::-1]
             lost = (self.taken(i, point, after) ** 2).sum(axis=1)
@@ -187,12 +187,13 @@ class FoldFit:
         return self._steps[i, point]
 
     def with_vectors(self, i, columns, vectors):
-        """Return ``Zᵀ P̃ V`` of columns Z and other vectors V of a block, (n, m), and what V lose.
+        """Return ``Zᵀ P̃ V`` of columns Z and other vectors V of a group, (n, m), and what V lose.
 
         (h, k, m), and by how much ``vᵀ P̃ v`` is less than ``vᵀ P v``, (h, m).
         """
         self._enter(columns)
-        place, whole = [self._place[c] for c in columns], self.evidence.blocks[i].noise.precision
+        place = [self._place[c] for c in columns]
+        whole = self.evidence.row_groups[i].noise.precision
         weighted = np.stack([self.evidence.weighted[i][c] for c in columns], axis=1)
         own = np.swapaxes(self.evidence.sides[i], 1, 2) @ vectors
         own = np.concatenate([whole[:, self.held[i]] @ vectors, own], axis=1)
@@ -211,15 +212,15 @@ class FoldFit:
 
         None where their columns are not independent, or as many as rows.
         """
-        columns_of, groups = self.evidence.columns_of, {}
+        columns_of, by_count = self.evidence.columns_of, {}
         found = [[None] * len(more) for _ in self.values]
         for axis in range(len(self.values)):
             known = columns_of(base, axis)
             for k, effects in enumerate(more):
                 columns = (*known, *columns_of(effects, axis))
-                groups.setdefault(len(columns), {}).setdefault(columns, []).append((axis, k))
-        self._enter((*self.values, *(c for sets in groups.values() for own in sets for c in own)))
-        for sets in groups.values():
+                by_count.setdefault(len(columns), {}).setdefault(columns, []).append((axis, k))
+        self._enter((*self.values, *(c for sets in by_count.values() for own in sets for c in own)))
+        for sets in by_count.values():
             # axes that have the same columns share what these take
             for each, own in zip(self._fit(list(sets)), sets.values(), strict=True):
                 for axis, k in own:
@@ -267,7 +268,7 @@ class FoldFit:
         return int(np.argmax(np.where(self.evidence.estimation_mask, fit.log_weight, -np.inf)))
 
     def solved(self, effects, axis):
-        """Return nuisances of each block, (p,), and coefficients of effects' columns, (k,)."""
+        """Return nuisances of each group, (p,), and coefficients of effects' columns, (k,)."""
         fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None and columns:
             return self.solved((), axis)[0], np.zeros(len(columns))
@@ -283,7 +284,7 @@ class FoldFit:
         return found, theta
 
     def parameters(self, effects, axis):
-        """Return nuisances, (p,) of each block, and parameters, (q,) SI by effect, of an axis.
+        """Return nuisances, (p,) of each group, and parameters, (q,) SI by effect, of an axis.
 
         Zero for the parameters that the axis does not have.
         """
@@ -299,8 +300,8 @@ class FoldFit:
     def residuals(self, effects, axis):
         """Return the residuals of all rows by a fit to the training rows, (N,)."""
         nuisances, theta = self.solved(effects, axis)
-        blocks = zip(self.evidence.blocks, nuisances, strict=True)
-        taken = np.concatenate([b.nuisance @ nuisance for b, nuisance in blocks])
+        groups = zip(self.evidence.row_groups, nuisances, strict=True)
+        taken = np.concatenate([g.nuisance @ nuisance for g, nuisance in groups])
         taken = taken + self.evidence.matrix(self.evidence.columns_of(effects, axis)) @ theta
         return self.evidence.columns[self.values[axis]] - taken
 
@@ -330,7 +331,7 @@ class FoldFit:
         point, information, spread = self.point(fit), 0.0, 0.0
         for i, own in enumerate(self.evidence.split(rows)):
             weighted = self.weighted(i, point, own)
-            noise = self.evidence.blocks[i].noise.mean(fit.weight * fit.scale)
+            noise = self.evidence.row_groups[i].noise.mean(fit.weight * fit.scale)
             information = information + own.T @ weighted
             spread = spread + weighted.T @ noise @ weighted
         return information, spread

@@ -92,7 +92,7 @@ class _Drawn:
     # held-out errors of the records, (N, m), and of the added columns, (N, q): two pairs, without
     # the pattern in the model and with it
     errors: tuple
-    groups: np.ndarray  # (kinds, parts, N): whether a row is of a part and a kind of residual
+    rows_of_parts: np.ndarray  # (kinds, parts, N): whether a row is of a kind and of a part
     variance: np.ndarray  # (N,): of the noise
     counts: np.ndarray  # (d, parts): how often each part is drawn
 
@@ -115,11 +115,11 @@ class _Drawn:
             less = (side * taken)[:, :, q:].sum(axis=1)
             squares, products = np.tile(square - less, 2), _with_negatives(rest[:, :, q:])
             left.append((squares, products, rest[:, :, :q]))
-        folds = np.concatenate([b.folds for b in evidence.blocks])
+        folds = np.concatenate([g.folds for g in evidence.row_groups])
         known, pattern, more = map(evidence.matrix, each)
-        known = np.column_stack([block_diag(*(b.nuisance for b in evidence.blocks)), known])
+        known = np.column_stack([block_diag(*(g.nuisance for g in evidence.row_groups)), known])
         estimated = fold_fit.point(fits[1])
-        weights = block_diag(*(b.noise.precision[estimated] for b in evidence.blocks))
+        weights = block_diag(*(g.noise.precision[estimated] for g in evidence.row_groups))
         parts = sorted(set(folds[:, 0].tolist()) - {-1})
         of_part = folds[:, 0] == np.array(parts)[:, None]
         everything = np.column_stack([np.concatenate(values), more])
@@ -132,7 +132,7 @@ class _Drawn:
             fits,
             tuple(left),
             tuple((_with_negatives(records), columns) for records, columns in errors),
-            np.array([rows & of_part for rows in search.problem.groups()]),
+            np.array([rows & of_part for rows in search.problem.rows_by_kind()]),
             records.variance / measure[:, 0] ** 2,
             np.random.default_rng(search.problem.settings.seed).multinomial(
                 len(parts), np.full(len(parts), 1 / len(parts)), DRAWS
@@ -168,9 +168,9 @@ class _Drawn:
         # in the kind of residual where it changes most
         (_, before), (_, after) = self.errors
         change = ((before - after) @ one) ** 2 / self.variance
-        group = self.groups[np.argmax((self.groups @ change).sum(axis=1))]
+        rows = self.rows_of_parts[np.argmax((self.rows_of_parts @ change).sum(axis=1))]
         before, after = (
-            self.counts @ (group @ (records[:, near] + (columns @ added)[:, None]) ** 2)
+            self.counts @ (rows @ (records[:, near] + (columns @ added)[:, None]) ** 2)
             for records, columns in self.errors
         )
         highest = np.quantile(after / before, 0.975, axis=0)
@@ -180,7 +180,7 @@ class _Drawn:
     @cached_property
     def close(self):
         """Weight of each record by what its noise does to the parameters, in every kind, (m,)."""
-        kinds = self.groups.any(axis=1)
+        kinds = self.rows_of_parts.any(axis=1)
         noise, more = (kinds[kinds.any(axis=1)] @ e**2 for e, _ in self.errors)
         return ndtr(np.log(MARGIN**2 / np.max(more / noise, axis=0)) / SOFT)
 
@@ -231,7 +231,7 @@ class _Records:
     # (m,): the hypothesis about the noise that each is drawn by, and the size of its variance
     drawn: np.ndarray
     scale: np.ndarray
-    values: list  # (n, m) of each block
+    values: list  # (n, m) of each group
     variance: np.ndarray  # (N,): of the noise
 
     @classmethod
@@ -241,10 +241,10 @@ class _Records:
         # each hypothesis as often as it is likely, by numbers that rounding does not move
         share = np.cumsum(np.round(fit.weight, 6))
         drawn = np.searchsorted(share / share[-1], (np.arange(PAIRS) + 0.5) / PAIRS)
-        for block in fold_fit.evidence.blocks:
-            white, spread = rng.standard_normal((len(block.values), PAIRS)), 0.0
+        for group in fold_fit.evidence.row_groups:
+            white, spread = rng.standard_normal((len(group.values), PAIRS)), 0.0
             for h in np.unique(drawn):
-                precision = block.noise.precision[h] / fit.scale[h]
+                precision = group.noise.precision[h] / fit.scale[h]
                 # with L Lᵀ = P white numbers become noise by L⁻ᵀ
                 root = np.linalg.cholesky(precision)
                 white[:, drawn == h] = solve_triangular(root.T, white[:, drawn == h])
@@ -255,7 +255,7 @@ class _Records:
         return cls(fold_fit.evidence, drawn, *own)
 
     def squares(self, i, evidence):
-        """Return ``vᵀ P v`` of each record in a block by each hypothesis of some evidence, (h, m).
+        """Return ``vᵀ P v`` of each record in a group by each hypothesis of some evidence, (h, m).
 
         The white numbers are always the same: those of a record that the same hypothesis drew
         before differ in size alone, and are not computed twice.
@@ -265,9 +265,8 @@ class _Records:
         new = [m for m, key in enumerate(drawn) if key not in known]
         if new:
             values = self.values[i][:, new]
-            each = (
-                (values * (own @ values)).sum(axis=0) for own in evidence.blocks[i].noise.precision
-            )
-            found = np.array(list(each)) / self.scale[new]
+            precision = evidence.row_groups[i].noise.precision
+            found = np.array([(values * (own @ values)).sum(axis=0) for own in precision])
+            found = found / self.scale[new]
             known |= {drawn[m]: own for m, own in zip(new, found.T, strict=True)}
         return np.array([known[key] for key in drawn]).T * self.scale

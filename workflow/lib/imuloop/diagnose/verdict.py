@@ -39,24 +39,24 @@ def judge(alternatives, squares, fitted=0, predicted=True):
     """Return the probability of each alternative of the noise, and the Judged of each kind.
 
     Of an alternative it takes the logarithm of its probability beforehand, and of independent
-    blocks of residuals values, covariance, derivative, folds and the rows of each kind, as of
+    groups of rows values, covariance, derivative, folds and the rows of each kind, as of
     `chi_square` and `held_out_covariance`; further the sum of the squares of the held-out errors of
-    each kind, how many parameters beside those of the derivative were fitted, and, of one block,
+    each kind, how many parameters beside those of the derivative were fitted, and, of one group,
     which rows have held-out errors, (n,) of bool.
     """
 
-    def part(covariance, rows):
+    def of_predicted(covariance, rows):
         return covariance[np.ix_(rows & predicted, rows & predicted)]
 
     found, heldout, logs = [], [], []
-    for prior, blocks in alternatives:
-        each = [chi_square(values, c, jacobian, kinds) for values, c, jacobian, _, kinds in blocks]
+    for prior, groups in alternatives:
+        each = [chi_square(values, c, jacobian, kinds) for values, c, jacobian, _, kinds in groups]
         found.append(np.sum([left for left, _ in each], axis=0) - [0, fitted])
         logs.append(prior + sum(likelihood for _, likelihood in each))
-        spreads = [(held_out_covariance(*b[1:4]), b[4]) for b in blocks]
+        spreads = [(held_out_covariance(*g[1:4]), g[4]) for g in groups]
         heldout.append(
             [
-                chance(square, [part(spread, g[k]) for spread, g in spreads])
+                chance(square, [of_predicted(spread, rows[k]) for spread, rows in spreads])
                 for k, square in enumerate(squares)
             ]
         )

@@ -56,7 +56,7 @@ class MotionProblem(PoseProblem):
     @cached_property
     def error_scale(self):
         """What a held-out error is compared in: the noise as residuals without effects have it."""
-        likeliest = self.linearized().evidence.blocks[0].noise.precision[-1]
+        likeliest = self.linearized().evidence.row_groups[0].noise.precision[-1]
         return np.sqrt(np.diag(precision(likeliest)[0]))
 
     def rejection_reason(self, base, out=frozenset()):

@@ -10,7 +10,7 @@ from scipy.linalg import block_diag
 from imuloop.calibrate.noise_components import ROUGH, SizeLikelihood, likely_sizes, total
 from imuloop.calibrate.sensor_pair import OF_SENSOR
 from imuloop.core.precision import precision
-from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
+from imuloop.diagnose.evidence import Evidence, Hypotheses, RowGroup
 from imuloop.diagnose.fold_fit import ABSORBED
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
@@ -42,7 +42,7 @@ class Linearized:
 
 @dataclass(frozen=True, eq=False)
 class PoseProblem:
-    """The poses of a device: one block of rows, whose nuisances are the base parameters."""
+    """The poses of a device: one group of rows, whose nuisances are the base parameters."""
 
     sensor: object  # SensorPair
     recording: object
@@ -144,7 +144,7 @@ class PoseProblem:
         """Return the rows, shape (N,), of one kind of residual."""
         return self.rows[1] == list(self.sensor.kinds).index(kind)
 
-    def groups(self):
+    def rows_by_kind(self):
         """Return the rows of each kind of residual."""
         return [self.of_kind(kind) for kind in self.sensor.kinds]
 
@@ -222,15 +222,14 @@ class PoseProblem:
             (-off @ off * s**2 / 2, total(covariance, slow, estimated + s * (noisy - estimated)))
             for s in PATH
         ]
-        block = Block(-values[:, None], jacobian[:, :nuisances], hypotheses(likeliest), self.ends)
+        noise_now = hypotheses(likeliest)
+        rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise_now, self.ends)
 
         def design(effect):
             return own[effect] if effect in own else self.added(effect)
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
-        evidence = Evidence(
-            [block], prior, design, least=1.0, as_estimated_mask=np.array(PATH) == 0
-        )
+        evidence = Evidence([rows], prior, design, least=1.0, as_estimated_mask=np.array(PATH) == 0)
         noise = covariance, components
         return Linearized(
             solution, model, values, jacobian, alternatives, noise, evidence, noise_with
@@ -290,7 +289,7 @@ class PoseProblem:
         return self.information is None
 
     def noise_with(self, base, values):
-        """Return what the noise of each block may be, were its residuals these."""
+        """Return what the noise of each group of rows may be, were its residuals these."""
         return [self.nearest(base).noise_with(-values)]
 
     def rejection_reason(self, base, out=frozenset()):
@@ -302,8 +301,8 @@ class PoseProblem:
         fold_fit = search.fold_fit(base)
         change = fold_fit.residuals(base, 0) - fold_fit.residuals((*base, *trial.effects), 0)
         variance = np.diag(self.nearest(base).alternatives[0][1])
-        groups = [rows & (self.fold >= 0) for rows in self.groups()]
-        size = [(change[rows] ** 2 / variance[rows]).sum() for rows in groups]
+        by_kind = [rows & (self.fold >= 0) for rows in self.rows_by_kind()]
+        size = [(change[rows] ** 2 / variance[rows]).sum() for rows in by_kind]
         kind = list(self.sensor.kinds)[int(np.argmax(size))]
         return kind, self.of_kind(kind)
 
@@ -325,7 +324,7 @@ class PoseProblem:
         for h in np.flatnonzero(counted):
             # what other records say is as good as they have it, whatever is left here
             scale = np.where(known, 1.0, fit.scale[h])
-            weighted = (design.T / scale) @ about.evidence.blocks[0].noise.precision[h]
+            weighted = (design.T / scale) @ about.evidence.row_groups[0].noise.precision[h]
             inverse = np.linalg.inv(weighted @ design + prior / fit.scale[h])
             off = inverse @ (weighted @ about.values)
             total = total + fit.weight[h] * (inverse + np.outer(off, off))

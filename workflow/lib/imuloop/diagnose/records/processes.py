@@ -14,7 +14,7 @@ from imuloop.effects.drifts import GaussMarkov
 def process_entry(sensor, problem, effects, fine, noise, curve_fit):
     """Return the entry of ``effects`` of a sensor's processes, None where they are none, and why.
 
-    On the axes where they lower the error of the next mean, each block of time from its own
+    On the axes where they lower the error of the next mean, each part in time from its own
     beginning on. Takes the StaticProblem, the FittedEffects that are taken out, the StaticRecords
     of means over the shortest windows, the NoiseModel of what is left, and its plain fits.
     """
@@ -28,8 +28,8 @@ def process_entry(sensor, problem, effects, fine, noise, curve_fit):
         for record in fine:
             taken = sum((record.derivative(e.effect) @ e.vector for e in effects), 0.0)
             values, fold = (record.values - taken)[:, place], fold_of(record, problem)
-            for block in set(fold.tolist()) - {-1}:
-                at = fold == block
+            for part in set(fold.tolist()) - {-1}:
+                at = fold == part
                 predicted = [prediction_errors(values[at], record.windows[at], m) for m in models]
                 parts.append((fold[at], *predicted))
         if parts:

@@ -18,7 +18,7 @@ from imuloop.core.precision import precision
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import search_content
-from imuloop.diagnose.evidence import Block, Evidence, Hypotheses
+from imuloop.diagnose.evidence import Evidence, Hypotheses, RowGroup
 from imuloop.diagnose.records.carried import carried, errors_over, series
 from imuloop.diagnose.records.one_solution import WHOLE
 from imuloop.diagnose.records.pose_diagnosis import judged_residuals
@@ -93,7 +93,7 @@ class ReferenceProblem(PoseProblem):
     @cached_property
     def error_scale(self):
         """What a held-out error is compared in: windows with an outlier say little."""
-        return np.sqrt(1 / np.diag(self.linearized().evidence.blocks[0].noise.precision[0]))
+        return np.sqrt(1 / np.diag(self.linearized().evidence.row_groups[0].noise.precision[0]))
 
     def _made(self, base):
         effects, sensor, x = (*self.found, *base), self.sensor, self.sensor.state
@@ -124,8 +124,8 @@ class ReferenceProblem(PoseProblem):
         def design(effect):
             return own[effect] if effect in own else self.added(effect)
 
-        block = Block(-values[:, None], jacobian[:, :count], alternatives, self.ends)
-        evidence = Evidence([block], np.zeros(len(COMMON)), design)
+        rows = RowGroup(-values[:, None], jacobian[:, :count], alternatives, self.ends)
+        evidence = Evidence([rows], np.zeros(len(COMMON)), design)
         known = [(0.0, np.diag(self.floor))]
         noise = white, [Component(common)]
         return Linearized(solution, model, values, jacobian, known, noise, evidence, hypotheses)
@@ -213,7 +213,7 @@ def diagnose_reference(sensor, recording, settings, tests, search_formulas=None)
 
 
 def _parts(windows, count):
-    """Return the part of each window: its session, or one of few sessions' blocks of time."""
+    """Return the part of each window: its session, or one of few sessions' stretches of time."""
     number = len(windows.logs)
     if number >= WHOLE:
         return windows.session

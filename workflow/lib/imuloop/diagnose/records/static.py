@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from imuloop.core.effect import FittedEffect
-from imuloop.diagnose.evidence import Block, Evidence
+from imuloop.diagnose.evidence import Evidence, RowGroup
 from imuloop.diagnose.fold_fit import ABSORBED, combined_axes
 from imuloop.diagnose.records.scan import best_line, best_steps, frequencies
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
@@ -22,7 +22,7 @@ MERGED = 200
 
 @dataclass(frozen=True)
 class StaticProblem:
-    """The static records of one sensor: each a block of rows with a level of its own.
+    """The static records of one sensor: each a group of rows with a level of its own.
 
     The bias changes from one power cycle to the next, and so does the attitude. Rows are the means
     over windows, in long records over several neighbours; their axes are those of the sensor.
@@ -59,12 +59,12 @@ class StaticProblem:
     def folds(self):
         """In which part each window of the fit is held out, one array a record.
 
-        One block of time of every record, but not the same one: what happens at the start of each
-        is predicted from the starts of the others.
+        A part is a stretch of time of every record, but not the same one: what happens at the start
+        of each is predicted from the starts of the others.
         """
         n = len(self.records)
         return [
-            (block_of(r, self.parts) + i * self.parts // n) % self.parts
+            (part_in_time(r, self.parts) + i * self.parts // n) % self.parts
             for i, r in enumerate(self.merged)
         ]
 
@@ -85,7 +85,7 @@ class StaticProblem:
         (2, f, n), and of both waves of each frequency (f, 2, 2).
         """
         if (i, point) not in self._weighted_waves:
-            weighted = self.waves[i] @ self.evidence.blocks[i].noise.precision[point]
+            weighted = self.waves[i] @ self.evidence.row_groups[i].noise.precision[point]
             own = np.einsum("kfn,lfn->fkl", weighted, self.waves[i])
             self._weighted_waves[i, point] = weighted, own
         return self._weighted_waves[i, point]
@@ -122,15 +122,15 @@ class StaticProblem:
         length = min(np.median(r.length) for r in self.merged)
         grid, prior = ratios(span, length)
         noise = self.noise or [hypotheses(r.windows, grid) for r in self.merged]
-        blocks = [
-            Block(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, _alone(fold))
+        groups = [
+            RowGroup(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, _alone(fold))
             for r, h, fold in zip(self.merged, noise, self.folds, strict=True)
         ]
         # what a model lacks is rarely noise: the weights of a walk would take the parameters from
         # the fastest changes alone, where a lag that is not in the model counts most
         # the first point is white noise: the level is the mean, as who knows no effect takes it
         return Evidence(
-            blocks, prior, self.design, estimation_mask=grid[:, 1] == 0, nuisance_index=0
+            groups, prior, self.design, estimation_mask=grid[:, 1] == 0, nuisance_index=0
         )
 
     def design(self, effect):
@@ -183,7 +183,7 @@ class StaticProblem:
         """Return False: the hypotheses are a grid, which holds the noise that looks like it."""
         return False
 
-    def groups(self):
+    def rows_by_kind(self):
         """Return the rows of each kind of residual."""
         return [np.ones(sum(len(r.windows) for r in self.merged), dtype=bool)]
 
@@ -201,10 +201,10 @@ def _alone(fold):
     return np.column_stack([fold, np.full(len(fold), -1)])
 
 
-def block_of(record, blocks):
-    """Return in which of equal blocks of time at rest each window of a record lies, shape (n,)."""
+def part_in_time(record, count):
+    """Return in which of `count` equal times at rest each window of a record lies, shape (n,)."""
     middle = np.cumsum(record.length) - record.length / 2
-    return np.minimum((middle / record.length.sum() * blocks).astype(int), blocks - 1)
+    return np.minimum((middle / record.length.sum() * count).astype(int), count - 1)
 
 
 def fold_of(record, problem):
@@ -262,7 +262,7 @@ def information(search, base, effects):
     size = np.linalg.norm(design.reshape(-1, design.shape[2]), axis=0)
     size[size == 0] = 1.0
     precision, moment = np.zeros((len(size),) * 2), np.zeros(len(size))
-    values = np.concatenate([b.values for b in evidence.blocks])
+    values = np.concatenate([g.values for g in evidence.row_groups])
     for axis in range(evidence.axes):
         fit = fold_fit.fit(base, axis)
         rows = np.column_stack([design[:, axis] / size, values[:, axis]])

@@ -77,14 +77,14 @@ def _floor(problem, noise, axes):
     length, wide = (
         np.concatenate([r.length for r in each]) for each in (problem.records, problem.merged)
     )
-    blocks, found = list(zip(problem.merged, problem.evidence.blocks, strict=True)), []
+    each, found = list(zip(problem.merged, problem.evidence.row_groups, strict=True)), []
     for process in (noise.axes[name] for name in axes):
         # the level is the mean of what is seen
         covariances = [
             held_out_covariance(
-                process.mean_covariance(r.windows), b.nuisance, b.folds, np.diag(r.length)
+                process.mean_covariance(r.windows), g.nuisance, g.folds, np.diag(r.length)
             )
-            for r, b in blocks
+            for r, g in each
         ]
         slow = np.concatenate([c.diagonal() for c in covariances])
         own, fast = (
@@ -101,22 +101,22 @@ def _judged(problem, effects, errors, noise, axes):
     By the noise as estimated, and with flicker and walk at the ends of their intervals.
     """
     evidence = problem.evidence
-    left = np.concatenate([b.values for b in evidence.blocks])
+    left = np.concatenate([g.values for g in evidence.row_groups])
     left = left - sum((problem.design(e.effect) @ e.vector for e in effects), np.zeros(()))
     fitted = sum(len(c) for p in evidence.patterns([e.effect for e in effects]) for c in p.columns)
     known = {(axis, term): noise.known(axis, term) for axis in axes for term in "BK"}
     most = noise.with_sizes({key: size + FARTHEST * std for key, (size, std) in known.items()})
     alternatives = []
     for model in (noise, most):
-        blocks = []
-        for values, block, record in zip(
-            evidence.split(left), evidence.blocks, problem.merged, strict=True
+        groups = []
+        for values, group, record in zip(
+            evidence.split(left), evidence.row_groups, problem.merged, strict=True
         ):
             for k, name in enumerate(axes):
                 covariance = model.axes[name].mean_covariance(record.windows)
                 rows = [np.ones(len(values), dtype=bool)]
-                blocks.append((values[:, k], covariance, block.nuisance, block.folds, rows))
-        alternatives.append((0.0, blocks))
+                groups.append((values[:, k], covariance, group.nuisance, group.folds, rows))
+        alternatives.append((0.0, groups))
     # errors of all means are those of the windows of the fit
     first = np.flatnonzero(np.diff(problem.window, prepend=-1))
     mean = np.add.reduceat(errors, first) / np.diff(np.append(first, len(errors)))[:, None]

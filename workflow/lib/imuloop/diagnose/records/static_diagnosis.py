@@ -83,7 +83,7 @@ class StaticFinding:
     effects: tuple  # FittedEffects that were added, a formula of no library last
     # the same with the best that passes the test, but that no held-out part confirms
     doubtful: tuple
-    # held out, without effects and with them, (M, 3) each: the search repeated without each block
+    # held out, without effects and with them, (M, 3) each: the search repeated without each part
     errors: tuple
 
     def with_formula(self, choices):
@@ -100,7 +100,7 @@ def static_tests(records, settings):
 
 
 def usable(records, settings):
-    """Return the records that have means enough for blocks."""
+    """Return the records that have means enough for the parts."""
     return [r for r in records if len(r.windows) >= 2 * settings.blocks]
 
 
