@@ -280,7 +280,7 @@ def outcome(name, limits, plan, seed):
     put_in = OfSensor(PutIn(name, rank), sensor)
     known = problem.added(put_in)[:, 0] if rank > 1 else root @ added
     known = _independent(known, searched.rows.jacobian)
-    errors = heldout_errors(searched, [known] * len(searched.folds))
+    errors = heldout_errors(searched, [known] * len(searched.held_and_seen))
     ratios = error_ratios(searched, errors, found.heldout).values()
     return Outcome(found, right, max(kind["ratio"] for kind in ratios))
 

@@ -34,8 +34,8 @@ def shapes_of(sensor, *effects):
 
 def problem_of(pair, recording, shapes=None, parts=10, **more):
     """Return a PoseProblem, parts interleaved, in which these shapes are looked for."""
-    fold = interleaved(len(recording.poses), parts)
-    return PoseProblem(pair, recording, shapes or {}, DiagnoseSettings(), 1, fold, **more)
+    part_of_pose = interleaved(len(recording.poses), parts)
+    return PoseProblem(pair, recording, shapes or {}, DiagnoseSettings(), 1, part_of_pose, **more)
 
 
 def diagnosed(truth, recording, noise=None, tests=0, **settings):

@@ -46,10 +46,10 @@ def record(values, session="s", warm=True, stretch=None):
     return StaticRecord(session, windows(n), stretch, values, channels)
 
 
-def search(records, effects, tests=20, out=frozenset()):
+def search(records, effects, tests=20, held_out=frozenset()):
     """Return a search for shapes of effects in records that does not see some parts."""
     shapes = {}
     for effect in effects:
         shapes.setdefault(type(effect), []).append(effect)
     shapes = {cls: tuple(own) for cls, own in shapes.items()}
-    return Search(StaticProblem(tuple(records), shapes, DiagnoseSettings(), tests), out)
+    return Search(StaticProblem(tuple(records), shapes, DiagnoseSettings(), tests), held_out)

@@ -38,24 +38,24 @@ class Third(Column):
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """A problem of rows that are the only one of their pose each, `fold` their parts."""
+    """A problem of rows that are the only one of their pose each, `part_of_row` their parts."""
 
     evidence: Evidence
     shapes: dict
     settings: DiagnoseSettings
-    fold: np.ndarray
+    part_of_row: np.ndarray
     tests, parts = 1, PARTS
     scans: ClassVar = {}
 
     @property
-    def ends(self):
-        return self.fold[:, None]
+    def row_parts(self):
+        return self.part_of_row[:, None]
 
-    def fold_fit(self, base, out):
-        return self.evidence.fold_fit(out)
+    def training_fit(self, base, held_out):
+        return self.evidence.training_fit(held_out)
 
     def residuals_left(self, search, base):
-        return search.fold_fit(base).residuals(base, 0)[:, None]
+        return search.training_fit(base).residuals(base, 0)[:, None]
 
     error_scale, limit_correction = 1.0, 1.0
 
@@ -63,12 +63,12 @@ class Rows:
         return False
 
     def rows_by_kind(self):
-        return [np.ones(len(self.fold), dtype=bool)]
+        return [np.ones(len(self.part_of_row), dtype=bool)]
 
     def shows(self, search, base, trial):
         return "kind", slice(None)
 
-    def rejection_reason(self, base, out=frozenset()):
+    def rejection_reason(self, base, held_out=frozenset()):
         return None
 
 
@@ -90,8 +90,8 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     """
     n = len(values)
     noise = Hypotheses.of(map(precision, covariances or [np.eye(n)]))
-    fold = np.arange(n) % PARTS
-    group = RowGroup(values[:, None], nuisance, noise, fold[:, None])
+    part_of_row = np.arange(n) % PARTS
+    group = RowGroup(values[:, None], nuisance, noise, part_of_row[:, None])
     prior, shapes = np.zeros(len(noise.log_det)), {}
     plain = np.arange(len(prior)) == 0
     for effect in columns:
@@ -99,7 +99,7 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     evidence = Evidence(
         [group], prior, lambda e: columns[e].reshape(n, 1, -1), least=1.0, as_estimated_mask=plain
     )
-    return Rows(evidence, shapes, DiagnoseSettings(significance=threshold), fold)
+    return Rows(evidence, shapes, DiagnoseSettings(significance=threshold), part_of_row)
 
 
 def search(*arguments, **more):

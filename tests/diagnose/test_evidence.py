@@ -22,13 +22,13 @@ def test_a_fit_is_that_of_generalised_least_squares(held):
     ]
     effects = [Ramp(), BiasTemperature(2, 20.0)]
     problem = search(records, effects).problem
-    out = frozenset(held)
-    fold_fit, patterns = problem.fold_fit((), out), problem.evidence.patterns(effects)
-    found = fold_fit.fit(effects, 1)
+    held_out = frozenset(held)
+    training_fit, patterns = problem.training_fit((), held_out), problem.evidence.patterns(effects)
+    found = training_fit.fit(effects, 1)
     scale = np.concatenate([p.scale[1] for p in patterns])
     used = [
-        (rec, np.flatnonzero(~np.isin(fold, list(out))))
-        for rec, fold in zip(records, problem.folds, strict=True)
+        (rec, np.flatnonzero(~np.isin(part, list(held_out))))
+        for rec, part in zip(records, problem.part_of_windows, strict=True)
     ]
     y = np.concatenate([rec.values[rows, 1] for rec, rows in used])
     levels = block_diag(*(np.ones((len(rows), 1)) for _, rows in used))
@@ -69,11 +69,11 @@ def test_columns_that_are_not_independent_give_no_fit():
     shapes = [Steps((600.0,), ("s",)), Steps((-5.0,), ("s",))]
     problem = search([record(np.random.default_rng(2).normal(size=(50, 3)))], shapes).problem
     one, two = shapes
-    fold_fit = problem.fold_fit((), frozenset())
-    assert fold_fit.fit((one,), 0)
+    training_fit = problem.training_fit((), frozenset())
+    assert training_fit.fit((one,), 0)
     # a step before the record is a level, and a column twice is one
-    assert fold_fit.fit((two,), 0) is None
-    assert fold_fit.fit((one, one), 0) is None
+    assert training_fit.fit((two,), 0) is None
+    assert training_fit.fit((one, one), 0) is None
 
 
 def test_tail_of_f_against_scipy_and_below_the_smallest_double():

@@ -58,9 +58,9 @@ class Linear:
     def design(self, effects):
         return np.column_stack([np.eye(2)[LEVEL], self.columns[:, [e.number for e in effects]]])
 
-    def squares(self, base, candidate, out=()):
+    def squares(self, base, candidate, held_out=()):
         """Return χ² without and with a candidate, and the degrees of freedom with it."""
-        seen = ~np.isin(self.part, list(out))
+        seen = ~np.isin(self.part, list(held_out))
         root = np.linalg.cholesky(block_diag(*self.covariances)[np.ix_(seen, seen)])
         x = np.column_stack([self.y, self.design((*base, candidate))])
         white = np.linalg.solve(root, x[seen])
@@ -70,8 +70,8 @@ class Linear:
         ]
         return *left, len(fit) - fit.shape[1]
 
-    def p_value(self, base, candidate, out, least):
-        before, after, dof = self.squares(base, candidate, out)
+    def p_value(self, base, candidate, held_out, least):
+        before, after, dof = self.squares(base, candidate, held_out)
         return f_distribution.sf((before - after) / max(least, after / dof), 1, dof)
 
 
@@ -150,8 +150,8 @@ KINDS = {"poses": (poses, 1.0), "static": (static, 0.0)}
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("size", [1.6, 0.5], ids=["above the noise", "below it"])
 @pytest.mark.parametrize("base", [(), (BESIDE,)], ids=["alone", "beside"])
-@pytest.mark.parametrize("out", [(), (2,)], ids=["all", "held out"])
-def test_the_p_value_is_that_of_generalised_least_squares(kind, size, base, out):
+@pytest.mark.parametrize("held_out", [(), (2,)], ids=["all", "held out"])
+def test_the_p_value_is_that_of_generalised_least_squares(kind, size, base, held_out):
     """With the covariance Σ of the rows seen, and χ² = min (y - X β)ᵀ Σ⁻¹ (y - X β) without and
     with the q columns of a candidate, ν degrees of freedom in the second,
 
@@ -163,8 +163,8 @@ def test_the_p_value_is_that_of_generalised_least_squares(kind, size, base, out)
     """
     make, least = KINDS[kind]
     problem = linear(size)
-    search = Search(make(problem), frozenset(out))
-    expected = [problem.p_value(base, e, out, least) for e in (CANDIDATE, LIKE_IT)]
+    search = Search(make(problem), frozenset(held_out))
+    expected = [problem.p_value(base, e, held_out, least) for e in (CANDIDATE, LIKE_IT)]
     found = [search.test(base, e).p_value for e in (CANDIDATE, LIKE_IT)]
     np.testing.assert_allclose(found, expected, rtol=1e-9)
     assert search.trial(base, Column).p_value == pytest.approx(2 * min(expected), rel=1e-9)

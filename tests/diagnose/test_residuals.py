@@ -9,7 +9,7 @@ from imuloop.calibrate.least_squares import chi_square
 from imuloop.core.effect import find_effect
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.residuals import chance, held_out_covariance, held_out_errors, size
-from imuloop.diagnose.verdict import Judged, above_floor, of_calibration, unseen
+from imuloop.diagnose.verdict import Judged, above_floor, of_calibration, why_not_shown
 from imuloop.simulate.truth import example_truth
 
 
@@ -39,10 +39,10 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     design = np.column_stack([np.ones(40), rng.normal(size=40)])
     held = (t >= 12) & (t < 20)
     seen = ~held & (t != 20)
-    folds = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
+    row_parts = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
     weights, every = np.linalg.inv(covariance), np.eye(len(covariance))
-    (operator,) = held_out_errors(every, weights, design, folds, design.shape[1:])
-    spread = held_out_covariance(covariance, design, folds)[np.ix_(held, held)]
+    (operator,) = held_out_errors(every, weights, design, row_parts, design.shape[1:])
+    spread = held_out_covariance(covariance, design, row_parts)[np.ix_(held, held)]
     predicted = np.diag(spread)
     drawn = np.linalg.cholesky(covariance) @ rng.normal(size=(40, 20000))
     weight = np.linalg.inv(covariance[np.ix_(seen, seen)])
@@ -67,7 +67,7 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
         problem = problem_of(pair_of(truth, made), made, parts=5)
         about, errors = problem.linearized(), Choices(problem).following(())
         covariance = about.alternatives[0][1]
-        variance = np.diag(held_out_covariance(covariance, about.jacobian, problem.ends))
+        variance = np.diag(held_out_covariance(covariance, about.jacobian, problem.row_parts))
         for kind in ratios:
             rows, k = problem.of_kind(kind), problem.components(kind)
             sizes = (size(v[rows].reshape(-1, k)) for v in (errors, np.sqrt(variance)))
@@ -100,10 +100,10 @@ def test_a_residual_is_above_its_floor_in_the_fit_or_held_out(
 def test_data_that_show_an_effect_beyond_all_physics_alone_cannot_show_it():
     effect = find_effect("vibration_rectification")
     units = dict.fromkeys(("vx", "vy", "vz", "dx"), "1")
-    why = unseen(effect, {"vx": 6.0, "vy": 7.0, "vz": 8.0}, units)
+    why = why_not_shown(effect, {"vx": 6.0, "vy": 7.0, "vz": 8.0}, units)
     assert "from 6 1 on, and 0.002 is the most possible" in why
-    assert unseen(effect, {"vx": 6.0, "vy": 1e-3, "vz": 6.0}, units) is None
-    assert unseen(find_effect("bias_drift"), {"dx": 1e9}, units) is None
+    assert why_not_shown(effect, {"vx": 6.0, "vy": 1e-3, "vz": 6.0}, units) is None
+    assert why_not_shown(find_effect("bias_drift"), {"dx": 1e9}, units) is None
 
 
 @pytest.mark.parametrize(

@@ -142,14 +142,14 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     spoiled["f"][0] += 1e-3
     changed = replace(made, poses=replace(made.poses, **spoiled))
     first, again = (Choices(problem_of(pair, m, SHAPES)) for m in (made, changed))
-    problem, out = first.problem, frozenset({0})
-    assert first.choice(out).base == again.choice(out).base == SENSITIVE
+    problem, held_out = first.problem, frozenset({0})
+    assert first.choice(held_out).base == again.choice(held_out).base == SENSITIVE
     about = problem.linearized(SENSITIVE)
-    noise = held_out_covariance(about.alternatives[0][1], about.jacobian, problem.ends)
+    noise = held_out_covariance(about.alternatives[0][1], about.jacobian, problem.row_parts)
     own = (problem.rows[0] == 0).any(axis=1)
-    others = (problem.fold == 0) & ~own
+    others = (problem.part_of_row == 0) & ~own
     for effects in ((), SENSITIVE):
-        errors = [c.errors(lambda out, e=effects: e)[:, 0] for c in (first, again)]
+        errors = [c.errors(lambda held_out, e=effects: e)[:, 0] for c in (first, again)]
         moved = np.abs(errors[1] - errors[0]) / np.sqrt(np.diag(noise))
         # the others of its part are predicted as before, but for what it says of the noise
         assert moved[others].max() < 0.05
@@ -170,16 +170,16 @@ def test_a_fit_of_a_part_is_that_of_the_poses_that_are_kept(effects, monkeypatch
     problem = problem_of(pair, made, SHAPES, parts=5)
     problem.linearized(effects)
     for part in range(5):
-        out = frozenset({part})
-        solution = problem.fitted(effects, out)
-        alone = pair.fit(made.select(problem.fold_of_pose != part), effects)
+        held_out = frozenset({part})
+        solution = problem.fitted(effects, held_out)
+        alone = pair.fit(made.select(problem.part_of_pose != part), effects)
         std = np.sqrt(np.diag(alone.fit.covariance))
         # to the square of what a part moves them
         assert np.all(np.abs(solution.fit.x - alone.fit.x) < 4e-3 * std)
         assert solution.effects == effects
         # the residuals of all poses, those that were held out too
         values, _ = pair.model(alone, made).residuals(alone.fit.x)
-        left = problem.residuals_left(Choices(problem).search(out), effects)[:, 0]
+        left = problem.residuals_left(Choices(problem).search(held_out), effects)[:, 0]
         std = np.sqrt(np.diag(problem.linearized(effects).alternatives[0][1]))
         assert np.abs((left + values) / std).max() < 2e-3
 

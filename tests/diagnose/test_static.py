@@ -13,7 +13,7 @@ from imuloop.core.effect import Effect, find_effect
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.scan import frequencies
 from imuloop.diagnose.records.slow_noise import hypotheses, prediction_errors, ratios, unit_noise
-from imuloop.diagnose.records.static import fitted_effects, fold_of, information
+from imuloop.diagnose.records.static import covering_part, fitted_effects, information
 from imuloop.diagnose.records.static_diagnosis import find
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import Ramp
@@ -125,47 +125,48 @@ def test_sessions_share_the_parameters_and_have_their_own_levels():
 @pytest.mark.parametrize(
     "kind", ["steps", pytest.param("line in two records", marks=pytest.mark.study)]
 )
-def test_what_a_held_out_block_holds_touches_nothing_that_predicts_it(kind):
-    """Whatever the values of a block, what the others choose, estimate and predict stays."""
+def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it(kind):
+    """Whatever the values of a part, what the others choose, estimate and predict stays."""
     rng, sessions = np.random.default_rng(11), "a" if kind == "steps" else "ab"
     add = 3 * pattern("steps")[0] if kind == "steps" else pattern("sinusoid")[0]
     values = {s: noise(30 + k) + add for k, s in enumerate(sessions)}
-    choices, block = found(values).choices, 4
+    choices, part = found(values).choices, 4
     assert choices.choice().base
     changed = {s: v.copy() for s, v in values.items()}
     ends = np.cumsum([N] * len(values))[:-1]
-    for fold, v in zip(np.split(choices.problem.fold, ends), changed.values(), strict=True):
-        v[fold == block] += 100 * rng.standard_normal(3) + rng.standard_normal((15, 3))
-    out, both = frozenset({block}), (choices, found(changed).choices)
-    chosen = [c.choice(out) for c in both]
+    each = np.split(choices.problem.part_of_row, ends)
+    for parts, v in zip(each, changed.values(), strict=True):
+        v[parts == part] += 100 * rng.standard_normal(3) + rng.standard_normal((15, 3))
+    held_out, both = frozenset({part}), (choices, found(changed).choices)
+    chosen = [c.choice(held_out) for c in both]
     assert chosen[0].base == chosen[1].base and chosen[0].base
     ratios = [[a.ratio for a in one.added] for one in chosen]
     np.testing.assert_allclose(*ratios, rtol=1e-6)
     foreseen = [
         np.concatenate([r.values for r in c.problem.records])
-        - c.problem.residuals_left(c.search(out), one.base)
+        - c.problem.residuals_left(c.search(held_out), one.base)
         for c, one in zip(both, chosen, strict=True)
     ]
     np.testing.assert_allclose(*foreseen, rtol=1e-5, atol=1e-7)
     # and nobody is judged by it
-    errors, held = choices.following((), out), choices.problem.fold == block
+    errors, held = choices.following((), held_out), choices.problem.part_of_row == part
     np.testing.assert_array_equal(np.isnan(errors).all(axis=1), held)
 
 
-def test_a_step_within_a_held_out_block_has_no_time():
+def test_a_step_within_a_held_out_part_has_no_time():
     finding = found(noise(13) + 3 * pattern("steps")[0])
     choices, (time,) = finding.choices, pattern("steps")[1].times
     assert names(finding) == ["steps"]
-    fold = choices.problem.fold
-    block = int(fold[70])
-    (unseen,) = choices.choice(frozenset({block})).base
-    # evenly over all of the block
-    assert unseen.spans == (15 * LENGTH,)
-    assert abs(unseen.times[0] - time) < 7.5 * LENGTH
-    # a tenth and more of the step's square is left in the block, nothing beside it
-    squares = [np.mean(finding.errors[1][fold == f] ** 2) for f in range(8)]
-    assert np.argmax(squares) == block and 0.1 * 9 < squares[block] < 0.5 * 9
-    assert np.delete(squares, block).max() < 0.1 * 9
+    parts = choices.problem.part_of_row
+    part = int(parts[70])
+    (step,) = choices.choice(frozenset({part})).base
+    # evenly over all of the part
+    assert step.spans == (15 * LENGTH,)
+    assert abs(step.times[0] - time) < 7.5 * LENGTH
+    # a tenth and more of the step's square is left in the part, nothing beside it
+    squares = [np.mean(finding.errors[1][parts == f] ** 2) for f in range(8)]
+    assert np.argmax(squares) == part and 0.1 * 9 < squares[part] < 0.5 * 9
+    assert np.delete(squares, part).max() < 0.1 * 9
 
 
 @seeds(10, 40)
@@ -269,21 +270,22 @@ def test_what_records_say_of_parameters_is_what_a_fit_finds():
 
 
 @pytest.mark.parametrize("n", [64, 900])
-def test_a_fold_of_other_windows_is_what_its_windows_of_the_fit_cover(n):
+def test_a_part_of_other_windows_is_what_its_windows_of_the_fit_cover(n):
     records = [record(np.random.default_rng(8).normal(size=(n, 3)), name) for name in "ab"]
     problem = search(records, []).problem
-    for number, (own, fold) in enumerate(zip(problem.merged, problem.folds, strict=True)):
-        means = fold_of(records[number], problem)
+    each = zip(problem.merged, problem.part_of_windows, strict=True)
+    for number, (own, parts) in enumerate(each):
+        means = covering_part(records[number], problem)
         assert set(means) == set(range(8))
-        for window, at in zip(own.windows, fold, strict=True):
+        for window, at in zip(own.windows, parts, strict=True):
             inside = records[number].windows[:, 0] >= window[0]
             inside &= records[number].windows[:, 1] <= window[1]
             assert inside.any() and np.all(means[inside] == at)
-        # windows across the edges of blocks belong to none
+        # windows across the edges of parts belong to none
         across = replace(records[number], windows=records[number].windows + 0.5 * LENGTH)
-        assert np.sum(fold_of(across, problem) == -1) == 8
-    # the start of each record is held out with another block of the other
-    assert fold_of(records[0], problem)[0] == 0 and fold_of(records[1], problem)[0] == 4
+        assert np.sum(covering_part(across, problem) == -1) == 8
+    # the start of each record is held out with another part of the other
+    assert covering_part(records[0], problem)[0] == 0 and covering_part(records[1], problem)[0] == 4
 
 
 def test_patterns_of_windows_are_means_of_their_instants():

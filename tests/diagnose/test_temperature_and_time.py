@@ -65,18 +65,18 @@ def test_a_bias_that_jumps_gets_its_step(no_limits, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("out", "hidden"), [({3}, [3]), ({4}, [4]), ({2, 3}, [2, 3]), ({2}, []), ({3, 4}, [3, 4])]
+    ("held_out", "missing"), [({3}, [3]), ({4}, [4]), ({2, 3}, [2, 3]), ({2}, []), ({3, 4}, [3, 4])]
 )
-def test_only_poses_between_what_is_seen_of_a_step_are_not_predicted(out, hidden):
+def test_only_poses_between_what_is_seen_of_a_step_are_not_predicted(held_out, missing):
     """Of an accelerometer alone: its recording may have no turns that count."""
     number = np.arange(8)
     problem = SimpleNamespace(
-        fold_of_pose=number,
+        part_of_pose=number,
         recording=SimpleNamespace(poses=SimpleNamespace(mid_s=10.0 * number)),
         rows=(np.column_stack([number, number]), np.zeros(8, int)),
         sensor=SimpleNamespace(kinds={"gravity_norm": ("m/s^2", 1)}),
         of_kind=lambda kind: np.full(8, kind == "gravity_norm"),
     )
     step = OfSensor(Steps((34.0,)), "accelerometer")
-    found = PoseProblem._about_step(problem, step, frozenset(out))
-    assert found.tolist() == hidden
+    found = PoseProblem._about_step(problem, step, frozenset(held_out))
+    assert found.tolist() == missing

@@ -22,7 +22,7 @@ def test_what_the_base_model_takes_up_is_not_tried():
     for cls in (Column, Other):
         assert made.trial((), cls) is None
         problem = SimpleNamespace(shapes={cls: (cls(),)}, scans={})
-        assert "taken up by the base model" in PoseProblem.unseen(problem, made, cls)
+        assert "taken up by the base model" in PoseProblem.why_no_trial(problem, made, cls)
 
 
 @dataclass(frozen=True)
@@ -72,7 +72,7 @@ def test_a_nuisance_that_one_part_alone_shows_is_an_error_each_time_that_part_is
     made = Choices(rows(T * 0, alone, WAVE)).search(frozenset({0}))
     for _ in range(2):
         with pytest.raises(np.linalg.LinAlgError):
-            made.fold_fit(()).residuals((), 0)
+            made.training_fit(()).residuals((), 0)
 
 
 def test_p_values_are_uniform_without_an_effect():

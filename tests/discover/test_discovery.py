@@ -117,7 +117,7 @@ def family(turn=False, log=None, unit=ACCELERATION_UNIT):
     formulas = {space.effect(space.candidates[k]).formula for k in named}
     size = searched.rows.fit(space.columns[:, own.columns[0]])[0][-1]
     known = space.columns[:, [space.terms.index("y: fx*fz^2" if turn else "x: fy^2*fz")]]
-    errors = heldout_errors(searched, [known] * len(searched.folds))
+    errors = heldout_errors(searched, [known] * len(searched.held_and_seen))
     (ratio,) = error_ratios(searched, errors, found.heldout).values()
     return found.effect, size, formulas, ratio["ratio"]
 

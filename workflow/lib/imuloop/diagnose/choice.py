@@ -38,38 +38,39 @@ class Choices:
         self.problem, self._effects_of = problem, effects_of
         self._searches, self._choices, self._errors = {}, {}, {}
 
-    def search(self, out=frozenset()):
+    def search(self, held_out=frozenset()):
         """Return the search that lacks some parts."""
-        if out not in self._searches:
-            self._searches[out] = Search(self.problem, out)
-        return self._searches[out]
+        if held_out not in self._searches:
+            self._searches[held_out] = Search(self.problem, held_out)
+        return self._searches[held_out]
 
-    def errors(self, chosen, out=frozenset()):
+    def errors(self, chosen, held_out=frozenset()):
         """Return the error of every residual, each part predicted by what is seen without it.
 
         `chosen` takes the parts that are not seen, and returns the effects. The errors, (M, a), SI,
-        are nan for residuals that touch the parts `out`, which nobody sees at all.
+        are nan for residuals that touch the parts `held_out`, which nobody sees at all.
         """
         found, problem = None, self.problem
-        for part in sorted(set(range(problem.parts)) - out):
-            unseen = out | {part}
-            search, base = self.search(unseen), chosen(unseen)
-            held = (problem.fold == part) & ~np.isin(problem.ends, list(out)).any(axis=1)
+        for part in sorted(set(range(problem.parts)) - held_out):
+            also_out = held_out | {part}
+            search, base = self.search(also_out), chosen(also_out)
+            never_seen = np.isin(problem.row_parts, list(held_out)).any(axis=1)
+            rows = (problem.part_of_row == part) & ~never_seen
             left = problem.residuals_left(search, base)
             if found is None:
                 found = np.full(left.shape, np.nan)
-            found[held] = left[held]
-            search.fold_fit(base).release()
+            found[rows] = left[rows]
+            search.training_fit(base).release()
         return found
 
-    def following(self, classes, out=frozenset()):
+    def following(self, classes, held_out=frozenset()):
         """Return the errors with given effects, shapes and times found again for each part."""
-        key = classes, out
+        key = classes, held_out
         if key not in self._errors:
-            self._errors[key] = self.errors(lambda u: self.search(u).following(classes), out)
+            self._errors[key] = self.errors(lambda u: self.search(u).following(classes), held_out)
         return self._errors[key]
 
-    def choice(self, out=frozenset()):
+    def choice(self, held_out=frozenset()):
         """Return the Choice of the search that lacks some parts.
 
         The best effect that passes the test is added if it lowers the error of parts that are held
@@ -78,15 +79,15 @@ class Choices:
         all others goes again. Constants of what stays are then fitted between those of the shapes.
         """
         if self._effects_of:
-            return self._effects_of.choice(out)
-        if out not in self._choices:
-            self._choices[out] = self._choice(out)
-        return self._choices[out]
+            return self._effects_of.choice(held_out)
+        if held_out not in self._choices:
+            self._choices[held_out] = self._choice(held_out)
+        return self._choices[held_out]
 
-    def _choice(self, out):
-        search, base, (wide, failed) = self.search(out), (), self._wider((), out)
+    def _choice(self, held_out):
+        search, base, (wide, failed) = self.search(held_out), (), self._wider((), held_out)
         while wide != base:
-            base, (wide, failed) = wide, self._wider(wide, out)
+            base, (wide, failed) = wide, self._wider(wide, held_out)
         while True:
             added = {}
             # what time explains goes before what the temperature does
@@ -96,7 +97,7 @@ class Choices:
                 # what those after it take up whole is none of its own
                 if trial is None:
                     break
-                gate = self._gate(others, trial, base, out)
+                gate = self._gate(others, trial, base, held_out)
                 if gate[-1][1] >= 1:
                     failed[effect.kind] = gate[-1]
                     break
@@ -113,11 +114,11 @@ class Choices:
                 return Choice(finer, added, failed)
             base = others
 
-    def _wider(self, base, out):
+    def _wider(self, base, held_out):
         """Return effects with the next that lowers errors, and the ratios of those that do not."""
-        search, failed = self.search(out), {}
+        search, failed = self.search(held_out), {}
         while best := search.best(base, failed):
-            wide, ratio = self._lower(base, best, out)
+            wide, ratio = self._lower(base, best, held_out)
             if wide:
                 return wide, failed
             classes = kinds_of(best.effects)
@@ -127,77 +128,78 @@ class Choices:
             banned = {c for c in failed if getattr(c, "name", None) not in first.effect.hidden_by}
             if more := search.best((*base, *first.effects), banned):
                 both = replace(first, effects=(*first.effects, *more.effects))
-                wide, _ = self._lower(base, both, out)
+                wide, _ = self._lower(base, both, held_out)
                 if wide:
                     return wide, failed
         return base, failed
 
-    def _lower(self, base, trial, out):
+    def _lower(self, base, trial, held_out):
         """Return effects with those of a trial, None where errors do not fall, and the ratio."""
-        wide = self.search(out).reshaped((*base, *trial.effects))
-        ratio = self._gate(base, trial, wide, out)[-1]
-        lower = ratio[1] < 1 and not self.problem.rejection_reason(wide, out)
+        wide = self.search(held_out).reshaped((*base, *trial.effects))
+        ratio = self._gate(base, trial, wide, held_out)[-1]
+        lower = ratio[1] < 1 and not self.problem.rejection_reason(wide, held_out)
         return (wide if lower else None), ratio
 
-    def _gate(self, base, trial, wide, out):
+    def _gate(self, base, trial, wide, held_out):
         """Return kind, errors without and with, and ratio of a trial, as `Added` has them.
 
         On the axis where it shows most; on all where that axis alone does not confirm it, and all
         do, each in its own size.
         """
         try:
-            errors = [self.following(kinds_of(e), out) for e in (base, wide)]
+            errors = [self.following(kinds_of(e), held_out) for e in (base, wide)]
         except np.linalg.LinAlgError:
             # of few parts: without one of them more what is left determines nothing
             return "", np.zeros((0, 1)), np.zeros((0, 1)), [np.inf, np.inf]
-        kind, rows = self.problem.shows(self.search(out), base, trial)
+        kind, rows = self.problem.shows(self.search(held_out), base, trial)
         errors = [e[rows] for e in errors]
         known = np.isfinite(errors[0][:, 0]) & np.isfinite(errors[1][:, 0])
-        fold, errors = self.problem.fold[rows][known], [e[known] for e in errors]
+        part_of_row, errors = self.problem.part_of_row[rows][known], [e[known] for e in errors]
         before, after = (e[:, [trial.axis]] for e in errors)
-        scale = np.broadcast_to(self.problem.error_scale, len(self.problem.fold))
+        scale = np.broadcast_to(self.problem.error_scale, len(self.problem.part_of_row))
         scale = scale[rows][known, None]
-        ratio = self.ratio(fold, before / scale, after / scale)
+        ratio = self.ratio(part_of_row, before / scale, after / scale)
         if ratio[1] >= 1 and errors[0].shape[1] > 1:
             size = np.sqrt((errors[0] ** 2).mean(axis=0))
-            of_all = self.ratio(fold, *(e / np.where(size > 0, size, 1.0) for e in errors))
+            of_all = self.ratio(part_of_row, *(e / np.where(size > 0, size, 1.0) for e in errors))
             if of_all[1] < 1:
                 return kind, *errors, of_all
         return kind, before, after, ratio
 
-    def ratio(self, fold, before, after):
+    def ratio(self, part_of_row, before, after):
         """Return the interval of `ratio_interval`, a part that weighs most cut into several.
 
         A part in which the prediction changes several times as much as in others, as the first
         one does with a warm-up, is cut into as many: a draw without it would show nothing.
         """
         change = ((before - after) ** 2).sum(axis=1)
-        number, last, parts = np.empty(len(fold)), 0, np.unique(fold)
+        number, last, parts = np.empty(len(part_of_row)), 0, np.unique(part_of_row)
         for k in parts:
-            own = change[fold == k]
+            rows = part_of_row == k
+            own = change[rows]
             # rounding shall not decide
             count = max(1, int(len(parts) * own.sum() / max(change.sum(), 1e-300) + 1e-6))
             share = (np.cumsum(own) - own / 2) / max(own.sum(), 1e-300)
-            number[fold == k] = last + np.minimum((count * share + 1e-6).astype(int), count - 1)
+            number[rows] = last + np.minimum((count * share + 1e-6).astype(int), count - 1)
             last += count
         return ratio_interval(number, before, after, self.problem.settings)
 
-    def nested(self, out):
+    def nested(self, held_out):
         """Return the effects that the search without some parts adds.
 
         None where the whole search adds none: a model without effects has the errors without
         effects, whatever a part of the data would add.
         """
-        return self.choice(out).base if self.choice().base else ()
+        return self.choice(held_out).base if self.choice().base else ()
 
 
-def ratio_interval(fold, before, after, settings):
+def ratio_interval(part_of_row, before, after, settings):
     """Return the 95 % bootstrap interval, over whole parts, of held-out error after over before.
 
-    `fold`, (n,), is the part that each of the errors, (n, k), was held out with.
+    `part_of_row`, (n,), is the part that each of the errors, (n, k), was held out with.
     """
-    parts = np.unique(fold)
-    sums = np.array([[(e[fold == k] ** 2).sum() for e in (before, after)] for k in parts])
+    parts = np.unique(part_of_row)
+    sums = np.array([[(e[part_of_row == k] ** 2).sum() for e in (before, after)] for k in parts])
     draws = np.random.default_rng(settings.seed).integers(
         len(parts), size=(settings.draws, len(parts))
     )

@@ -6,7 +6,7 @@ from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import holder, imitated, twin
 from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.residuals import size
-from imuloop.diagnose.verdict import above_floor, leaves, unseen
+from imuloop.diagnose.verdict import above_floor, leaves, why_not_shown
 
 
 def search_content(choices, fitted, others, probes, sensor):
@@ -99,7 +99,7 @@ def _candidate(sensor, choices, cls):
     elif trial is None:
         name, before, trial = holder(search, choice.base, cls), (), search.trial((), cls)
         if name is None:
-            return untried(cls.name, "not_observable", problem.unseen(search, cls))
+            return untried(cls.name, "not_observable", problem.why_no_trial(search, cls))
         status, why = "confounded", f"{name} adds all that it would: they are one in these data"
     elif cls in choice.failed:
         low, high = choice.failed[cls]
@@ -116,8 +116,8 @@ def _candidate(sensor, choices, cls):
         why = "slow noise that these data do not exclude could look the same"
     limits = detection_limits(search, before, trial, problem.settings.power)
     units, passed = trial.effect.units(sensor), cls in choice.failed
-    if status == "rejected" and not passed and (hidden := unseen(cls, limits, units)):
-        status, why, limits = "not_observable", hidden, None
+    if status == "rejected" and not passed and (reason := why_not_shown(cls, limits, units)):
+        status, why, limits = "not_observable", reason, None
     elif not limits:
         # what was found may be of a kind that held-out parts confirm by luck only
         limits = detection_limits(search, before, trial, problem.settings.power, kept=False)
@@ -144,7 +144,8 @@ def _by_slow_noise(search, base, trial):
     """Return whether nothing but noise slower than what was estimated speaks against a trial."""
     if trial.log_p < search.threshold(len(base)):
         return False
-    (plain,) = search.tests(base, trial.effects, search.fold_fit(base).evidence.as_estimated_mask)
+    estimated = search.training_fit(base).evidence.as_estimated_mask
+    (plain,) = search.tests(base, trial.effects, estimated)
     return bool(plain and plain.log_p + trial.tries < search.threshold(len(base)))
 
 

@@ -16,16 +16,16 @@ def correlates(search, base, probes):
     `search` is that of all data, `base` the effects that were added; each of the probes has a name,
     the kind of residual, and columns, (N, a, q).
     """
-    found, fold_fit = [], search.fold_fit(base)
+    found, training_fit = [], search.training_fit(base)
     for name, kind, columns in probes:
-        fold_fit.evidence.add_pattern((name, kind), _independent(columns))
+        training_fit.evidence.add_pattern((name, kind), _independent(columns))
         trial = search.test(base, (name, kind))
         if trial is None:
             continue
-        (pattern,) = fold_fit.evidence.patterns(((name, kind),))
+        (pattern,) = training_fit.evidence.patterns(((name, kind),))
         squares = np.zeros(2)
-        for axis in range(fold_fit.evidence.axes):
-            fits = (fold_fit.fit(e, axis) for e in (base, (*base, (name, kind))))
+        for axis in range(training_fit.evidence.axes):
+            fits = (training_fit.fit(e, axis) for e in (base, (*base, (name, kind))))
             squares += [f.square[0] / f.dof for f in fits]
         found.append(
             {

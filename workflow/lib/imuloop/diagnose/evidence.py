@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from imuloop.core.precision import precision
-from imuloop.diagnose.fold_fit import FoldFit
+from imuloop.diagnose.training_fit import TrainingFit
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class RowGroup:
     nuisance: np.ndarray
     noise: Hypotheses  # their noise
     # (n, 2): the part that a row is held out with, and the other that it touches; -1 for none
-    folds: np.ndarray
+    row_parts: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,10 +90,12 @@ class Evidence:
         self.axes = self.row_groups[0].values.shape[1]
         # columns, (N,) each, and of each group their products with the precision, (h, n)
         self.columns, self.weighted = [], [[] for _ in self.row_groups]
-        self._known, self._patterns, self._fold_fits = {}, {}, {}
+        self._known, self._patterns, self._training_fits = {}, {}, {}
         self._ends = np.cumsum([len(g.values) for g in self.row_groups])[:-1]
         self.sides = [g.noise.precision @ g.nuisance for g in self.row_groups]
-        self.values = self.add_columns(np.concatenate([g.values for g in self.row_groups]).T)
+        self.residual_columns = self.add_columns(
+            np.concatenate([g.values for g in self.row_groups]).T
+        )
 
     def add_columns(self, vectors):
         """Return the numbers of columns, shape (k, N); one that is known is entered once."""
@@ -144,22 +146,22 @@ class Evidence:
         groups = [replace(g, noise=n) for g, n in zip(self.row_groups, noise, strict=True)]
         return replace(self, row_groups=groups, prior=self.prior + sum(n.fitted for n in noise))
 
-    def with_folds(self, folds):
+    def with_parts(self, row_parts):
         """Return the same evidence with other parts, (N, 2), as of `RowGroup`."""
-        each = zip(self.row_groups, self.split(folds), strict=True)
-        return replace(self, row_groups=[replace(g, folds=own) for g, own in each])
+        each = zip(self.row_groups, self.split(row_parts), strict=True)
+        return replace(self, row_groups=[replace(g, row_parts=own) for g, own in each])
 
-    def fold_fit(self, out=frozenset()):
-        """Return the FoldFit of the rows that touch no part of `out`."""
-        if out not in self._fold_fits:
-            touch = (np.isin(g.folds, list(out)).any(axis=1) for g in self.row_groups)
-            held = tuple(np.flatnonzero(rows) for rows in touch)
-            self._fold_fits[out] = FoldFit(self, held, self.values)
-        return self._fold_fits[out]
+    def training_fit(self, held_out=frozenset()):
+        """Return the TrainingFit of the rows that touch no part of `held_out`."""
+        if held_out not in self._training_fits:
+            touch = (np.isin(g.row_parts, list(held_out)).any(axis=1) for g in self.row_groups)
+            held_rows = tuple(np.flatnonzero(rows) for rows in touch)
+            self._training_fits[held_out] = TrainingFit(self, held_rows, self.residual_columns)
+        return self._training_fits[held_out]
 
     def release(self):
         """Free the memory of all fits; they are recomputed if needed."""
-        self._fold_fits.clear()
+        self._training_fits.clear()
 
     def split(self, rows):
         """Return an array of all rows, shape (N, …), group by group."""

@@ -11,17 +11,17 @@ SHARE = 8 / 9
 ONE = 0.999
 
 
-def imitated_share(fold_fit, base, first, second, axis=0):
+def imitated_share(training_fit, base, first, second, axis=0):
     """Return the share of a pattern that another imitates, and the reverse.
 
     ``cos²`` of the largest principal angle between the columns that nuisances and base leave:
     whatever its parameters, the other takes that share of its square at least. At the likeliest
     noise of the base model.
     """
-    columns_of = fold_fit.evidence.columns_of
+    columns_of = training_fit.evidence.columns_of
     known, own, other = (columns_of(e, axis) for e in (base, (first,), (second,)))
     columns, k, m = (*known, *own, *other), len(known), len(known) + len(own)
-    gram = fold_fit.gram(columns)[fold_fit.point(fold_fit.fit(base, 0))]
+    gram = training_fit.gram(columns)[training_fit.hypothesis(training_fit.fit(base, 0))]
     if k:
         gram = gram - gram[:, :k] @ np.linalg.solve(gram[:k, :k], gram[:k])
     roots = [_root(gram[s, s]) for s in (slice(k, m), slice(m, None))]
@@ -49,7 +49,7 @@ def imitated(search, kinds):
     A list of ``effect``, ``with`` and ``share``, where it is at least `SHARE`: of the middle one of
     the effect's shapes, by the nearest one of the other's; of the axis where it is least.
     """
-    fold_fit, shapes = search.fold_fit(()), {}
+    training_fit, shapes = search.training_fit(()), {}
     for cls in kinds:
         own = search.problem.shapes.get(cls, ())
         tried = search.tests((), own)
@@ -58,20 +58,21 @@ def imitated(search, kinds):
             shapes[cls] = seen
     found = []
     for cls, other in permutations(shapes, 2):
-        shares = [max(share_on_axes(fold_fit, a, b) for b in shapes[other]) for a in shapes[cls]]
+        others = shapes[other]
+        shares = [max(share_on_axes(training_fit, a, b) for b in others) for a in shapes[cls]]
         share = float(np.median(shares))
         if share >= SHARE:
             found.append({"effect": cls.name, "with": other.name, "share": share})
     return found
 
 
-def share_on_axes(fold_fit, a, b):
+def share_on_axes(training_fit, a, b):
     """Return the share of one effect that another takes on the axis where it takes least."""
-    own, other = (pattern.columns for pattern in fold_fit.evidence.patterns((a, b)))
+    own, other = (pattern.columns for pattern in training_fit.evidence.patterns((a, b)))
     axes = [axis for axis, columns in enumerate(own) if columns]
     if not all(other[axis] for axis in axes):
         return 0.0
-    return min(imitated_share(fold_fit, (), a, b, axis)[0] for axis in axes)
+    return min(imitated_share(training_fit, (), a, b, axis)[0] for axis in axes)
 
 
 def twin(search, base, cls):

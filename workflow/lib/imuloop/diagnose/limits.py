@@ -49,17 +49,17 @@ def detection_limits(search, base, trial, power, kept=True):
     probability of finding it, `kept` whether held-out parts have to confirm it. The sizes are by
     parameter; those that no axis shows, or at no size, are left out.
     """
-    fold_fit, limits, names = search.fold_fit(base), {}, list(trial.effect.parameters)
+    training_fit, limits, names = search.training_fit(base), {}, list(trial.effect.parameters)
     effects = base, trial.effects, (trial.effect.moved(BETWEEN),)
-    pattern, added = fold_fit.evidence.patterns((*effects[1], *effects[2]))
+    pattern, added = training_fit.evidence.patterns((*effects[1], *effects[2]))
     threshold = search.threshold(len(base)) - trial.tries
     rules = {"axes": trial.axes, "threshold": threshold, "kept": kept}
     for axis, own in enumerate(pattern.columns):
-        fit = fold_fit.fit((*base, *trial.effects), axis) if own else None
+        fit = training_fit.fit((*base, *trial.effects), axis) if own else None
         if fit is None:
             continue
-        records = _Records.of(fold_fit, fit, search.problem.settings.seed)
-        drawn = _Drawn.of(search, fold_fit, effects, axis, records)
+        records = _Records.of(training_fit, fit, search.problem.settings.seed)
+        drawn = _Drawn.of(search, training_fit, effects, axis, records)
         shown = [names[p] for p in pattern.parameters[axis]]
         for together in dict.fromkeys(map(trial.effect.together, shown)):
             one = np.isin(shown, together) * added.scale[axis]
@@ -97,16 +97,16 @@ class _Drawn:
     counts: np.ndarray  # (d, parts): how often each part is drawn
 
     @classmethod
-    def of(cls, search, fold_fit, effects, axis, records):
+    def of(cls, search, training_fit, effects, axis, records):
         """Return them for effects of a base model, of its pattern and of what is added."""
-        evidence, values = fold_fit.evidence, records.values
+        evidence, values = training_fit.evidence, records.values
         columns, own, added = each = [evidence.columns_of(e, axis) for e in effects]
-        fits = fold_fit.fit(effects[0], axis), fold_fit.fit((*effects[0], *effects[1]), axis)
+        fits = [training_fit.fit(e, axis) for e in (effects[0], (*effects[0], *effects[1]))]
         product, square, numbers = 0.0, 0.0, (*columns, *own, *added)
         for i, drawn in enumerate(values):
-            of_columns, lost = fold_fit.with_vectors(i, numbers, drawn)
+            of_columns, lost = training_fit.with_vectors(i, numbers, drawn)
             product, square = product + of_columns, square + records.squares(i, evidence) - lost
-        whole = np.concatenate([fold_fit.gram(numbers), product], axis=2)
+        whole = np.concatenate([training_fit.gram(numbers), product], axis=2)
         k, q, left = whole.shape[1], len(added), []
         for n in (len(columns), len(columns) + len(own)):
             side = whole[:, :n, k - q :]
@@ -115,21 +115,21 @@ class _Drawn:
             less = (side * taken)[:, :, q:].sum(axis=1)
             squares, products = np.tile(square - less, 2), _with_negatives(rest[:, :, q:])
             left.append((squares, products, rest[:, :, :q]))
-        folds = np.concatenate([g.folds for g in evidence.row_groups])
+        row_parts = np.concatenate([g.row_parts for g in evidence.row_groups])
         known, pattern, more = map(evidence.matrix, each)
         known = np.column_stack([block_diag(*(g.nuisance for g in evidence.row_groups)), known])
-        estimated = fold_fit.point(fits[1])
+        estimated = training_fit.hypothesis(fits[1])
         weights = block_diag(*(g.noise.precision[estimated] for g in evidence.row_groups))
-        parts = sorted(set(folds[:, 0].tolist()) - {-1})
-        of_part = folds[:, 0] == np.array(parts)[:, None]
+        parts = sorted(set(row_parts[:, 0].tolist()) - {-1})
+        of_part = row_parts[:, 0] == np.array(parts)[:, None]
         everything = np.column_stack([np.concatenate(values), more])
-        measure = np.broadcast_to(search.problem.error_scale, len(folds))[:, None]
+        measure = np.broadcast_to(search.problem.error_scale, len(row_parts))[:, None]
         design = np.column_stack([known, pattern])
         counts = known.shape[1], design.shape[1]
-        errors = held_out_errors(everything, weights, design, folds, counts)
+        errors = held_out_errors(everything, weights, design, row_parts, counts)
         errors = (np.split(e / measure, [PAIRS], axis=1) for e in errors)
         return cls(
-            fits,
+            tuple(fits),
             tuple(left),
             tuple((_with_negatives(records), columns) for records, columns in errors),
             np.array([rows & of_part for rows in search.problem.rows_by_kind()]),
@@ -145,8 +145,8 @@ class _Drawn:
         By the noncentral χ² of known noise, with its deviation from none in standard deviations.
         """
         q = self.fits[1].theta.shape[1] - self.fits[0].theta.shape[1]
-        point = int(np.argmax(self.fits[1].log_weight))
-        own = np.linalg.inv(self.fits[1].covariance[point][-q:, -q:])
+        hypothesis = int(np.argmax(self.fits[1].log_weight))
+        own = np.linalg.inv(self.fits[1].covariance[hypothesis][-q:, -q:])
         needed = np.sqrt(chndtrinc(chdtri(q, np.exp(threshold)), q, 1 - power))
         return needed / np.sqrt(one @ own @ one), needed
 
@@ -192,12 +192,12 @@ def _with_negatives(records):
 
 def _with_pattern(search, effects, axis, records, one, size, **rules):
     """Return the share that is found where the noise is what data with the pattern let expect."""
-    fold_fit, (base, own, added) = search.fold_fit(effects[0]), effects
-    evidence = fold_fit.evidence
-    values = fold_fit.residuals((*base, *own), axis)
+    training_fit, (base, own, added) = search.training_fit(effects[0]), effects
+    evidence = training_fit.evidence
+    values = training_fit.residuals((*base, *own), axis)
     values = values + evidence.matrix(evidence.columns_of(added, axis)) @ (size * one)
     other = evidence.with_noise(search.problem.noise_with(base, values))
-    return _Drawn.of(search, other.fold_fit(), effects, axis, records).found(one, size, **rules)
+    return _Drawn.of(search, other.training_fit(), effects, axis, records).found(one, size, **rules)
 
 
 def _least(share, start, power, strength):
@@ -235,13 +235,13 @@ class _Records:
     variance: np.ndarray  # (N,): of the noise
 
     @classmethod
-    def of(cls, fold_fit, fit, seed):
-        """Return them for a Fit of a FoldFit, by a seed."""
+    def of(cls, training_fit, fit, seed):
+        """Return them for a Fit of a TrainingFit, by a seed."""
         rng, values, variance = np.random.default_rng(seed), [], []
         # each hypothesis as often as it is likely, by numbers that rounding does not move
         share = np.cumsum(np.round(fit.weight, 6))
         drawn = np.searchsorted(share / share[-1], (np.arange(PAIRS) + 0.5) / PAIRS)
-        for group in fold_fit.evidence.row_groups:
+        for group in training_fit.evidence.row_groups:
             white, spread = rng.standard_normal((len(group.values), PAIRS)), 0.0
             for h in np.unique(drawn):
                 precision = group.noise.precision[h] / fit.scale[h]
@@ -252,7 +252,7 @@ class _Records:
             values.append(white)
             variance.append(spread)
         own = fit.scale[drawn], values, np.concatenate(variance)
-        return cls(fold_fit.evidence, drawn, *own)
+        return cls(training_fit.evidence, drawn, *own)
 
     def squares(self, i, evidence):
         """Return ``vᵀ P v`` of each record in a group by each hypothesis of some evidence, (h, m).

@@ -23,7 +23,7 @@ def log_f_tail(statistic, q, dof):
         return np.where(tail > 1e-280, np.log(tail), leading)
 
 
-def averaged_log_p(without, fit, q, points=slice(None)):
+def averaged_log_p(without, fit, q, hypotheses=slice(None)):
     """Return the logarithm of the p-value of q parameters that one fit has beyond another.
 
     Under each hypothesis the F test is exact. What the noise is, the fit with the parameters
@@ -34,28 +34,28 @@ def averaged_log_p(without, fit, q, points=slice(None)):
     hypothesis: a pattern of many parameters takes up noise, but what is many times it is none.
 
     Of m records at once, shape (m,), from fits with squares and weights of shape (h, m). With
-    `points`, by some hypotheses alone.
+    `hypotheses`, a mask, by some about the noise alone.
     """
     drop = np.maximum(without.square - fit.square, 0.0)
-    tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[points]
+    tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[hypotheses]
     total = np.logaddexp.reduce
-    weight = fit.log_weight[points] - total(fit.log_weight[points])
+    weight = fit.log_weight[hypotheses] - total(fit.log_weight[hypotheses])
     if fit.least > 0:
-        known = without.log_weight[points] - total(without.log_weight[points])
-        gain = total(known + (without.spent - fit.spent)[points])
+        known = without.log_weight[hypotheses] - total(without.log_weight[hypotheses])
+        gain = total(known + (without.spent - fit.spent)[hypotheses])
         share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))
         weight = np.logaddexp(weight + np.log1p(-np.exp(share)), known + share)
     return total(weight + tail)
 
 
-def log_p_values(pairs, points=slice(None)):
+def log_p_values(pairs, hypotheses=slice(None)):
     """Return `averaged_log_p` of the parameters that of each pair of Fits the second has more."""
     found, alike = [None] * len(pairs), {}
     for k, (without, fit) in enumerate(pairs):
         alike.setdefault((without.dof, fit.dof), []).append(k)
     for (more, dof), at in alike.items():
         each = [_together([pairs[k][side] for k in at]) for side in (0, 1)]
-        log_p = averaged_log_p(*each, more - dof, points).tolist()
+        log_p = averaged_log_p(*each, more - dof, hypotheses).tolist()
         for k, own in zip(at, log_p, strict=True):
             found[k] = own
     return found

@@ -9,8 +9,13 @@ from imuloop.core.precision import precision
 SINGULAR = 1e-12
 
 
-def held_out_errors(values, weights, jacobian, folds, counts):
-    """Return errors of residuals, each part predicted by the others, (n, m) by each of some counts.
+def held_out_errors(values, weights, jacobian, row_parts, counts):
+    """Return the errors of residuals of which each part is predicted by a fit to the others.
+
+    A list with one array, (n, m), per count: `counts` are how many of the parameters, the first
+    ones, are fitted. It is linear in the residuals, at weights that are fixed. The errors that the
+    verdict is by, of a choice of effects that is made again without each part, are those of
+    `imuloop.diagnose.choice.Choices.errors`.
 
     A fit to the residuals that are seen has the parameters' error ``A r``, with
     ``A = (Jᵀ W J)⁻¹ Jᵀ W``, W the inverse of the covariance of what is seen; the error of what is
@@ -18,38 +23,38 @@ def held_out_errors(values, weights, jacobian, folds, counts):
     does not count in its covariance ``E Σ Eᵀ``. E is zero in the rows of no part.
 
     `values`, (n, m), are m records of residuals; `weights`, (n, n), the inverse of the covariance
-    of all residuals; J is `jacobian`, (n, p); `folds`, (n, 2), the part that a row is held out
-    with, and the other that it touches, or -1; `counts` how many of the parameters, the first, are
-    fitted each time.
+    of all residuals; J is `jacobian`, (n, p); `row_parts`, (n, 2), the part that a row is held out
+    with, and the other that it touches, or -1.
     """
     size = np.linalg.norm(jacobian, axis=0)
     jacobian = jacobian / np.where(size > 0, size, 1.0)
     product, errors = weights @ jacobian, [np.zeros_like(values) for _ in counts]
-    parts, information, moment = sorted(set(folds[:, 0].tolist()) - {-1}), [], []
+    parts, information, moment = sorted(set(row_parts[:, 0].tolist()) - {-1}), [], []
     for part in parts:
-        hidden = np.flatnonzero((folds == part).any(axis=1))
-        # W J is what the weights of all rows leave without those that are hidden
-        own = weights[:, hidden]
-        weighted = product - own @ np.linalg.solve(own[hidden], product[hidden])
-        weighted[hidden] = 0.0
+        touching = np.flatnonzero((row_parts == part).any(axis=1))
+        # W J is what the weights of all rows leave without those that touch the part
+        own = weights[:, touching]
+        weighted = product - own @ np.linalg.solve(own[touching], product[touching])
+        weighted[touching] = 0.0
         information.append(jacobian.T @ weighted)
         moment.append(weighted.T @ values)
     for found, k in zip(errors, counts, strict=True):
         own = np.reshape(information, (-1, *2 * jacobian.shape[1:]))[:, :k, :k]
         inverses = np.linalg.pinv(own, SINGULAR, hermitian=True)
         for part, inverse, each in zip(parts, inverses, moment, strict=True):
-            held = folds[:, 0] == part
-            found[held] = values[held] - jacobian[held, :k] @ (inverse @ each[:k])
+            held_rows = row_parts[:, 0] == part
+            found[held_rows] = values[held_rows] - jacobian[held_rows, :k] @ (inverse @ each[:k])
     return errors
 
 
-def held_out_covariance(covariance, jacobian, folds, weights=None):
+def held_out_covariance(covariance, jacobian, row_parts, weights=None):
     """Return the covariance that the noise, (n, n), alone gives to held-out errors, (n, n).
 
     Other arguments as of `held_out_errors`; the inverse of the covariance without weights.
     """
-    weights, every = precision(covariance)[0] if weights is None else weights, np.eye(len(folds))
-    (operator,) = held_out_errors(every, weights, jacobian, folds, jacobian.shape[1:])
+    weights = precision(covariance)[0] if weights is None else weights
+    unit, counts = np.eye(len(row_parts)), jacobian.shape[1:]
+    (operator,) = held_out_errors(unit, weights, jacobian, row_parts, counts)
     return operator @ covariance @ operator.T
 
 

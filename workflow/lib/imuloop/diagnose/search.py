@@ -1,4 +1,4 @@
-"""The search: test every shape of every effect beside those found, on the rows of a fold."""
+"""The search: test every shape of every effect beside those found, on the training rows."""
 
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -8,9 +8,9 @@ from scipy.special import chdtrc
 
 from imuloop.core.effect import Effect
 from imuloop.core.fisher import fisher
-from imuloop.diagnose.fold_fit import combined_axes
 from imuloop.diagnose.likeness import ONE, SHARE, imitated_share, share_on_axes
 from imuloop.diagnose.p_values import log_p_values
+from imuloop.diagnose.training_fit import combined_axes
 
 # share of log p by which shapes may differ and count as equally significant
 ALIKE = 0.05
@@ -68,10 +68,10 @@ class Trial:
 
 @dataclass
 class Search:
-    """A search of the data of a Problem that does not see the parts `out`."""
+    """A search of the data of a Problem that does not see the parts `held_out`."""
 
     problem: object
-    out: frozenset
+    held_out: frozenset
     _trials: dict = field(default_factory=dict)
     _following: dict = field(default_factory=dict)
     _pairs: dict = field(default_factory=dict)
@@ -81,31 +81,31 @@ class Search:
         settings = self.problem.settings
         return np.log(settings.significance / max(1, self.problem.tests - count))
 
-    def fold_fit(self, base):
-        """Return the FoldFit, about the solution with some effects."""
-        return self.problem.fold_fit(base, self.out)
+    def training_fit(self, base):
+        """Return the TrainingFit, about the solution with some effects."""
+        return self.problem.training_fit(base, self.held_out)
 
     def test(self, base, effect):
         """Return the Trial of one shape beside others; None where an axis cannot show it."""
         return self.tests(base, (effect,))[0]
 
-    def tests(self, base, effects, points=slice(None)):
+    def tests(self, base, effects, hypotheses=slice(None)):
         """Return the Trial of each of several shapes beside others, None where it is not seen.
 
         Each axis has its own parameters and its own noise; their p-values are combined by Fisher's
-        method. With `points`, by some hypotheses alone.
+        method. With `hypotheses`, a mask, by some about the noise alone.
         """
-        fold_fit = self.fold_fit(base)
-        patterns, axes = fold_fit.evidence.patterns(effects), range(fold_fit.evidence.axes)
+        training_fit = self.training_fit(base)
+        patterns, axes = training_fit.evidence.patterns(effects), range(training_fit.evidence.axes)
         shown = [[axis for axis in axes if p.columns[axis]] for p in patterns]
-        plain = [fold_fit.fit(base, axis) for axis in axes]
-        each = zip(*fold_fit.fits(base, [(e,) for e in effects]), strict=True)
+        plain = [training_fit.fit(base, axis) for axis in axes]
+        each = zip(*training_fit.fits(base, [(e,) for e in effects]), strict=True)
         pairs = [
             [(plain[axis], fits[axis]) for axis in own]
             for own, fits in zip(shown, each, strict=True)
         ]
         seen = [k for k, own in enumerate(pairs) if own and all(p and f for p, f in own)]
-        log_p = iter(log_p_values([pair for k in seen for pair in pairs[k]], points))
+        log_p = iter(log_p_values([pair for k in seen for pair in pairs[k]], hypotheses))
         found = [None] * len(effects)
         for k in seen:
             own = {axis: next(log_p) for axis in shown[k]}
@@ -146,7 +146,7 @@ class Search:
         best = alike[0]
         if len(alike) > 1:
             # shapes that say the same in these data differ by rounding alone: the first counts
-            still = self.fold_fit(base).evidence.estimation_mask
+            still = self.training_fit(base).evidence.estimation_mask
             still = self.tests(base, [t.effect for t in alike], still)
             best = alike[int(np.argmin([round(_priced(base, t).log_p, 6) for t in still]))]
         impossible, price = self._impossible(base, best.effect), _price(base, best.effect)
@@ -164,11 +164,11 @@ class Search:
 
         Averaged over the noise; zero on an axis that does not have them.
         """
-        fold_fit, count = self.fold_fit(base), len(effect.parameters)
-        (pattern,) = fold_fit.evidence.patterns((effect,))
+        training_fit, count = self.training_fit(base), len(effect.parameters)
+        (pattern,) = training_fit.evidence.patterns((effect,))
         estimates = []
         for axis, (own, at, scale) in enumerate(pattern.on_axes):
-            fit = fold_fit.fit((*base, effect), axis) if own else None
+            fit = training_fit.fit((*base, effect), axis) if own else None
             if fit is not None:
                 found, spread = fit.averaged(fit.weight)
                 spread = spread[-len(own) :, -len(own) :] / np.outer(scale, scale)
@@ -198,12 +198,12 @@ class Search:
 
     def _first_alike(self, base, best, passing):
         """Return the first trial that does all that the best does: a bias in one attitude."""
-        fold_fit = self.fold_fit(base)
+        training_fit = self.training_fit(base)
         for trial in passing:
-            patterns = fold_fit.evidence.patterns((best.effect, trial.effect))
+            patterns = training_fit.evidence.patterns((best.effect, trial.effect))
             # what has more columns does more
             alike, own = ([*map(len, pattern.columns)] for pattern in patterns)
-            share = share_on_axes(fold_fit, best.effect, trial.effect) if alike == own else 0.0
+            share = share_on_axes(training_fit, best.effect, trial.effect) if alike == own else 0.0
             if trial is best or share > ONE:
                 return trial
 
@@ -220,18 +220,18 @@ class Search:
         return min(allowed, key=lambda t: t.log_p, default=None)
 
     def _passing_pairs(self, base):
-        fold_fit, used = self.fold_fit(base), kinds_of(base)
-        if fold_fit.evidence.axes > 1 or not self._above(base):
+        training_fit, used = self.training_fit(base), kinds_of(base)
+        if training_fit.evidence.axes > 1 or not self._above(base):
             return []
         kinds = [c for c in self.problem.shapes if c not in used and np.isinf(c.limit)]
         shapes = [s for cls in kinds for s in self.problem.shapes[cls]]
-        (alone,) = fold_fit.fits(base, [(shape,) for shape in shapes])
+        (alone,) = training_fit.fits(base, [(shape,) for shape in shapes])
         seen = [k for k, fit in enumerate(alone) if fit]
         pairs = [(i, j) for i, j in combinations(seen, 2) if shapes[i].kind != shapes[j].kind]
-        (both,) = fold_fit.fits(base, [(shapes[i], shapes[j]) for i, j in pairs])
+        (both,) = training_fit.fits(base, [(shapes[i], shapes[j]) for i, j in pairs])
         tries, threshold, found = np.log(max(len(pairs), 1)), self.threshold(len(base)), []
         known = [(pair, fit) for pair, fit in zip(pairs, both, strict=True) if fit]
-        plain = fold_fit.fit(base, 0)
+        plain = training_fit.fit(base, 0)
         log_p = log_p_values(
             [p for (i, j), fit in known for p in ((plain, fit), (alone[i], fit), (alone[j], fit))]
         )
@@ -239,14 +239,14 @@ class Search:
             joint = float(own[0] + tries)
             if max(joint, *own[1:]) >= threshold:
                 continue
-            if max(imitated_share(fold_fit, base, shapes[i], shapes[j])) < SHARE:
+            if max(imitated_share(training_fit, base, shapes[i], shapes[j])) < SHARE:
                 found.append(Trial((shapes[i], shapes[j]), joint, 0, 1, tries))
         return found
 
     def _above(self, base):
         """Return whether what effects leave is more than the noise, whatever it is."""
-        fold_fit = self.fold_fit(base)
-        fit, known = fold_fit.fit(base, 0), np.exp(fold_fit.evidence.prior)
+        training_fit = self.training_fit(base)
+        fit, known = training_fit.fit(base, 0), np.exp(training_fit.evidence.prior)
         chance = known @ chdtrc(fit.dof, fit.square) if fit.least > 0 else 0.0
         return chance < self.problem.settings.significance * known.sum()
 
@@ -267,16 +267,16 @@ class Search:
         for i, effect in enumerate(base):
             others = base[:i] + base[i + 1 :]
             # about one fit, and so by one noise, whatever the constants
-            fold_fit = self.fold_fit(others)
-            axes = range(fold_fit.evidence.axes)
-            fits = [fold_fit.fit((*others, effect), axis) for axis in axes]
+            training_fit = self.training_fit(others)
+            axes = range(training_fit.evidence.axes)
+            fits = [training_fit.fit((*others, effect), axis) for axis in axes]
             if not all(fits) or effect.moved(2.0) == effect:
                 continue
-            points = [fold_fit.point(fit) for fit in fits]
+            hypotheses = [training_fit.hypothesis(fit) for fit in fits]
             for factor in FACTORS:
                 near = [effect.moved(f) for f in (1.0, 1 / factor, factor)]
-                each = ([fold_fit.fit((*others, e), axis) for axis in axes] for e in near)
-                each = [zip(own, points, strict=True) for own in each]
+                each = ([training_fit.fit((*others, e), axis) for axis in axes] for e in near)
+                each = [zip(own, hypotheses, strict=True) for own in each]
                 spent = [sum(f.spent[h] if f else np.inf for f, h in own) for own in each]
                 effect = near[int(np.argmin(np.round(spent, 6)))]
             base = (*base[:i], effect, *base[i + 1 :])

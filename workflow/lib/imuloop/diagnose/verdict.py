@@ -39,7 +39,7 @@ def judge(alternatives, squares, fitted=0, predicted=True):
     """Return the probability of each alternative of the noise, and the Judged of each kind.
 
     Of an alternative it takes the logarithm of its probability beforehand, and of independent
-    groups of rows values, covariance, derivative, folds and the rows of each kind, as of
+    groups of rows values, covariance, derivative, parts and the rows of each kind, as of
     `chi_square` and `held_out_covariance`; further the sum of the squares of the held-out errors of
     each kind, how many parameters beside those of the derivative were fitted, and, of one group,
     which rows have held-out errors, (n,) of bool.
@@ -114,7 +114,7 @@ def above_floor(judged, share, heldout, floor, chosen):
     return (judged.p_value < share and heldout > floor) or beyond
 
 
-def unseen(cls, limits, units):
+def why_not_shown(cls, limits, units):
     """Return why these data cannot show an effect at all, text, or None.
 
     By its class, its detection limits by parameter, SI, and the units of the parameters.

@@ -15,11 +15,11 @@ from imuloop.effects.discovered import Discovered
 
 # probability of what is left beside a formula, below which it is not all: more than noise
 FLOOR = 0.05
-# least share of the searches without a fold that give the same name, or an imitator's
+# least share of the searches without a part that give the same name, or an imitator's
 AGREED = 0.8
 # shares of the poses after which something may be the other way round
 CHANGES = (0.25, 0.5, 0.75)
-# draws of each kind, in all data and where a fold is held out
+# draws of each kind, in all data and where a part is held out
 DRAWS, DRAWS_WITHOUT = 1000, 400
 
 
@@ -33,10 +33,10 @@ class Discovery:
     space: Space  # its reference temperature is the one that was found
     selection: Selection  # in all data
     # of each kind of residual the held-out errors `before` and `after`, SI, their `ratio` and its
-    # `ratio_ci95`, the whole search repeated without each fold; empty if nothing was selected
+    # `ratio_ci95`, the whole search repeated without each part; empty if nothing was selected
     kinds: dict = field(default_factory=dict)
     heldout: np.ndarray | None = None  # (N,): the held-out errors after
-    fold_effects: tuple[Discovered, ...] = ()  # what the search without each fold finds
+    part_effects: tuple[Discovered, ...] = ()  # what the search without each part finds
     agreed: float = 0.0  # share of these that have the same name, or an imitator's
     noise_chance: float = 1.0  # that noise leaves as much; 1 where nothing is known of it before
     constant: float = 1.0  # as of `constancy`
@@ -66,13 +66,13 @@ def discover(record):
     selection = select(rows, space, draws=DRAWS, seed=seed, test=test)
     if not selection.candidates:
         return Discovery(space, selection)
-    by_fold = []
-    for k, (_, seen) in enumerate(record.folds):
-        fold = rows.subset(seen), replace(space, columns=space.columns[seen])
+    by_part = []
+    for k, (_, seen) in enumerate(record.held_and_seen):
+        without_part = rows.subset(seen), replace(space, columns=space.columns[seen])
         test = record.test and partial(record.test, frozenset({k}))
-        by_fold.append(select(*fold, draws=DRAWS_WITHOUT, seed=seed + 1 + k, test=test))
-    effects, columns = zip(*(own.seen_by(space) for own in by_fold), strict=True)
-    before = heldout_errors(record, [space.columns[:, :0]] * len(by_fold))
+        by_part.append(select(*without_part, draws=DRAWS_WITHOUT, seed=seed + 1 + k, test=test))
+    effects, columns = zip(*(own.seen_by(space) for own in by_part), strict=True)
+    before = heldout_errors(record, [space.columns[:, :0]] * len(by_part))
     heldout = heldout_errors(record, columns)
     # a pattern that is not the formula's shows at rest, where no rotation dilutes it
     alone = record.of_pair and space.sensor == "accelerometer" and record.kinds.keys() <= AT_REST
@@ -87,8 +87,8 @@ def discover(record):
         selection,
         kinds=error_ratios(record, before, heldout),
         heldout=heldout,
-        fold_effects=effects,
-        agreed=float(np.mean([own.single and own.candidates[0] in alike for own in by_fold])),
+        part_effects=effects,
+        agreed=float(np.mean([own.single and own.candidates[0] in alike for own in by_part])),
         noise_chance=noise_chance(record, columns) if record.of_pair else 1.0,
         constant=min(constancy(each, selection.columns) for each in judged_in),
         lead=lead_over_changes(rows, shifted, selection.columns),
@@ -121,9 +121,9 @@ def in_sample(rows, columns):
 
 
 def heldout_errors(record, columns):
-    """Return errors of rows, (N,), each fold predicted without it, by its own columns, (N, q)."""
+    """Return errors of rows, (N,), each part predicted without it, by its own columns, (N, q)."""
     rows, errors = record.rows, np.zeros(len(record.rows.values))
-    for (held, seen), own in zip(record.folds, columns, strict=True):
+    for (held, seen), own in zip(record.held_and_seen, columns, strict=True):
         theta = rows.subset(seen).fit(own[seen])[0]
         errors[held] = rows.values[held] - rows.design(own)[held] @ theta
     return errors
@@ -135,7 +135,7 @@ def error_ratios(record, before, after):
     for kind, (own, components) in record.kinds.items():
         pair = [each[own, None] for each in (before, after)]
         old, new = (float(np.sqrt(components * np.mean(e**2))) for e in pair)
-        interval = ratio_interval(record.fold[own, 0], *pair, record.problem.settings)
+        interval = ratio_interval(record.row_parts[own, 0], *pair, record.problem.settings)
         kinds[kind] = {"before": old, "after": new, "ratio": new / old, "ratio_ci95": interval}
     return kinds
 

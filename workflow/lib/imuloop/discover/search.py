@@ -15,28 +15,28 @@ GONE = {"status": "rejected", "why": "beside the formula that was found nothing 
 
 
 class FormulaModel(Choices):
-    """Choices that are made: those of the library, and a formula, searched again for each fold."""
+    """Choices that are made: those of the library, and a formula, searched again for each part."""
 
-    def __init__(self, problem, library, base, fold_effects, heldout):
+    def __init__(self, problem, library, base, part_effects, heldout):
         super().__init__(problem)
         self.library, self.base = library, base
-        self.fold_effects, self.heldout = fold_effects, heldout
+        self.part_effects, self.heldout = part_effects, heldout
 
-    def choice(self, out=frozenset()):
+    def choice(self, held_out=frozenset()):
         """Return the effects."""
         return Choice(self.base)
 
-    def nested(self, out):
-        """Return the effects that the library's search and this one add without a fold."""
-        (fold,) = out
-        own = self.fold_effects[fold]
-        return (*self.library.nested(out), *([own] if own.formula else []))
+    def nested(self, held_out):
+        """Return the effects that the library's search and this one add without a part."""
+        (part,) = held_out
+        own = self.part_effects[part]
+        return (*self.library.nested(held_out), *([own] if own.formula else []))
 
-    def errors(self, chosen, out=frozenset()):
+    def errors(self, chosen, held_out=frozenset()):
         """Return the held-out errors with what is chosen, (N, 1): known of the search's own."""
         if chosen == self.nested and self.heldout is not None:
             return self.heldout[:, None]
-        return super().errors(chosen, out)
+        return super().errors(chosen, held_out)
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class FormulaSearch:
 def search_formulas(record, sensor, choices):
     """Return the FormulaSearch of what a library's Choices leave of a sensor in a record.
 
-    `record` is one of `INPUTS`. None where the residuals determine no fit without a fold.
+    `record` is one of `INPUTS`. None where the residuals determine no fit without a part.
     """
     base = choices.choice().base
     try:
@@ -104,8 +104,8 @@ def search_formulas(record, sensor, choices):
         # errors of other rows are not those of the record
         heldout = None if searched.test else found.heldout
         base = base if searched.test else still_needed(problem, base, effect)
-        fold_effects = [searched.named(own) for own in found.fold_effects]
-        model = FormulaModel(problem, choices, (*base, effect), fold_effects, heldout)
+        part_effects = [searched.named(own) for own in found.part_effects]
+        model = FormulaModel(problem, choices, (*base, effect), part_effects, heldout)
         return FormulaSearch(found, model, imitators)
     except LinAlgError:
         return None

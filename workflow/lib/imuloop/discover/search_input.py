@@ -32,12 +32,12 @@ class SearchInput:
     problem: object  # of the record; poses and moves held out together follow each other
     rows: Rows  # residuals and what their noise may be
     space: Space  # what they may hold
-    fold: np.ndarray  # (N, 2): the fold a row is held out with, and the other it touches, or -1
+    row_parts: np.ndarray  # (N, 2): as of `RowGroup`
     kinds: dict  # of each kind of residual, which rows are of it, and how many of them make one
     scalars: np.ndarray  # (poses, m): what the size of a formula may depend on
     # whether the problem is of both sensors: then their noise is known beforehand
     of_pair: bool = False
-    # of means over longer windows than the library's: takes folds that are not seen, and what the
+    # of means over longer windows than the library's: takes parts that are held out, and what the
     # test of `select` does
     test: object = None
 
@@ -50,17 +50,17 @@ class SearchInput:
         rows = replace(rows, jacobian=jacobian, parts=parts)
         space = replace(self.space, columns=self.space.columns[at])
         kinds = {kind: (own[at], count) for kind, (own, count) in self.kinds.items()}
-        return replace(self, rows=rows, space=space, fold=self.fold[at], kinds=kinds)
+        return replace(self, rows=rows, space=space, row_parts=self.row_parts[at], kinds=kinds)
 
     def named(self, effect):
         """Return a formula as the problem has it: of which sensor it is, where it has both."""
         return OfSensor(effect, self.space.sensor) if self.of_pair else effect
 
     @cached_property
-    def folds(self):
-        """Of each fold the rows that are held out, and those that are seen."""
-        numbers, fold = range(self.fold[:, 0].max() + 1), self.fold
-        each = ((fold[:, 0] == k, ~(fold == k).any(axis=1)) for k in numbers)
+    def held_and_seen(self):
+        """Of each part the rows that are held out, and those that are seen."""
+        numbers, row_parts = range(self.row_parts[:, 0].max() + 1), self.row_parts
+        each = ((row_parts[:, 0] == k, ~(row_parts == k).any(axis=1)) for k in numbers)
         return [(np.flatnonzero(held), np.flatnonzero(seen)) for held, seen in each]
 
 
@@ -76,11 +76,11 @@ def of_poses(problem, base, sensor):
     channels = problem.recording.pose_channels(sensor, lambda y: y, poses.f)
     warmth = None if poses.temperature is None else poses.temperature[begin]
     scalars = scalars_of(poses.f[begin], warmth)
-    # folds that follow each other: what changes in time is no formula
-    fold, folds = np.array(problem.fold_of_pose), problem.settings.folds
-    held = np.flatnonzero(fold >= 0)
-    fold[held] = np.arange(len(held)) * min(folds, len(held)) // len(held)
-    problem = problem.with_folds(fold)
+    # parts that follow each other: what changes in time is no formula
+    part_of_pose, parts = np.array(problem.part_of_pose), problem.settings.folds
+    held = np.flatnonzero(part_of_pose >= 0)
+    part_of_pose[held] = np.arange(len(held)) * min(parts, len(held)) // len(held)
+    problem = problem.with_parts(part_of_pose)
     return _of_problem(problem, base, sensor, channels, vectors, scalars, kinds, of_pair=True)
 
 
@@ -106,7 +106,7 @@ def _of_problem(problem, base, sensor, channels, vectors, scalars, kinds, of_pai
     space = space_of(sensor, channels, added, vectors)
     each = {kind: (problem.of_kind(kind), problem.components(kind)) for kind in kinds}
     rows = rows_of(problem, base)
-    return SearchInput(problem, rows, space, problem.ends, each, scalars, of_pair)
+    return SearchInput(problem, rows, space, problem.row_parts, each, scalars, of_pair)
 
 
 def rows_of(problem, base=()):
@@ -166,22 +166,22 @@ def of_static(problem, base, sensor):
     pose, noise = np.tile(np.arange(count), 3), _noise_at_rest(records, values)
     rows = Rows(values.T.ravel(), jacobian, *noise, pose, 3 * count)
     space = space_of(sensor, channels, added, "f" if len(records) > 1 else "")
-    fold = np.tile(np.concatenate(merged.folds), 3)
-    fold = np.column_stack([fold, np.full(len(fold), -1)])
-    kinds = {"bias": (np.ones(len(fold), dtype=bool), 3)}
+    part_of_row = np.tile(np.concatenate(merged.part_of_windows), 3)
+    row_parts = np.column_stack([part_of_row, np.full(len(part_of_row), -1)])
+    kinds = {"bias": (np.ones(len(row_parts), dtype=bool), 3)}
     scalars = scalars_of(np.zeros((count, 0)), channels.temperature)
     numbers = range(len(space.candidates))
     for k in numbers:
         own = space.columns[:, list(space.candidates[k])]
         merged.evidence.add_pattern(k, own.reshape(3, count, -1).swapaxes(0, 1))
 
-    def test(unseen, selected):
+    def test(held_out, selected):
         others = [k for k in numbers if k not in selected]
-        trials = Search(merged, unseen).tests((*base, *selected), others)
+        trials = Search(merged, held_out).tests((*base, *selected), others)
         log_p, number = min(((t.log_p, t.effect) for t in trials if t), default=(0.0, 0))
         return float(min(1.0, np.exp(log_p) * len(numbers))), number
 
-    return SearchInput(problem, rows, space, fold, kinds, scalars, test=test)
+    return SearchInput(problem, rows, space, row_parts, kinds, scalars, test=test)
 
 
 def _noise_at_rest(records, values):

@@ -74,7 +74,7 @@ def validate_attitude(device, diagnosed, settings):
         return no_attitude(device, why)
     if poses.choices is None:
         return no_attitude(device, poses.contents["gyroscope"]["why"])
-    problem = poses.choices.problem.with_folds(block)
+    problem = poses.choices.problem.with_parts(block)
     try:
         models = held_out_models(diagnosed, problem)
     except LinAlgError as error:
@@ -120,14 +120,14 @@ def held_out_models(diagnosed, problem):
     if "accelerometer" not in pair.estimated:
         given = replace(given, accelerometer=pair.given)
 
-    def without(problem, base, out):
-        return replace(given, **pair.calibrations(problem.fitted(base, out)))
+    def without(problem, base, held_out):
+        return replace(given, **pair.calibrations(problem.fitted(base, held_out)))
 
     models, choices = [], Choices(problem)
     for k in range(problem.parts):
-        out = frozenset({k})
-        whole = without(problem, choices.choice(out).base if searched else (), out)
-        simple = without(plain, (), out) if whole.effects else whole
+        held_out = frozenset({k})
+        whole = without(problem, choices.choice(held_out).base if searched else (), held_out)
+        simple = without(plain, (), held_out) if whole.effects else whole
         models.append({"raw": raw, "base": simple, "final": whole})
     return models
 
@@ -207,7 +207,7 @@ def _rotation_floor(problem, solution):
     _, jacobian = pair.model(solution, recording).residuals(solution.fit.x)
     noise = pair.covariance_at(solution.fit.x, recording, solution.effects).by(pair.noise)
     own = slice(len(jacobian))
-    covariance = held_out_covariance(noise, jacobian, problem.ends[own])
+    covariance = held_out_covariance(noise, jacobian, problem.row_parts[own])
     return np.sqrt(2 * np.diag(covariance)[problem.of_kind("rotation")[own]].mean())
 
 

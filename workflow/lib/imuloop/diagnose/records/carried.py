@@ -38,13 +38,13 @@ class Carried:
 def carried(choices, before):
     """Return each part of the data as `Carried`; `before` as of `judged_residuals`."""
     problem, found = choices.problem, []
-    sensor, recording, parts = problem.sensor, problem.recording, problem.fold_of_pose
+    sensor, recording, parts = problem.sensor, problem.recording, problem.part_of_pose
     windows, white = sensor.windows(recording), sensor.white(ANGULAR_RATE)
     for part, s in np.unique(np.column_stack([parts, windows.session]), axis=0).tolist():
-        own, out = (parts == part) & (windows.session == s), frozenset({part})
+        own, held_out = (parts == part) & (windows.session == s), frozenset({part})
         rows = slice(windows.first[own].min(), windows.last[own].max() + 1)
-        models = (before.problem, ()), (problem, choices.nested(out))
-        rates = [sensor.rates(m.fitted(base, out), recording)[s] for m, base in models]
+        models = (before.problem, ()), (problem, choices.nested(held_out))
+        rates = [sensor.rates(m.fitted(base, held_out), recording)[s] for m, base in models]
         log, attitudes = recording.logs[s], []
         t, C = log.t[rows], log.attitude[rows]
         for w in (log.w, *rates):

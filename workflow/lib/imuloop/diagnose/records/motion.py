@@ -59,9 +59,9 @@ class MotionProblem(PoseProblem):
         likeliest = self.linearized().evidence.row_groups[0].noise.precision[-1]
         return np.sqrt(np.diag(precision(likeliest)[0]))
 
-    def rejection_reason(self, base, out=frozenset()):
+    def rejection_reason(self, base, held_out=frozenset()):
         """Return None; what all data choose is fitted, for what is tested beside it."""
-        if not out:
+        if not held_out:
             self.linearized(base)
 
 

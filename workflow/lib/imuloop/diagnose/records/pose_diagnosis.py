@@ -81,10 +81,9 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
                 scans[Kind(cls, sensor)] = partial(pose_step, sensor)
             else:
                 shapes[Kind(cls, sensor)] = tuple(OfSensor(shape, sensor) for shape in own)
-    fold = interleaved(len(recording.poses), settings.folds)
-    rows = pair.prior_rows()
+    parts, rows = interleaved(len(recording.poses), settings.folds), pair.prior_rows()
     return PoseProblem(
-        pair, recording, shapes, settings, tests, fold, tuple(found), information, rows, scans
+        pair, recording, shapes, settings, tests, parts, tuple(found), information, rows, scans
     )
 
 
@@ -94,7 +93,7 @@ def undetermined_held_out(problem):
     Takes the PoseProblem.
     """
     pair, recording, parts = problem.sensor, problem.recording, problem.settings.folds
-    keeps, found = [problem.fold_of_pose != k for k in range(problem.parts)], {}
+    keeps, found = [problem.part_of_pose != k for k in range(problem.parts)], {}
     for sensor in pair.estimated:
         reasons = [why for why in pair.undetermined(sensor, recording, keeps) if why]
         if reasons:
@@ -213,14 +212,15 @@ def judged_residuals(choices, kinds, errors, sensors=(), before=None):
     groups, both = [problem.of_kind(kind) for kind in kinds], []
     for about, own in zip((base, final), errors, strict=True):
         alternatives = [
-            (prior, [(about.values, covariance, about.jacobian, problem.ends, groups)])
+            (prior, [(about.values, covariance, about.jacobian, problem.row_parts, groups)])
             for prior, covariance in about.alternatives
         ]
         squares = [np.nansum(own[rows] ** 2) for rows in groups]
         both.append(judge(alternatives, squares, predicted=predicted[:, 0]))
     # the noise is as likely as the fit with the effects has it
     (_, judged_base), (weights, judged_final) = both
-    spreads = (held_out_covariance(c, base.jacobian, problem.ends) for _, c in final.alternatives)
+    how = base.jacobian, problem.row_parts
+    spreads = (held_out_covariance(c, *how) for _, c in final.alternatives)
     floors = [np.where(predicted, np.diag(spread)[:, None], np.nan) for spread in spreads]
     floor = np.tensordot(weights, floors, 1)
     share = settings.significance / RESIDUALS / settings.family

@@ -11,8 +11,8 @@ from imuloop.calibrate.noise_components import ROUGH, SizeLikelihood, likely_siz
 from imuloop.calibrate.sensor_pair import OF_SENSOR
 from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Evidence, Hypotheses, RowGroup
-from imuloop.diagnose.fold_fit import ABSORBED
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.training_fit import ABSORBED
 from imuloop.effects.steps import Steps
 
 # from the noise as estimated to what the residuals make of it
@@ -50,7 +50,7 @@ class PoseProblem:
     settings: DiagnoseSettings
     tests: int  # number of tests of the family
     # (n,): the part that each pose, or whatever rows are of, is held out with; -1 for none
-    fold_of_pose: np.ndarray
+    part_of_pose: np.ndarray
     found: tuple = ()  # effects that other records show, which every fit estimates
     information: object = None  # takes effects, gives `static.information` of other records
     # rows R and z of what other data say of the base model: ``R x - z`` has variance one
@@ -70,7 +70,7 @@ class PoseProblem:
     @cached_property
     def parts(self):
         """Number of parts that are held out in turn."""
-        return int(self.fold_of_pose.max()) + 1
+        return int(self.part_of_pose.max()) + 1
 
     @cached_property
     def prior_rows(self):
@@ -104,33 +104,33 @@ class PoseProblem:
         return ends, np.append(kind, np.full(len(self.prior_rows[1]), -1))
 
     @cached_property
-    def ends(self):
+    def row_parts(self):
         """The parts that each row touches, the one that it is held out with first, (N, 2)."""
-        own = self.fold_of_pose[self.rows[0]]
+        own = self.part_of_pose[self.rows[0]]
         return np.concatenate([own, np.full((len(self.prior_rows[1]), 2), -1)])
 
     @property
-    def fold(self):
+    def part_of_row(self):
         """The part that each row is held out with: that of its first pose, shape (N,)."""
-        return self.ends[:, 0]
+        return self.row_parts[:, 0]
 
     def residuals_left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1).
 
         Not a number about a step: what is seen tells its time between two poses at best.
         """
-        left = search.fold_fit(base).residuals(base, 0)
+        left = search.training_fit(base).residuals(base, 0)
         for effect in base:
             if effect.name == Steps.name:
-                left[self._about_step(effect, search.out)] = np.nan
+                left[self._about_step(effect, search.held_out)] = np.nan
         return left[:, None]
 
-    def _about_step(self, effect, out):
+    def _about_step(self, effect, held_out):
         """Return which rows are of poses that lie on either side of a step, for all that is seen.
 
-        Between the last pose before it and the first after it that are in no part of `out`.
+        Between the last pose before it and the first after it that are in no part of `held_out`.
         """
-        held, ends = np.isin(self.fold_of_pose, list(out)), self.rows[0]
+        held, pair = np.isin(self.part_of_pose, list(held_out)), self.rows[0]
         after = self.recording.poses.mid_s > effect.times[0]
         number = np.arange(len(held))
         last = number[~held & ~after].max(initial=-1)
@@ -138,7 +138,7 @@ class PoseProblem:
         poses = number[held & (number > last) & (number < first)]
         kinds = {"rotation", *OF_SENSOR[effect.sensor]}.intersection(self.sensor.kinds)
         shown = sum(self.of_kind(kind) for kind in kinds)
-        return np.flatnonzero(shown[: len(ends)] & np.isin(ends, poses).any(axis=1))
+        return np.flatnonzero(shown[: len(pair)] & np.isin(pair, poses).any(axis=1))
 
     def of_kind(self, kind):
         """Return the rows, shape (N,), of one kind of residual."""
@@ -151,7 +151,7 @@ class PoseProblem:
     def probe(self, kind, values):
         """Return the columns of what one kind of residual may go with, (m, q), (N, 1, k q)."""
         k = self.components(kind)
-        columns = np.zeros((len(self.fold), 1, k * values.shape[1]))
+        columns = np.zeros((len(self.part_of_row), 1, k * values.shape[1]))
         columns[self.of_kind(kind), 0] = np.kron(values - values.mean(axis=0), np.eye(k))
         return columns
 
@@ -165,11 +165,11 @@ class PoseProblem:
             self._linearized[base] = self._made(base)
         return self._linearized[base]
 
-    def with_folds(self, fold):
+    def with_parts(self, part_of_pose):
         """Return the problem with another part of each pose, (n,)."""
-        problem = replace(self, fold_of_pose=fold, _linearized={})
+        problem = replace(self, part_of_pose=part_of_pose, _linearized={})
         for base, about in self._linearized.items():
-            evidence = about.evidence.with_folds(problem.ends)
+            evidence = about.evidence.with_parts(problem.row_parts)
             problem._linearized[base] = replace(about, evidence=evidence)
         return problem
 
@@ -223,7 +223,7 @@ class PoseProblem:
             for s in PATH
         ]
         noise_now = hypotheses(likeliest)
-        rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise_now, self.ends)
+        rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise_now, self.row_parts)
 
         def design(effect):
             return own[effect] if effect in own else self.added(effect)
@@ -275,9 +275,9 @@ class PoseProblem:
         made = [b for b in self._linearized if set(b) <= set(base)]
         return self.linearized(max(made, key=len, default=()))
 
-    def fold_fit(self, base, out):
-        """Return the FoldFit, about a fit of all poses with some of the effects."""
-        return self.nearest(base).evidence.fold_fit(out)
+    def training_fit(self, base, held_out):
+        """Return the TrainingFit, about a fit of all poses with some of the effects."""
+        return self.nearest(base).evidence.training_fit(held_out)
 
     def slow(self, effect):
         """Return whether noise could be larger for an effect: it changes as slow noise does."""
@@ -292,16 +292,17 @@ class PoseProblem:
         """Return what the noise of each group of rows may be, were its residuals these."""
         return [self.nearest(base).noise_with(-values)]
 
-    def rejection_reason(self, base, out=frozenset()):
+    def rejection_reason(self, base, held_out=frozenset()):
         """Return why the fit with some effects, chosen without some parts, is none, or None."""
         return self.sensor.rejection_reason(self.linearized(base).solution, self.recording)
 
     def shows(self, search, base, trial):
         """Return kind and rows in which a trial changes most, in standard deviations."""
-        fold_fit = search.fold_fit(base)
-        change = fold_fit.residuals(base, 0) - fold_fit.residuals((*base, *trial.effects), 0)
+        training_fit = search.training_fit(base)
+        wider = (*base, *trial.effects)
+        change = training_fit.residuals(base, 0) - training_fit.residuals(wider, 0)
         variance = np.diag(self.nearest(base).alternatives[0][1])
-        by_kind = [rows & (self.fold >= 0) for rows in self.rows_by_kind()]
+        by_kind = [rows & (self.part_of_row >= 0) for rows in self.rows_by_kind()]
         size = [(change[rows] ** 2 / variance[rows]).sum() for rows in by_kind]
         kind = list(self.sensor.kinds)[int(np.argmax(size))]
         return kind, self.of_kind(kind)
@@ -314,7 +315,7 @@ class PoseProblem:
         Fitted constants of the effects are parameters too, known to a factor of e beforehand.
         """
         about = self.linearized(base)
-        fit = about.evidence.fold_fit().fit(base, 0)
+        fit = about.evidence.training_fit().fit(base, 0)
         count, more = about.jacobian.shape[1], self._by_constants(base, about.solution.fit.x)
         total, design = 0.0, np.column_stack([about.jacobian, *more])
         size = np.linalg.norm(design, axis=0)
@@ -340,19 +341,19 @@ class PoseProblem:
                 found.append((up - down) / (2 * np.log(1.05)))
         return found
 
-    def unseen(self, search, cls):
+    def why_no_trial(self, search, cls):
         """Return why an effect has no trial."""
-        rows = search.fold_fit(()).rows
+        rows = search.training_fit(()).free_rows
         shapes = self.shapes.get(cls) or (cls.cls(),)
         least = min(len(shape.parameters) for shape in shapes)
         if rows <= least:
             return f"{rows} residuals to spare do not determine {least} more parameters"
         return "what it adds in these data is taken up by the base model"
 
-    def fitted(self, base, out=frozenset()):
+    def fitted(self, base, held_out=frozenset()):
         """Return the Solution with some effects that does not see some parts."""
         solution, count = self.nearest(base).solution, len(self.sensor.names)
-        nuisance, vectors = self.fold_fit(base, out).parameters(base, 0)
+        nuisance, vectors = self.training_fit(base, held_out).parameters(base, 0)
         start = solution.fit.x.copy()
         # the nuisances: the base model, and what other records show
         start[: len(nuisance[0])] += nuisance[0]

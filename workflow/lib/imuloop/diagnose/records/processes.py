@@ -6,7 +6,7 @@ from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import ratio_interval
 from imuloop.diagnose.records.slow_noise import prediction_errors
-from imuloop.diagnose.records.static import fold_of
+from imuloop.diagnose.records.static import covering_part
 from imuloop.diagnose.residuals import size
 from imuloop.effects.drifts import GaussMarkov
 
@@ -27,15 +27,15 @@ def process_entry(sensor, problem, effects, fine, noise, curve_fit):
         models = (AxisNoise(**plain, sinusoid=own.sinusoid), own)
         for record in fine:
             taken = sum((record.derivative(e.effect) @ e.vector for e in effects), 0.0)
-            values, fold = (record.values - taken)[:, place], fold_of(record, problem)
-            for part in set(fold.tolist()) - {-1}:
-                at = fold == part
+            values, part_of_mean = (record.values - taken)[:, place], covering_part(record, problem)
+            for part in set(part_of_mean.tolist()) - {-1}:
+                at = part_of_mean == part
                 predicted = [prediction_errors(values[at], record.windows[at], m) for m in models]
-                parts.append((fold[at], *predicted))
+                parts.append((part_of_mean[at], *predicted))
         if parts:
-            fold, *errors[axis] = map(np.concatenate, zip(*parts, strict=True))
+            part_of_mean, *errors[axis] = map(np.concatenate, zip(*parts, strict=True))
             pair = (e[:, None] for e in errors[axis])
-            intervals[axis] = ratio_interval(fold, *pair, settings)
+            intervals[axis] = ratio_interval(part_of_mean, *pair, settings)
     axes = [axis for axis, ends in intervals.items() if ends[1] < 1]
     if not intervals:
         return None, "the noise stage finds none"
@@ -62,6 +62,6 @@ def process_entry(sensor, problem, effects, fine, noise, curve_fit):
         "axis": axes[0] if len(axes) == 1 else None,
         "heldout_before": size(before),
         "heldout_after": size(after),
-        "ratio_ci95": ratio_interval(fold, before, after, settings),
+        "ratio_ci95": ratio_interval(part_of_mean, before, after, settings),
     }
     return entry, "found by the noise stage; it predicts the next mean better"

@@ -124,7 +124,7 @@ class ReferenceProblem(PoseProblem):
         def design(effect):
             return own[effect] if effect in own else self.added(effect)
 
-        rows = RowGroup(-values[:, None], jacobian[:, :count], alternatives, self.ends)
+        rows = RowGroup(-values[:, None], jacobian[:, :count], alternatives, self.row_parts)
         evidence = Evidence([rows], np.zeros(len(COMMON)), design)
         known = [(0.0, np.diag(self.floor))]
         noise = white, [Component(common)]
@@ -138,7 +138,7 @@ class ReferenceProblem(PoseProblem):
         """
         return self.linearized(base)
 
-    def rejection_reason(self, base, out=frozenset()):
+    def rejection_reason(self, base, held_out=frozenset()):
         """Return why effects do not count, or the fit of all data is none; None if they do.
 
         A reference that leaves more than its noise may err with attitude, as effects of the sensor
@@ -146,7 +146,7 @@ class ReferenceProblem(PoseProblem):
         """
         if base and (reason := self.within(base)):
             return reason
-        return None if out else super().rejection_reason(base)
+        return None if held_out else super().rejection_reason(base)
 
     def within(self, base):
         """Return why a reference in few sessions does not tell the sensor from itself, or None."""
@@ -289,10 +289,10 @@ def _no_better(choices, known):
 
     Effects are the same; held-out errors are compared in the deviations of the windows by both.
     """
-    count, each = 3 * len(choices.problem.fold_of_pose), (known, choices)
+    count, each = 3 * len(choices.problem.part_of_pose), (known, choices)
     size = np.sqrt(sum(c.problem.error_scale[:count] ** 2 for c in each) / 2)[:, None]
     errors = (c.errors(c.nested)[:count] / size for c in each)
-    ratio = choices.ratio(choices.problem.fold[:count], *errors)
+    ratio = choices.ratio(choices.problem.part_of_row[:count], *errors)
     return None if ratio[1] < 1 else f"{NO_BETTER}: ratio {ratio[0]:.3f} to {ratio[1]:.3f}"
 
 

@@ -28,12 +28,12 @@ def residuals(search, base, axis):
 
     In units of the noise's N, by the likeliest noise without the pattern that is looked for.
     """
-    fold_fit = search.fold_fit(base)
-    fit, columns = fold_fit.fit(base, axis), fold_fit.evidence.columns_of(base, axis)
-    point = int(np.argmax(fit.log_weight))
-    left = fold_fit.evidence.matrix((fold_fit.values[axis], *columns))
-    left = left @ np.append(1.0, -fit.theta[point]) / np.sqrt(fit.scale[point])
-    return fold_fit.evidence.split(left), fit.dof, point
+    training_fit = search.training_fit(base)
+    fit, columns = training_fit.fit(base, axis), training_fit.evidence.columns_of(base, axis)
+    hypothesis = int(np.argmax(fit.log_weight))
+    left = training_fit.evidence.matrix((training_fit.residual_columns[axis], *columns))
+    left = left @ np.append(1.0, -fit.theta[hypothesis]) / np.sqrt(fit.scale[hypothesis])
+    return training_fit.evidence.split(left), fit.dof, hypothesis
 
 
 def frequencies(records):
@@ -49,23 +49,23 @@ def best_line(search, base, hopeful=False):
 
     `hopeful` leaves out what is no more than chance.
     """
-    problem, fold_fit, shapes = search.problem, search.fold_fit(base), {}
+    problem, training_fit, shapes = search.problem, search.training_fit(base), {}
     tried, sessions = problem.frequencies, tuple(dict.fromkeys(r.session for r in problem.merged))
     tries = np.log(max(len(tried), 1))
 
     @cache
-    def inverse(i, point):
+    def inverse(i, hypothesis):
         """Return the inverse of what the waves of each frequency tell of two sizes, (f, 2, 2)."""
-        weighted, information = problem.weighted_waves(i, point)
-        taken = fold_fit.taken(i, point, weighted)
+        weighted, information = problem.weighted_waves(i, hypothesis)
+        taken = training_fit.taken(i, hypothesis, weighted)
         return inverse_of(information - np.einsum("kfu,lfu->fkl", taken, taken))
 
     for axis in range(3) if len(tried) else ():
-        parts, dof, point = residuals(search, base, axis)
+        parts, dof, hypothesis = residuals(search, base, axis)
         gain, q = 0.0, 2 * len(parts)
         for i, (left, waves) in enumerate(zip(parts, problem.waves, strict=True)):
-            score = waves @ fold_fit.weighted(i, point, left[:, None])[:, 0]
-            gain = gain + np.einsum("kf,fkl,lf->f", score, inverse(i, point), score)
+            score = waves @ training_fit.apply_precision(i, hypothesis, left[:, None])[:, 0]
+            gain = gain + np.einsum("kf,fkl,lf->f", score, inverse(i, hypothesis), score)
         log_p = log_f_tail(gain / q, q, dof - q)
         least, line = log_p.min(), Sinusoid(float(tried[log_p.argmin()]), sessions)
         if not hopeful or least + np.log(3) + tries < 0:
@@ -100,9 +100,9 @@ def most_promising_step(search, base, taken=()):
     A few windows about each of the steps that are `taken` already are left out. No step, None,
     where none is left to try.
     """
-    found, fold_fit, places = [(0.0, 3, None)], search.fold_fit(base), []
+    found, training_fit, places = [(0.0, 3, None)], search.training_fit(base), []
     for i, record in enumerate(search.problem.merged):
-        rows = np.delete(np.arange(len(record.windows)), fold_fit.held[i])
+        rows = np.delete(np.arange(len(record.windows)), training_fit.held_rows[i])
         windows, length = record.windows[rows], np.median(record.length)
         rows = rows[BESIDE : len(rows) - BESIDE + 1]
         for one in taken:
@@ -113,22 +113,22 @@ def most_promising_step(search, base, taken=()):
             places.append((i, record, windows, length, rows))
     count = WITHIN * sum(len(rows) for *_, rows in places)
     for axis in range(3):
-        parts, dof, point = residuals(search, base, axis)
+        parts, dof, hypothesis = residuals(search, base, axis)
         most, step = -1.0, None
         for i, record, windows, length, rows in places:
             left, starts = parts[i], record.windows[rows, 0]
-            weighted = fold_fit.weighted(i, point, left[:, None])[:, 0]
+            weighted = training_fit.apply_precision(i, hypothesis, left[:, None])[:, 0]
             score = weighted[::-1].cumsum()[::-1][rows]
-            gain = _gain(score, fold_fit.of_steps(i, point)[rows])
+            gain = _gain(score, training_fit.of_steps(i, hypothesis)[rows])
             # within the windows beside the best start a step may lie anywhere
             within = starts[np.argmax(gain)] + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
             shares = share_after(record.windows, within)
             gains = _gain(
                 weighted @ shares,
-                np.einsum("nf,nf->f", shares, fold_fit.weighted(i, point, shares)),
+                np.einsum("nf,nf->f", shares, training_fit.apply_precision(i, hypothesis, shares)),
             )
             if gains.max() > most:
-                time, span = unseen(within[np.argmax(gains)], windows)
+                time, span = span_between(within[np.argmax(gains)], windows)
                 most, step = gains.max(), Steps((time,), (record.session,), (span,))
         if step:
             found.append((log_f_tail(most, 1, dof - 1), axis, step))
@@ -151,7 +151,7 @@ def pose_step(sensor, search, base, hopeful=False):
     number = np.linspace(0, len(inner) - 1, min(2 * len(inner) - 1, MOST_TIMES))
     times = np.interp(number, np.arange(len(inner)), inner)
     apart, tries = np.diff(times).max() / 2, np.log(WITHIN * len(times))
-    estimated = search.fold_fit(base).evidence.as_estimated_mask
+    estimated = search.training_fit(base).evidence.as_estimated_mask
     while True:
         shapes = [OfSensor(Steps((float(t),)), sensor) for t in times]
         search.problem.enter(shapes)
@@ -166,7 +166,7 @@ def pose_step(sensor, search, base, hopeful=False):
         times, apart = found + apart * np.array([0, -1, 1]), apart / 2
 
 
-def unseen(time, windows):
+def span_between(time, windows):
     """Return the middle and the length of the span between windows that a time lies in.
 
     Nothing that is seen tells times in it apart; a time within a window is itself, its span 0.

@@ -61,7 +61,7 @@ def set_up_content(choices, covariance, fitted, errors):
     rows, count = problem.of_kind(kind), len(covariance)
     places = by_effect(np.arange(first, count), fitted)
     chance, power = np.exp(search.threshold(0)), problem.settings.power
-    fold, measure = problem.fold[rows], problem.error_scale[rows][:, None]
+    part_of_row, measure = problem.part_of_row[rows], problem.error_scale[rows][:, None]
     errors, effects, candidates, found = errors[rows], [], [], []
     for effect in problem.found:
         at, values = places[effect], fitted[effect].vector
@@ -76,7 +76,7 @@ def set_up_content(choices, covariance, fitted, errors):
         status, why = "rejected", "of the set-up: fitted, and zero but for chance"
         if p_value < chance:
             before = Choices(fixed(problem, at)).errors(choices.nested)[rows]
-            ratio = choices.ratio(fold, before / measure, errors / measure)
+            ratio = choices.ratio(part_of_row, before / measure, errors / measure)
             why = "held-out error does not fall for certain: ratio {:.3f} to {:.3f}".format(*ratio)
             if ratio[1] < 1:
                 status, why = "added", "of the set-up: fitted, and lowers held-out errors"

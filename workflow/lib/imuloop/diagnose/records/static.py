@@ -9,10 +9,10 @@ import numpy as np
 
 from imuloop.core.effect import FittedEffect
 from imuloop.diagnose.evidence import Evidence, RowGroup
-from imuloop.diagnose.fold_fit import ABSORBED, combined_axes
 from imuloop.diagnose.records.scan import best_line, best_steps, frequencies
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.diagnose.training_fit import ABSORBED, combined_axes
 from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps
 
@@ -56,7 +56,7 @@ class StaticProblem:
         return tuple(r.merged(MERGED) for r in self.records)
 
     @cached_property
-    def folds(self):
+    def part_of_windows(self):
         """In which part each window of the fit is held out, one array a record.
 
         A part is a stretch of time of every record, but not the same one: what happens at the start
@@ -79,16 +79,16 @@ class StaticProblem:
         phases = (2 * np.pi * np.outer(self.frequencies, r.channels.t) for r in self.merged)
         return [np.stack([np.cos(phase), np.sin(phase)]) for phase in phases]
 
-    def weighted_waves(self, i, point):
+    def weighted_waves(self, i, hypothesis):
         """Return products of the waves of a record with a hypothesis' precision, and with these.
 
         (2, f, n), and of both waves of each frequency (f, 2, 2).
         """
-        if (i, point) not in self._weighted_waves:
-            weighted = self.waves[i] @ self.evidence.row_groups[i].noise.precision[point]
+        if (i, hypothesis) not in self._weighted_waves:
+            weighted = self.waves[i] @ self.evidence.row_groups[i].noise.precision[hypothesis]
             own = np.einsum("kfn,lfn->fkl", weighted, self.waves[i])
-            self._weighted_waves[i, point] = weighted, own
-        return self._weighted_waves[i, point]
+            self._weighted_waves[i, hypothesis] = weighted, own
+        return self._weighted_waves[i, hypothesis]
 
     @cached_property
     def window(self):
@@ -101,9 +101,9 @@ class StaticProblem:
         return np.concatenate(found)
 
     @cached_property
-    def fold(self):
+    def part_of_row(self):
         """The part that each mean is held out with, shape (M,)."""
-        return np.concatenate(self.folds)[self.window]
+        return np.concatenate(self.part_of_windows)[self.window]
 
     @cached_property
     def session(self):
@@ -111,9 +111,9 @@ class StaticProblem:
         return np.concatenate([np.repeat(r.session, len(r.windows)) for r in self.records])
 
     @property
-    def ends(self):
-        """The same as `fold`, and the other part that it touches: none, (M, 2)."""
-        return _alone(self.fold)
+    def row_parts(self):
+        """The same as `part_of_row`, and the other part that it touches: none, (M, 2)."""
+        return _alone(self.part_of_row)
 
     @cached_property
     def evidence(self):
@@ -123,8 +123,8 @@ class StaticProblem:
         grid, prior = ratios(span, length)
         noise = self.noise or [hypotheses(r.windows, grid) for r in self.merged]
         groups = [
-            RowGroup(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, _alone(fold))
-            for r, h, fold in zip(self.merged, noise, self.folds, strict=True)
+            RowGroup(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, _alone(part))
+            for r, h, part in zip(self.merged, noise, self.part_of_windows, strict=True)
         ]
         # what a model lacks is rarely noise: the weights of a walk would take the parameters from
         # the fastest changes alone, where a lag that is not in the model counts most
@@ -139,10 +139,10 @@ class StaticProblem:
 
     def residuals_left(self, search, base):
         """Return what effects, fitted to what is seen, leave of all means, shape (M, 3)."""
-        fold_fit, left = search.fold_fit(base), self.values.copy()
+        training_fit, left = search.training_fit(base), self.values.copy()
         record = np.repeat(np.arange(len(self.records)), [len(r.windows) for r in self.records])
         for axis in range(3):
-            levels, vectors = fold_fit.parameters(base, axis)
+            levels, vectors = training_fit.parameters(base, axis)
             left[:, axis] -= np.concatenate(levels)[record]
             for effect, vector in vectors.items():
                 left[:, axis] -= self.derivative(effect)[:, axis] @ vector
@@ -167,11 +167,11 @@ class StaticProblem:
         self._derivatives.clear()
         self._weighted_waves.clear()
 
-    def fold_fit(self, base, out):
-        """Return the FoldFit: means at rest are straight in every effect."""
-        return self.evidence.fold_fit(out)
+    def training_fit(self, base, held_out):
+        """Return the TrainingFit: means at rest are straight in every effect."""
+        return self.evidence.training_fit(held_out)
 
-    def rejection_reason(self, base, out=frozenset()):
+    def rejection_reason(self, base, held_out=frozenset()):
         """Return why a fit with some effects is none: here it always is one."""
         return None
 
@@ -191,14 +191,14 @@ class StaticProblem:
         """Return how many rows make one residual."""
         return 1
 
-    def unseen(self, search, cls):
+    def why_no_trial(self, search, cls):
         """Return why an effect has no trial."""
         return "what it adds in these data is taken up by the bias"
 
 
-def _alone(fold):
+def _alone(part):
     """Return the part of each row, and that it touches no other, (n, 2)."""
-    return np.column_stack([fold, np.full(len(fold), -1)])
+    return np.column_stack([part, np.full(len(part), -1)])
 
 
 def part_in_time(record, count):
@@ -207,15 +207,15 @@ def part_in_time(record, count):
     return np.minimum((middle / record.length.sum() * count).astype(int), count - 1)
 
 
-def fold_of(record, problem):
+def covering_part(record, problem):
     """Return in which part other windows of a session are held out, shape (n,), -1 in none.
 
     A part is what its windows cover: what they saw no other window may share.
     """
     found = np.full(len(record.windows), -1)
-    for own, fold in zip(problem.merged, problem.folds, strict=True):
-        for k in np.unique(fold) if own.session == record.session else ():
-            covered = own.windows[fold == k]
+    for own, part in zip(problem.merged, problem.part_of_windows, strict=True):
+        for k in np.unique(part) if own.session == record.session else ():
+            covered = own.windows[part == k]
             start, end = covered[0, 0], covered[-1, 1]
             found[(record.windows[:, 0] >= start) & (record.windows[:, 1] <= end)] = k
     return found
@@ -223,13 +223,13 @@ def fold_of(record, problem):
 
 def fitted_effects(search, base):
     """Return a FittedEffect of each effect; None where an axis does not determine them."""
-    fold_fit = search.fold_fit(base)
-    patterns = fold_fit.evidence.patterns(base)
+    training_fit = search.training_fit(base)
+    patterns = training_fit.evidence.patterns(base)
     ends, estimates = np.cumsum([0, *(len(e.parameters) for e in base)]), []
-    for axis in range(fold_fit.evidence.axes):
-        if not fold_fit.evidence.columns_of(base, axis):
+    for axis in range(training_fit.evidence.axes):
+        if not training_fit.evidence.columns_of(base, axis):
             continue
-        found, covariance = fold_fit.estimate(base, axis)
+        found, covariance = training_fit.estimate(base, axis)
         if found is None:
             return None
         each = zip(ends, patterns, strict=False)
@@ -256,17 +256,17 @@ def information(search, base, effects):
     so that errors are those of `fitted_effects`. What else was found, `base`, is estimated beside.
     """
     others = tuple(e for e in base if e not in effects)
-    fold_fit, count = search.fold_fit(base), sum(len(e.parameters) for e in effects)
-    evidence = fold_fit.evidence
+    training_fit, count = search.training_fit(base), sum(len(e.parameters) for e in effects)
+    evidence = training_fit.evidence
     design = np.concatenate([p.design for p in evidence.patterns((*effects, *others))], axis=2)
     size = np.linalg.norm(design.reshape(-1, design.shape[2]), axis=0)
     size[size == 0] = 1.0
     precision, moment = np.zeros((len(size),) * 2), np.zeros(len(size))
     values = np.concatenate([g.values for g in evidence.row_groups])
     for axis in range(evidence.axes):
-        fit = fold_fit.fit(base, axis)
+        fit = training_fit.fit(base, axis)
         rows = np.column_stack([design[:, axis] / size, values[:, axis]])
-        plain, spread = fold_fit.moments(fit, rows)
+        plain, spread = training_fit.moments(fit, rows)
         own, spread = np.diag(plain)[:-1], np.diag(spread)[:-1]
         seen = own > ABSORBED * own.max()
         if seen.any():

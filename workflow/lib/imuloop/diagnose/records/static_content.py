@@ -15,7 +15,7 @@ from imuloop.effects.drifts import GaussMarkov
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # why a static record cannot show what the poses can
-UNSEEN = {
+NOT_SHOWN = {
     "bias_drift": "in a static record it is called ramp",
     "turn_on_bias": "every static record has a level of its own: see its scatter over power cycles",
 }
@@ -52,8 +52,8 @@ def static_content(sensor, finding, searched, noise, change, process):
     status = "added" if process else "not_observable"
     tried = [*searched["candidates"], untried(GaussMarkov.name, status, why)]
     listed = {c["name"] for c in tried}
-    unseen = (
-        untried(name, "not_observable", UNSEEN.get(name, ONE_ATTITUDE))
+    not_shown = (
+        untried(name, "not_observable", NOT_SHOWN.get(name, ONE_ATTITUDE))
         for name, cls in Effect.library.items()
         if sensor in cls.sensors and name not in listed
     )
@@ -63,7 +63,7 @@ def static_content(sensor, finding, searched, noise, change, process):
         "slow_noise": bool(residual["after"] > MARGIN * residual["floor"] and not above[1]),
         "residuals": {"bias": residual | {"sessions": _by_axis(axes, problem, errors, floor)}},
         "effects": searched["effects"] + [process] * bool(process),
-        "candidates": [*tried, *unseen],
+        "candidates": [*tried, *not_shown],
         "noise": change,
         "points": _points(problem, effects, errors, floor),
     }
@@ -82,7 +82,7 @@ def _floor(problem, noise, axes):
         # the level is the mean of what is seen
         covariances = [
             held_out_covariance(
-                process.mean_covariance(r.windows), g.nuisance, g.folds, np.diag(r.length)
+                process.mean_covariance(r.windows), g.nuisance, g.row_parts, np.diag(r.length)
             )
             for r, g in each
         ]
@@ -115,7 +115,7 @@ def _judged(problem, effects, errors, noise, axes):
             for k, name in enumerate(axes):
                 covariance = model.axes[name].mean_covariance(record.windows)
                 rows = [np.ones(len(values), dtype=bool)]
-                groups.append((values[:, k], covariance, group.nuisance, group.folds, rows))
+                groups.append((values[:, k], covariance, group.nuisance, group.row_parts, rows))
         alternatives.append((0.0, groups))
     # errors of all means are those of the windows of the fit
     first = np.flatnonzero(np.diff(problem.window, prepend=-1))

@@ -1,4 +1,4 @@
-"""The fit of a fold: least squares of its training rows under every noise hypothesis."""
+"""The fit to training rows: least squares under every hypothesis about the noise."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -63,12 +63,12 @@ class Fit:
 
 
 @dataclass
-class FoldFit:
-    """The training rows of a fold: all rows outside some parts."""
+class TrainingFit:
+    """Least squares of the rows that are not held out, the products of its columns kept."""
 
     evidence: object  # all rows
-    held: tuple  # rows of each group that are held out
-    values: tuple  # columns of the residuals of each axis
+    held_rows: tuple  # rows of each group that are held out, or touch a part that is
+    residual_columns: tuple  # number of the column that holds the residuals, by axis
     _place: dict = field(default_factory=dict)
     _sides: dict = field(default_factory=dict)
     _gram: np.ndarray | None = None
@@ -84,11 +84,12 @@ class FoldFit:
         own, then the nuisances; R, (h, u, u), is upper triangular: the first are not of the last.
         """
         found = []
-        parts = zip(self.evidence.row_groups, self.evidence.sides, self.held, strict=True)
-        for group, side, held in parts:
-            if not np.all(np.any(np.delete(group.nuisance, held, axis=0), axis=0)):
+        parts = zip(self.evidence.row_groups, self.evidence.sides, self.held_rows, strict=True)
+        for group, side, held_rows in parts:
+            if not np.all(np.any(np.delete(group.nuisance, held_rows, axis=0), axis=0)):
                 raise np.linalg.LinAlgError("a parameter that nothing seen depends on")
-            own, beside = group.noise.precision[:, held[:, None], held], side[:, held]
+            own = group.noise.precision[:, held_rows[:, None], held_rows]
+            beside = side[:, held_rows]
             corner = np.concatenate([np.swapaxes(beside, 1, 2), group.nuisance.T @ side], axis=2)
             own = np.concatenate([np.concatenate([own, beside], axis=2), corner], axis=1)
             size = np.sqrt(np.einsum("huu->hu", own))
@@ -99,10 +100,10 @@ class FoldFit:
         return found
 
     @cached_property
-    def rows(self):
-        """Number of rows less nuisances."""
-        groups = zip(self.evidence.row_groups, self.held, strict=True)
-        return sum(len(g.values) - len(held) - g.nuisance.shape[1] for g, held in groups)
+    def free_rows(self):
+        """Number of training rows less nuisances."""
+        groups = zip(self.evidence.row_groups, self.held_rows, strict=True)
+        return sum(len(g.values) - len(held_rows) - g.nuisance.shape[1] for g, held_rows in groups)
 
     @cached_property
     def log_det(self):
@@ -132,19 +133,19 @@ class FoldFit:
         grown, added, whole = np.zeros((points, total, total)), 0.0, 0.0
         if first:
             grown[:, :first, :first] = self._gram
-        parts = self.evidence.split(self.evidence.matrix(known))
-        blocks = zip(self.evidence.blocks, self.held, parts, strict=True)
-        for i, (block, held, z) in enumerate(blocks):
+        rows = self.evidence.split(self.evidence.matrix(known))
+        groups = zip(self.evidence.row_groups, self.held_rows, rows, strict=True)
+        for i, (group, held_rows, z) in enumerate(groups):
             # (h, new, known)
             more = np.stack([self.evidence.weighted[i][c] for c in new], axis=1)
             cross = more @ z
-            side = np.concatenate([more[:, :, held], more @ block.nuisance], axis=2) @ roots[i]
+            side = np.concatenate([more[:, :, held_rows], more @ group.nuisance], axis=2) @ roots[i]
             if first:
                 side = np.concatenate([self._sides[i], side], axis=1)
             self._sides[i], own = side, side[:, first:]
             # of the first hypothesis alone, the nuisances not taken out
             whole = whole + np.diag(cross[0, :, first:])
-            whole = whole - (own[0, :, : len(held)] ** 2).sum(axis=1)
+            whole = whole - (own[0, :, : len(held_rows)] ** 2).sum(axis=1)
             added = added + cross - own @ np.swapaxes(side, 1, 2)
         grown[:, first:], grown[:, :, first:] = added, np.swapaxes(added, 1, 2)
         self._gram, self._whole = grown, np.append(self._whole, whole)
@@ -157,34 +158,35 @@ class FoldFit:
             self._place.clear()
             self._sides.clear()
 
-    def weighted(self, i, point, columns):
+    def apply_precision(self, i, hypothesis, columns):
         """Return ``P̃ X`` of columns X of a group, (n, k), zero in the rows that are held out.
 
         P̃ is the precision of the rows that are seen, the nuisances taken out.
         """
-        whole, held = self.evidence.row_groups[i].noise.precision[point], self.held[i]
+        whole = self.evidence.row_groups[i].noise.precision[hypothesis]
+        held_rows = self.held_rows[i]
         found = whole @ columns
-        taken = self._roots[i][point] @ self.taken(i, point, found.T).T
-        found -= whole[:, held] @ taken[: len(held)]
-        found -= self.evidence.sides[i][point] @ taken[len(held) :]
-        found[held] = 0.0
+        taken = self._roots[i][hypothesis] @ self.taken(i, hypothesis, found.T).T
+        found -= whole[:, held_rows] @ taken[: len(held_rows)]
+        found -= self.evidence.sides[i][hypothesis] @ taken[len(held_rows) :]
+        found[held_rows] = 0.0
         return found
 
-    def taken(self, i, point, weighted):
+    def taken(self, i, hypothesis, weighted):
         """Return t, (..., u), by which ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, of the rows ``xᵀ P`` of x."""
         nuisance = self.evidence.row_groups[i].nuisance
-        side = np.concatenate([weighted[..., self.held[i]], weighted @ nuisance], axis=-1)
-        return side @ self._roots[i][point]
+        side = np.concatenate([weighted[..., self.held_rows[i]], weighted @ nuisance], axis=-1)
+        return side @ self._roots[i][hypothesis]
 
-    def of_steps(self, i, point):
+    def of_steps(self, i, hypothesis):
         """Return what a group tells of the size of a step before each of its rows, (n,)."""
-        if (i, point) not in self._steps:
-            whole = self.evidence.row_groups[i].noise.precision[point]
+        if (i, hypothesis) not in self._steps:
+            whole = self.evidence.row_groups[i].noise.precision[hypothesis]
             # sums over all rows from one on are products with its step
             after = whole[::-1].cumsum(axis=0)[::-1]
-            lost = (self.taken(i, point, after) ** 2).sum(axis=1)
-            self._steps[i, point] = np.triu(after).sum(axis=1) - lost
-        return self._steps[i, point]
+            lost = (self.taken(i, hypothesis, after) ** 2).sum(axis=1)
+            self._steps[i, hypothesis] = np.triu(after).sum(axis=1) - lost
+        return self._steps[i, hypothesis]
 
     def with_vectors(self, i, columns, vectors):
         """Return ``Zᵀ P̃ V`` of columns Z and other vectors V of a group, (n, m), and what V lose.
@@ -196,7 +198,7 @@ class FoldFit:
         whole = self.evidence.row_groups[i].noise.precision
         weighted = np.stack([self.evidence.weighted[i][c] for c in columns], axis=1)
         own = np.swapaxes(self.evidence.sides[i], 1, 2) @ vectors
-        own = np.concatenate([whole[:, self.held[i]] @ vectors, own], axis=1)
+        own = np.concatenate([whole[:, self.held_rows[i]] @ vectors, own], axis=1)
         taken = np.swapaxes(self._roots[i], 1, 2) @ own
         return weighted @ vectors - self._sides[i][:, place] @ taken, (taken**2).sum(axis=1)
 
@@ -213,13 +215,14 @@ class FoldFit:
         None where their columns are not independent, or as many as rows.
         """
         columns_of, by_count = self.evidence.columns_of, {}
-        found = [[None] * len(more) for _ in self.values]
-        for axis in range(len(self.values)):
+        found = [[None] * len(more) for _ in self.residual_columns]
+        for axis in range(len(self.residual_columns)):
             known = columns_of(base, axis)
             for k, effects in enumerate(more):
                 columns = (*known, *columns_of(effects, axis))
                 by_count.setdefault(len(columns), {}).setdefault(columns, []).append((axis, k))
-        self._enter((*self.values, *(c for sets in by_count.values() for own in sets for c in own)))
+        used = (c for sets in by_count.values() for own in sets for c in own)
+        self._enter((*self.residual_columns, *used))
         for sets in by_count.values():
             # axes that have the same columns share what these take
             for each, own in zip(self._fit(list(sets)), sets.values(), strict=True):
@@ -231,11 +234,11 @@ class FoldFit:
         """Return of sets of as many columns the fits by axis, None where not independent."""
         sets = np.array(sets, dtype=int)
         count, k = sets.shape
-        dof, least = self.rows - k, self.evidence.least
+        dof, least = self.free_rows - k, self.evidence.least
         if dof < 1:
             return [None] * count
         place = np.array([self._place[c] for c in sets.ravel().tolist()], int).reshape(count, k)
-        at = np.array([self._place[value] for value in self.values])
+        at = np.array([self._place[value] for value in self.residual_columns])
         # (h, s, k, axes), and (h, 1, axes)
         product, total = self._gram[:, place[:, :, None], at], self._gram[:, None, at, at]
         own = self._gram[:, place[:, :, None], place[:, None]]
@@ -263,8 +266,11 @@ class FoldFit:
 
         return [by_axis(s) if independent[s] else None for s in range(count)]
 
-    def point(self, fit):
-        """Return the hypothesis at which parameters are estimated: the likeliest of the still."""
+    def hypothesis(self, fit):
+        """Return the hypothesis at which parameters are estimated.
+
+        The likeliest of those in `Evidence.estimation_mask`.
+        """
         return int(np.argmax(np.where(self.evidence.estimation_mask, fit.log_weight, -np.inf)))
 
     def solved(self, effects, axis):
@@ -274,13 +280,14 @@ class FoldFit:
             return self.solved((), axis)[0], np.zeros(len(columns))
         if fit is None:
             raise np.linalg.LinAlgError("fewer rows are seen than parameters")
-        point = self.point(fit)
-        even = point if self.evidence.nuisance_index is None else self.evidence.nuisance_index
-        theta, at = fit.theta[point], [self._place[c] for c in (self.values[axis], *columns)]
-        found = []
-        for root, side, held in zip(self._roots, self._sides.values(), self.held, strict=True):
+        hypothesis = self.hypothesis(fit)
+        even = hypothesis if self.evidence.nuisance_index is None else self.evidence.nuisance_index
+        theta = fit.theta[hypothesis]
+        at, found = [self._place[c] for c in (self.residual_columns[axis], *columns)], []
+        each = zip(self._roots, self._sides.values(), self.held_rows, strict=True)
+        for root, side, held_rows in each:
             own = side[even][at]
-            found.append((root[even] @ (own[0] - theta @ own[1:]))[len(held) :])
+            found.append((root[even] @ (own[0] - theta @ own[1:]))[len(held_rows) :])
         return found, theta
 
     def parameters(self, effects, axis):
@@ -303,12 +310,12 @@ class FoldFit:
         groups = zip(self.evidence.row_groups, nuisances, strict=True)
         taken = np.concatenate([g.nuisance @ nuisance for g, nuisance in groups])
         taken = taken + self.evidence.matrix(self.evidence.columns_of(effects, axis)) @ theta
-        return self.evidence.columns[self.values[axis]] - taken
+        return self.evidence.columns[self.residual_columns[axis]] - taken
 
     def estimate(self, effects, axis):
         """Return coefficients of effects' columns, (k,), and covariance; None, None without a fit.
 
-        At the likeliest still hypothesis. The noise that is there is not known better than the
+        At `hypothesis`. The noise that is there is not known better than the
         restricted likelihood tells: with the information A, ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``.
         """
         fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
@@ -320,17 +327,17 @@ class FoldFit:
         information, spread = self.moments(fit, self.evidence.matrix(columns))
         size = np.sqrt(np.diag(information))
         inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
-        return fit.theta[self.point(fit)], inverse @ spread @ inverse
+        return fit.theta[self.hypothesis(fit)], inverse @ spread @ inverse
 
     def moments(self, fit, rows):
         """Return ``A = Zᵀ P̃ Z`` and ``Zᵀ P̃ Σ P̃ Z`` of columns Z, (N, k).
 
-        By the precision P̃ of what is seen at the likeliest still hypothesis of a fit, and the noise
-        Σ, averaged over all.
+        By the precision P̃ of what is seen at the `hypothesis` of a fit, and the noise Σ, averaged
+        over all.
         """
-        point, information, spread = self.point(fit), 0.0, 0.0
+        hypothesis, information, spread = self.hypothesis(fit), 0.0, 0.0
         for i, own in enumerate(self.evidence.split(rows)):
-            weighted = self.weighted(i, point, own)
+            weighted = self.apply_precision(i, hypothesis, own)
             noise = self.evidence.row_groups[i].noise.mean(fit.weight * fit.scale)
             information = information + own.T @ weighted
             spread = spread + weighted.T @ noise @ weighted
