@@ -70,7 +70,7 @@ def test_each_effect_is_found_by_its_name(name):
     finding = found({s: noise(k) + add for k, s in enumerate(sessions)})
     assert name in names(finding)
     at = names(finding).index(name)
-    assert finding.choices.choice().added[at].ratio[1] < 1
+    assert finding.choices.choice().added[at].change.upper < 1
     assert np.mean(finding.errors[1] ** 2) < 0.5 * np.mean(finding.errors[0] ** 2)
     if name == "steps":
         assert abs(finding.effects[at].effect.times[0] - shape.times[0]) <= LENGTH
@@ -140,7 +140,7 @@ def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it(kind):
     held_out, both = frozenset({part}), (choices, found(changed).choices)
     chosen = [c.choice(held_out) for c in both]
     assert chosen[0].base == chosen[1].base and chosen[0].base
-    ratios = [[a.ratio for a in one.added] for one in chosen]
+    ratios = [[a.change.ratio for a in one.added] for one in chosen]
     np.testing.assert_allclose(*ratios, rtol=1e-6)
     foreseen = [
         np.concatenate([r.values for r in c.problem.records])

@@ -1,11 +1,26 @@
 """The choice of effects: those that pass the test and lower the held-out error are added."""
 
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.diagnose.search import Search, Trial, kinds_of
+
+
+class ErrorChange(NamedTuple):
+    """What a trial does to the held-out errors."""
+
+    residual_kind: str  # kind of residual in which it shows most
+    before: np.ndarray  # (n, k): held-out errors of that kind without it
+    after: np.ndarray  # (n, k): and with it
+    ratio: list  # 95 % interval of the ratio of their root mean squares
+
+    @property
+    def upper(self):
+        """Upper end of the interval: below 1 the errors fall for certain."""
+        return self.ratio[1]
 
 
 @dataclass(frozen=True)
@@ -14,10 +29,7 @@ class Added:
 
     effect: Effect  # in its shape
     trial: Trial  # its test
-    kind: str  # kind of residual in which it shows most
-    before: np.ndarray  # (n, k): held-out errors of that kind without it
-    after: np.ndarray  # (n, k): and with it
-    ratio: list  # 95 % interval of the ratio of their root mean squares
+    change: ErrorChange  # of the held-out errors
 
 
 @dataclass(frozen=True)
@@ -26,7 +38,7 @@ class Choice:
 
     base: tuple[Effect, ...] = ()  # each in the shape that is best beside the others
     added: tuple[Added, ...] = ()  # the same, each beside all others
-    # interval of the ratio of those that passed the test alone, by type, or tuple of types
+    # interval of the ratio of those that passed the test alone, by kind, or tuple of kinds
     failed: dict = field(default_factory=dict)
 
 
@@ -52,8 +64,8 @@ class Choices:
         """
         found, problem = None, self.problem
         for part in sorted(set(range(problem.parts)) - held_out):
-            also_out = held_out | {part}
-            search, base = self.search(also_out), chosen(also_out)
+            missing = held_out | {part}
+            search, base = self.search(missing), chosen(missing)
             never_seen = np.isin(problem.row_parts, list(held_out)).any(axis=1)
             rows = (problem.part_of_row == part) & ~never_seen
             left = problem.residuals_left(search, base)
@@ -63,11 +75,11 @@ class Choices:
             search.training_fit(base).release()
         return found
 
-    def following(self, classes, held_out=frozenset()):
-        """Return the errors with given effects, shapes and times found again for each part."""
-        key = classes, held_out
+    def following(self, kinds, held_out=frozenset()):
+        """Return the errors with effects of given kinds, their shapes found again for each part."""
+        key = kinds, held_out
         if key not in self._errors:
-            self._errors[key] = self.errors(lambda u: self.search(u).following(classes), held_out)
+            self._errors[key] = self.errors(lambda u: self.search(u).following(kinds), held_out)
         return self._errors[key]
 
     def choice(self, held_out=frozenset()):
@@ -76,7 +88,7 @@ class Choices:
         The best effect that passes the test is added if it lowers the error of parts that are held
         out of what is seen here, or, where no other does, with the best that passes beside it;
         then everything is tested again, until nothing passes. What then no longer lowers it beside
-        all others goes again. Constants of what stays are then fitted between those of the shapes.
+        all others is removed. Constants of what stays are then fitted between those of the shapes.
         """
         if self._effects_of:
             return self._effects_of.choice(held_out)
@@ -85,9 +97,9 @@ class Choices:
         return self._choices[held_out]
 
     def _choice(self, held_out):
-        search, base, (wide, failed) = self.search(held_out), (), self._wider((), held_out)
+        search, base, (wide, failed) = self.search(held_out), (), self._with_next((), held_out)
         while wide != base:
-            base, (wide, failed) = wide, self._wider(wide, held_out)
+            base, (wide, failed) = wide, self._with_next(wide, held_out)
         while True:
             added = {}
             # what time explains goes before what the temperature does
@@ -97,14 +109,14 @@ class Choices:
                 # what those after it take up whole is none of its own
                 if trial is None:
                     break
-                gate = self._gate(others, trial, base, held_out)
-                if gate[-1][1] >= 1:
-                    failed[effect.kind] = gate[-1]
+                change = self._error_change(others, trial, base, held_out)
+                if change.upper >= 1:
+                    failed[effect.kind] = change.ratio
                     break
                 shapes = search.trial(others, effect.kind)
                 tries = shapes.tries if shapes else 0.0
                 trial = replace(trial, log_p=trial.log_p + tries, tries=tries)
-                added[effect] = Added(effect, trial, *gate)
+                added[effect] = Added(effect, trial, change)
             else:
                 finer = search.finer(base)
                 added = tuple(
@@ -114,34 +126,34 @@ class Choices:
                 return Choice(finer, added, failed)
             base = others
 
-    def _wider(self, base, held_out):
+    def _with_next(self, base, held_out):
         """Return effects with the next that lowers errors, and the ratios of those that do not."""
         search, failed = self.search(held_out), {}
         while best := search.best(base, failed):
-            wide, ratio = self._lower(base, best, held_out)
+            wide, ratio = self._extended_if_errors_fall(base, best, held_out)
             if wide:
                 return wide, failed
-            classes = kinds_of(best.effects)
-            failed[classes if len(classes) > 1 else classes[0]] = ratio
+            kinds = kinds_of(best.effects)
+            failed[kinds if len(kinds) > 1 else kinds[0]] = ratio
         # errors of another effect can hide that one lowers them
-        for first in (search.trial(base, cls) for cls in failed if type(cls) is not tuple):
-            banned = {c for c in failed if getattr(c, "name", None) not in first.effect.hidden_by}
+        for first in (search.trial(base, kind) for kind in failed if type(kind) is not tuple):
+            banned = {k for k in failed if getattr(k, "name", None) not in first.effect.hidden_by}
             if more := search.best((*base, *first.effects), banned):
                 both = replace(first, effects=(*first.effects, *more.effects))
-                wide, _ = self._lower(base, both, held_out)
+                wide, _ = self._extended_if_errors_fall(base, both, held_out)
                 if wide:
                     return wide, failed
         return base, failed
 
-    def _lower(self, base, trial, held_out):
+    def _extended_if_errors_fall(self, base, trial, held_out):
         """Return effects with those of a trial, None where errors do not fall, and the ratio."""
         wide = self.search(held_out).reshaped((*base, *trial.effects))
-        ratio = self._gate(base, trial, wide, held_out)[-1]
-        lower = ratio[1] < 1 and not self.problem.rejection_reason(wide, held_out)
-        return (wide if lower else None), ratio
+        change = self._error_change(base, trial, wide, held_out)
+        lower = change.upper < 1 and not self.problem.rejection_reason(wide, held_out)
+        return (wide if lower else None), change.ratio
 
-    def _gate(self, base, trial, wide, held_out):
-        """Return kind, errors without and with, and ratio of a trial, as `Added` has them.
+    def _error_change(self, base, trial, wide, held_out):
+        """Return the ErrorChange from effects to those that are extended by a trial.
 
         On the axis where it shows most; on all where that axis alone does not confirm it, and all
         do, each in its own size.
@@ -150,8 +162,8 @@ class Choices:
             errors = [self.following(kinds_of(e), held_out) for e in (base, wide)]
         except np.linalg.LinAlgError:
             # of few parts: without one of them more what is left determines nothing
-            return "", np.zeros((0, 1)), np.zeros((0, 1)), [np.inf, np.inf]
-        kind, rows = self.problem.shows(self.search(held_out), base, trial)
+            return ErrorChange("", np.zeros((0, 1)), np.zeros((0, 1)), [np.inf, np.inf])
+        residual_kind, rows = self.problem.shows(self.search(held_out), base, trial)
         errors = [e[rows] for e in errors]
         known = np.isfinite(errors[0][:, 0]) & np.isfinite(errors[1][:, 0])
         part_of_row, errors = self.problem.part_of_row[rows][known], [e[known] for e in errors]
@@ -163,8 +175,8 @@ class Choices:
             size = np.sqrt((errors[0] ** 2).mean(axis=0))
             of_all = self.ratio(part_of_row, *(e / np.where(size > 0, size, 1.0) for e in errors))
             if of_all[1] < 1:
-                return kind, *errors, of_all
-        return kind, before, after, ratio
+                return ErrorChange(residual_kind, *errors, of_all)
+        return ErrorChange(residual_kind, before, after, ratio)
 
     def ratio(self, part_of_row, before, after):
         """Return the interval of `ratio_interval`, a part that weighs most cut into several.

@@ -24,10 +24,10 @@ def search_content(choices, fitted, others, probes, sensor):
                 **effect.to_dict(),
                 "units": effect.effect.units(sensor),
                 "p_value": own.trial.p_value,
-                "residual": own.kind,
-                "heldout_before": size_of(problem, own.kind, own.before),
-                "heldout_after": size_of(problem, own.kind, own.after),
-                "ratio_ci95": own.ratio,
+                "residual": own.change.residual_kind,
+                "heldout_before": size_of(problem, own.change.residual_kind, own.change.before),
+                "heldout_after": size_of(problem, own.change.residual_kind, own.change.after),
+                "ratio_ci95": own.change.ratio,
             }
             for effect, own in zip(fitted, choice.added, strict=True)
             if own.effect.kind in kinds
@@ -88,49 +88,49 @@ def untried(name, status, why):
     return {"name": name, "status": status, "why": why, **dict.fromkeys(figures)}
 
 
-def _candidate(sensor, choices, cls):
+def _candidate(sensor, choices, kind):
     problem, search, choice = choices.problem, choices.search(), choices.choice()
-    own = [a for a in choice.added if a.effect.kind == cls]
-    before = tuple(e for e in choice.base if e.kind != cls)
-    trial, name = own[0].trial if own else search.trial(choice.base, cls), None
+    own = [a for a in choice.added if a.effect.kind == kind]
+    before = tuple(e for e in choice.base if e.kind != kind)
+    trial, name = own[0].trial if own else search.trial(choice.base, kind), None
     status, why = "rejected", "the residual does not fall by more than chance"
     if own:
         status, why = "added", "lowers the residual in the fit and in held-out data"
     elif trial is None:
-        name, before, trial = holder(search, choice.base, cls), (), search.trial((), cls)
+        name, before, trial = holder(search, choice.base, kind), (), search.trial((), kind)
         if name is None:
-            return untried(cls.name, "not_observable", problem.why_no_trial(search, cls))
+            return untried(kind.name, "not_observable", problem.why_no_trial(search, kind))
         status, why = "confounded", f"{name} adds all that it would: they are one in these data"
-    elif cls in choice.failed:
-        low, high = choice.failed[cls]
+    elif kind in choice.failed:
+        low, high = choice.failed[kind]
         why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"
         if high < 1:
             why = problem.rejection_reason((*choice.base, trial.effect))
             why = why or "the fit with it is none"
     elif trial.impossible:
-        why = f"it would have to be larger than {cls.limit:g}, the most that is possible"
-    elif name := twin(search, choice.base, cls):
+        why = f"it would have to be larger than {kind.limit:g}, the most that is possible"
+    elif name := twin(search, choice.base, kind):
         status = "confounded"
         why = f"in these data it could stand in for {name}: neither adds to the other"
     elif _by_slow_noise(search, before, trial):
         why = "slow noise that these data do not exclude could look the same"
     limits = detection_limits(search, before, trial, problem.settings.power)
-    units, passed = trial.effect.units(sensor), cls in choice.failed
-    if status == "rejected" and not passed and (reason := why_not_shown(cls, limits, units)):
+    units, passed = trial.effect.units(sensor), kind in choice.failed
+    if status == "rejected" and not passed and (reason := why_not_shown(kind, limits, units)):
         status, why, limits = "not_observable", reason, None
     elif not limits:
         # what was found may be of a kind that held-out parts confirm by luck only
         limits = detection_limits(search, before, trial, problem.settings.power, kept=False)
-    kind, rows = problem.shows(search, before, trial)
+    residual_kind, rows = problem.shows(search, before, trial)
     values, std, _ = search.beside(before, trial.effect)
     names = list(trial.effect.parameters)
     return {
-        "name": cls.name,
+        "name": kind.name,
         "status": status,
         "why": why,
-        "residual": kind,
+        "residual": residual_kind,
         "p_value": trial.p_value,
-        "heldout_after": size_of(problem, kind, choices.following((cls,))[rows]),
+        "heldout_after": size_of(problem, residual_kind, choices.following((kind,))[rows]),
         "constants": trial.effect.constants,
         "parameters": dict(zip(names, values.tolist(), strict=True)),
         "std": dict(zip(names, std.tolist(), strict=True)),

@@ -50,19 +50,19 @@ def imitated(search, kinds):
     the effect's shapes, by the nearest one of the other's; of the axis where it is least.
     """
     training_fit, shapes = search.training_fit(()), {}
-    for cls in kinds:
-        own = search.problem.shapes.get(cls, ())
+    for kind in kinds:
+        own = search.problem.shapes.get(kind, ())
         tried = search.tests((), own)
         seen = [s for s, t in zip(own, tried, strict=True) if t]
         if seen:
-            shapes[cls] = seen
+            shapes[kind] = seen
     found = []
-    for cls, other in permutations(shapes, 2):
+    for kind, other in permutations(shapes, 2):
         others = shapes[other]
-        shares = [max(share_on_axes(training_fit, a, b) for b in others) for a in shapes[cls]]
+        shares = [max(share_on_axes(training_fit, a, b) for b in others) for a in shapes[kind]]
         share = float(np.median(shares))
         if share >= SHARE:
-            found.append({"effect": cls.name, "with": other.name, "share": share})
+            found.append({"effect": kind.name, "with": other.name, "share": share})
     return found
 
 
@@ -75,14 +75,14 @@ def share_on_axes(training_fit, a, b):
     return min(imitated_share(training_fit, (), a, b, axis)[0] for axis in axes)
 
 
-def twin(search, base, cls):
+def twin(search, base, kind):
     """Return the name of an added effect that a candidate could stand in for, or None.
 
     It could if in its place it passes the test, and the effect beside it then does not.
     """
     for effect in reversed(base):
         others = tuple(e for e in base if e is not effect)
-        instead = search.trial(others, cls)
+        instead = search.trial(others, kind)
         if not instead or instead.impossible or instead.log_p >= search.threshold(len(others)):
             continue
         beside = search.test((*others, instead.effect), effect)
@@ -91,9 +91,9 @@ def twin(search, base, cls):
     return None
 
 
-def holder(search, base, cls):
+def holder(search, base, kind):
     """Return the added effect without which a candidate can be tried, or None."""
-    alone = search.trial((), cls)
+    alone = search.trial((), kind)
     for effect in base if alone else ():
         if search.test(tuple(e for e in base if e is not effect), alone.effect):
             return effect.name

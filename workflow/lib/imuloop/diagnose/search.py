@@ -113,20 +113,20 @@ class Search:
             found[k] = Trial((effects[k],), joint, min(own, key=own.get), len(own))
         return found
 
-    def trial(self, base, cls, hopeful=False):
-        """Return the best trial of an effect beside others, or None.
+    def trial(self, base, kind, hopeful=False):
+        """Return the best trial of a kind of effect beside others, or None.
 
         `hopeful` leaves out what a scan, which is cheap, finds no more than chance: tests are not.
         """
-        if cls in kinds_of(base):
+        if kind in kinds_of(base):
             return None
-        hopeful = hopeful and cls in self.problem.scans
-        key = base, cls, hopeful
+        hopeful = hopeful and kind in self.problem.scans
+        key = base, kind, hopeful
         if key not in self._trials:
-            if cls in self.problem.scans:
-                self._trials[key] = self.problem.scans[cls](self, base, hopeful)
+            if kind in self.problem.scans:
+                self._trials[key] = self.problem.scans[kind](self, base, hopeful)
             else:
-                shapes = self.problem.shapes[cls]
+                shapes = self.problem.shapes[kind]
                 # one with a price is tried as if it were as many times less likely
                 tries = np.log(sum(np.exp(-shape.price) for shape in shapes))
                 self._trials[key] = self.shaped(base, shapes, tries)
@@ -146,9 +146,9 @@ class Search:
         best = alike[0]
         if len(alike) > 1:
             # shapes that say the same in these data differ by rounding alone: the first counts
-            still = self.training_fit(base).evidence.estimation_mask
-            still = self.tests(base, [t.effect for t in alike], still)
-            best = alike[int(np.argmin([round(_priced(base, t).log_p, 6) for t in still]))]
+            mask = self.training_fit(base).evidence.estimation_mask
+            retried = self.tests(base, [t.effect for t in alike], mask)
+            best = alike[int(np.argmin([round(_priced(base, t).log_p, 6) for t in retried]))]
         impossible, price = self._impossible(base, best.effect), _price(base, best.effect)
         return replace(best, log_p=best.log_p + tries, tries=tries + price, impossible=impossible)
 
@@ -183,8 +183,8 @@ class Search:
         it does so at least half as clearly: it is a cause that is logged. Where none passes and the
         noise is known to be smaller than what is left, the best pair.
         """
-        kinds = [cls for cls in (*self.problem.shapes, *self.problem.scans) if cls not in banned]
-        trials = [self.trial(base, cls, hopeful=True) for cls in kinds]
+        kinds = [kind for kind in (*self.problem.shapes, *self.problem.scans) if kind not in banned]
+        trials = [self.trial(base, kind, hopeful=True) for kind in kinds]
         passing = [
             t for t in trials if t and not t.impossible and t.log_p < self.threshold(len(base))
         ]
@@ -224,7 +224,7 @@ class Search:
         if training_fit.evidence.axes > 1 or not self._above(base):
             return []
         kinds = [c for c in self.problem.shapes if c not in used and np.isinf(c.limit)]
-        shapes = [s for cls in kinds for s in self.problem.shapes[cls]]
+        shapes = [s for kind in kinds for s in self.problem.shapes[kind]]
         (alone,) = training_fit.fits(base, [(shape,) for shape in shapes])
         seen = [k for k, fit in enumerate(alone) if fit]
         pairs = [(i, j) for i, j in combinations(seen, 2) if shapes[i].kind != shapes[j].kind]
@@ -282,10 +282,10 @@ class Search:
             base = (*base[:i], effect, *base[i + 1 :])
         return base
 
-    def following(self, classes):
-        """Return effects of given classes, one after the other in the shape that is best here."""
-        if classes and classes not in self._following:
-            base = self.following(classes[:-1])
-            trial = self.trial(base, classes[-1])
-            self._following[classes] = self.reshaped((*base, trial.effect)) if trial else base
-        return self._following.get(classes, ())
+    def following(self, kinds):
+        """Return effects of given kinds, one after the other in the shape that is best here."""
+        if kinds and kinds not in self._following:
+            base = self.following(kinds[:-1])
+            trial = self.trial(base, kinds[-1])
+            self._following[kinds] = self.reshaped((*base, trial.effect)) if trial else base
+        return self._following.get(kinds, ())

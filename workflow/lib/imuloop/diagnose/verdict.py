@@ -114,17 +114,17 @@ def above_floor(judged, share, heldout, floor, chosen):
     return (judged.p_value < share and heldout > floor) or beyond
 
 
-def why_not_shown(cls, limits, units):
+def why_not_shown(kind, limits, units):
     """Return why these data cannot show an effect at all, text, or None.
 
-    By its class, its detection limits by parameter, SI, and the units of the parameters.
+    By its kind, its detection limits by parameter, SI, and the units of the parameters.
     """
     if not limits:
         return "at no size that was tried would held-out parts confirm it for certain"
     name = min(limits, key=limits.get)
-    if not limits[name] > cls.limit:
+    if not limits[name] > kind.limit:
         return None
     return (
-        f"these data would show it from {limits[name]:.2g} {units[name]} on, and {cls.limit:g} is "
+        f"these data would show it from {limits[name]:.2g} {units[name]} on, and {kind.limit:g} is "
         "the most possible"
     )

@@ -341,10 +341,10 @@ class PoseProblem:
                 found.append((up - down) / (2 * np.log(1.05)))
         return found
 
-    def why_no_trial(self, search, cls):
-        """Return why an effect has no trial."""
+    def why_no_trial(self, search, kind):
+        """Return why a kind of effect has no trial."""
         rows = search.training_fit(()).free_rows
-        shapes = self.shapes.get(cls) or (cls.cls(),)
+        shapes = self.shapes.get(kind) or (kind.cls(),)
         least = min(len(shape.parameters) for shape in shapes)
         if rows <= least:
             return f"{rows} residuals to spare do not determine {least} more parameters"

@@ -191,8 +191,8 @@ class StaticProblem:
         """Return how many rows make one residual."""
         return 1
 
-    def why_no_trial(self, search, cls):
-        """Return why an effect has no trial."""
+    def why_no_trial(self, search, kind):
+        """Return why a kind of effect has no trial."""
         return "what it adds in these data is taken up by the bias"
 
 

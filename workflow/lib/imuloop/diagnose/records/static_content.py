@@ -28,7 +28,7 @@ def searched_content(sensor, finding):
     probes = of_means(choices.problem)
     found = search_content(choices, finding.effects, finding.others, probes, sensor)
     for entry, own in zip(found["effects"], choices.choice().added, strict=True):
-        entry["axis"] = axes[own.trial.axis] if own.before.shape[1] == 1 else None
+        entry["axis"] = axes[own.trial.axis] if own.change.before.shape[1] == 1 else None
     return found | {"by_session": _by_session(choices)}
 
 

@@ -227,7 +227,7 @@ def find(sensor, records, settings, tests):
     choices = Choices(StaticProblem(tuple(records), shapes, settings, tests))
     choice, search = choices.choice(), choices.search()
     errors = choices.following(()), choices.errors(choices.nested)
-    unconfirmed = [cls for cls in choice.failed if isinstance(cls, type) and cls.lasting]
+    unconfirmed = [k for k in choice.failed if isinstance(k, type) and k.lasting]
     trial = search.trial(choice.base, unconfirmed[0]) if unconfirmed else None
     effects = fitted_effects(search, choice.base)
     doubtful = fitted_effects(search, (*choice.base, *trial.effects)) if trial else effects
