@@ -1,4 +1,4 @@
-"""Digest of the code that a job runs, the param `code` of its rule: an edit reruns its reach."""
+"""The param `code` of each rule: a job reruns when code that its script reaches changes."""
 
 import ast
 import hashlib

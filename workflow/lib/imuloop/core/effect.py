@@ -80,11 +80,12 @@ class Effect:
     parameters: ClassVar[dict[str, str]]
     equation: ClassVar[str]  # what it adds
     reference: ClassVar[str]  # where it is described
-    # channels without which it cannot be seen: ``temperature``, ``power_cycle``
+    # channels without which it cannot be seen: ``temperature``, ``power_cycle`` (more than one)
     needs: ClassVar[tuple[str, ...]] = ()
     # data in which it is looked for: ``poses``, ``static_record``, ``motion``, ``reference``
     records: ClassVar[tuple[str, ...]] = ("poses", "static_record")
-    unobservable: ClassVar[str | None] = None  # why other data cannot show it, if so
+    # why poses and static records cannot show it, if so; then it is tried in its `records` only
+    unobservable: ClassVar[str | None] = None
     limit: ClassVar[float] = np.inf  # largest size of a parameter that is physically possible, SI
     # whether it depends on the time since the start of the log, or on what was before
     timed: ClassVar[bool] = False

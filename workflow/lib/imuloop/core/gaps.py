@@ -3,17 +3,21 @@
 A *gap* is longer than `GAP_STEPS` usual steps, the median ones: a sample or more is lost in it.
 Ingest counts these, and turns, windows and slow channels are corrected for them or leave them out.
 
-A *long gap* is longer than `LONG_GAP_STEPS`, or the setting `gap_factor`: what lies before and
-after it does not belong together. It ends a rest and a turn, and is a segment of kind ``gap``.
+A *long gap* is longer than the setting `gap_factor` of the segment stage, in usual steps: what lies
+before and after it does not belong together. It is a segment of kind ``gap``, and so ends a rest
+and a turn. `LONG_GAP_STEPS` is the default of the setting, and what the noise stage goes by
+(`noise.sampling`), which does not have it.
 
-A gap longer than all that was recorded ends a *power cycle* (`core.segments.power_cycles`).
+A segment of kind ``gap`` may also be a stretch in which a channel is stuck (`core.segments`). One
+that is longer than all segments of other kinds in its session together ends a *power cycle*
+(`core.segments.power_cycles`).
 """
 
 import numpy as np
 
 # one sample lost makes a step two usual ones
 GAP_STEPS = 1.5
-# a clock that starts again goes on after ten
+# a clock that starts again goes on `ingest.clocks.RESET_STEPS`, ten, after its last stamp
 LONG_GAP_STEPS = 9.5
 
 

@@ -7,8 +7,9 @@ from imuloop.effects.temperature import LEAST_SPAN, span
 def candidates(sensor, record, channels):
     """Return the shapes of each effect to try on a sensor, by type, and why others are not.
 
-    Of the others status and reason by type; `record` is 'poses' or 'static_record', `channels` what
-    effects see in it.
+    Of the others status and reason by type; `channels` is what effects see in the record, which is
+    'poses' or 'static_record'. Effects of the other two, 'motion' and 'reference', are not tried
+    here: `records.motion.candidates_in_motion` and `records.reference.shapes_beside` add them.
     """
     available, others, cycle = {}, {}, channels.power_cycle
     several = cycle is not None and cycle.any()

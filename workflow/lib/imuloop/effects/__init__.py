@@ -5,7 +5,7 @@ from pkgutil import iter_modules
 
 from imuloop.core.effect import Effect
 
-# candidates stand in this order in results, before those that are not named here
+# order of results alone: an effect that is not named here stands after these
 _ORDER = """anisoinertia asymmetry bias_drift bias_temperature bias_temperature_rate clock_drift
     cross_coupling cubic vibration_rectification discovered earth_rate g2_sensitivity g_sensitivity
     gauss_markov gyro_axis_delay lever_arm quadratic ramp rate_sensitivity reorientation

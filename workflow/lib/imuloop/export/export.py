@@ -40,6 +40,7 @@ class ExportFormat(NamedTuple):
         return render(self.file, values(exported))
 
 
+# a new format is a line in formats.yaml and a template beside it; nothing is added here
 FORMATS = tuple(
     ExportFormat(file, row["title"], tuple(row["needs"]))
     for file, row in yaml.safe_load((TEMPLATES / "formats.yaml").read_text("utf-8")).items()

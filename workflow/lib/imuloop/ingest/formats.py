@@ -32,7 +32,7 @@ class LogFormat:
     whole: bool = False
 
 
-# a new format is one reader and one line here
+# a new format is a reader and a line here; SIGNATURES and tests: "Adding a format", docs/formats.md
 FORMATS = {
     "csv": LogFormat(delimited.read, delimited.ENDINGS),
     # the separator is found in the file; the name is there for those who look for it
