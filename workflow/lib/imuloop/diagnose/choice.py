@@ -60,7 +60,8 @@ class Choices:
         """Return the error of every residual, each part predicted by what is seen without it.
 
         `chosen` takes the parts that are not seen, and returns the effects. The errors, (M, a), SI,
-        are nan for residuals that touch the parts `held_out`, which nobody sees at all.
+        are nan for residuals that touch the parts `held_out`, which nobody sees at all. The verdict
+        is by those with `nested` as `chosen`.
         """
         found, problem = None, self.problem
         for part in sorted(set(range(problem.parts)) - held_out):

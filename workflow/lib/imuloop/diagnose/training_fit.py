@@ -281,13 +281,14 @@ class TrainingFit:
         if fit is None:
             raise np.linalg.LinAlgError("fewer rows are seen than parameters")
         hypothesis = self.hypothesis(fit)
-        even = hypothesis if self.evidence.nuisance_index is None else self.evidence.nuisance_index
+        index = self.evidence.nuisance_index
+        of_nuisances = hypothesis if index is None else index
         theta = fit.theta[hypothesis]
         at, found = [self._place[c] for c in (self.residual_columns[axis], *columns)], []
         each = zip(self._roots, self._sides.values(), self.held_rows, strict=True)
         for root, side, held_rows in each:
-            own = side[even][at]
-            found.append((root[even] @ (own[0] - theta @ own[1:]))[len(held_rows) :])
+            own = side[of_nuisances][at]
+            found.append((root[of_nuisances] @ (own[0] - theta @ own[1:]))[len(held_rows) :])
         return found, theta
 
     def parameters(self, effects, axis):
