@@ -93,9 +93,8 @@ class Evidence:
         self._known, self._patterns, self._training_fits = {}, {}, {}
         self._ends = np.cumsum([len(g.values) for g in self.row_groups])[:-1]
         self.sides = [g.noise.precision @ g.nuisance for g in self.row_groups]
-        self.residual_columns = self.add_columns(
-            np.concatenate([g.values for g in self.row_groups]).T
-        )
+        values = np.concatenate([g.values for g in self.row_groups])
+        self.residual_columns = self.add_columns(values.T)
 
     def add_columns(self, vectors):
         """Return the numbers of columns, shape (k, N); one that is known is entered once."""
