@@ -127,10 +127,10 @@ class TrainingFit:
         if not new:
             return
         # they may not be determined: then no column has a place
-        first, points, roots = len(self._place), len(self.evidence.prior), self._roots
+        first, count, roots = len(self._place), len(self.evidence.prior), self._roots
         self._place |= {c: first + k for k, c in enumerate(new)}
         known, total = list(self._place), len(self._place)
-        grown, added, whole = np.zeros((points, total, total)), 0.0, 0.0
+        grown, added, whole = np.zeros((count, total, total)), 0.0, 0.0
         if first:
             grown[:, :first, :first] = self._gram
         rows = self.evidence.split(self.evidence.matrix(known))
