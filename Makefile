@@ -59,8 +59,8 @@ format: setup-dev
 MEASURE := OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m
 
 # times and errors beside other packages: peers.md, five minutes
-bench: setup-dev $(PEERS)/.ready
-	$(MEASURE) bench.peers
+bench: setup-dev $(if $(BASE),,$(PEERS)/.ready)
+	$(MEASURE) $(if $(BASE),bench.since $(BASE),bench.peers)
 
 # a day at rest from CSV to noise.json, time and memory: day_200.md; RATE=200 or 1000
 RATE ?= 200

@@ -1,0 +1,170 @@
+"""Processor time of the same work by an earlier commit and by this one: `make bench BASE=COMMIT`.
+
+Each commit has its own copy and its own environment, from its own lock file. The two take turns, a
+process each; counted is the processor time of that process and its children, imports included. The
+ratio is of the medians; its spread, of the rounds.
+"""
+
+import argparse
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from statistics import median
+
+from bench.realistic.device import record
+from bench.tables import REPOSITORY, publish, table
+from bench.workflow import KINDS, device, make_logs, write_config
+
+# seed of the device whose thermometer is late, with many candidates near the threshold
+LATE = 5009
+# devices of a dry run
+MANY = 200
+
+STAGE = """
+import sys, yaml
+from pathlib import Path
+from imuloop import chain
+name, folder, config = sys.argv[1:]
+config = yaml.safe_load(Path(config).read_text())
+own, all_of = config["devices"][name], config.get("defaults") or {}
+settings = [
+    {**all_of.get(stage, {}), **own.get(stage, {})}
+    for stage in ("segment", "noise", "calibrate", "diagnose")
+]
+made = chain.Device(
+    name, Path(folder, name), {n: s["kind"] for n, s in own["sessions"].items()},
+    own.get("label", name), own.get("gravity", 9.80665), own.get("nominal", {}),
+    own.get("full_scale", {}), *settings,
+)
+"""
+ARRAYS = """
+import sys, pandas, imuloop
+log = pandas.read_csv(sys.argv[1])
+three = lambda names: log[list(names)].to_numpy()
+imuloop.calibrate(
+    log["t"].to_numpy(), three(["ax", "ay", "az"]), three(["gx", "gy", "gz"]), progress=False
+).export(sys.argv[2])
+"""
+IMPORT = "import imuloop; imuloop.calibrate"
+LOG = "import sys, imuloop; imuloop.calibrate(sys.argv[1], progress=False)"
+
+
+class Side:
+    """One of the two commits: its copy, and a folder with its results."""
+
+    def __init__(self, repository, folder):
+        self.repository, self.folder = Path(repository), Path(folder)
+        self.folder.mkdir(parents=True)
+        self.environment = {
+            **os.environ,
+            "OPENBLAS_NUM_THREADS": "1",
+            "PYTHONPATH": str(self.repository / "workflow/lib"),
+            "PYTHONDONTWRITEBYTECODE": "",
+        }
+
+    def python(self, *arguments):
+        """Return wall and processor seconds of a process of the commit's Python."""
+        command = [self.repository / ".venv/bin/python", *map(str, arguments)]
+        begin, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
+        how = {"env": self.environment, "cwd": self.folder, "capture_output": True, "text": True}
+        done = subprocess.run(command, **how)
+        wall, after = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
+        if done.returncode:
+            sys.exit(f"{self.repository}: {done.stdout[-2000:]}{done.stderr[-2000:]}")
+        return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+    def workflow(self, config, work, *arguments):
+        """Return the same of the workflow, two jobs at once."""
+        where = ("-s", self.repository / "Snakefile", "-d", self.folder / work)
+        return self.python("-m", "snakemake", *where, "--configfile", config, "-c2", *arguments)
+
+
+def copy_of(commit, folder):
+    """Return a copy of the repository at a commit, its environment set up."""
+    if not folder.exists():
+        subprocess.run(["git", "worktree", "add", "--detach", folder, commit], check=True)
+    subprocess.run(["make", "-s", "-C", folder, "setup"], check=True)
+    return folder
+
+
+def works(folder):
+    """Return what is timed: by name the bound of the ratio, and a function of a Side.
+
+    The workflow's runs come first; the stages take their results.
+    """
+    logs = folder / "data"
+    logs.mkdir()
+    for number in range(2):
+        make_logs(logs, number)
+    for number in range(2, MANY):
+        for kind in KINDS:
+            (logs / f"{device(number)}_{kind}.csv").hardlink_to(logs / f"{device(0)}_{kind}.csv")
+    for name, count in (("two", 2), ("many", MANY)):
+        (folder / name).mkdir()
+        write_config(folder / name, count)
+    late = folder / "late.csv"
+    record(LATE, "thermometer_lag").write(late)
+    two, many = folder / "two/config.yaml", folder / "many/config.yaml"
+    first = logs / f"{device(0)}_multi_position.csv"
+
+    def default(side):
+        return side.repository / "config.yaml"
+
+    def stage(code, name="d0000", work="two", config=lambda _: two):
+        text = f"{STAGE}\n{code}"
+        return lambda s: s.python("-c", text, name, s.folder / work / "results", config(s))
+
+    anew = ("--forceall", "--", "results/report.html")
+    return {
+        "config.yaml, all jobs": (0.33, lambda s: s.workflow(default(s), "default", *anew)),
+        "two devices of a factory, all jobs": (0.33, lambda s: s.workflow(two, "two", *anew)),
+        f"{MANY} devices, dry run": (0.7, lambda s: s.workflow(many, "many", "-n")),
+        "arrays to exports": (0.33, lambda s: s.python("-c", ARRAYS, first, s.folder / "exports")),
+        "a log with a late thermometer": (0.1, lambda s: s.python("-c", LOG, late)),
+        "import": (0.5, lambda s: s.python("-c", IMPORT)),
+        "segment and calibrate": (0.33, stage("chain.segment(made); chain.calibrate(made)")),
+        "diagnosis": (0.33, stage("chain.diagnose(made)")),
+        "page of a device": (0.4, stage("chain.report_device(made)")),
+        "diagnosis of the CATS tag": (
+            0.15,
+            stage("chain.diagnose(made)", "cats_tag", "default", default),
+        ),
+    }
+
+
+def main():
+    """Time every work in turns, and publish the ratios."""
+    parser = argparse.ArgumentParser(prog="python -m bench.since", description=__doc__)
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.add_argument("commit", help="the earlier one")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--folder", type=Path, default=REPOSITORY / "build", help="with room")
+    options = parser.parse_args()
+    before = copy_of(options.commit, options.folder / f"base_{options.commit}")
+    with tempfile.TemporaryDirectory(prefix="since-", dir=options.folder) as folder:
+        folder, rows = Path(folder).resolve(), []
+        sides = [Side(before, folder / "before"), Side(REPOSITORY, folder / "now")]
+        for name, (bound, work) in works(folder).items():
+            took = [[work(side) for side in sides] for _ in range(options.rounds)]
+            rows.append((name, *figures(took), bound))
+            print(*rows[-1], sep="; ", file=sys.stderr)
+    header = ("work", "before, s", "now, s", "ratio", "spread", "wall, ratio", "bound")
+    publish("since", f"Beside commit {options.commit}", table(header, rows))
+
+
+def figures(took):
+    """Return median processor seconds of both, their ratio, its spread, and that of wall time."""
+    walls, seconds = zip(*(zip(*each, strict=True) for each in took), strict=True)
+    before, now = (median(each) for each in zip(*seconds, strict=True))
+    ratios = [b / a for a, b in seconds]
+    wall = median(b for _, b in walls) / median(a for a, _ in walls)
+    spread = f"{min(ratios):.2f}–{max(ratios):.2f}"
+    return f"{before:.2f}", f"{now:.2f}", f"{now / before:.2f}", spread, f"{wall:.2f}"
+
+
+if __name__ == "__main__":
+    main()
