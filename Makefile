@@ -23,7 +23,8 @@ picture: report
 	$(BROWSER) --headless --no-sandbox --hide-scrollbars --window-size=1400,880 \
 		--screenshot=docs/report.png file://$(CURDIR)/results/report.html
 	$(BIN)/python -c 'from PIL import Image; \
-		Image.open("docs/report.png").quantize(48).save("docs/report.png", optimize=True)'
+		Image.open("docs/report.png").convert("RGB").quantize(48, Image.Quantize.MAXCOVERAGE, \
+		dither=Image.Dither.NONE).save("docs/report.png", optimize=True)'
 
 # the config's schema and docs/settings.md, from the models of its keys
 settings: setup

@@ -205,8 +205,8 @@ def test_the_headline_is_the_largest_find_and_a_small_gain_is_none():
     good = device("A", "consistent", error())
     found = device("B", "explained", error(final=1.9e-3), error("gravity at rest", 1e-3))
     words = "undeclared g-sensitivity. Gravity at rest 0.11° → 0.057°"
-    of_all = words.removeprefix("undeclared ")
-    assert headline([good, found]) == f"Undeclared effects in 1 of 2 devices. B: {of_all}"
+    of_all = "Undeclared effects in 1 of 2 devices; largest: B, gravity at rest 0.11° → 0.057°"
+    assert headline([good, found]) == of_all
     assert headline([found]) == f"B: {words}"
     # it is the device's own sentence
     assert all(size in card({}, found["loop"])["gain"] for size in ("0.11°", "0.057°"))

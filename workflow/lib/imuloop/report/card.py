@@ -61,16 +61,15 @@ def headline(summaries):
         _, error, summary = max(found, key=lambda each: each[0])
         display = RESIDUAL[error["unit"]]
         before, after = (display.text(error[stage], 2) for stage in ("calibrated", "final"))
-        what = error["what"].capitalize()
-        effects = joined(error["effects"])
-        with_effects = sum(
+        if len(summaries) == 1:
+            what, effects = error["what"].capitalize(), joined(error["effects"])
+            return f"{summary['label']}: undeclared {effects}. {what} {before} → {after}"
+        count = sum(
             any(verdict in ("explained", "partly_explained") for _, verdict, _ in s["answers"])
             for s in summaries
         )
-        of = f"Undeclared effects in {with_effects} of {len(summaries)} devices. "
-        of = of * (len(summaries) > 1)
-        undeclared = "" if of else "undeclared "
-        return f"{of}{summary['label']}: {undeclared}{effects}. {what} {before} → {after}"
+        largest = f"{summary['label']}, {error['what']} {before} → {after}"
+        return f"Undeclared effects in {count} of {len(summaries)} devices; largest: {largest}"
     every = {verdict for s in summaries for _, verdict, _ in s["answers"]}
     verdicts = every - {"not_testable"}
     named = summaries[0]["label"] if len(summaries) == 1 else plural(len(summaries), "device")
