@@ -120,7 +120,6 @@ def works(folder):
 
     anew = ("--forceall", "--", "results/report.html")
     return {
-        "config.yaml, all jobs": (0.33, lambda s: s.workflow(default(s), "default", *anew)),
         "two devices of a factory, all jobs": (0.33, lambda s: s.workflow(two, "two", *anew)),
         f"{MANY} devices, dry run": (0.7, lambda s: s.workflow(many, "many", "-n")),
         "arrays to exports": (0.33, lambda s: s.python("-c", ARRAYS, first, s.folder / "exports")),
@@ -129,6 +128,7 @@ def works(folder):
         "segment and calibrate": (0.33, stage("chain.segment(made); chain.calibrate(made)")),
         "diagnosis": (0.33, stage("chain.diagnose(made)")),
         "page of a device": (0.4, stage("chain.report_device(made)")),
+        "config.yaml, all jobs": (0.33, lambda s: s.workflow(default(s), "default", *anew)),
         "diagnosis of the CATS tag": (
             0.15,
             stage("chain.diagnose(made)", "cats_tag", "default", default),
