@@ -59,6 +59,8 @@ class Side:
     def __init__(self, repository, folder):
         self.repository, self.folder = Path(repository), Path(folder)
         self.folder.mkdir(parents=True)
+        # where the configs of a factory have their logs
+        (self.folder / "data").symlink_to(self.folder.parent / "data")
         self.environment = {
             **os.environ,
             "OPENBLAS_NUM_THREADS": "1",
