@@ -246,9 +246,10 @@ def _meaning_faults(config, wrong, replicas):
 
 def _prior_fault(name, devices):
     """Return why a device cannot have the prior that it asks for, or None."""
-    types = {key: d.get("type") for key, d in devices.items() if isinstance(d, dict)}
-    if name not in types or devices[name].get("prior") != "family":
+    device = devices.get(name)
+    if not isinstance(device, dict) or device.get("prior") != "family":
         return None
+    types = {key: d.get("type") for key, d in devices.items() if isinstance(d, dict)}
     own = types.pop(name)
     if own is None:
         return "'family' needs the device's type"

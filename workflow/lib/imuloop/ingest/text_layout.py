@@ -124,14 +124,18 @@ def find_layout(path, least=LEAST):
     if arrow:
         # the time becomes the last column
         rewrites[-1] = _ARROW, rb"\2" + separator.encode() + rb"\1"
-    # the point of a date is not that of the numbers beside it
-    numbers = "".join(x for row in rows for x in row if is_number(x) and not _DATE.match(x))
+
+    def in_numbers(mark):
+        # the point of a date is not that of the numbers beside it
+        given = (x for row in rows for x in row if mark in x)
+        return any(is_number(x) and not _DATE.match(x) for x in given)
+
     return Layout(
         separator=separator,
         names=[*(names or map(str, range(width))), *["time"] * arrow],
         headed=names is not None,
         start=sum(len(line) + 1 for line in lines[:first]),
-        decimal_comma="." not in numbers and "," in numbers,
+        decimal_comma=in_numbers(",") and not in_numbers("."),
         before=before,
         units=units,
         rewrites=rewrites,
@@ -242,21 +246,29 @@ def fields_of(line, separator):
     """Return the fields of a line, none where its quotes do not fit."""
     if separator == BLANKS:
         return line.split()
+    # the csv module takes a line end or a zero otherwise than as a part of a field
+    if '"' not in line:
+        return [field.strip() for field in line.split(separator)]
     try:
-        # the csv module takes a line end or a zero otherwise than as a part of a field
         quoted = csv.reader([line], delimiter=separator, skipinitialspace=True)
-        rows = quoted if '"' in line else iter([line.split(separator)])
-        return [field.strip() for field in next(rows, [])]
+        return [field.strip() for field in next(quoted, [])]
     except csv.Error:
         return []
 
 
 def is_number(text):
     """Tell whether a field is a number, a date, or stands for a missing one."""
+    # most are, and of a head every field is asked
+    if _is_float(text):
+        return True
     if text in MISSING or _DATE.match(text):
         return bool(text)
+    return _is_float(text.replace(",", "."))
+
+
+def _is_float(text):
     try:
-        float(text.replace(",", "."))
+        float(text)
     except ValueError:
         return False
     return True
