@@ -132,3 +132,52 @@ def test_devices_are_searched_by_label_and_verdict(tab, many):
     assert not shown.count()
     search.fill("")
     assert shown.count() == COUNT
+
+
+@pytest.fixture(scope="module")
+def hundreds(results, tmp_path_factory):
+    """Return the results of 320 devices like `board`: no more than the report of all reads."""
+    folder = tmp_path_factory.mktemp("hundreds") / "results"
+    text, names = (results / "board/summary.json").read_text(), [f"u_{k:03}" for k in range(320)]
+    rng = np.random.default_rng(5)
+    for name in names:
+        (folder / name).mkdir(parents=True)
+        shutil.copy(results / "board/exports.json", folder / name)
+        summary = json.loads(text.replace("board", name)) | {"label": name.replace("_", " ")}
+        _scaled(summary, rng.lognormal(0, 0.05))
+        (folder / name / "summary.json").write_text(json.dumps(summary))
+    joined_report(folder, names, folder)
+    return folder
+
+
+def test_a_long_table_shows_its_first_rows_and_finds_all(tab, hundreds):
+    page = tab.open(hundreds / "report.html")
+    table = page.locator("table.comparison >> nth=0")
+    shown, more = table.locator("tbody tr:visible"), page.get_by_role("button", name="show more")
+    # of each table, of logs too
+    assert more.count() == 4 and shown.count() == 50
+    more.first.click()
+    assert shown.count() == 100
+    search = page.get_by_role("searchbox")
+    search.fill("u 319")
+    assert shown.all_inner_texts()[0].startswith("u 319") and shown.count() == 1
+    assert more.count() == 1
+    search.fill("u 2")
+    assert shown.count() == 50 and more.first.inner_text() == "50 of 100 rows; show more"
+    # the last of all comes first, and only what is searched for
+    for _ in range(2):
+        table.locator("thead button").first.click()
+    assert shown.first.inner_text().startswith("u 299") and shown.count() == 50
+    assert not tab.wrong
+
+
+def test_a_picture_of_hundreds_has_no_element_for_each(hundreds, many):
+    few, more = (
+        (folder / "figures/comparison_gyroscope_bias.svg").read_text()
+        for folder in (many, hundreds)
+    )
+    assert few.count("<title>") == 3 * COUNT and "<title>" not in more
+    assert len(more) < 60_000
+    # the same dots all the same
+    dots = max(re.findall(r' d="([^"]*)"', more), key=len)
+    assert dots.count("M") == 320

@@ -1,6 +1,8 @@
 // A click on a header sorts its table, another turns the order. Without this script the tables stand
 // as they are. Cells are compared by data-value, a size in SI, else by their text; those without a
 // number stay last.
+const collator = new Intl.Collator("en", { numeric: true });
+const paged = new Map();
 for (const table of document.querySelectorAll("table.sortable")) {
   const body = table.tBodies[0];
   if (body.rows.length < 2) continue;
@@ -16,7 +18,7 @@ for (const table of document.querySelectorAll("table.sortable")) {
       const cell = row.cells[column];
       return numeric ? parseFloat(cell.dataset.value) : cell.textContent.trim();
     };
-    const compare = (a, b) => (numeric ? a - b : a.localeCompare(b, "en", { numeric: true }));
+    const compare = (a, b) => (numeric ? a - b : collator.compare(a, b));
     button.addEventListener("click", () => {
       const turned = head.getAttribute("aria-sort") === "ascending" ? -1 : 1;
       for (const each of heads) each.removeAttribute("aria-sort");
@@ -25,8 +27,33 @@ for (const table of document.querySelectorAll("table.sortable")) {
       const last = ([value]) => Number.isNaN(value);
       rows.sort((a, b) => last(a) - last(b) || (last(a) ? 0 : turned * compare(a[0], b[0])));
       body.append(...rows.map(([, row]) => row));
+      paged.get(table)?.();
     });
   });
+}
+
+// Of a long table the first rows are shown that are searched for, and a button brings more: to lay
+// out thousands takes seconds.
+const PAGE = 50;
+for (const table of document.querySelectorAll("table.sortable")) {
+  const body = table.tBodies[0], more = document.createElement("button");
+  if (body.rows.length <= PAGE && !table.matches(".comparison")) continue;
+  let most = PAGE, wanted = () => true;
+  const show = (...filter) => {
+    if (filter.length) [most, wanted] = [PAGE, ...filter];
+    const rows = [...body.rows], found = rows.filter(wanted), shown = new Set(found.slice(0, most));
+    for (const row of rows) row.hidden = !shown.has(row);
+    more.hidden = found.length <= most;
+    more.textContent = `${shown.size} of ${found.length} rows; show more`;
+  };
+  more.type = "button";
+  more.addEventListener("click", () => {
+    most += PAGE;
+    show();
+  });
+  table.closest(".scroll").after(more);
+  paged.set(table, show);
+  show();
 }
 
 // The contents show where the reader is: the last heading that has reached the top.
@@ -50,15 +77,18 @@ if (compared.length && compared[0].tBodies[0].rows.length > 10) {
   Object.assign(search, { type: "search", placeholder: "Search devices and verdicts" });
   search.setAttribute("aria-label", search.placeholder);
   compared[0].closest(".scroll").before(search);
-  search.addEventListener("input", () => {
-    const text = search.value.trim().toLowerCase();
-    const shown = new Set();
+  // read at the first letter
+  let texts = null;
+  const read = () => {
+    texts = new Map();
     for (const row of compared.slice(0, 2).flatMap((t) => [...t.tBodies[0].rows])) {
-      if (row.textContent.toLowerCase().includes(text)) shown.add(row.cells[0].textContent);
+      const label = row.cells[0].textContent;
+      texts.set(label, `${texts.get(label) ?? ""}\n${row.textContent.toLowerCase()}`);
     }
-    for (const row of compared.flatMap((t) => [...t.tBodies[0].rows])) {
-      row.hidden = !shown.has(row.cells[0].textContent);
-    }
+  };
+  search.addEventListener("input", () => {
+    if (!texts) read();
+    const text = search.value.trim().toLowerCase();
+    for (const table of compared) paged.get(table)((row) => texts.get(row.cells[0].textContent).includes(text));
   });
 }
-

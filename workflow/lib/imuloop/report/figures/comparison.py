@@ -1,6 +1,8 @@
 """All devices in one picture: each by itself, or how many spread and who stands out."""
 
 import numpy as np
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
 
 from imuloop.report.figures.drawing import (
     BLUE,
@@ -37,6 +39,8 @@ FAR = 5.0
 # the most that are named in a picture
 NAMED = 5
 COLOURS = (VERMILLION, GREEN, PURPLE, ORANGE, INK)
+# the most devices whose marks say whose they are; of more they are many and small
+POINTED_AT = 300
 # averaging times of the band, and the share of the longest up to which a curve is known well
 TIMES, KNOWN = 60, 0.1
 
@@ -197,6 +201,13 @@ def parameter_comparison(summaries, folder):
     return pictures
 
 
+def _dots(x, y):
+    """Return marks as one path of lines without a length."""
+    path = Path(np.repeat(np.column_stack((x, y)), 2, axis=0), [Path.MOVETO, Path.LINETO] * len(x))
+    path.should_simplify = False
+    return PathPatch(path, fill=False, ec=BLUE, alpha=0.55, lw=3.4, capstyle="round")
+
+
 def _spread(words, unit, names, labels, value):
     shown = np.flatnonzero(np.isfinite(value).any(axis=0))
     names, value = [names[j] for j in shown], value[:, shown]
@@ -211,9 +222,12 @@ def _spread(words, unit, names, labels, value):
         for k, (low, middle, high) in enumerate(ends):
             known = np.isfinite(value[:, k])
             v, y, out = value[known, k], k + place[known], distances[known, k] > FAR
-            (marks,) = area.plot(v, y, "o", color=BLUE, ms=3.4, alpha=0.55)
-            said = zip(np.array(labels)[known], v, strict=True)
-            entitle(area, marks, [f"{label} {number(each)}" for label, each in said])
+            if len(labels) > POINTED_AT:
+                area.add_patch(_dots(v, y))
+            else:
+                (marks,) = area.plot(v, y, "o", color=BLUE, ms=3.4, alpha=0.55)
+                said = zip(np.array(labels)[known], v, strict=True)
+                entitle(area, marks, [f"{label} {number(each)}" for label, each in said])
             area.plot([low, high], [k, k], color=INK, lw=2)
             area.plot([middle, middle], [k - 0.4, k + 0.4], color=INK, lw=2)
             area.plot(v[out], y[out], "o", color=VERMILLION, ms=5)
@@ -223,6 +237,7 @@ def _spread(words, unit, names, labels, value):
             area.text(*where, labels[i], ha=side, va="bottom", fontsize=10)
         area.set_yticks(range(len(names)), names)
         area.set_ylim(len(names) - 0.5, -0.5)
+        area.autoscale_view(scaley=False)
         area.set_xlabel(f"{words}, {unit}")
 
     spans = ", ".join(
