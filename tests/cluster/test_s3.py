@@ -18,6 +18,9 @@ from cluster.conftest import (
 
 FOLDER = b"s3://logs/bench 1/"
 TARGET = "results/imu/section.html"
+# results and benchmarks in the S3 too, as on machines that share no disk
+STORAGE = ["--default-storage-provider", "s3", "--default-storage-prefix", "s3://all"]
+STORAGE += ["--shared-fs-usage", "persistence", "software-deployment", "sources", "source-cache"]
 
 
 @pytest.fixture(scope="module")
@@ -89,16 +92,11 @@ def test_memory_is_asked_for_by_the_size_in_the_storage(repository, s3, tmp_path
 
 
 def test_a_run_without_any_shared_folder_gives_the_same_bytes(both, repository, s3, tmp_path):
-    # results and benchmarks in the S3 too, as on machines that share no disk
     _, there, _ = both
     client, environment = s3
     client.create_bucket(Bucket="all")
     (tmp_path / "config.yaml").write_bytes((there / "config.yaml").read_bytes())
-    storage = ["--default-storage-provider", "s3", "--default-storage-prefix", "s3://all"]
-    shared = ["--shared-fs-usage", "persistence", "software-deployment", "sources", "source-cache"]
-    done = run(
-        *(repository, tmp_path, "-c2", *storage, *shared), target=TARGET, **environment | KEYS
-    )
+    done = run(repository, tmp_path, "-c2", *STORAGE, target=TARGET, **environment | KEYS)
     assert done.returncode == 0, done.stderr
     listed = client.list_objects_v2(Bucket="all", Prefix="results/")["Contents"]
     local = contents(there)
@@ -131,3 +129,27 @@ def test_every_command_of_the_document_can_be_planned(repository, stored):
     assert len(lines) == text.count("\n.venv-cluster/bin/snakemake ") == 3
     for line in lines:
         stored(*shlex.split(line.replace("--configfile config.yaml", "")))
+
+
+# requests for each device with two logs, as counted
+PLANNED = 8
+
+
+def test_a_plan_asks_the_storage_the_same_few_times_for_each_device(
+    repository, s3, tmp_path, caplog
+):
+    client, environment = s3
+    counts = []
+    for number in (2, 4):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        devices = write_devices(folder, [f"imu_{i}" for i in range(number)])
+        into_bucket(client, folder, devices, f"counted-{number}")
+        write_config(folder, devices)
+        caplog.clear()
+        with caplog.at_level("INFO", logger="werkzeug"):
+            done = run(repository, folder, "-n", **environment | KEYS)
+        assert done.returncode == 0, done.stderr
+        asked = [r for r in caplog.records if f"/counted-{number}" in r.getMessage()]
+        counts.append(len(asked))
+    assert 0 < counts[1] - counts[0] <= 2 * PLANNED

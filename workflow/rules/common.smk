@@ -159,7 +159,7 @@ def threads_by_size(wildcards, input):
 def gigabytes(session):
     """Return the size of a session's logs, GB; what is still to be fetched or made counts as none."""
     paths = [source_path(source, CACHE) for source in session["sources"].values()]
-    remote = sum(in_storage(path).size() for path in paths if is_stored(path))
+    remote = sum(stored_size(path) for path in paths if is_stored(path))
     local = [Path(path) for path in paths if not is_stored(path)]
     inside = [file for path in local for file in (path.iterdir() if path.is_dir() else [path])]
     return (remote + sum(file.stat().st_size for file in inside if file.is_file())) / 1e9

@@ -14,6 +14,12 @@ def in_storage(query):
     return stored(query).flags["storage_object"]
 
 
+@cache
+def stored_size(query):
+    """Return the bytes of a log in a storage: asked once, each job and each retry needs them."""
+    return in_storage(query).size()
+
+
 def storage_fault(query):
     """Return why a log in a storage cannot be had, or None."""
     try:
