@@ -113,8 +113,10 @@ class LinearSensor:
 
     def model(self, solution, problem, shapes=()):
         design = problem.design((*(solution.effects if solution else ()), *shapes))
-        moves = {"moves_at": lambda x: None, "know_moves": lambda *_: None}
-        return SimpleNamespace(residuals=lambda x: (design @ x - problem.y, design), **moves)
+        return SimpleNamespace(residuals=lambda x: (design @ x - problem.y, design))
+
+    def derivative(self, solution, problem, shapes, base):
+        return problem.design(shapes)[:, len(self.names) :]
 
     def noise_components(self, x, problem, effects=()):
         """Return the noise, whose size is known, without flicker and walk, and an even excess."""

@@ -34,6 +34,8 @@ def model(noise):
 @settings(max_examples=60)
 @given(noises, windows())
 def test_it_is_symmetric_never_negative_and_knows_no_clock(noise, spans):
+    # of the same lengths to the last bit: a line's mean over whole periods is next to nothing
+    spans = (spans + 4096) - 4096
     c = model(noise).mean_covariance(spans)[0]
     later = model(noise).mean_covariance(spans + 4096)[0]
     np.testing.assert_allclose(later, c, atol=1e-7 * np.abs(c).max())

@@ -253,6 +253,18 @@ class SensorPair:
         """Return the model of any recording about a solution, with more effects."""
         return self.model_at(solution.fit.x, recording, (*solution.effects, *shapes))
 
+    def derivative(self, solution, recording, shapes, base):
+        """Return what more effects, of size zero, add to the residuals of a recording, (N, q).
+
+        Takes the model about the solution without them: what a move leaves is the same with them.
+        """
+        count = sum(len(e.parameters) for e in shapes)
+        x = np.append(solution.fit.x, np.zeros(count))
+        model = self.model(solution, recording, shapes)
+        model.know_moves(base.moves_at(solution.fit.x), x)
+        _, jacobian = model.residuals(x)
+        return jacobian[:, -count:]
+
     def given_rotation(self, recording, effects, x):
         """Return the same, its velocities less what the noise has in common with rotations.
 

@@ -104,6 +104,16 @@ class ReferenceSensor:
         x = np.append(solution.fit.x, np.zeros(sum(len(e.parameters) for e in shapes)))
         return self.model_at(x, recording, (*solution.effects, *shapes))
 
+    def derivative(self, solution, recording, shapes, base):
+        """Return what more effects, of size zero, add to the residuals of a recording, (N, q).
+
+        The model about the solution without them has nothing that is the same with them.
+        """
+        count = sum(len(e.parameters) for e in shapes)
+        model = self.model(solution, recording, shapes)
+        _, jacobian = model.residuals(np.append(solution.fit.x, np.zeros(count)))
+        return jacobian[:, -count:]
+
     def seen(self, x):
         """Return the places of parameters that windows may depend on, those of `shown` effects."""
         hidden = [np.full(len(e.values), e not in self.shown) for e in self.effects]

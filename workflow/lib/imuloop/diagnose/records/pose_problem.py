@@ -258,13 +258,8 @@ class PoseProblem:
         solution, base = self.linearized(()).solution, self.linearized(()).model
         for first in range(0, len(new), TOGETHER):
             own = new[first : first + TOGETHER]
-            count = sum(len(e.parameters) for e in own)
-            at = np.append(solution.fit.x, np.zeros(count))
-            model = self.sensor.model(solution, self.recording, own)
-            # what a move leaves depends on the parameters' values, not on effects of size zero
-            model.know_moves(base.moves_at(solution.fit.x), at)
-            _, jacobian = model.residuals(at)
-            columns = np.concatenate([jacobian[:, -count:], self._known_effects(own)])
+            of_effects = self.sensor.derivative(solution, self.recording, own, base)
+            columns = np.concatenate([of_effects, self._known_effects(own)])
             self._columns.update(by_effect(columns[:, None], own))
 
     def nearest(self, base):
