@@ -182,6 +182,9 @@ def test_python_runs(results, monkeypatch, block):
         np.testing.assert_allclose(found, [[0.1, 0.2, 0.3] * 2] * len(results), atol=1e-12)
 
 
+RESTING = "devices: {my_imu: {sessions: {rest: {kind: static, file: log.csv}}}}"
+
+
 def commands():
     lines = [line for block in all_blocks("sh") for line in block.values[0].splitlines()]
     # those with plugins for clusters are run where these are: tests/cluster
@@ -201,7 +204,7 @@ def test_commands_work(results, tmp_path, command):
         assert main(arguments) in ((0, 3) if arguments[0] in ("check", "coach") else (0,))
     elif tool.endswith("snakemake"):
         config = tmp_path / "mine.yaml"
-        config.write_text("devices: {my_imu: {sessions: {rest: {kind: static, file: log.csv}}}}")
+        config.write_text(RESTING)
         places = {"REPO/Snakefile": REPOSITORY / "Snakefile", "WORKDIR": tmp_path, "CONFIG": config}
         places |= {
             f"config/{n}.yaml": REPOSITORY / f"config/{n}.yaml" for n in ("measured", "reference")
@@ -211,6 +214,16 @@ def test_commands_work(results, tmp_path, command):
             arguments = ["-s", str(REPOSITORY / "Snakefile"), "-d", str(tmp_path), *arguments]
         run = forked([*arguments, "-n", "--quiet"], tmp_path, os.environ.copy())
         assert run.returncode == 0, run.stderr
+    elif tool == "sbatch":
+        # what its job does, here
+        job = {"SLURM_CPUS_PER_TASK": "2", "SLURM_MEM_PER_NODE": "4000"}
+        if any(word.startswith("--array=") for word in arguments):
+            job |= {f"SLURM_ARRAY_TASK_{key}": "1" for key in ("MIN", "MAX", "ID")}
+        (tmp_path / "config.yaml").write_text(RESTING)
+        script = next(word for word in arguments if word.endswith(".sh"))
+        line = ["sh", REPOSITORY / script, sys.executable, "-m", "snakemake", "-n", "--quiet"]
+        line += ["-s", REPOSITORY / "Snakefile", "--configfile", "config.yaml"]
+        subprocess.run(line, cwd=tmp_path, env=os.environ | job, check=True)
     elif arguments[0] == "-m":
         assert (REPOSITORY / f"{arguments[1].replace('.', '/')}.py").exists()
     else:

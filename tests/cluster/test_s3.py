@@ -87,8 +87,8 @@ def test_memory_is_asked_for_by_the_size_in_the_storage(repository, s3, tmp_path
     write_config(tmp_path, {"imu": {"sessions": {"rest": log}}})
     limit = ("--resources", "mem_mb=100000")
     planned = run(repository, tmp_path, "-n", *limit, target=TARGET, **environment | KEYS).stdout
-    # 500 MB and 700 for each GB of log
-    assert re.search(r"rule noise:\n(?: .*\n)*? +resources: .*mem_mb=514,", planned)
+    # 750 MB and 700 for each GB of log
+    assert re.search(r"rule noise:\n(?: .*\n)*? +resources: .*mem_mb=764,", planned)
 
 
 def test_a_run_without_any_shared_folder_gives_the_same_bytes(both, repository, s3, tmp_path):

@@ -1,9 +1,15 @@
 """The workflow on a real SLURM of one node: the same bytes, failures reported, memory by size."""
 
+import os
 import re
+import signal
 import subprocess
+import sys
 import time
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -21,9 +27,24 @@ if device.name == "broken":
 if device.name == "stuck":
     time.sleep(300)
 if device.name == "hungry":
-    held = b"1" * 400_000_000
+    held = b"1" * 800_000_000
     time.sleep(5)
 """
+# what is added to the scripts of an array: a job waits at its end where a test has put a file, and
+# writes down that it is done; one takes more memory than the array asks for
+NOTED = """
+import time
+
+stage = Path(snakemake.log[0]).parts[1]
+while Path(f"hold_{stage}").exists():
+    time.sleep(0.1)
+if (stage, device.name) == ("calibrate", "hungry"):
+    held = b"1" * 1_500_000_000
+    time.sleep(5)
+with open("done", "a") as done:
+    print(snakemake.log[0], file=done)
+"""
+NOTED_STAGES = ("ingest", "segment", "noise", "calibrate", "diagnose")
 # what a job needs is worked out where memory is counted, else nowhere
 LIMIT = ("--resources", "mem_mb=100000")
 # what squeue is asked for: the job, its cores, memory and state, and where it was submitted
@@ -60,7 +81,8 @@ def three(repository, profile, folder):
         write_devices(each, names)
     with ThreadPoolExecutor() as both:
         here = both.submit(run, repository, local, "-c2")
-        done = run(repository, remote, "--profile", repository / profile)
+        kept = "--slurm-keep-successful-logs"
+        done = run(repository, remote, "--profile", repository / profile, kept)
     assert here.result().returncode == 0, here.result().stderr
     assert done.returncode == 0, done.stderr
     return local, remote, queue(remote), done.stderr
@@ -78,16 +100,22 @@ def test_a_device_is_one_submission(started):
     *_, jobs, said = started["three"].result()
     assert len(jobs) == 3
     assert {state for *_, state in jobs} == {"COMPLETED"}
-    # its two sessions at once
     assert {cores for _, cores, *_ in jobs} == {"2"}
     assert "localrule report:" in said
+
+
+def test_all_stages_of_a_device_are_one_snakemake_in_its_submission(started):
+    # of a group by --groups each job is one, and they run one after another
+    _, remote, *_ = started["three"].result()
+    logs = [path.read_text() for path in remote.glob(".snakemake/slurm_logs/**/*.log")]
+    assert [text.count("Building DAG of jobs...") for text in logs] == [2] * 3
 
 
 def test_memory_is_asked_for_by_the_size_of_the_log(started, repository):
     local, _, jobs, _ = started["three"].result()
     asked = sorted(int(memory.rstrip("M")) for _, _, memory, *_ in jobs)
     # what both sessions' ingest asks for at once with hardly any log
-    assert 1200 <= asked[0] <= asked[-1] < 1300
+    assert 1900 <= asked[0] <= asked[-1] < 2000
     small = (local / "imu0_static.csv").stat().st_size
     with open(local / "imu0_static.csv", "r+b") as log:
         # a hole: nothing is read beyond the head before the run
@@ -170,3 +198,134 @@ def test_a_job_that_takes_more_memory_than_asked_for_is_tried_again_with_more(st
     assert second[-1] == "COMPLETED"
     asked = [int(job[2].rstrip("M")) for job in (first, second)]
     assert asked[1] == pytest.approx(2 * asked[0], abs=1)
+
+
+def until(true, seconds=300):
+    """Wait until a function says so."""
+    end = time.monotonic() + seconds
+    while not true():
+        assert time.monotonic() < end, f"not within {seconds} s"
+        time.sleep(0.2)
+
+
+def states(folder):
+    """Return the states of the jobs of a folder that are in the queue, and have not ended."""
+    listed = ["squeue", "--noheader", "--array", "--format=%T|%Z"]
+    lines = subprocess.run(listed, capture_output=True, text=True, check=True).stdout.splitlines()
+    return [line.split("|")[0] for line in lines if line.endswith(f"|{folder}")]
+
+
+def restart_controller(meanwhile):
+    """End SLURM's controller, and start it again after a function is called."""
+    conf = Path("/etc/slurm/slurm.conf").read_text()
+    pid = int(Path(re.search(r"(?m)^SlurmctldPidFile=(.*)$", conf)[1]).read_text())
+    os.kill(pid, signal.SIGTERM)
+    until(lambda: subprocess.run(["scontrol", "ping"], capture_output=True).returncode)
+    meanwhile()
+    subprocess.run(["slurmctld"], check=True)
+    until(lambda: not subprocess.run(["scontrol", "ping"], capture_output=True).returncode)
+
+
+def set_node(state):
+    (node,) = re.findall(r"(?m)^NodeName=(\S+)", Path("/etc/slurm/slurm.conf").read_text())
+    update = ["scontrol", "update", f"NodeName={node}", f"State={state}", "Reason=test"]
+    return subprocess.run(update, capture_output=True).returncode
+
+
+@pytest.fixture(scope="module")
+def suffered(repository, slurm, started, tmp_path_factory):
+    """An array of three devices that all goes wrong for, one thing after another.
+
+    One has logs that are no records; the controller is ended and started again, the node goes
+    down, Snakemake is interrupted, and a job takes more memory than there is. What was seen.
+    """
+    local, work, edited = (tmp_path_factory.mktemp(name) for name in ("local", "array", "copy"))
+    for each in (local, work):
+        write_devices(each, ["bad", "good", "hungry"])
+        for log in each.glob("bad_*.csv"):
+            log.write_text("".join(log.read_text().splitlines(keepends=True)[:10]))
+    copied(repository, edited)
+    for stage in NOTED_STAGES:
+        with open(edited / f"scripts/{stage}.py", "a") as script:
+            script.write(NOTED)
+
+    def sbatch(*options):
+        words = [edited / "profiles/slurm/array.sh", sys.executable, "-m", "snakemake"]
+        words += ["-s", edited / "Snakefile", "--configfile", "config.yaml"]
+        line = ["sbatch", "--parsable", *options, *words]
+        done = subprocess.run(list(map(str, line)), cwd=work, capture_output=True, text=True)
+        return done.stdout.strip().partition(";")[0]
+
+    def holding(stage, files):
+        (work / f"hold_{stage}").touch()
+        return lambda: len({p.relative_to(work).parts[1] for p in work.glob(files)}) == 3
+
+    def said():
+        return [path.read_text() for path in sorted(work.glob("slurm-*.out"))]
+
+    # the runs that wait for nothing go first: the node will take theirs down as well
+    for each in started.values():
+        each.exception()
+    seen = SimpleNamespace(local=local, work=work)
+    with ThreadPoolExecutor() as pool:
+        here = pool.submit(run, edited, local, "-c1")
+        at_segments = holding("segment", "results/*/*/segments.parquet")
+        first = sbatch("--array=1-3", "--mem=1500")
+        until(at_segments)
+        at_noise = holding("noise", "results/*/noise.json")
+        restart_controller(meanwhile=(work / "hold_segment").unlink)
+        seen.after_restart = states(work)
+        until(at_noise)
+        assert set_node("DOWN") == 0
+        until(lambda: set(states(work)) == {"PENDING"})
+        # unless the node's next word to the controller brought it back
+        set_node("RESUME")
+        again = re.compile("NODE FAILURE.*localrule noise:", re.S)
+        until(lambda: sum(bool(again.search(text)) for text in said()) == 3 and at_noise())
+        seen.running_again = states(work)
+        subprocess.run(["scancel", "--full", "--signal=INT", first], check=True)
+        until(lambda: not states(work))
+        seen.interrupted = "".join(said())
+        (work / "hold_noise").unlink()
+        sbatch("--array=1-3", "--mem=1500")
+        sbatch("--dependency=singleton", "--wait")
+        seen.said = said()
+        assert here.result().returncode == 0, here.result().stderr
+    return seen
+
+
+def test_an_array_goes_on_where_the_controller_is_started_again(suffered):
+    assert suffered.after_restart == ["RUNNING"] * 3
+
+
+def test_an_array_is_started_again_by_a_node_that_comes_back(suffered):
+    assert suffered.running_again == ["RUNNING"] * 3
+    assert "NODE FAILURE" in suffered.interrupted
+
+
+def test_an_array_that_was_interrupted_is_taken_up(suffered):
+    assert suffered.interrupted.count("Terminating processes on user request") == 3
+
+
+def test_a_job_of_an_array_that_takes_too_much_memory_is_killed_alone(suffered):
+    assert ["exceeded memory limit" in text for text in suffered.said].count(True) == 1
+
+
+def test_no_job_of_an_array_runs_twice_that_was_done(suffered):
+    here, there = (
+        Counter((folder / "done").read_text().splitlines())
+        for folder in (suffered.local, suffered.work)
+    )
+    assert there == here and set(there.values()) == {1}
+
+
+def test_an_array_that_suffered_gives_the_same_bytes_as_here(suffered):
+    here, there = contents(suffered.local), contents(suffered.work)
+    assert set(here) == set(there)
+    assert [path for path in here if here[path] != there[path]] == []
+
+
+def test_a_bad_device_of_an_array_is_named(suffered):
+    assert re.search(r"(?m)^bad/static: rejected", "".join(suffered.said))
+    page = (suffered.work / "results/report.html").read_text()
+    assert '<h2 id="rejected">Rejected sessions</h2>\n<ul>\n<li><a href="#bad">bad</a>' in page

@@ -10,11 +10,13 @@ rule calibrate:
         "logs/calibrate/{device}.log",
     benchmark:
         "benchmarks/calibrate/{device}.tsv"
+    group:
+        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=by_size(500, 0),
+        mem_mb=by_size(700, 0),
         runtime=by_size(5, 0),
     params:
         device=settings("gravity", "calibrate"),

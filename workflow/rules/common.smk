@@ -168,7 +168,8 @@ def gigabytes(session):
 def by_size(least, per_gigabyte, **per_session):
     """Return a function: what a job asks a cluster for, more for large logs and in each retry.
 
-    Of memory 1.3 times the peaks that were measured; a session adds what its kind has.
+    Of memory 1.3 times the peaks that were measured, with 330 MB for the two Snakemakes of a
+    submission; a session adds what its kind has.
     """
 
     def of(wildcards, attempt):
@@ -177,3 +178,10 @@ def by_size(least, per_gigabyte, **per_session):
         return ceil(attempt * (least + kinds + per_gigabyte * sum(map(gigabytes, sessions))))
 
     return of
+
+
+def share(devices):
+    """Return the devices that a job of a SLURM array works on; elsewhere all of them."""
+    keys = (f"SLURM_ARRAY_TASK_{key}" for key in ("MIN", "MAX", "ID"))
+    first, last, own = (int(os.environ.get(key, 0)) for key in keys)
+    return list(devices)[own - first :: last - first + 1]

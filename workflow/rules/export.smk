@@ -18,11 +18,13 @@ rule export:
         "logs/export/{device}.log",
     benchmark:
         "benchmarks/export/{device}.tsv"
+    group:
+        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=by_size(250, 0),
+        mem_mb=by_size(600, 0),
         runtime=by_size(5, 0),
     params:
         device=settings("label", "prior"),

@@ -28,11 +28,13 @@ rule ingest:
         "logs/ingest/{device}/{session}.log",
     benchmark:
         "benchmarks/ingest/{device}/{session}.tsv"
+    group:
+        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: threads_by_size
     resources:
-        mem_mb=by_size(600, 200),
+        mem_mb=by_size(950, 200),
         runtime=by_size(5, 5),
     params:
         device=settings("nominal", "full_scale", "gravity"),

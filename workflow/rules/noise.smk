@@ -11,11 +11,13 @@ rule noise:
         "logs/noise/{device}.log",
     benchmark:
         "benchmarks/noise/{device}.tsv"
+    group:
+        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=by_size(500, 700),
+        mem_mb=by_size(750, 700),
         runtime=by_size(5, 10),
     params:
         device=settings("noise"),
@@ -34,11 +36,13 @@ rule allan:
         "logs/allan/{device}/{session}.log",
     benchmark:
         "benchmarks/allan/{device}/{session}.tsv"
+    group:
+        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=250,
+        mem_mb=600,
         runtime=5,
     params:
         device=settings(),

@@ -36,11 +36,13 @@ rule report_device:
         "logs/report_device/{device}.log",
     benchmark:
         "benchmarks/report_device/{device}.tsv"
+    group:
+        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=by_size(450, 600),
+        mem_mb=by_size(850, 600),
         runtime=by_size(5, 2),
     params:
         device=settings("label", "prior"),
@@ -95,3 +97,9 @@ rule report:
         templates=templates("report.html.j2", "family.html.j2", "table.html.j2", *PAGE),
     script:
         "../../scripts/report.py"
+
+
+# a target: what each device has of its own, nothing of all together
+rule devices:
+    input:
+        expand("results/{device}/section.html", device=share(DEVICES)),

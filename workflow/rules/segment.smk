@@ -7,11 +7,13 @@ rule segment:
         "logs/segment/{device}/{session}.log",
     benchmark:
         "benchmarks/segment/{device}/{session}.tsv"
+    group:
+        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=by_size(500, 300),
+        mem_mb=by_size(850, 300),
         runtime=by_size(5, 5),
     params:
         device=settings("segment"),

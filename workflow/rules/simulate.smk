@@ -7,11 +7,13 @@ rule simulate:
         "logs/simulate/{replica}/{session}.log",
     benchmark:
         "benchmarks/simulate/{replica}/{session}.tsv"
+    group:
+        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=1100,
         runtime=5,
     params:
         session="{session}",
