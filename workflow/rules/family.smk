@@ -16,6 +16,8 @@ rule family_prior:
         "logs/family_prior/{device}.log",
     benchmark:
         "benchmarks/family_prior/{device}.tsv"
+    group:
+        "with_prior"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
@@ -29,14 +31,16 @@ rule family_prior:
         "../../scripts/family_prior.py"
 
 
-# What waits for other devices has rules of its own, which no profile puts into the group of its
-# device: that group would wait for itself.
+# What waits for other devices has rules and a group of its own: that of its device would wait for
+# itself.
 ruleorder: export_with_prior > export
 
 
 use rule export as export_with_prior with:
     wildcard_constraints:
         device="|".join(WITH_PRIOR) or "none",
+    group:
+        "with_prior"
 
 
 ruleorder: report_device_with_prior > report_device
@@ -45,6 +49,8 @@ ruleorder: report_device_with_prior > report_device
 use rule report_device as report_device_with_prior with:
     wildcard_constraints:
         device="|".join(WITH_PRIOR) or "none",
+    group:
+        "with_prior"
 
 
 rule family:
