@@ -31,14 +31,14 @@ from imuloop import chain
 name, folder, config = sys.argv[1:]
 config = yaml.safe_load(Path(config).read_text())
 own, all_of = config["devices"][name], config.get("defaults") or {}
-settings = [
-    {**all_of.get(stage, {}), **own.get(stage, {})}
+settings = {
+    stage: {**all_of.get(stage, {}), **own.get(stage, {})}
     for stage in ("segment", "noise", "calibrate", "diagnose")
-]
+}
 made = chain.Device(
     name, Path(folder, name), {n: s["kind"] for n, s in own["sessions"].items()},
-    own.get("label", name), own.get("gravity", 9.80665), own.get("nominal", {}),
-    own.get("full_scale", {}), *settings,
+    gravity=own.get("gravity", 9.80665), nominal=own.get("nominal", {}),
+    full_scale=own.get("full_scale", {}), **settings,
 )
 """
 ARRAYS = """
