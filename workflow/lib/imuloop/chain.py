@@ -26,7 +26,6 @@ class Device:
     folder: Path  # its results
     kinds: Mapping  # kind of each session by its name
     label: str = ""  # name in the report
-    prior: str | None = None  # whether the other devices of its type are one, ``family``
     gravity: float = 9.80665  # local, m/s^2
     # as in the config
     nominal: Mapping = field(default_factory=dict)
@@ -36,6 +35,7 @@ class Device:
     noise: Mapping = field(default_factory=dict)
     calibrate: Mapping = field(default_factory=dict)
     diagnose: Mapping = field(default_factory=dict)
+    prior: str | None = None  # whether the other devices of its type are one, ``family``
     log: Path | None = None  # where a traceback goes
     threads: int = 1  # how many may work at once; changes nothing in a result
 
