@@ -69,10 +69,10 @@ def detection_limits(search, base, trial, power, kept=True):
             if kept and drawn.close.mean() < power:
                 continue
             start, strength = drawn.typical(one, threshold, power)
-            size = _least(partial(drawn.found, one, **rules), start, power, strength)
+            size = least_size(partial(drawn.found, one, **rules), start, power, strength)
             if size and search.problem.slow(trial.effect):
                 slow = partial(_with_pattern, search, effects, axis, records, one, **rules)
-                slower = _least(slow, size, power, strength)
+                slower = least_size(slow, size, power, strength)
                 size = slower and max(size, slower)
                 if size and search.problem.own_rest and trial.effect.timed:
                     size *= OWN_REST
@@ -200,23 +200,25 @@ def _with_pattern(search, effects, axis, records, one, size, **rules):
     return _Drawn.of(search, other.training_fit(), effects, axis, records).found(one, size, **rules)
 
 
-def _least(share, start, power, strength):
-    """Return the size of which a share is found; None at none of `LARGEST` of the start.
+def least_size(share, start, power, strength):
+    """Return the size of which a share is found; None at none within `LARGEST` of the start.
 
     By secants in the logarithm of the size, within what was too small and what was found.
     `strength` is by how many normal quantiles a size that is e times as large is found more often.
     """
     wanted, last, slope = ndtri(power), None, strength
-    size, small, large = np.log(start), -np.inf, np.inf
-    while size <= np.log(LARGEST * start):
+    first, small, large = np.log(start), -np.inf, np.inf
+    size = first
+    # of what the noise alone shows any size is found
+    while abs(size - first) <= np.log(LARGEST):
         # by how much it misses the wanted power
         missing = wanted - ndtri(np.clip(share(np.exp(size)), 1 / RECORDS, 1 - 1 / RECORDS))
         small, large = (size, large) if missing > 0 else (small, size)
-        if last:
+        if last and size != last[0]:
             slope = (last[1] - missing) / (size - last[0])
             slope = np.clip(slope, strength / STEEPER, strength * STEEPER)
         step = np.clip(missing / slope, -np.log(STEP), np.log(STEP))
-        following = size + step if small < size + step < large else (small + large) / 2
+        following = size + step if small <= size + step <= large else (small + large) / 2
         if last and abs(following - size) < CLOSE:
             return float(np.exp(following))
         last, size = (size, missing), following
