@@ -7,6 +7,7 @@ from scipy.linalg import LinAlgError, block_diag
 
 from imuloop.calibrate import accelerometer, six_position
 from imuloop.calibrate.accelerometer import AccelerometerModel
+from imuloop.calibrate.contradictions import change
 from imuloop.calibrate.determined import (
     NO_POSE,
     accelerometer_undetermined,
@@ -203,6 +204,17 @@ def start_pair(recording, noise, gravity, units, settings, given=None, turns=Non
 def _estimated(pair, recording):
     """Return a pair with the parameters of its fit, None if there is none, and why."""
     sensor = pair.estimated[-1]
+    solution, reason = _valid(pair, recording)
+    if reason:
+        return None, change(sensor, recording.poses, recording.rotations) or reason
+    base = pair.base.copy()
+    base[pair.free] = solution.fit.x
+    return replace(pair, base=base), None
+
+
+def _valid(pair, recording):
+    """Return the Solution of a pair's fit, None if there is none, and why it is not valid."""
+    sensor = pair.estimated[-1]
     try:
         solution = pair.fit(recording)
     except LinAlgError as error:
@@ -210,13 +222,10 @@ def _estimated(pair, recording):
             return None, no_ellipsoid(len(recording.poses), "no minimum")
         return None, why_no_fit(error)
     if reason := pair.why_invalid(sensor, solution, recording):
-        return None, reason
-    made = pair.calibrations(solution)
-    if fault := sensor_fault(made[sensor], sensor):
-        return None, f"the fit gives what no sensor has: {fault}"
-    base = pair.base.copy()
-    base[pair.free] = solution.fit.x
-    return replace(pair, base=base), None
+        return solution, reason
+    if fault := sensor_fault(pair.calibrations(solution)[sensor], sensor):
+        return solution, f"the fit gives what no sensor has: {fault}"
+    return solution, None
 
 
 def calibrate_sensors(recording, noise, gravity, units, settings, given=None, turns=None):
@@ -234,12 +243,21 @@ def calibrate_sensors(recording, noise, gravity, units, settings, given=None, tu
     how = given, turns, bias
     pair, reasons = start_pair(recording, noise, gravity, units, settings, *how)
     made = pair.calibrations(pair.fit(recording)) if pair else {}
-    force, turn = (units[sensor] for sensor in SENSORS)
+    return made | not_by_poses(reasons, poses, noise, units, turns)
+
+
+def not_by_poses(reasons, poses, noise, units, turns):
+    """Return the calibrations of the sensors that poses do not calibrate, by the reasons.
+
+    Arguments as of `start_pair`, and the reason by sensor.
+    """
+    made = {}
     if "accelerometer" in reasons:
-        made["accelerometer"] = SensorCalibration.nominal(force, reasons["accelerometer"])
+        unit, reason = units["accelerometer"], reasons["accelerometer"]
+        made["accelerometer"] = SensorCalibration.nominal(unit, reason)
     if "gyroscope" in reasons:
-        reason = reasons["gyroscope"]
-        made["gyroscope"] = by_turns(turns, turn) or rest_bias(poses, noise, turn, reason)
+        unit, reason = units["gyroscope"], reasons["gyroscope"]
+        made["gyroscope"] = by_turns(turns, unit) or rest_bias(poses, noise, unit, reason)
     return made
 
 

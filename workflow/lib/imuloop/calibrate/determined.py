@@ -9,7 +9,7 @@ from imuloop.core.errors import plural
 
 # the axes of an accelerometer, cheap ones and three glued to a cube too, are less off square, rad
 SLANT = 0.3
-# what data sheets of MEMS gyroscopes allow: misalignment, rad; scale factor, 1
+# what data sheets of MEMS sensors allow: misalignment, rad; scale factor, 1
 AXES, SCALE = 0.02, 0.03
 # an accelerometer's nine parameters and a check; rotations for the nine of T and K, two rows each
 LEAST_POSES, LEAST_ROTATIONS = len(OF_ACCELEROMETER) + 1, 5
@@ -113,14 +113,25 @@ def gyroscope_invalid(jacobian, white, covariance, K, largest):
     # as they contradict each other: what the rates at rest do says nothing of a turn
     scale = max(1.0, white @ white / max(len(white) - 9, 1))
     std = np.sqrt(np.diag(covariance) * scale)
-    axes, relative = std[:6].max(), np.max(std[6:] / sizes[6:])
-    if axes > AXES or relative > SCALE:
+    if beyond := beyond_data_sheet(std[:6].max(), np.max(std[6:] / sizes[6:])):
         return (
-            f"{count} rotations show misalignment to {axes:.2g} rad and scale factor to "
-            f"{100 * relative:.2g} %, a data sheet to {AXES:g} rad and {100 * SCALE:g} %: they "
-            "are too few, or contradict each other; was the angular rate clipped?"
+            f"{count} rotations show {beyond}: they are too few, or contradict each other; was the "
+            "angular rate clipped?"
         )
     return None
+
+
+def beyond_data_sheet(axes, scale):
+    """Return what a data sheet knows as well, text, or None where data know it better.
+
+    Takes the largest standard errors of the misalignment, rad, and of the scale factor, over it.
+    """
+    if axes <= AXES and scale <= SCALE:
+        return None
+    return (
+        f"misalignment to {axes:.2g} rad and scale factor to {100 * scale:.2g} %, a data sheet to "
+        f"{AXES:g} rad and {100 * SCALE:g} %"
+    )
 
 
 def direction_unknown(force):

@@ -34,7 +34,8 @@ class Lost:
 
     They are left out as a gap is too long, or its error not known or too large; `longest` is the
     most samples lost in a row in one of them. Others are left out as the angular rate is `clipped`.
-    Rests are left out as the specific force is: `railed` of them.
+    Rests are left out as the specific force is: `railed` of them. Turns that contradict all others
+    are left out too: session, start and end, s, and by how much, rad, of each.
     """
 
     rotations: int = 0
@@ -42,6 +43,7 @@ class Lost:
     longest: int = 0
     clipped: int = 0
     railed: int = 0
+    contradicting: tuple = ()
 
     @property
     def reason(self):

@@ -5,6 +5,7 @@ from functools import cache, partial
 
 import numpy as np
 
+from imuloop.calibrate.contradictions import odd_turns
 from imuloop.calibrate.errors_of_time import Lost
 from imuloop.calibrate.poses import (
     Poses,
@@ -174,9 +175,13 @@ def record(samples, segments, longest_rotation, rails=None):
         for log, ends in zip(samples, rails, strict=True)
     ]
     rotations, lost = gather_rotations(poses, logs, segments, longest_rotation, clipped)
+    odd, errors = odd_turns(poses, rotations)
+    left_out = poses.session[rotations.first], rotations.start_s, rotations.end_s, errors
+    contradicting = tuple(zip(*(values[odd].tolist() for values in left_out), strict=True))
     railed = sum(int(np.sum(np.asarray(table["kind"]) == DISTURBED)) for table in segments)
     slow_force = any(map(_has_slow_force, samples))
-    return Recording(poses, rotations, logs, replace(lost, railed=railed), slow_force)
+    lost = replace(lost, railed=railed, contradicting=contradicting)
+    return Recording(poses, rotations.select(~odd), logs, lost, slow_force)
 
 
 def _has_slow_force(samples):

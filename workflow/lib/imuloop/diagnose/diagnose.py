@@ -9,6 +9,7 @@ import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import (
     POSED,
     best,
+    not_by_poses,
     read_poses,
     read_recording,
     start_pair,
@@ -98,19 +99,22 @@ def diagnose_device(
         found, information = still.at_poses(recording.poses.temperature is not None)
     # without a ramp too, which the poses do not have, but which would count as slow noise there
     noise = still.noise
+    units = {sensor: getattr(multi, sensor).raw_unit for sensor in SENSORS}
+    turns = read_turns(sessions, base.accelerometer)
     pair, reasons = start_pair(
         recording,
         noise,
         gravity,
-        {sensor: getattr(multi, sensor).raw_unit for sensor in SENSORS},
+        units,
         replace(calibrate_settings, gyroscope_bias="rests"),
         base.accelerometer if base.accelerometer.method == "six_position" else None,
-        read_turns(sessions, base.accelerometer),
+        turns,
     )
     reasons = {sensor: with_sessions(reason, sessions) for sensor, reason in reasons.items()}
     how = recording, settings, tests
     poses = diagnose_poses(pair, reasons, *how, found, information, search_formulas)
-    motion = diagnose_motion(pair, poses.solution, *how, information, search_formulas)
+    base = replace(base, **not_by_poses(poses.rejected, recording.poses, noise, units, turns))
+    motion = diagnose_motion(poses.pair, poses.solution, *how, information, search_formulas)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     force = poses.calibrations.get("accelerometer", base.accelerometer)
     by_new_force = "accelerometer" in poses.calibrations and force.effects

@@ -7,7 +7,8 @@ from functools import partial
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from imuloop.calibrate.determined import LEAST_POSES
+from imuloop.calibrate.contradictions import change
+from imuloop.calibrate.determined import LEAST_POSES, beyond_data_sheet
 from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, Kind, OfSensor, SensorPair
 from imuloop.core.errors import plural
@@ -27,7 +28,7 @@ from imuloop.diagnose.records.probes import of_poses
 from imuloop.diagnose.records.scan import pose_step
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.search import kinds_of
-from imuloop.diagnose.verdict import RESIDUALS, judge, not_testable, verdict
+from imuloop.diagnose.verdict import LEFT, RESIDUALS, judge, not_testable, verdict
 from imuloop.effects.steps import Steps
 
 # kinds of residuals that a device leaves which does not lie still, and the share of its rests from
@@ -50,6 +51,8 @@ class PoseResult:
     choices: Choices | None = None  # the searches; None where nothing could be tested
     # as of `residual_columns`; empty where nothing could be tested
     residuals: dict = field(default_factory=dict)
+    # why what was fitted is no calibration, by sensor
+    rejected: dict = field(default_factory=dict)
 
 
 def pose_candidates(sensor, recording, found=()):
@@ -148,7 +151,38 @@ def diagnose_poses(
     for effect in (e for e in found if e.sensor in tested):
         entry = untried(effect.name, "added", "found in the static record")
         result.contents[effect.sensor]["candidates"].append(entry)
-    return replace(result, contents=contents | result.contents)
+    result = replace(result, contents=contents | result.contents)
+    rejected = rejections(result, recording)
+    if not rejected:
+        return result
+    if "accelerometer" in rejected or "accelerometer" not in pair.estimated:
+        lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
+        return PoseResult(contents | lost, pair, rejected=rejected)
+    alone, how = replace(pair, estimated=("accelerometer",)), (recording, settings, tests)
+    again = diagnose_poses(alone, reasons | rejected, *how, found, information, search_formulas)
+    return replace(again, rejected=rejected | again.rejected)
+
+
+def rejections(result, recording):
+    """Return why a sensor's calibrations are none, with the effects that were found, by sensor.
+
+    Where the sensor changed amid the recording, or where a data sheet knows it as well.
+    """
+    found = {}
+    for sensor, made in result.calibrations.items():
+        axes = [std for name, std in made.std.items() if name[0] == "T"]
+        scales = [s / abs(made.K[int(name[1])]) for name, s in made.std.items() if name[0] == "K"]
+        beyond = beyond_data_sheet(max(axes, default=0.0), max(scales, default=0.0))
+        why = None
+        if result.contents[sensor]["verdict"] in LEFT:
+            why = change(sensor, recording.poses, recording.rotations)
+        if beyond:
+            why = why or f"poses and turns show {beyond}: they contradict each other"
+        if why:
+            found[sensor] = why
+    if "accelerometer" in found and "gyroscope" in result.calibrations:
+        found["gyroscope"] = f"direction of gravity not known: {found['accelerometer']}"
+    return found
 
 
 def diagnosed(record, choices, parts, others, probes, search_formulas):
