@@ -107,13 +107,15 @@ def change(sensor, poses, rotations):
         return None
     if sensor == "accelerometer":
         (*errors, _), least, table, what = pose_errors(poses), FORCE, poses, "poses"
+        name = "the accelerometer"
     else:
         errors, least, table, what = turn_errors(poses, rotations), TURN, rotations, "turns"
+        name = "the gyroscope, or an axis of the accelerometer,"
     k = first_changed(*errors, PARTS[sensor], least)
     if k is None:
         return None
     return (
-        f"the {sensor} changed between {table.end_s[k - 1]:.6g} and {table.start_s[k]:.6g} s: the "
+        f"{name} changed between {table.end_s[k - 1]:.6g} and {table.start_s[k]:.6g} s: the "
         f"{k} {what} before contradict the {len(table) - k} after; was its range, scale or "
         "mounting changed there, or were logs joined? Calibrate one part: time_range"
     )

@@ -129,7 +129,16 @@ def diagnose_device(
     final = with_validity_ranges(final, poses.calibrations, recording, records, still.effects)
     beside = diagnose_references(sessions, noise, gravity, settings, tests, final, search_formulas)
     final = with_reference(final, beside)
+    names, faces = (
+        [name for name, session in sessions.items() if usable({name: session}, *kinds)]
+        for kinds in (POSED, ("six_position",))
+    )
     content = _content(device, poses.contents, still.content, motion.contents)
+    if left_out := recording.lost.contradicting:
+        keys = ("session", "start_s", "end_s", "angle")
+        turns_of = [(names[session], *rest) for session, *rest in left_out]
+        turned = content["sensors"]["gyroscope"]["poses"]
+        turned["contradicting"] = [dict(zip(keys, turn, strict=True)) for turn in turns_of]
     for sensor, own in content["sensors"].items():
         own |= {"reference": beside[sensor].content} if beside else {}
         calibration = getattr(final, sensor)
@@ -139,10 +148,6 @@ def diagnose_device(
             calibration = replace(calibration, not_testable=why)
         verdict = of_calibration(own, has_static_session)
         final = replace(final, **{sensor: replace(calibration, verdict=verdict)})
-    names, faces = (
-        [name for name, session in sessions.items() if usable({name: session}, *kinds)]
-        for kinds in (POSED, ("six_position",))
-    )
     residuals = poses.residuals | motion.residuals
     # with the effects of the rotations alone: those at rest may need what is not logged here
     turned = poses.calibrations.get("gyroscope", base.gyroscope)

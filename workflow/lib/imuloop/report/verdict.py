@@ -215,6 +215,22 @@ def undersampled(block):
     )
 
 
+def contradicting(block):
+    """Return which turns contradict all others, a sentence after others; empty where none does."""
+    turns = [
+        f"{t['session']} from {t['start_s']:.6g} to {t['end_s']:.6g} s, by "
+        f"{np.degrees(t['angle']):.2g}°"
+        for t in block.get("contradicting", ())
+    ]
+    if not turns:
+        return ""
+    verb = "contradicts" if len(turns) == 1 else "contradict"
+    return (
+        f" Left out, as {plural(len(turns), 'turn')} {verb} all others: {joined(turns)}; were "
+        "samples cut out or repeated there?"
+    )
+
+
 def too_quiet(block):
     """Return name, reduced χ² and its p-value of a residual far below its noise, or None."""
     for name, r in block["residuals"].items():
@@ -253,7 +269,8 @@ def sentence(sensor, block):
     """Return the verdict on a sensor's poses or static record in a sentence."""
     verdict = block["verdict"]
     if verdict == "not_testable":
-        return f"not testable: {block['why']}{'' if block['why'].endswith('?') else '.'}"
+        end = "" if block["why"].endswith("?") else "."
+        return f"not testable: {block['why']}{end}{contradicting(block)}"
     name, residual = quoted(sensor, block)
     effects = joined([effect_words(e["name"]) for e in block["effects"]])
     words = {
@@ -286,6 +303,7 @@ def sentence(sensor, block):
     elif block.get("slow_noise"):
         text += SLOW_AT_REST if "bias" in block["residuals"] else SLOW_NOISE
     text += f" {undersampled(block)[1]}".rstrip()
+    text += contradicting(block)
     if block.get("sessions", WHOLE) < WHOLE:
         text += _within(block)
     if spoiled := block.get("moves", {}).get("left_out"):

@@ -1,0 +1,91 @@
+"""A turn that contradicts all others is left out; a sensor that changed amid a log has no fit."""
+
+import numpy as np
+import pytest
+
+from calibrate.devices import UNITS, calibrated, known_noise, planned, recorded, recording
+from imuloop.calibrate.calibrate import start_pair
+from imuloop.calibrate.contradictions import change, odd_turns
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.samples import CHANNELS
+from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.simulate.simulate import simulate_session
+from imuloop.simulate.truth import example_truth
+
+TRUTH = planned(example_truth(rate=50.0), poses=30)
+FORCE, RATE = list(CHANNELS[:3]), list(CHANNELS[3:])
+SWAP = [1, 0, 2]
+
+
+def changed(channels, values, seed=0):
+    """Return a recording of which the last third of the log has other values."""
+    samples = simulate_session(TRUTH, "multi_position", seed)
+    late = np.arange(len(samples)) > 2 * len(samples) // 3
+    rows = samples.loc[late, channels].to_numpy()
+    samples.loc[late, channels] = values(rows)
+    return recorded(samples), samples["t"].to_numpy()[late][0]
+
+
+def within(words, time, room=15.0):
+    """Return whether the two times that words name hold a time, within `room`, s."""
+    first, last = (float(w) for w in words.split("between ")[1].split(" s:")[0].split(" and "))
+    return first - room < time < last + room
+
+
+@pytest.mark.parametrize("cut_s", [8.0, 20.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_stretch_that_is_cut_out_costs_one_turn(seed, cut_s):
+    samples = simulate_session(TRUTH, "multi_position", seed)
+    n, t = len(samples), samples["t"].to_numpy()
+    first = n // 2
+    kept = np.r_[:first, first + int(cut_s * 50) : n]
+    cut = samples.iloc[kept].assign(t=t[: len(kept)]).reset_index(drop=True)
+    made = recorded(cut)
+    # a rest after it may be in the same attitude by chance
+    assert len(made.lost.contradicting) <= 1
+    for _, start, end, angle in made.lost.contradicting:
+        assert start - 1 < t[first] < end + 1 and angle > 0.05
+    noise = known_noise(TRUTH)
+    whole = calibrated(recording(TRUTH, seed), noise, TRUTH.gravity)[1]
+    found = calibrated(made, noise, TRUTH.gravity)[1]
+    assert found.method == "multi_position"
+    off = np.abs(found.K - whole.K) / found.std["K0"]
+    assert off.max() < 4
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_nothing_contradicts_in_a_sound_recording(seed):
+    made = recording(TRUTH, seed)
+    assert made.lost.contradicting == ()
+    assert not odd_turns(made.poses, made.rotations)[0].any()
+    for sensor in ("accelerometer", "gyroscope"):
+        assert change(sensor, made.poses, made.rotations) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "values",
+    [lambda x: 0.5 * x, lambda x: x[:, SWAP], lambda x: x * [1, -1, 1]],
+    ids=["half", "swapped", "turned around"],
+)
+def test_a_gyroscope_that_changed_has_no_fit_and_the_time_is_named(values, seed):
+    made, when = changed(RATE, values, seed)
+    force, turn = calibrated(made, known_noise(TRUTH), TRUTH.gravity)
+    assert (force.method, turn.method) == ("multi_position", "static")
+    assert turn.not_testable.startswith("the gyroscope, or an axis")
+    assert within(turn.not_testable, when)
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize(
+    "values", [lambda x: 0.5 * x, lambda x: x[:, SWAP]], ids=["half", "swapped"]
+)
+def test_an_accelerometer_that_changed_is_not_handed_out(values):
+    made, when = changed(FORCE, values)
+    how = known_noise(TRUTH), TRUTH.gravity, UNITS, CalibrateSettings()
+    found = diagnose_poses(*start_pair(made, *how), made, DiagnoseSettings(), 0)
+    assert not found.calibrations
+    assert found.contents["accelerometer"]["why"].startswith("the accelerometer changed between")
+    for content in found.contents.values():
+        assert "contradict" in content["why"] and within(content["why"], when)
