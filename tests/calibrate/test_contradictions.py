@@ -7,11 +7,13 @@ from calibrate.devices import UNITS, calibrated, known_noise, planned, recorded,
 from imuloop.calibrate.calibrate import start_pair
 from imuloop.calibrate.contradictions import change, odd_turns
 from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.core.model import Calibration
 from imuloop.core.samples import CHANNELS
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
+from quick import diagnosed
 
 TRUTH = planned(example_truth(rate=50.0), poses=30)
 FORCE, RATE = list(CHANNELS[:3]), list(CHANNELS[3:])
@@ -89,3 +91,26 @@ def test_an_accelerometer_that_changed_is_not_handed_out(values):
     assert found.contents["accelerometer"]["why"].startswith("the accelerometer changed between")
     for content in found.contents.values():
         assert "contradict" in content["why"] and within(content["why"], when)
+
+
+def test_what_is_left_out_stands_in_the_diagnosis(tmp_path):
+    samples = simulate_session(TRUTH, "multi_position", 0)
+    t = samples["t"].to_numpy()
+    kept = np.r_[: len(t) // 2, len(t) // 2 + 400 : len(t)]
+    cut = samples.iloc[kept].assign(t=t[: len(kept)])
+    sensors = diagnosed(tmp_path, cut, gravity=TRUTH.gravity)
+    [turn] = sensors["gyroscope"]["poses"]["contradicting"]
+    assert turn["session"] == "log" and turn["start_s"] - 1 < t[len(t) // 2] < turn["end_s"] + 1
+    assert sensors["gyroscope"]["poses"]["verdict"] == "consistent"
+
+
+def test_an_accelerometer_that_changed_keeps_its_data_sheet(tmp_path):
+    samples = simulate_session(TRUTH, "multi_position", 0)
+    samples.loc[2 * len(samples) // 3 :, FORCE] *= 0.5
+    sensors = diagnosed(tmp_path, samples, gravity=TRUTH.gravity)
+    assert sensors["accelerometer"]["poses"]["verdict"] == "not_testable"
+    found = Calibration.from_json(tmp_path / "calibration.json")
+    assert (found.accelerometer.method, found.gyroscope.method) == ("nominal", "static")
+    assert "changed between" in found.accelerometer.not_testable
+    # the rates at rest need no direction of gravity
+    assert np.abs(found.gyroscope.b - TRUTH.gyroscope.b).max() < 1e-3

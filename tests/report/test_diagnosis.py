@@ -190,6 +190,17 @@ def test_turns_that_were_sampled_too_slowly_are_said_with_the_rate_that_they_nee
     assert "too slowly" not in sentence("gyroscope", block)
 
 
+@pytest.mark.parametrize("verdict", ["consistent", "not_testable"])
+def test_turns_that_contradict_all_others_are_said(verdict):
+    turn = {"session": "poses", "start_s": 120.0, "end_s": 121.5, "angle": 0.5}
+    left = {"rotation": residual("rad", 4e-3, 4e-3, 4.2e-3, 20)}
+    block = UNTESTED | {"verdict": verdict, "residuals": left, "contradicting": [turn]}
+    said = sentence("gyroscope", block)
+    assert "1 turn contradicts all others: poses from 120 to 121.5 s, by 29°" in said
+    block["contradicting"] = [turn, turn]
+    assert "2 turns contradict all others" in sentence("gyroscope", block)
+
+
 def test_what_one_effect_would_leave_is_said_of_the_residual_that_it_changes():
     chi2 = dict.fromkeys(CHI2, 9.0)
     residuals = {
