@@ -11,12 +11,12 @@ import pyarrow as pa
 from markupsafe import Markup
 from matplotlib import cycler
 from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import (
     FuncFormatter,
     LogLocator,
     MaxNLocator,
-    NullFormatter,
     NullLocator,
     ScalarFormatter,
 )
@@ -133,7 +133,7 @@ class Picture:
                     if axis.get_scale() == "log" and axis.isDefault_majloc:
                         _mark_decades(axis)
                         if area in areas:
-                            axis.grid(which="minor", lw=0.3)
+                            _grid_between(area, axis)
                 if area not in areas:
                     # a second scale lies over the first
                     area.grid(False)
@@ -190,15 +190,28 @@ def _mark_curves(area):
 def _mark_decades(axis):
     """Mark powers of ten; 1, 2 and 5 times them, or round numbers, where these are few."""
     low, high = axis.get_view_interval()
-    axis.set_minor_formatter(NullFormatter())
+    axis.set_minor_locator(NullLocator())
     if high < 4 * low:
         axis.set_major_locator(MaxNLocator(4, steps=(1, 2, 5, 10)))
         axis.set_major_formatter(ScalarFormatter())
-        axis.set_minor_locator(NullLocator())
     else:
         axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 100 * low else (1,)))
         axis.set_major_formatter(FuncFormatter(_decade))
-        axis.set_minor_locator(LogLocator(subs=range(2, 10)))
+
+
+def _grid_between(area, axis):
+    """Draw the lines between powers of ten at once: ticks of their own take most of the time."""
+    low, high = axis.get_view_interval()
+    if high < 4 * low:
+        return
+    at = LogLocator(subs=range(2, 10)).tick_values(low, high)
+    at, ends = at[(at > low) & (at < high)], np.array([0.0, 1.0])
+    along = axis is area.xaxis
+    lines = [np.column_stack([np.full(2, v), ends][:: 1 if along else -1]) for v in at]
+    transform = area.get_xaxis_transform() if along else area.get_yaxis_transform()
+    grid = LineCollection(lines, colors=GRID, linewidths=0.3, transform=transform, zorder=0.5)
+    grid.set_in_layout(False)
+    area.add_collection(grid, autolim=False)
 
 
 def _decade(value, _):
