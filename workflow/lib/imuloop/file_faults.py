@@ -8,6 +8,7 @@ from pathlib import Path
 from imuloop.config import is_stored, sources
 from imuloop.core.errors import ImuloopError, RejectedLog, nearest
 from imuloop.core.units import raw_unit
+from imuloop.ingest import delimited
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.ingest import used_units
@@ -19,8 +20,9 @@ from imuloop.ingest.sources import file_name
 # where the simulate rule puts a replica's log, relative to the working folder
 SIMULATED = re.compile(r"data/simulated/([^/]+)/([^/]+)\.parquet")
 
-# most bytes judged before the run of a log that is read as a whole, unless a fault is in them
-CHECKED = 1 << 23
+# most bytes judged before the run of a log that is read as a whole, unless a fault is in them; the
+# same of a text table
+CHECKED, BEGINNING = 1 << 23, 1 << 13
 
 
 def path_fault(path):
@@ -136,7 +138,10 @@ def file_faults(session, nominal, replicas, whole, marked):
                 return
         # what nobody foresaw in one log stops no other: its own job fails with it and says so
         with suppress(Exception):
-            yield from _log_faults(session, nominal, log_format, names, whole and marked)
+            how = session, nominal, log_format
+            beginning = _beginning(log_format, names)
+            if not beginning or [*_log_faults(*how, beginning, whole and marked)]:
+                yield from _log_faults(*how, names, whole and marked)
 
 
 def _size(names):
@@ -144,6 +149,15 @@ def _size(names):
     paths = [Path(name) for name in names.values()]
     files = [f for path in paths for f in (path.iterdir() if path.is_dir() else [path])]
     return sum(file.stat().st_size for file in files if file.is_file())
+
+
+def _beginning(log_format, names):
+    """Return what a text table begins with, in whole lines, by its role; None of others."""
+    if log_format.read is not delimited.read or Path(names["log"]).is_dir():
+        return None
+    with open(names["log"], "rb") as file:
+        text = file.read(BEGINNING)
+    return {"log": text[: text.rfind(b"\n") + 1]} if b"\n" in text else None
 
 
 def _log_faults(session, nominal, log_format, names, whole):
