@@ -7,17 +7,15 @@ ratio is of the medians; its spread, of the rounds.
 
 import argparse
 import os
-import resource
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 from statistics import median
 
 from bench.realistic.device import record
 from bench.tables import REPOSITORY, publish, table
-from bench.workflow import KINDS, device, make_logs, write_config
+from bench.workflow import KINDS, device, make_logs, timed_process, write_config
 
 # seed of the device whose thermometer is late, with many candidates near the threshold
 LATE = 5009
@@ -61,23 +59,13 @@ class Side:
         self.folder.mkdir(parents=True)
         # where the configs of a factory have their logs
         (self.folder / "data").symlink_to(self.folder.parent / "data")
-        self.environment = {
-            **os.environ,
-            "OPENBLAS_NUM_THREADS": "1",
-            "PYTHONPATH": str(self.repository / "workflow/lib"),
-            "PYTHONDONTWRITEBYTECODE": "",
-        }
+        library = str(self.repository / "workflow/lib")
+        self.environment = {**os.environ, "PYTHONPATH": library}
 
     def python(self, *arguments):
         """Return wall and processor seconds of a process of the commit's Python."""
-        command = [self.repository / ".venv/bin/python", *map(str, arguments)]
-        begin, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
-        how = {"env": self.environment, "cwd": self.folder, "capture_output": True, "text": True}
-        done = subprocess.run(command, **how)
-        wall, after = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
-        if done.returncode:
-            sys.exit(f"{self.repository}: {done.stdout[-2000:]}{done.stderr[-2000:]}")
-        return wall, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+        command = [self.repository / ".venv/bin/python", *arguments]
+        return timed_process(command, self.environment, self.folder)[:2]
 
     def workflow(self, config, work, *arguments):
         """Return the same of the workflow, two jobs at once."""

@@ -77,20 +77,29 @@ KINDS = ("multi_position", "static")
 PACK, SLOWER = 10, 1.3
 
 
-def workflow(repository, work, target, cores, *arguments):
-    """Run the workflow on ``work/config.yaml``; return wall and processor seconds, and output."""
-    command = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", work]
-    command += ["--configfile", work / "config.yaml", f"-c{cores}", *arguments, "--", target]
+def timed_process(command, environment, folder=None):
+    """Run a command; return wall and processor seconds, its children's with it, and its output.
+
+    Exits with the end of what it printed where it fails.
+    """
     # byte code is kept from job to job, as Python does where nobody forbids it
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
+    environment = {**environment, "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": ""}
     begin, before = time.monotonic(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, env=environment)
+    how = {"env": environment, "cwd": folder, "capture_output": True, "text": True}
+    done = subprocess.run(list(map(str, command)), **how)
     wall, after = time.monotonic() - begin, resource.getrusage(resource.RUSAGE_CHILDREN)
     processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     output = done.stdout + done.stderr
     if done.returncode:
-        sys.exit(f"the workflow failed:\n{output[-4000:]}")
+        sys.exit(f"{command[0]} failed:\n{output[-4000:]}")
     return wall, processor, output
+
+
+def workflow(repository, work, target, cores, *arguments):
+    """Run the workflow on ``work/config.yaml``; return wall and processor seconds, and output."""
+    command = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", work]
+    command += ["--configfile", work / "config.yaml", f"-c{cores}", *arguments, "--", target]
+    return timed_process(command, os.environ)
 
 
 def day(options):
