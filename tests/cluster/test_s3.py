@@ -131,12 +131,15 @@ def test_every_command_of_the_document_can_be_planned(repository, stored):
         stored(*shlex.split(line.replace("--configfile config.yaml", "")))
 
 
-# requests for each device with two logs, as counted
-PLANNED = 8
+# requests for each device with two logs, as counted: of a plan, and of a run that fetches them
+PLANNED, RUN = 8, 12
 
 
-def test_a_plan_asks_the_storage_the_same_few_times_for_each_device(
-    repository, s3, tmp_path, caplog
+@pytest.mark.parametrize(
+    ("how", "most"), [(["-n"], PLANNED), (["-c2", "--until", "segment"], RUN)], ids=["plan", "run"]
+)
+def test_the_storage_is_asked_the_same_few_times_for_each_device(
+    repository, s3, tmp_path, caplog, how, most
 ):
     client, environment = s3
     counts = []
@@ -144,12 +147,13 @@ def test_a_plan_asks_the_storage_the_same_few_times_for_each_device(
         folder = tmp_path / str(number)
         folder.mkdir()
         devices = write_devices(folder, [f"imu_{i}" for i in range(number)])
-        into_bucket(client, folder, devices, f"counted-{number}")
+        bucket = f"counted{how[0]}-{number}"
+        into_bucket(client, folder, devices, bucket)
         write_config(folder, devices)
         caplog.clear()
         with caplog.at_level("INFO", logger="werkzeug"):
-            done = run(repository, folder, "-n", **environment | KEYS)
+            done = run(repository, folder, *how, **environment | KEYS)
         assert done.returncode == 0, done.stderr
-        asked = [r for r in caplog.records if f"/counted-{number}" in r.getMessage()]
+        asked = [r for r in caplog.records if f"/{bucket}" in r.getMessage()]
         counts.append(len(asked))
-    assert 0 < counts[1] - counts[0] <= 2 * PLANNED
+    assert 0 < counts[1] - counts[0] <= 2 * most

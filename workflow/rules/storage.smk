@@ -4,9 +4,35 @@ from imuloop.core.errors import one_line
 
 
 @cache
+def lasting(kind):
+    """Return the same kind of storage object, whose logs stay as they are during a run.
+
+    At each choice of a job Snakemake asks for existence and size of what all waiting jobs need.
+    """
+    existence, sizes = {}, {}
+
+    class Lasting(kind):
+        def exists(self):
+            if self.query not in existence:
+                existence[self.query] = super().exists()
+            return existence[self.query]
+
+        def size(self):
+            if self.query not in sizes:
+                sizes[self.query] = super().size()
+            return sizes[self.query]
+
+    return Lasting
+
+
+@cache
 def stored(query):
     """Return a log in a storage as Snakemake takes it for an input."""
-    return storage(query)
+    log = storage(query)
+    # an input is made anew for each job, of the same class
+    known = log.flags["storage_object"]
+    known.__class__ = lasting(type(known))
+    return log
 
 
 def in_storage(query):
@@ -14,9 +40,8 @@ def in_storage(query):
     return stored(query).flags["storage_object"]
 
 
-@cache
 def stored_size(query):
-    """Return the bytes of a log in a storage: asked once, each job and each retry needs them."""
+    """Return the bytes of a log in a storage."""
     return in_storage(query).size()
 
 
