@@ -129,14 +129,15 @@ class Picture:
                 # no wider than the area, and each asks for all ticks again
                 area.spines[:].set_in_layout(False)
                 key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
-                for axis in (area.xaxis, area.yaxis):
-                    if axis.get_scale() == "log" and axis.isDefault_majloc:
-                        _mark_decades(axis)
-                        if area in areas:
-                            _grid_between(area, axis)
                 if area not in areas:
                     # a second scale lies over the first
                     area.grid(False)
+            # areas share axes, and one that is marked is marked in all
+            in_decades = [pair for each in figure.axes for pair in _in_decades(each)]
+            for area, axis in in_decades:
+                _mark_decades(axis)
+                if area in areas:
+                    _grid_between(area, axis)
             if self.zoom:
                 for area in areas:
                     _mark_curves(area)
@@ -185,6 +186,12 @@ def _mark_curves(area):
     area.yaxis.set_gid("axis=y")
     for line, label in zip(*area.get_legend_handles_labels(), strict=True):
         line.set_gid(line.get_gid() or f"curve={label}")
+
+
+def _in_decades(area):
+    """Return the area with each of its axes that is logarithmic and has no ticks of its own."""
+    axes = (area.xaxis, area.yaxis)
+    return [(area, a) for a in axes if a.get_scale() == "log" and a.isDefault_majloc]
 
 
 def _mark_decades(axis):
