@@ -66,6 +66,16 @@ def test_nothing_contradicts_in_a_sound_recording(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_a_bias_that_jumps_costs_no_more_than_the_turn_in_which_it_does(seed):
+    samples = simulate_session(TRUTH, "multi_position", seed)
+    late = samples["t"].to_numpy() >= (when := 0.9 * samples["t"].iloc[-1])
+    samples.loc[late, RATE] += 0.03
+    made = recorded(samples)
+    assert all(start < when < end for _, start, end, _ in made.lost.contradicting)
+    assert change("gyroscope", made.poses, made.rotations) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     "values",
     [lambda x: 0.5 * x, lambda x: x[:, SWAP], lambda x: x * [1, -1, 1]],

@@ -3,6 +3,8 @@
 By equal weights: poses and turns that contradict others say nothing of the noise.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -44,9 +46,11 @@ def turn_errors(poses, rotations):
     """Return the errors of Rotations, rad, (m, 2), by the data sheet, and their derivative.
 
     That is by misalignment and scale factor, (m, 2, 9). A turn carries gravity's direction from
-    pose to pose, as `pose_errors` has it.
+    pose to pose, as `pose_errors` has it. Its bias is the mean rate of both poses: one may drift.
     """
-    base = np.concatenate([np.repeat([0.0, 1.0], [6, 3]), np.median(poses.w, axis=0)])
+    base = np.repeat([0.0, 1.0, 0.0], [6, 3, 3])
+    bias = (poses.w[rotations.first] + poses.w[rotations.first + 1]) / 2
+    rotations = replace(rotations, w=rotations.w - bias[:, None])
     no_effect = np.zeros((len(poses), 3, 0)), np.zeros((*rotations.w.shape, 0))
     up, ends = pose_errors(poses)[2], (poses.to_start, poses.to_end)
     model = GyroscopeModel(poses.w, no_effect[0], rotations, no_effect[1], up, *ends)
@@ -64,7 +68,7 @@ def robust(residuals, derivative, start):
 def odd_turns(poses, rotations):
     """Return which Rotations contradict all others, a mask, and by how much, rad, (m,) each.
 
-    None where more than a few do.
+    None where more than a few do. What a turn too quick for the log may lose contradicts nothing.
     """
     if len(rotations) < FEWEST:
         return np.zeros(len(rotations), dtype=bool), np.zeros(len(rotations))
@@ -72,7 +76,8 @@ def odd_turns(poses, rotations):
     rows = design.reshape(-1, 9)
     p = robust(lambda p: values.ravel() + rows @ p, lambda p: rows, np.zeros(9))
     errors = np.linalg.norm(values + design @ p, axis=1)
-    odd = errors > max(TIMES * np.median(errors), TURN)
+    lost = np.sqrt(np.einsum("mgii->m", rotations.extra_covariance))
+    odd = errors > np.maximum(TIMES * np.maximum(np.median(errors), lost), TURN)
     return odd & (odd.sum() <= max(1, SHARE * len(odd))), errors
 
 
