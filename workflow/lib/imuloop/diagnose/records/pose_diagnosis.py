@@ -28,13 +28,15 @@ from imuloop.diagnose.records.probes import of_poses
 from imuloop.diagnose.records.scan import pose_step
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.search import kinds_of
-from imuloop.diagnose.verdict import LEFT, RESIDUALS, judge, not_testable, verdict
+from imuloop.diagnose.verdict import RESIDUALS, judge, not_testable, verdict
 from imuloop.effects.steps import Steps
 
 # kinds of residuals that a device leaves which does not lie still, and the share of its rests from
 # which on what is left of them may be that
 MOVED, MOVED_RESTS = {"pose_rate", "rotation", *VELOCITY}, 0.1
 STILL = "left may be that: wait 3 s after putting it down, or lay it on a table"
+# held-out error over its floor from which a sensor may have changed amid the recording
+FAR = 3.0
 # probability of an alternative of the noise that a range does not hold
 NEGLIGIBLE = 0.025
 
@@ -174,7 +176,9 @@ def rejections(result, recording):
         scales = [s / abs(made.K[int(name[1])]) for name, s in made.std.items() if name[0] == "K"]
         beyond = beyond_data_sheet(max(axes, default=0.0), max(scales, default=0.0))
         why = None
-        if result.contents[sensor]["verdict"] in LEFT:
+        # what jumps and is corrected leaves little
+        left = result.contents[sensor]["residuals"].values()
+        if any(not r["after"] <= FAR * r["floor"] for r in left):
             why = change(sensor, recording.poses, recording.rotations)
         if beyond:
             why = why or f"poses and turns show {beyond}: they contradict each other"
