@@ -218,7 +218,20 @@ def test_the_headline_is_the_largest_find_and_a_small_gain_is_none():
     assert headline([half]) == "A: nothing is missing, where it could be tested"
     missing = device("D", "unexplained", error())
     assert headline([good, missing]) == "2 devices: something is still missing"
-    assert "too few data" in headline([device("E", "not_testable")])
+    assert headline([device("E", "not_testable")]) == "E: nothing could be tested"
+
+
+def test_a_reason_that_is_the_accelerometers_is_said_once():
+    why = "the accelerometer changed between 1 and 2 s"
+    force = {"poses": block("not_testable", "") | {"why": why}}
+    turn = {"poses": block("not_testable", "") | {"why": f"direction of gravity not known: {why}"}}
+    assert said(force, turn) == [f"Not testable: {why}."]
+
+
+def test_turns_that_were_left_out_are_said_first():
+    turn = {"session": "poses", "start_s": 120.0, "end_s": 121.5, "angle": 0.5}
+    good = {"poses": block("consistent", "rotation", contradicting=[turn])}
+    assert "1 turn contradicts all others: poses from 120 to 121.5 s" in said(GOOD, good)[-1]
 
 
 def test_days_of_some_devices_are_not_those_of_all():

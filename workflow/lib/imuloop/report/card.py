@@ -12,6 +12,7 @@ from imuloop.report.verdict import (
     RESIDUAL_WORDS,
     block_of,
     blocks,
+    contradicting,
     effect_words,
     lacking,
     quoted,
@@ -29,14 +30,15 @@ def card(diagnosis, loop):
     """Return what is said of a device first, in the same order for every device.
 
     ``found``, which undeclared effects, by sensor; ``gain``, the errors that fell, with both ends;
-    ``left``, pairs of a verdict and what it is about, with the floor of the noise; ``untested``.
-    `loop` are the errors of `loop_errors`.
+    ``left``, pairs of a verdict and what it is about, with the floor of the noise; ``untested``,
+    with the turns that were left out. `loop` are the errors of `loop_errors`.
     """
+    left_out = contradicting(block_of(diagnosis, "gyroscope"))
     return {
         "found": _found(diagnosis),
         "gain": " ".join(_path(error) for error in told(loop)),
         "left": _left(diagnosis, loop),
-        "untested": _untested(diagnosis),
+        "untested": f"{_untested(diagnosis)}{left_out}".strip(),
     }
 
 
@@ -74,7 +76,7 @@ def headline(summaries):
     verdicts = every - {"not_testable"}
     named = summaries[0]["label"] if len(summaries) == 1 else plural(len(summaries), "device")
     if not verdicts:
-        return f"{named}: too few data to tell whether anything is missing"
+        return f"{named}: nothing could be tested"
     worst = max(verdicts, key=rank)
     words = {"consistent": "nothing is missing", "explained": "what was missing is small"}
     tested = ", where it could be tested" if every > verdicts else ""
@@ -98,8 +100,10 @@ def _found(diagnosis):
     """Return the effects that were found, each with its sensors, or why there are none."""
     tested = _tested(diagnosis)
     if not tested:
-        whys = dict.fromkeys(block_of(diagnosis, sensor)["why"] for sensor in SENSORS)
-        return sentence_of(f"not testable: {'; '.join(whys)}")
+        force, turn = (block_of(diagnosis, sensor)["why"] for sensor in SENSORS)
+        # without a direction of gravity the gyroscope's reason is the accelerometer's
+        why = force if force in turn else f"{force}; {turn}"
+        return sentence_of(f"not testable: {why}")
     places, effects = {}, {}
     for sensor in SENSORS:
         for part in PARTS:
