@@ -1,5 +1,7 @@
 """A turn that contradicts all others is left out; a sensor that changed amid a log has no fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,14 @@ def test_nothing_contradicts_in_a_sound_recording(seed):
     assert not odd_turns(made.poses, made.rotations)[0].any()
     for sensor in ("accelerometer", "gyroscope"):
         assert change(sensor, made.poses, made.rotations) is None
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan])
+def test_nothing_contradicts_a_sensor_that_is_dead(value):
+    made = recording(TRUTH, 0)
+    dead = replace(made.poses, f=np.full_like(made.poses.f, value))
+    assert not odd_turns(dead, made.rotations)[0].any()
+    assert change("accelerometer", dead, made.rotations) is None
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -60,6 +60,12 @@ def turn_errors(poses, rotations):
     return (carried @ start[..., None])[..., 0], design[..., :9]
 
 
+def live(poses):
+    """Tell whether Poses have a specific force and a rate each: a dead sensor contradicts none."""
+    norm = np.linalg.norm(poses.f, axis=1)
+    return len(norm) > 0 and bool(np.all(norm > 0) and np.isfinite(poses.w).all())
+
+
 def robust(residuals, derivative, start):
     """Return the parameters of the least errors, large ones by their size."""
     return least_squares(residuals, start, derivative, loss="soft_l1", f_scale=EVEN).x
@@ -70,7 +76,7 @@ def odd_turns(poses, rotations):
 
     None where more than a few do. What a turn too quick for the log may lose contradicts nothing.
     """
-    if len(rotations) < FEWEST:
+    if len(rotations) < FEWEST or not live(poses):
         return np.zeros(len(rotations), dtype=bool), np.zeros(len(rotations))
     values, design = turn_errors(poses, rotations)
     rows = design.reshape(-1, 9)
@@ -108,7 +114,7 @@ def first_changed(values, design, fewest, least):
 def change(sensor, poses, rotations):
     """Return when and how a sensor changed amid a recording, in words, or None if it did not."""
     # two sessions have two clocks
-    if not len(poses) or np.ptp(poses.session):
+    if not live(poses) or np.ptp(poses.session):
         return None
     if sensor == "accelerometer":
         (*errors, _), least, table, what = pose_errors(poses), FORCE, poses, "poses"
