@@ -67,8 +67,11 @@ def test_poses_that_determine_too_little_are_refused_with_the_reason(directions,
 @pytest.mark.parametrize("unit", [1.0, 9.8])
 def test_poses_that_lie_on_no_ellipsoid_are_refused(unit):
     f = poses_at(spread())
-    changed = f + 5.0 * (np.arange(30) > 15)[:, None]
-    for made, reason in ((f, ""), (changed, "lies on no ellipsoid")):
+    midway, in_turn = (
+        f + 5.0 * offset[:, None] for offset in (np.arange(30) > 15, np.arange(30) % 2)
+    )
+    reasons = "", "the accelerometer changed between 155 and 160 s", "lies on no ellipsoid"
+    for made, reason in zip((f, midway, in_turn), reasons, strict=True):
         found = calibrated_by(made / unit, 1e-4 / unit)
         assert reason in (found.not_testable or "")
         assert found.method == ("nominal" if reason else "multi_position")

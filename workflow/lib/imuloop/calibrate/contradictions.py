@@ -68,7 +68,8 @@ def live(poses):
 
 def robust(residuals, derivative, start):
     """Return the parameters of the least errors, large ones by their size."""
-    return least_squares(residuals, start, derivative, loss="soft_l1", f_scale=EVEN).x
+    how = {"loss": "soft_l1", "f_scale": EVEN, "x_scale": "jac"}
+    return least_squares(residuals, start, derivative, **how).x
 
 
 def odd_turns(poses, rotations):
