@@ -108,6 +108,7 @@ def works(folder):
         text = f"{STAGE}\n{code}"
         return lambda s: s.python("-c", text, name, s.folder / work / "results", config(s))
 
+    # a folder named `default` Snakemake would take for its profile
     anew = ("--forceall", "--", "results/report.html")
     return {
         "two devices of a factory, all jobs": (0.33, lambda s: s.workflow(two, "two", *anew)),
@@ -118,10 +119,10 @@ def works(folder):
         "segment and calibrate": (0.33, stage("chain.segment(made); chain.calibrate(made)")),
         "diagnosis": (0.33, stage("chain.diagnose(made)")),
         "page of a device": (0.4, stage("chain.report_device(made)")),
-        "config.yaml, all jobs": (0.33, lambda s: s.workflow(default(s), "default", *anew)),
+        "config.yaml, all jobs": (0.33, lambda s: s.workflow(default(s), "whole", *anew)),
         "diagnosis of the CATS tag": (
             0.15,
-            stage("chain.diagnose(made)", "cats_tag", "default", default),
+            stage("chain.diagnose(made)", "cats_tag", "whole", default),
         ),
     }
 
