@@ -11,17 +11,21 @@ from scipy.optimize import least_squares
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix
 
-# what contradicts is off by so many times what the others are, and by more than effects of sensors
+# what contradicts is off by so many times what the others are, and a turn that is left out by more
+# than effects of sensors, rad
 TIMES = 10.0
-TURN, FORCE = 0.05, 0.005  # rad, share of gravity
+TURN = 0.05
 # errors up to here count by their square, above by their size
 EVEN = 1e-3
 # turns from which most can contradict one, and the share of them that may be left out
 FEWEST, SHARE = 12, 0.1
-# poses and turns from which nine parameters leave errors; and how many after a change, and which
-# share of them, contradict those before
+# poses and turns from which nine parameters leave errors, and the share of all that these are; how
+# many on the other side of a change, which share of them contradicts, and by how much at least: of
+# gravity, rad
 PARTS = {"accelerometer": 12, "gyroscope": 8}
+LONG = 1 / 3
 CHANGED, MOST = 3, 0.5
+LEAST = {"accelerometer": 5e-3, "gyroscope": 0.015}
 # by how much the errors before a change may differ with the poses that count to them
 UNEVEN = 2.0
 
@@ -92,20 +96,21 @@ def first_changed(values, design, fewest, least):
     """Return the first of n errors from which they contradict those before; None if none does.
 
     Takes the errors, (n, c), their derivative, (n, c, p), the fewest that determine p parameters,
-    and the least size of an error that contradicts. The longer part gives the parameters; of the
-    shorter one most errors are then far beyond its own. It is as long as its own stay even.
+    and the least size of an error that contradicts. One side gives the parameters, by which most
+    errors of the other are then far beyond its own. It is as long as its own stay even.
     """
     n, found = len(values), []
     for k in range(CHANGED, n - CHANGED + 1):
-        shorter, longer = sorted((np.arange(k), np.arange(k, n)), key=len)
-        if len(longer) < fewest:
-            continue
-        rows, y = design[longer].reshape(-1, design.shape[-1]), values[longer].ravel()
-        p = np.linalg.lstsq(rows, -y)[0]
-        usual = np.sqrt(np.sum((y + rows @ p) ** 2) / (len(y) - len(p)))
-        errors = np.linalg.norm(values[shorter] + design[shorter] @ p, axis=1)
-        if np.mean(errors > max(TIMES * usual, least)) >= MOST:
-            found.append((len(longer), usual, k))
+        before, after = np.arange(k), np.arange(k, n)
+        for known, other in ((before, after), (after, before)):
+            if len(known) < max(fewest, LONG * n):
+                continue
+            rows, y = design[known].reshape(-1, design.shape[-1]), values[known].ravel()
+            p = np.linalg.lstsq(rows, -y)[0]
+            usual = np.sqrt(np.sum((y + rows @ p) ** 2) / (len(y) - len(p)))
+            errors = np.linalg.norm(values[other] + design[other] @ p, axis=1)
+            if np.mean(errors > max(TIMES * usual, least)) >= MOST:
+                found.append((len(known), usual, k))
     if not found:
         return None
     smallest = min(usual for _, usual, _ in found)
@@ -118,16 +123,16 @@ def change(sensor, poses, rotations):
     if not live(poses) or np.ptp(poses.session):
         return None
     if sensor == "accelerometer":
-        (*errors, _), least, table, what = pose_errors(poses), FORCE, poses, "poses"
+        (*errors, _), table, what = pose_errors(poses), poses, "poses"
         name = "the accelerometer"
     else:
-        errors, least, table, what = turn_errors(poses, rotations), TURN, rotations, "turns"
+        errors, table, what = turn_errors(poses, rotations), rotations, "turns"
         name = "the gyroscope, or an axis of the accelerometer,"
-    k = first_changed(*errors, PARTS[sensor], least)
+    k = first_changed(*errors, PARTS[sensor], LEAST[sensor])
     if k is None:
         return None
     return (
-        f"{name} changed between {table.end_s[k - 1]:.6g} and {table.start_s[k]:.6g} s: the "
-        f"{k} {what} before contradict the {len(table) - k} after; was its range, scale or "
-        "mounting changed there, or were logs joined? Calibrate one part: time_range"
+        f"{name} changed at about {(table.end_s[k - 1] + table.start_s[k]) / 2:.4g} s: the "
+        f"{k} {what} before contradict the {len(table) - k} after; was its range, scale, "
+        "mounting or clock changed there, or were logs joined? Calibrate one part: time_range"
     )
