@@ -131,12 +131,19 @@ def test_every_command_of_the_document_can_be_planned(repository, stored):
         stored(*shlex.split(line.replace("--configfile config.yaml", "")))
 
 
-# requests for each device with two logs, as counted: of a plan, and of a run that fetches them
-PLANNED, RUN = 8, 12
+# requests for each device with two logs, as counted: of a plan, of a run that fetches them, and of
+# one that has its results in the S3 too
+PLANNED, RUN, STORED = 8, 12, 260
 
 
 @pytest.mark.parametrize(
-    ("how", "most"), [(["-n"], PLANNED), (["-c2", "--until", "segment"], RUN)], ids=["plan", "run"]
+    ("how", "most"),
+    [
+        (["-n"], PLANNED),
+        (["-c2", "--until", "segment"], RUN),
+        (["-c2", "--until", "segment", *STORAGE], STORED),
+    ],
+    ids=["plan", "run", "stored"],
 )
 def test_the_storage_is_asked_the_same_few_times_for_each_device(
     repository, s3, tmp_path, caplog, how, most
@@ -147,13 +154,14 @@ def test_the_storage_is_asked_the_same_few_times_for_each_device(
         folder = tmp_path / str(number)
         folder.mkdir()
         devices = write_devices(folder, [f"imu_{i}" for i in range(number)])
-        bucket = f"counted{how[0]}-{number}"
-        into_bucket(client, folder, devices, bucket)
+        into_bucket(client, folder, devices, f"counted{len(how)}-{number}")
         write_config(folder, devices)
+        results = f"s3://results-{number}"
+        client.create_bucket(Bucket=f"results-{number}")
         caplog.clear()
         with caplog.at_level("INFO", logger="werkzeug"):
-            done = run(repository, folder, *how, **environment | KEYS)
+            words = [word.replace("s3://all", results) for word in how]
+            done = run(repository, folder, *words, **environment | KEYS)
         assert done.returncode == 0, done.stderr
-        asked = [r for r in caplog.records if f"/{bucket}" in r.getMessage()]
-        counts.append(len(asked))
+        counts.append(len(caplog.records))
     assert 0 < counts[1] - counts[0] <= 2 * most

@@ -52,6 +52,22 @@ def test_the_files_of_a_device_are_those_of_the_library_on_it_alone(finished, tm
     assert [p for p in files if (single / p).read_bytes() != (beside / p).read_bytes()] == []
 
 
+def test_devices_are_finished_in_the_order_of_the_config_each_job_chosen_once(
+    checkout, logs, tmp_path
+):
+    logs["static"].to_csv(tmp_path / "log.csv", index=False)
+    sessions = {"still": {"kind": "static", "file": "log.csv"}}
+    names = ["second", "third", "first"]
+    devices = {name: {"sessions": sessions} for name in names}
+    (tmp_path / "config.yaml").write_text(yaml.safe_dump({"devices": devices}, sort_keys=False))
+    done = snakemake(checkout, tmp_path, "-c1", "--until", "segment", "--verbose")
+    assert done.returncode == 0, done.stderr
+    written = sorted(tmp_path.rglob("*.parquet"), key=os.path.getmtime)
+    assert [path.parts[-3] for path in written] == [name for name in names for _ in range(2)]
+    # one before each of six jobs, and one that finds none left
+    assert (done.stdout + done.stderr).count("Ready jobs: ") <= 7
+
+
 def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished):
     folder, done = finished
     for log, kind, text in (

@@ -10,6 +10,7 @@ rule calibrate:
         "logs/calibrate/{device}.log",
     benchmark:
         "benchmarks/calibrate/{device}.tsv"
+    priority: in_order
     group:
         "device"
     conda:

@@ -45,6 +45,7 @@ DEVICES = resolve(config)
 # devices of each type that is compared, and devices that are completed by the others of theirs
 TYPES = {kind: names for kind, names in by_type(DEVICES).items() if len(names) >= LEAST}
 WITH_PRIOR = [name for name, device in DEVICES.items() if device["prior"]]
+ORDER = {name: number for number, name in enumerate(DEVICES)}
 NAME = r"[A-Za-z][A-Za-z0-9_-]*"
 CACHE = config.get("cache", "data/cache")
 FETCHED = fetched(DEVICES)
@@ -87,6 +88,11 @@ def device_of(wildcards):
 def session_of(wildcards):
     """Return the resolved config of a job's session."""
     return one_of(device_of(wildcards)["sessions"], wildcards.session, "session")
+
+
+def in_order(wildcards):
+    """Return a job's priority: each device is finished before the next one of the config begins."""
+    return -ORDER[wildcards.device]
 
 
 def others_of_type(wildcards):

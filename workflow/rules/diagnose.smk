@@ -18,6 +18,7 @@ rule diagnose:
         "logs/diagnose/{device}.log",
     benchmark:
         "benchmarks/diagnose/{device}.tsv"
+    priority: in_order
     group:
         "device"
     conda:

@@ -18,6 +18,7 @@ rule export:
         "logs/export/{device}.log",
     benchmark:
         "benchmarks/export/{device}.tsv"
+    priority: in_order
     group:
         "device"
     conda:

@@ -16,6 +16,7 @@ rule family_prior:
         "logs/family_prior/{device}.log",
     benchmark:
         "benchmarks/family_prior/{device}.tsv"
+    priority: in_order
     group:
         "with_prior"
     conda:

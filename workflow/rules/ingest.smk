@@ -28,6 +28,7 @@ rule ingest:
         "logs/ingest/{device}/{session}.log",
     benchmark:
         "benchmarks/ingest/{device}/{session}.tsv"
+    priority: in_order
     group:
         "device"
     conda:

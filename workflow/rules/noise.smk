@@ -11,6 +11,7 @@ rule noise:
         "logs/noise/{device}.log",
     benchmark:
         "benchmarks/noise/{device}.tsv"
+    priority: in_order
     group:
         "device"
     conda:
@@ -36,6 +37,7 @@ rule allan:
         "logs/allan/{device}/{session}.log",
     benchmark:
         "benchmarks/allan/{device}/{session}.tsv"
+    priority: in_order
     group:
         "device"
     conda:

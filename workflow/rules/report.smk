@@ -36,6 +36,7 @@ rule report_device:
         "logs/report_device/{device}.log",
     benchmark:
         "benchmarks/report_device/{device}.tsv"
+    priority: in_order
     group:
         "device"
     conda:

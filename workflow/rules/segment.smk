@@ -7,6 +7,7 @@ rule segment:
         "logs/segment/{device}/{session}.log",
     benchmark:
         "benchmarks/segment/{device}/{session}.tsv"
+    priority: in_order
     group:
         "device"
     conda:
