@@ -4,6 +4,7 @@ A study is worth what its truth is: each test puts one part of it beside what it
 """
 
 import ast
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -23,7 +24,7 @@ from bench.realistic.device import (
     record,
     slow_noise,
 )
-from bench.realistic.judge import alarms, errors, pulls
+from bench.realistic.judge import alarms, errors, outcome, pulls
 from bench.realistic.plain import fit, rotation
 from quick import hurried
 
@@ -124,6 +125,35 @@ def test_what_a_device_leaves_that_moves_at_rest_is_no_effect(tmp_path, case, ve
     # nothing is said of the first half minute at rest: it is no static record
     still = result.diagnosis["sensors"]["accelerometer"]["static_record"]
     assert still["verdict"] == "not_testable" and "no rest of 10 minutes" in still["why"]
+
+
+# nine parameters of gravity's norm they determine badly; with the turns between them well
+@pytest.mark.parametrize("case", ["faces", "lossy"])
+def test_a_calibration_is_as_good_as_the_plain_fit(tmp_path, case):
+    made = record(FEW, case)
+    made.write(tmp_path / "log.csv")
+    with hurried("imu"):
+        result = imuloop.calibrate(tmp_path / "log.csv", name="imu", progress=False)
+    found = outcome(made, result)
+    assert max(found["ratios"].values()) < (0.5 if case == "faces" else 1.5)
+    pulled = [abs(pull) for sensor in found["pulls"].values() for pull in sensor.values()]
+    assert len(pulled) == 21 and max(pulled) < 4
+    # rows that are lost make no rate too small
+    assert not [note for note in found["notes"] if "off by as much" in note]
+
+
+def test_six_faces_once_each_give_scale_factor_and_bias(tmp_path):
+    made = record(FEW, "faces")
+    rests = made.rests[:6]
+    early = made.columns["t"] <= rests[-1, 1]
+    log = {name: column[early] for name, column in made.columns.items()}
+    made = replace(made, rests=rests, columns=log)
+    made.write(tmp_path / "log.csv")
+    with hurried("imu"):
+        result = imuloop.calibrate(tmp_path / "log.csv", name="imu", progress=False)
+    assert result.calibration.accelerometer.method == "six_position"
+    raw = errors(made, lambda f, w, *_: (f, w))["accelerometer"]
+    assert outcome(made, result)["imuloop"]["accelerometer"] < raw / 2
 
 
 def test_what_is_missing_from_the_model_is_in_the_log(coarse):

@@ -7,7 +7,7 @@ are sampled. Devices of one seed have the same truth, motion and noise in every 
 """
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.signal import butter, lfilter, lfilter_zi
@@ -20,10 +20,12 @@ INTERNAL = 1600
 # nothing is missing from the model
 EFFECT_FREE = (
     "clean", "lowpass", "settle", "tremor", "usb", "quantised", "slow_turns", "fast_turns",
-    "twelve_poses", "spikes", "fan", "clipping",
+    "twelve_poses", "spikes", "fan", "clipping", "faces", "lossy",
 )  # fmt: skip
 WITH_EFFECT = ("temperature", "thermometer_lag", "jump")
 CASES = (*EFFECT_FREE, *WITH_EFFECT, "all")
+# how far from upright a face is put down, and the share of rows that a lossy log has
+FACE, KEPT = 0.01, 0.8
 # full scale of the gyroscope where it clips, °/s
 RAIL = 250
 CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
@@ -131,11 +133,17 @@ def stream(seed, name):
     return np.random.default_rng([seed, *name.encode()])
 
 
-def poses(n, rng):
-    """Return n attitudes all over the sphere in random order, 50° or more apart, (n,) Rotation."""
+def poses(n, rng, faces=False):
+    """Return n attitudes, 50° or more apart, (n,) Rotation.
+
+    All over the sphere in random order, or the six faces of a case again and again.
+    """
     up = Rotation.random(rng=rng).apply(sphere(n) + rng.normal(0, 0.05, (n, 3)))
+    if faces:
+        up = np.resize([*np.eye(3), *-np.eye(3)], (n, 3)) + rng.normal(0, FACE, (n, 3))
+    up = up / np.linalg.norm(up, axis=1)[:, None]
     made = []
-    for one in rng.permutation(up / np.linalg.norm(up, axis=1)[:, None]):
+    for one in up if faces else rng.permutation(up):
         level = Rotation.align_vectors([0, 0, 1], one)[0]
         while True:
             turned = Rotation.from_euler("z", rng.uniform(0, 2 * np.pi)) * level
@@ -172,7 +180,7 @@ def move(seed, parts, rate):
     rng = stream(seed, "motion")
     count = rng.integers(12, 41)
     count = 12 if "twelve_poses" in parts else count
-    attitudes = poses(count, rng)
+    attitudes = poses(count, rng, "faces" in parts)
     turns = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec()
     seconds = np.zeros(2 * count - 1)
     seconds[::2] = rng.uniform(3, 8, count)
@@ -365,7 +373,12 @@ def record(seed, case="clean", noise=True):
     values = spoiled(values, parts, own)
     log.update(t=arrivals(t, seed) if "usb" in parts else t)
     log.update(zip(CHANNELS, values.T, strict=True))
-    return known if read is None else replace(known, columns=log | {"temperature": read})
+    log.update({} if read is None else {"temperature": read})
+    if "lossy" in parts:
+        # each by itself, as a radio loses them
+        kept = own.random(len(t)) < KEPT
+        log.update({name: column[kept] for name, column in log.items()})
+    return known
 
 
 def at_rest(t, rests):

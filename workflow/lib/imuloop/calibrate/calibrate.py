@@ -350,6 +350,10 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     model, units = NoiseModel.from_json(noise), raw_units(sessions)
     multi = read_recording(sessions, settings.longest_rotation)
     six, static = (read_poses(sessions, kind) for kind in ("six_position", "static"))
+    largest = settings.largest_condition
+    if not len(six) and accelerometer_undetermined(multi.poses, gravity, largest):
+        # they may be faces
+        six = multi.poses
     six_sensors = calibrate_six_position(six, model, gravity, units, settings)
     # the gyroscope needs the direction of gravity, from whichever calibration there is
     named = dict(zip(SENSORS, units, strict=True))

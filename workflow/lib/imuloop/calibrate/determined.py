@@ -34,8 +34,7 @@ def accelerometer_undetermined(poses, gravity, largest):
         return None
     return (
         f"the attitudes of {n} poses do not determine 9 parameters: "
-        f"{too_large(condition, largest)}; add poses in between each axis up "
-        "and down; of six faces alone the session's kind is six_position"
+        f"{too_large(condition, largest)}; add poses in between each axis up and down"
     )
 
 
@@ -45,18 +44,24 @@ def _accelerometer_condition(jacobian, x, gravity):
     return condition_number(jacobian, np.concatenate([np.ones(3), K, gravity / K]))
 
 
-def accelerometer_invalid(jacobian, x, gravity, largest):
+def accelerometer_invalid(jacobian, white, covariance, x, gravity, largest):
     """Return why a fit of gravity's norm is invalid, or None if it is valid.
 
     Gravity's norm is also met where K tends to zero and K b to a vector as long as gravity. What
     lies on no ellipsoid is drawn there, and there the poses determine nothing; or to axes that no
-    accelerometer has. Takes the derivative of the norms, (n, 9), and the parameters, (9,).
+    accelerometer has. Takes the derivative of the norms, (n, 9), their errors, each given those
+    before it, (n,), and the parameters, (9,), with their covariance.
     """
     condition, slant = _accelerometer_condition(jacobian, x, gravity), np.max(np.abs(x[:3]))
     if not condition <= largest:
         leads = f"where they determine nothing, {too_large(condition, largest)}"
     elif slant > SLANT or np.min(x[3:6]) <= 0:
         leads = f"axes {slant:.2g} rad from square, at most {SLANT:g} is plausible"
+    elif beyond := _known_worse(white, covariance, x[3:6]):
+        return (
+            f"{len(jacobian)} poses show {beyond}: they are too much alike, or contradict each "
+            "other; add poses in between each axis up and down"
+        )
     else:
         return None
     return no_ellipsoid(len(jacobian), leads)
@@ -110,15 +115,20 @@ def gyroscope_invalid(jacobian, white, covariance, K, largest):
             f"fit leads to where they determine nothing, {too_large(condition, largest)}; was the "
             "angular rate clipped or wrapped around, did scale or axes change midway?"
         )
-    # as they contradict each other: what the rates at rest do says nothing of a turn
-    scale = max(1.0, white @ white / max(len(white) - 9, 1))
-    std = np.sqrt(np.diag(covariance) * scale)
-    if beyond := beyond_data_sheet(std[:6].max(), np.max(std[6:] / sizes[6:])):
+    if beyond := _known_worse(white, covariance, K):
         return (
             f"{count} rotations show {beyond}: they are too few, or contradict each other; was the "
             "angular rate clipped?"
         )
     return None
+
+
+def _known_worse(white, covariance, K):
+    """Return what a data sheet knows as well, text, or None; the covariance is of T, then K."""
+    # as the errors contradict each other, not as the noise has it
+    scale = max(1.0, white @ white / max(len(white) - 9, 1))
+    std, of_axes = np.sqrt(np.diag(covariance) * scale), len(covariance) - 3
+    return beyond_data_sheet(std[:of_axes].max(), np.max(std[of_axes:] / np.abs(K)))
 
 
 def beyond_data_sheet(axes, scale):

@@ -382,11 +382,13 @@ class SensorPair:
         at = np.flatnonzero(np.isin(self.free, places()[sensor]))
         rows = self.rows(recording)[1] == list(self.kinds).index(OF_SENSOR[sensor][-1])
         jacobian = found.jacobian[rows]
+        white = found.white[: len(rows)][rows]
         if sensor == "accelerometer":
-            return accelerometer_invalid(jacobian[:, at], found.x[at], self.gravity, largest)
+            jacobian, x = jacobian[:, at], found.x[at]
+            covariance = found.covariance[np.ix_(at[:6], at[:6])]
+            return accelerometer_invalid(jacobian, white, covariance, x, self.gravity, largest)
         at = at[:9]
         covariance = found.covariance[np.ix_(at, at)]
-        white = found.white[: len(rows)][rows]
         return gyroscope_invalid(jacobian[:, at], white, covariance, found.x[at[6:]], largest)
 
     def undetermined(self, sensor, recording, keeps):

@@ -22,5 +22,5 @@ class CalibrateSettings:
         30.0, "A longer way from one pose to the next is left out of the fit, s", gt=0
     )
     largest_condition: float = setting(
-        100.0, "Condition number of the design beyond which parameters are undetermined", gt=0
+        1e4, "Condition number of the design beyond which parameters are undetermined", gt=0
     )

@@ -69,9 +69,11 @@ def measure(samples, metadata, figures, threads=1):
     units = metadata.get("raw_units", {}).items()
     zeros = {name: -unit["offset"] * unit["scale"] for s, unit in units for name in SENSORS[s]}
     longest = max(figures["gaps"]["longer_than_s"] or 0.0, TURN_GAP)
-    gaps = long_steps(samples, longest)[0] if figures["gaps"]["count"] else ()
+    gaps, _, lasting = long_steps(samples, longest) if figures["gaps"]["count"] else ((), (), 0.0)
+    # where single rows are lost fewer come in a second than the usual step says
+    rows_per_s = (len(samples) - 1 - len(gaps)) / (figures["duration_s"] - np.sum(lasting))
     constant = {name: ConstantStretches(steps[name]) for name in CHANNELS}
-    means, stops, way = RestMeans(rate), Stops(rate, gaps), Axes(rate)
+    means, stops, way = RestMeans(rate), Stops(rows_per_s, gaps), Axes(rows_per_s)
 
     def at(row):
         return samples.read((TIME,), row, row + 1).item()
