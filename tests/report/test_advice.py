@@ -271,10 +271,15 @@ def test_a_force_that_is_far_from_gravity_comes_first(good, first):
 def test_short_rests_are_taken_only_where_they_are_enough(good, then):
     hasty = good().sessions[0]
     found = {"now": 0, "attitudes": then, "window_s": 1.0, "shortest_rest_s": 0.5}
-    hasty = replace(hasty, segmentation={"shorter": found})
-    [step] = [s for s in next_steps(good(sessions=(hasty,))) if "too short" in s]
-    assert step.endswith("old each for 4 s or more.")
-    assert ("shortest_rest_s: 0.5} there are 30" in step) == (then == 30)
+    for taken in (False, True):
+        segmentation = {"shorter": found | {"taken": taken}}
+        hasty = replace(hasty, segmentation=segmentation)
+        [step] = [s for s in next_steps(good(sessions=(hasty,))) if "too short" in s]
+        assert step.endswith("old each for 4 s or more.")
+        if taken:
+            assert f"{then} were found with window_s 1 and shortest_rest_s 0.5" in step
+        else:
+            assert ("shortest_rest_s: 0.5} there are 30" in step) == (then == 30)
 
 
 def test_rests_in_the_hand_come_before_poses_and_hours_at_rest_come_last(good):

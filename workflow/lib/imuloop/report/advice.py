@@ -180,7 +180,12 @@ def _short_rests(device):
         if found:
             now, then = found["now"], found["attitudes"]
             text = f"Most rests of session {s.name} are too short: {plural(now, 'attitude')} left."
-            if then >= LEAST_POSES:
+            if found["taken"]:
+                text += (
+                    f" {then} were found with window_s {found['window_s']:g} and shortest_rest_s "
+                    f"{found['shortest_rest_s']:g}; better, hold"
+                )
+            elif then >= LEAST_POSES:
                 text += (
                     f" With segment: {{window_s: {found['window_s']:g}, shortest_rest_s: "
                     f"{found['shortest_rest_s']:g}}} there are {then}; better, hold"

@@ -36,6 +36,8 @@ LEAST_SHORT, SHORT_SHARE = 5, 0.25
 SHORTER = ((1, 0.5), (0.5, 0.5), (0.5, 0.25), (0.25, 0.25))
 # attitudes that are worth another setting, and a part of the most that is as good
 WORTHWHILE, ALMOST = 1.2, 0.95
+# attitudes that determine an accelerometer's nine parameters, with one for a check
+ENOUGH = 10
 # a calibration this much less certain, by its expected error, is too dear for steady rests
 DEAREST = 2.0
 # expected error with rests in the hand, of that without, below which they are worth it
@@ -64,7 +66,7 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     `segment_table` and a dict of metadata: the number of poses; of a static session that of slow
     tilts; of others the level of rest and how it was found, the multiples, the rests dropped as too
     short, those at the end of the range and those that tilt, whether some are in the hand, and what
-    `shorter` settings would bring.
+    `shorter` settings would bring, or have brought.
     """
     rows = Samples(samples)
     whole, step = unbroken(rows, settings.gap_factor)
@@ -143,8 +145,22 @@ def _at_rail(rows, rests, rails):
 
 
 def _find_rests(rows, stretches, step, settings):
-    """Return the rests of a session, the tilt within each, rad, and the metadata."""
+    """Return the rests of a session, the tilt within each, rad, and the metadata.
+
+    By shorter settings where those asked for find too few to calibrate by, and the shorter enough.
+    """
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
+    rests, tilt, metadata = _rests_by(f, w, stretches, step, settings)
+    found = metadata["shorter"]
+    if not found or not found["now"] < ENOUGH <= found["attitudes"]:
+        return rests, tilt, metadata
+    settings = replace(settings, **{key: found[key] for key in ("window_s", "shortest_rest_s")})
+    rests, tilt, metadata = _rests_by(f, w, stretches, step, settings)
+    return rests, tilt, metadata | {"shorter": found | {"taken": True}}
+
+
+def _rests_by(f, w, stretches, step, settings):
+    """Return what `_find_rests` does by the settings as they are."""
     detected, metadata = _detected(f, w, stretches, step, settings)
     rests, tilt, held = detected, np.zeros(len(detected)), False
     if len(rests):
@@ -223,7 +239,7 @@ def _shorter(f, w, stretches, step, rests, settings):
         }
         shorter, _ = _detected(f, w, stretches, step, replace(settings, **each))
         found = len(attitudes(f, shorter, settings.same_attitude))
-        tried.append({**each, "attitudes": found, "now": now})
+        tried.append({**each, "attitudes": found, "now": now, "taken": False})
     most = max(each["attitudes"] for each in tried)
     if most < WORTHWHILE * max(now, 1):
         return None
