@@ -1,8 +1,10 @@
 """What is declared wrongly and shown by gravity, and honest logs, of which nothing is said."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from bench.realistic.device import record
 from imuloop.core.units import DEGREE
 from imuloop.ingest.axes import KEPT, Axes
 from imuloop.ingest.thinning import EvenSubsample
@@ -252,3 +254,12 @@ def test_bursts_that_cannot_be_rebuilt_are_reported_with_what_to_declare(run):
     found = run(many, columns={"time": None}, rate=rate).quality
     assert (found["status"], found["gaps"]["count"]) == ("ok", 0)
     assert found["clock"]["drift_ppm"] is None
+
+
+# what a slow turn does at its ends is no bias
+@pytest.mark.parametrize("case", ["clean", "slow_turns", "lossy"])
+@pytest.mark.parametrize("seed", [14, 46])
+def test_turns_go_as_far_as_the_scale_factor_says(taken, seed, case):
+    made = record(seed, case)
+    ratio = taken(pd.DataFrame(made.columns))["faults"]["rests"]["turn_ratio"]
+    assert abs(ratio["value"] * made.gyroscope.K.mean() - 1) < 0.02

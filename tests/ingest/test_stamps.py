@@ -15,7 +15,7 @@ from imuloop.ingest.stamps import (
     stamp_array,
     stamp_values,
 )
-from ingest.logs import FORCE, RATE
+from ingest.logs import FORCE, RATE, poses
 
 SIX = [*CHANNELS]
 
@@ -135,3 +135,13 @@ def test_dates_and_unix_time_are_moments_and_time_since_power_on_is_none():
     assert absolute_nanoseconds(MOMENT * 10**6 + 1, "us", False) == MOMENT * 10**9 + 1000
     assert absolute_nanoseconds(256551281491968, "us", False) is None
     assert absolute_nanoseconds(np.float64(12.5), "s", False) is None
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_rows_lost_at_random_are_no_stamps_that_scatter(run, seed):
+    log = poses(seed=seed)
+    kept = np.flatnonzero(np.random.default_rng(seed).random(len(log)) < 0.8)
+    done = run(log.iloc[kept])
+    assert not done.quality["clock"]["rebuilt"]
+    np.testing.assert_allclose(done.samples["t"], (kept - kept[0]) / 100, atol=1e-9)
+    assert done.quality["gaps"]["count"] > 0.1 * len(kept)

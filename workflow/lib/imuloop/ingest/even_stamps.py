@@ -19,6 +19,8 @@ _EVEN = 0.05
 _OFF_GRID = 1e-3
 # a level of stamps that scatter is known to this share of a step, so that one lost sample shows
 _KNOWN, _FEWEST = 0.05, 16
+# such levels, at least: of fewer rows that are lost at random may lie on a line
+_LEAST_LEVELS = 5
 # rounds of least squares, and the percentiles of the lateness beyond which it is clipped
 _ROUNDS, _USUAL = 3, (5, 95)
 # rows that share a stamp are a packet where half of such are as far from the next stamp, or the one
@@ -51,10 +53,10 @@ def line_step(path, counts, measured, rate=None, increments=False, packets=None)
     pauses. No line goes on over a reset.
 
     Stamps that come singly, but scatter by `_SCATTER` or more, are rebuilt where no sample is
-    lost: the medians of parts so long that one is known to `_KNOWN` of a step all lie within half
-    a step, and the median step is the mean one but for what the grid of the stamps rounds. They
-    stay where rows hold `increments`, whose intervals may differ, and where the angular rate goes
-    with them.
+    lost: the medians of parts so long that one is known to `_KNOWN` of a step, `_LEAST_LEVELS` or
+    more, all lie within half a step, and the median step is the mean one but for what the grid of
+    the stamps rounds. They stay where rows hold `increments`, whose intervals may differ, and where
+    the angular rate goes with them.
 
     `path` are the samples as stamped, `measured` their figures, `rate` is the declared one, Hz,
     `packets` as of `packet_step`.
@@ -84,7 +86,7 @@ def _line_step(counts, measured, rate, increments, packets):
         needed = (1.25 * scatter / 3.29 / (_KNOWN * step)) ** 2
         away_from_mean = abs(median - step) - _grid(points[:, 1])
         even = scatter >= _SCATTER * step and away_from_mean <= _EVEN * step
-        if increments or not even or not needed < len(away):
+        if increments or not even or not _LEAST_LEVELS * needed < len(away):
             return None
         parts = np.array_split(away, int(len(away) / max(needed, _FEWEST)))
         limit = step / 2

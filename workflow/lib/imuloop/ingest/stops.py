@@ -102,12 +102,13 @@ class Stops:
         windows = np.diff(stops, axis=1)
         both = sums_over(np.vstack([centre, turning]).T, stops) / windows
         self.stops.add(np.hstack([first + stops[:, :1] * width, windows, both]))
-        self._judge(stops, u, centre, turning, np.median(both[:, 3:], axis=0), first)
+        # as of two stops alone a slow turn would pass for it
+        bias = np.median(both[:, 3:], axis=0)
+        self._judge(stops, u, centre, turning, bias, first)
         half = self.fine // 2
         for (_, a), (b, _) in pairwise(rests):
             turn, gap = _angle(u[:, a - 1], u[:, b]), self._gaps(first, a - 1, b)
             if gap < 0 and turn > LEAST_TURN and (b - a) * self.fine * self.dt < LONGEST_MOVE:
-                bias = (turning[:, a - 1] + turning[:, b]) / 2
                 steps = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - self.fine]
                 move = np.empty(1, dtype=object)
                 move[0] = u[:, a - 1], u[:, b], (steps.T - bias) * self.dt
@@ -131,7 +132,6 @@ class Stops:
             self.gap_turn = max(self.gap_turn, (turn, int(gaps[k])), key=_first)
         i, j = i[gaps < 0], j[gaps < 0]
         change = np.linalg.norm(centre[:, j] - centre[:, i], axis=0)
-        # with the bias of all stops, as of two of them alone a slow turn would pass for it
         speed = np.linalg.norm(turning - bias[:, None], axis=0)
         angle = sums_over(speed, np.column_stack([i, j + 1])) * self.fine * self.dt
         change[change <= UNTURNED * angle * np.linalg.norm(centre[:, i], axis=0)] = 0.0
