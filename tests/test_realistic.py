@@ -138,6 +138,9 @@ def test_a_calibration_is_as_good_as_the_plain_fit(tmp_path, case):
     assert max(found["ratios"].values()) < (0.5 if case == "faces" else 1.5)
     pulled = [abs(pull) for sensor in found["pulls"].values() for pull in sensor.values()]
     assert len(pulled) == 21 and max(pulled) < 4
+    motion = result.diagnosis["sensors"]["gyroscope"]["motion"]
+    assert motion["verdict"] == ("consistent" if case == "faces" else "not_testable")
+    assert ("log every sample" in motion.get("why", "")) == (case == "lossy")
     # rows that are lost make no rate too small
     assert not [note for note in found["notes"] if "off by as much" in note]
 

@@ -55,7 +55,7 @@ def test_effects_of_both_sensors_are_one_answer():
 
 def test_moves_that_a_knock_spoiled_are_counted_and_what_to_do_is_said():
     block = motion_of(diagnosis("unexplained", left_out=17))
-    why = "a knock between two samples, a tilt at the rest beside it or a clipped sample"
+    why = "a knock between two samples, lost samples, a tilt at the rest beside it or clipping"
     assert f"Left out, for {why}: 17 of 37 moves." in sentence(BOTH, block)
     assert "Low-pass the accelerometer" in what_next(block)
     # one knock in 37 moves is none of the others

@@ -308,8 +308,8 @@ def sentence(sensor, block):
         text += _within(block)
     if spoiled := block.get("moves", {}).get("left_out"):
         of = plural(block["moves"]["all"], "move")
-        why = "for a knock between two samples, a tilt at the rest beside it or a clipped sample"
-        text += f" Left out, {why}: {spoiled} of {of}."
+        why = "a knock between two samples, lost samples, a tilt at the rest beside it or clipping"
+        text += f" Left out, for {why}: {spoiled} of {of}."
     if found := too_quiet(block):
         name, chi2, p = found
         text += (

@@ -26,10 +26,13 @@ from imuloop.effects.steps import Steps
 LEAST_MOVES = 10
 # m/s; what may be lost between two samples of a move that counts: half a g at 100 Hz
 SPOILED = 0.05
+# velocity that lost samples hide, of what the noise of a move gives, in one that counts
+HIDDEN = 0.25
 SOFTER = (
     "low-pass the accelerometer below half the rate, turn in one to two seconds and set the device "
     "down softly"
 )
+WHOLE = "log every sample"
 BOTH = "motion shows how late one sensor is after the other: it is given to the accelerometer"
 
 
@@ -96,15 +99,18 @@ def diagnose_motion(
     # where it tilts at either end the velocity there is not zero
     first, tilt = recording.rotations.first, recording.poses.tilt
     tilts = (tilt[first] > 0) | (tilt[first + 1] > 0)
-    quiet, columns = (knock <= SPOILED) & ~tilts & ~_jumps(recording, found), {"knock_m_s": knock}
+    lossy, columns = hidden(recording, every[-3:]) > HIDDEN, {"knock_m_s": knock}
+    quiet = (knock <= SPOILED) & ~lossy & ~tilts & ~_jumps(recording, found)
     pair = replace(pair, quiet=quiet, base=every)
     if quiet.sum() < LEAST_MOVES:
         why = f"{quiet.sum()} of {plural(len(quiet), 'move')} without a knock"
         why += " and between rests without a tilt" * bool(tilts.any())
         if np.isnan(knock).any():
             why += " and within the accelerometer's range"
+        why += " and without samples that are lost" * bool(lossy.any())
         why += f", at least {LEAST_MOVES} needed{recording.lost.reason}"
-        return replace(untestable(f"{why}: {SOFTER}", columns), pair=pair, solution=solution)
+        how = WHOLE if lossy.sum() > np.sum(~(knock <= SPOILED)) else SOFTER
+        return replace(untestable(f"{why}: {how}", columns), pair=pair, solution=solution)
     pair = pair.given_rotation(recording, found, x)
     shapes = candidates_in_motion(kinds_of(found))
     problem = MotionProblem(
@@ -153,13 +159,33 @@ def untestable(why, columns=None):
 def knocks(recording, gyroscope_bias):
     """Return the velocity that may be lost between two samples of each move, m/s, shape (m,).
 
-    The largest change of specific force over a step Δt that the turn does not make,
-    ``|Δf + w × f Δt| Δt``: a knock shorter than a step is sampled by chance, or not at all. Takes
+    A knock shorter than a step is sampled by chance, or not at all: the largest of `between`. Takes
     the gyroscope's bias, rad/s as logged, (3,). Not-a-number where the specific force reached the
     end of its range: what is beyond is not known.
     """
+    lost = between(recording.rotations, gyroscope_bias).max(axis=1)
+    return np.where(recording.rotations.force_clipped, np.nan, lost)
+
+
+def hidden(recording, gyroscope_bias):
+    """Return the velocity that lost samples hide of each move, of what its noise gives, (m,).
+
+    Over a gap specific force is a straight line, which is off by about a third of `between`. White
+    noise of variance σ² a sample, Δt apart, gives ``σ √(Δt T)`` in a move of T seconds.
+    """
     rotations = recording.rotations
+    lost = between(rotations, gyroscope_bias) * rotations.uneven / 3
+    variance = recording.poses.variance[rotations.first, :3].sum(axis=1)
+    usual = np.median(rotations.steps[rotations.steps > 0])
+    noise = np.sqrt(variance * usual * (rotations.end_s - rotations.start_s))
+    return np.linalg.norm(lost, axis=1) / noise
+
+
+def between(rotations, gyroscope_bias):
+    """Return the change of specific force over a step Δt that the turn does not make, times Δt.
+
+    ``|Δf + w × f Δt| Δt``, m/s, (m, k - 1). Takes the gyroscope's bias, rad/s as logged, (3,).
+    """
     f, w, steps = rotations.f, rotations.w - gyroscope_bias, rotations.steps[..., None]
     change = np.diff(f, axis=1) + np.cross(midpoints(w), midpoints(f)) * steps
-    lost = (np.linalg.norm(change, axis=2) * steps[..., 0]).max(axis=1)
-    return np.where(rotations.force_clipped, np.nan, lost)
+    return np.linalg.norm(change, axis=2) * rotations.steps
