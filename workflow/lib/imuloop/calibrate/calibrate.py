@@ -13,6 +13,7 @@ from imuloop.calibrate.determined import (
     accelerometer_undetermined,
     direction_unknown,
     gyroscope_undetermined,
+    known_worse,
     no_ellipsoid,
 )
 from imuloop.calibrate.gyroscope import NAMES as OF_GYROSCOPE
@@ -332,9 +333,12 @@ def calibrate_six_position(poses, noise, gravity, units, settings):
         poses.f[known], faces[known], gravity, means[:, known].mean()
     )
     made = in_raw_units(units[0], accelerometer.NAMES, fit.x, fit.covariance, method="six_position")
+    why = None
     if fault := sensor_fault(made, "accelerometer"):
-        made = SensorCalibration.nominal(units[0], f"the fit gives what no sensor has: {fault}")
-    return made, rest
+        why = f"the fit gives what no sensor has: {fault}"
+    elif beyond := known_worse(fit.covariance[:6, :6], fit.x[3:6]):
+        why = f"six faces show {beyond}: lay the device against a square edge"
+    return (SensorCalibration.nominal(units[0], why) if why else made), rest
 
 
 def best(*candidates):

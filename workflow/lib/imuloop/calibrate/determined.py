@@ -57,7 +57,7 @@ def accelerometer_invalid(jacobian, white, covariance, x, gravity, largest):
         leads = f"where they determine nothing, {too_large(condition, largest)}"
     elif slant > SLANT or np.min(x[3:6]) <= 0:
         leads = f"axes {slant:.2g} rad from square, at most {SLANT:g} is plausible"
-    elif beyond := _known_worse(white, covariance, x[3:6]):
+    elif beyond := known_worse(scaled(covariance, white), x[3:6]):
         return (
             f"{len(jacobian)} poses show {beyond}: they are too much alike, or contradict each "
             "other; add poses in between each axis up and down"
@@ -115,7 +115,7 @@ def gyroscope_invalid(jacobian, white, covariance, K, largest):
             f"fit leads to where they determine nothing, {too_large(condition, largest)}; was the "
             "angular rate clipped or wrapped around, did scale or axes change midway?"
         )
-    if beyond := _known_worse(white, covariance, K):
+    if beyond := known_worse(scaled(covariance, white), K):
         return (
             f"{count} rotations show {beyond}: they are too few, or contradict each other; was the "
             "angular rate clipped?"
@@ -123,11 +123,14 @@ def gyroscope_invalid(jacobian, white, covariance, K, largest):
     return None
 
 
-def _known_worse(white, covariance, K):
+def scaled(covariance, white):
+    """Return a covariance, larger where the errors of its fit, (n,), contradict each other."""
+    return covariance * max(1.0, white @ white / max(len(white) - 9, 1))
+
+
+def known_worse(covariance, K):
     """Return what a data sheet knows as well, text, or None; the covariance is of T, then K."""
-    # as the errors contradict each other, not as the noise has it
-    scale = max(1.0, white @ white / max(len(white) - 9, 1))
-    std, of_axes = np.sqrt(np.diag(covariance) * scale), len(covariance) - 3
+    std, of_axes = np.sqrt(np.diag(covariance)), len(covariance) - 3
     return beyond_data_sheet(std[:of_axes].max(), np.max(std[of_axes:] / np.abs(K)))
 
 
