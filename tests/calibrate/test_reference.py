@@ -154,6 +154,16 @@ def test_axes_that_are_turned_as_a_whole_leave_the_same():
     np.testing.assert_allclose(*sizes, atol=1e-3 * sizes[0].max())
 
 
+@pytest.mark.parametrize("rate", [28.5, 33.3, 100.0, 285.7])
+def test_windows_end_within_the_log_whatever_its_rate_and_length(rate):
+    for count in range(round(3 * rate), round(3 * rate) + 40):
+        attitude, still = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
+        log = ReferenceLog(np.arange(count) / rate, still, still, None, attitude, still, (1, 1))
+        known = ReferenceRecording(("s",), (log,))
+        for windows in (known.turns, known.places):
+            assert len(windows) > 0 and windows.last.max() < count
+
+
 def test_bias_and_tilt_of_a_session_are_taken_up():
     known = recording(CLEAN)
     sensor = beside(Accelerometer, known)

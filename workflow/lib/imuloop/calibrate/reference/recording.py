@@ -154,8 +154,10 @@ def _windows(log, session, kind, length, apart):
         lost = np.cumsum(~known)
         known = known & np.isfinite(log.place[:, 0])
     count, half, found, i = round(length / step), round(length / step / 2), [], 0
-    while i + count < len(log.t):
-        middle, last = i + half, i + (2 * half if kind == "position" else count)
+    # twice a rounded half may be one row more than the rounded whole
+    to_last = 2 * half if kind == "position" else count
+    while i + max(count, to_last) < len(log.t):
+        middle, last = i + half, i + to_last
         whole = known[i] and known[last] and broken[i] == broken[last]
         if kind == "position":
             whole = whole and known[middle] and lost[i] == lost[last]
