@@ -246,6 +246,18 @@ def test_nothing_is_expected_where_the_noise_is_unknown(first):
         assert unfitted(NoiseModel("example", axes), poses, calibration) == {}
 
 
+@pytest.mark.parametrize(("rests", "term"), zip(range(1, 7), "BKBKBK", strict=True))
+def test_a_plan_needs_no_white_noise_that_a_short_log_does_not_show(rests, term):
+    slow = AxisNoise(**{term: Coefficient(1e-3, (5e-4, 2e-3), 2e-3, True)})
+    noise = NoiseModel("example", NOISE.axes | dict.fromkeys(CHANNELS[3:], slow))
+    session = {"multi_position": replace(SESSION, poses=max(rests - 1, 1), initial_rest_s=8.0)}
+    log = simulate_session(replace(TRUTH, sessions=session), "multi_position", 2)
+    recording = recorded(log if rests > 1 else log[log["t"] < 7.0])
+    assert len(recording.poses) == rests
+    candidates = unfitted(noise, recording)["sensors"]["gyroscope"]["candidates"]
+    assert all(0 < c["std"]["b0"] < 0.1 for c in candidates if c["name"] == "poses")
+
+
 def test_poses_without_specific_force_know_nothing(first):
     recording = recorded(first[0])
     f = recording.poses.f * np.where(np.arange(len(recording.poses)) < 4, 1e-200, 1.0)[:, None]

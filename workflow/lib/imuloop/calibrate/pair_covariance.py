@@ -103,13 +103,13 @@ class PairCovariance:
         if fast != model:
             quick = fast.mean_covariance(self._windows, self._edges)
         slow, diagonal = self._about_mean(whole - quick), quick.diagonal().copy()
-        if whole.any():
+        if model.N.square or model.Q.square:
             diagonal[:n] += poses.extra_variance[:, axis]
             # white noise within a move does not act as its mean does
             diagonal[n:] -= model.N.square / np.ptp(self._windows[n:], axis=1)
         else:
-            # of a channel without noise the poses' own variance is known
-            diagonal[:n] = poses.variance[:, axis] / poses.n
+            # where white noise is not known, the variance within the poses is taken for it
+            diagonal[:n] += poses.variance[:, axis] / poses.n
         np.fill_diagonal(quick, diagonal)
         return quick + slow
 
