@@ -85,14 +85,15 @@ def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished)
     assert "Traceback" not in done.stdout + done.stderr
     with_traceback = [p for p in (folder / "logs").rglob("*.log") if "Traceback" in p.read_text()]
     assert with_traceback == [folder / "logs/export/resting.log"]
-    line = "resting: export failed: forced; the traceback is in logs/export/resting.log\n"
+    why = "export failed: an error in the code of imuloop (ArithmeticError)"
+    line = f"resting: {why}; the traceback is in logs/export/resting.log\n"
     assert line in done.stderr
     page = (folder / "results/report.html").read_text()
     assert page.index("Devices in which a stage failed") < page.index('id="rejected"')
     assert "logs/export/resting.log" in page
     rows = pd.read_csv(folder / "results/comparison.csv", index_col="device")
     assert dict(rows["status"]) == {"posed": "ok", "resting": "failed"}
-    assert "export failed: forced" in rows["why"]["resting"]
+    assert why in rows["why"]["resting"]
     assert rows["why"]["posed"].startswith("broken: 1 of 1 rows")
 
 

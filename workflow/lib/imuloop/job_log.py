@@ -3,7 +3,7 @@
 import logging
 import sys
 
-from imuloop.core.errors import one_line, printable
+from imuloop.core.errors import failure_line, one_line, printable
 
 
 class Printable(logging.Formatter):
@@ -26,8 +26,7 @@ def open_log(path, job):
 
     def fail(kind, error, traceback):
         logging.critical("failed", exc_info=(kind, error, traceback))
-        line = one_line(error) or kind.__name__
-        print(f"{job}: {line} (more in {path})", file=sys.__stderr__)
+        print(f"{job}: {failure_line(error)} (more in {path})", file=sys.__stderr__)
 
     sys.excepthook = fail
 

@@ -33,6 +33,18 @@ def one_line(text):
     return printable(" ".join(str(text).split())) + cure
 
 
+def failure_line(error):
+    """Return one line for the user about an exception; its traceback belongs into a log.
+
+    The text of an `ImuloopError`, or of a file, a machine or a package that is missing. The text of
+    any other exception, as those of numerical libraries, is about code and not shown.
+    """
+    kind = type(error).__name__
+    if isinstance(error, (ImuloopError, OSError, ImportError, MemoryError)):
+        return one_line(error) or kind
+    return f"an error in the code of imuloop ({kind})"
+
+
 def plural(count, noun, ending="s"):
     """Return a count with its noun."""
     return f"{count} {noun}{'' if count == 1 else ending}"

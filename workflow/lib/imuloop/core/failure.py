@@ -5,7 +5,7 @@ import logging
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from imuloop.core.errors import ImuloopError, MachineFault, one_line
+from imuloop.core.errors import ImuloopError, MachineFault, failure_line
 from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata
 
@@ -51,7 +51,7 @@ def attempt(device, stage, work, write_placeholder, before=()):
         if device.log or not isinstance(error, ImuloopError):
             logging.exception("%s: %s failed", device.name, stage)
         log = device.log and str(device.log)
-        failure = Failure(stage, one_line(error) or type(error).__name__, log)
+        failure = Failure(stage, failure_line(error), log)
         write_placeholder(str(failure), asdict(failure))
         return [failure]
     return []
