@@ -125,6 +125,53 @@ def test_a_pose_sees_the_mean_over_its_samples(shape):
     np.testing.assert_allclose(shape.design(poses), expected, rtol=1e-12, atol=1e-15)
 
 
+def at(channels, rows):
+    values = asdict(channels)
+    names = ("t", "output", "other", "temperature", "power_cycle")
+    return replace(channels, **{name: values[name][rows] for name in names})
+
+
+FORMULAS = ("x: fy^2*T; z: abs_wx*fz", *(f"y: {f}*fx" for f in ("R", "t", "s5", "vz", "qx")))
+EVERY = [shape for name, e in Effect.library.items() for shape in (e.shapes(log()) or (e(),))]
+EVERY += [find_effect("discovered")(formula, "accelerometer") for formula in FORMULAS]
+# of the means of a static record alone
+WITHOUT_DESIGN = ("gauss_markov", "sinusoid")
+
+
+@pytest.mark.parametrize("shape", [s for s in EVERY if s.name not in WITHOUT_DESIGN], ids=str)
+def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(shape):
+    """A part of a log gives what the whole log does, or the effect is `timed` or has a `reach`.
+
+    A single sample gives that too or is refused, and without its time where the time counts.
+    """
+    whole, effect = log(), fitted(shape, 2)
+    expected = effect.output(whole)
+
+    def same(channels, rows):
+        return np.allclose(effect.output(channels), expected[rows], rtol=1e-9, atol=1e-12)
+
+    part = slice(150, 250)
+    declared = bool(shape.timed or shape.reach)
+    assert declared or same(at(whole, part), part)
+    assert declared or same(replace(at(whole, part), t=np.zeros(100)), part)
+    for k in (150, 399):
+        try:
+            assert same(at(whole, [k]), [k])
+        except ImuloopError as error:
+            assert declared and "give the whole log" in str(error)
+    if "power_cycle" in shape.needs:
+        return
+    sensors = [SensorCalibration(RawUnit("SI", 1.0), np.eye(3), np.ones(3), np.zeros(3))] * 2
+    own = shape.sensors[0] == "gyroscope"
+    sensors[own] = replace(sensors[own], effects=(effect,))
+    made, f, w = Calibration("d", G, *sensors), whole.output[0], whole.other[0]
+    if declared:
+        with pytest.raises(ImuloopError, match="t is needed"):
+            made.apply_arrays(f, w, temperature=[25.0])
+    else:
+        made.apply_arrays(f, w, temperature=[25.0])
+
+
 # a time is the same whatever moves; of a knock that is cut off a velocity is left
 NOT_HELD = ("time_offset", "gyro_axis_delay")
 

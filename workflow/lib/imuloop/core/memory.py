@@ -26,6 +26,12 @@ def in_pieces(function):
     return function
 
 
+def of_time(function):
+    """Mark a function of a log's time stamps alone: a piece, or a single sample, is enough."""
+    function.in_pieces = function.of_time = True
+    return function
+
+
 def usual_step(t):
     """Return the median step of time, s, of the first million."""
     return float(np.median(np.diff(t[:STEPS])))

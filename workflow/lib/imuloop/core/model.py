@@ -230,7 +230,8 @@ class Calibration:
         acceleration, angular_rate : array_like, shape (n, 3) or (3,)
             SI (m/s^2, rad/s), as logged.
         t : array_like, shape (n,), optional
-            Seconds from the start of the log; needed only where there is an effect of time.
+            Seconds from the start of the log; needed only where an effect depends on the time or on
+            other samples. For the latter the arrays have to be the whole log.
         temperature : array_like, shape (n,), optional
             degC; needed only where there is an effect of temperature.
         raw : bool
@@ -246,7 +247,8 @@ class Calibration:
         Raises
         ------
         ImuloopError
-            If shapes differ, an effect lacks its input, or nothing was measured.
+            If shapes differ, an effect lacks its input, also what comes before and after a single
+            sample, or nothing was measured.
         """
         if not nominal:
             self.refuse_nominal()

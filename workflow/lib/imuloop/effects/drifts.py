@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import in_pieces
+from imuloop.core.memory import of_time
 from imuloop.effects.axes import on_each_axis, per_axis
 
 # s; a factor 3.4 apart, so that a true one is at most 1.85 from one that is tried; from a chip
@@ -17,7 +17,7 @@ SETTLINGS = 2
 POINTS = 3
 
 
-@in_pieces
+@of_time
 def settling(channels, tau):
     """Return ``exp(-t/τ)`` of a whole log, shape (n,)."""
     return np.exp(-channels.t / tau)
@@ -83,7 +83,6 @@ class Ramp(BiasDrift):
     """
 
     name = "ramp"
-    timed = False
     records = ("static_record",)
     lasting = False
 

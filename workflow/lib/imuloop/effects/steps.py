@@ -5,11 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import in_pieces
+from imuloop.core.memory import of_time
 from imuloop.effects.axes import on_each_axis, per_axis
 
 
-@in_pieces
+@of_time
 def before(channels, time):
     """Return whether samples of a whole log come before a time, 1 or 0, shape (n,)."""
     return (channels.t < time).astype(float)

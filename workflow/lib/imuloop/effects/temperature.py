@@ -235,6 +235,7 @@ class ThermalHysteresis(Effect):
     equation = "e_i = h_i (θ - play_w θ)/w"
     reference = "Brokate and Sprekels, Hysteresis and Phase Transitions, 1996, play operator"
     bounds = {"half_width": (1e-3, 1e3)}
+    timed = True
     after_temperature = True
     needs = ("temperature",)
 
