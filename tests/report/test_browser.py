@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from report.conftest import Tab
-from report.plausible_results import DEVICES
+from report.conftest import SIZE, Tab
 
 # where .ci/browser puts the accessibility checker
 AXE = "build/axe/**/axe.min.js"
@@ -325,9 +324,47 @@ def test_print_is_on_white_without_contents(page):
     ground = "getComputedStyle(document.body).backgroundColor"
     assert page.evaluate(ground) == "rgb(255, 255, 255)"
     assert not page.locator("nav").is_visible()
-    # what is folded stays so: two pages per device, and those that compare them
-    pages = len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True)))
-    assert 2 <= pages <= 2 * len(DEVICES) + 2
+
+
+def pages(page):
+    page.emulate_media(media="print")
+    return len(re.findall(rb"/Type\s*/Page\b", page.pdf(prefer_css_page_size=True)))
+
+
+@pytest.mark.parametrize("scripts", [True, False])
+def test_print_holds_every_section_whole(browser, results, scripts):
+    """Protects readers on paper from empty headings where a section was closed."""
+    tab = Tab(browser, java_script_enabled=scripts)
+    page = tab.open(results / "board/report.html")
+    found, closed = pages(page), page.locator("details:not([open])")
+    assert closed.count() > 5
+    closed.evaluate_all("all => all.forEach(each => each.open = true)")
+    assert found == pages(page) > 4
+    tab.context.close()
+
+
+@pytest.mark.parametrize(
+    ("by", "scripts"),
+    [(by, True) for by in ("click", "keyboard", "address")]
+    + [("click", False), ("address", False)],
+)
+def test_what_a_link_leads_to_is_open(browser, results, by, scripts):
+    """Protects readers from contents that lead to a closed section."""
+    tab = Tab(browser, java_script_enabled=scripts)
+    page = tab.open(results / "report.html")
+    for target in ("board.noise", "method", "partly.data"):
+        link = page.locator(f"a[href='#{target}']").first
+        if by == "click":
+            link.click()
+        elif by == "keyboard":
+            link.press("Enter")
+        else:
+            page.goto("about:blank")
+            page.goto(f"{(results / 'report.html').as_uri()}#{target}")
+        around = page.locator(f"details:has([id='{target}'])")
+        assert around.count() and around.evaluate_all("all => all.every(each => each.open)")
+        assert 0 <= page.locator(f"[id='{target}']").bounding_box()["y"] < SIZE["height"] / 2
+    tab.context.close()
 
 
 # leaves one text of each colour on each ground, size and weight, the others empty

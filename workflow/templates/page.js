@@ -51,14 +51,46 @@ for (const table of document.querySelectorAll("table.sortable")) {
     most += PAGE;
     show();
   });
+  addEventListener("beforeprint", () => {
+    most = Infinity;
+    show();
+  });
   table.closest(".scroll").after(more);
   paged.set(table, show);
   show();
 }
 
-// The contents show where the reader is: the last heading that has reached the top.
+// A link, or the address of the page, opens the sections around its target. Newer browsers do this
+// without a script.
+const targetOf = (link) => document.getElementById(decodeURIComponent(link.hash.slice(1)));
+const reveal = (target) => {
+  const sections = [...document.querySelectorAll("details:not([open])")].filter((s) => s.contains(target));
+  for (const each of sections) each.open = true;
+  return sections.length;
+};
+const revealAddress = () => {
+  const target = document.querySelector(":target");
+  if (reveal(target)) target.scrollIntoView();
+};
+addEventListener("click", ({ target }) => {
+  const link = target.closest("a[href^='#']");
+  if (link) reveal(targetOf(link));
+});
+addEventListener("hashchange", revealAddress);
+revealAddress();
+
+// Print shows every section; afterwards those that were closed close again. Newer browsers need only
+// the style for this.
+let closed = [];
+addEventListener("beforeprint", () => {
+  closed = [...document.querySelectorAll("details:not([open])")];
+  for (const each of closed) each.open = true;
+});
+addEventListener("afterprint", () => closed.forEach((each) => (each.open = false)));
+
+// The contents show where the reader is: the last section that has reached the top.
 const links = [...document.querySelectorAll("nav a[href^='#']")];
-const places = links.map((a) => document.getElementById(decodeURIComponent(a.hash.slice(1))));
+const places = links.map(targetOf).map((part) => part?.closest("details") ?? part);
 const reached = parseFloat(getComputedStyle(document.documentElement).scrollPaddingTop) + 20;
 const follow = () => {
   let now = -1;
