@@ -25,8 +25,9 @@ def _summary(label="A", **figures):
     return {"label": label, "figures": figures}
 
 
-def _size(value, upper=None, std=0.1):
-    return {"value": value, "std": std, "upper95": upper, "axis": "x", "upper95_axis": "y"}
+def _size(value, upper=None, std=0.1, unit="rad"):
+    size = {"value": value, "std": std, "upper95": upper, "axis": "x", "upper95_axis": "y"}
+    return size | {"unit": unit}
 
 
 def test_the_best_is_the_one_whose_interval_lies_below_all_others():
@@ -38,6 +39,8 @@ def test_the_best_is_the_one_whose_interval_lies_below_all_others():
     assert best_device([*devices, _summary(K=_size(2.2))], "K") is None
     assert best_device([_summary(K=_size(2.0, 3.5)), *devices[1:]], "K") is None
     assert best_device(devices[:1], "K") is None
+    # what is in different units is not compared
+    assert best_device([*devices, _summary(K=_size(1.0, unit="rad/s"))], "K") is None
     # and is named
     key = COLUMNS["gyroscope"][0].key
     named = [_summary(x, **{key: _size(v, std=1e-4)}) for x, v in (("A", 0.02), ("B", 0.01))]

@@ -74,8 +74,8 @@ def test_residual_pictures_hold_before_and_after(devices):
     device = devices["board"]
     pictures = residual_pictures(device, "gyroscope", block(device))
     rate, turn = (plain(p.caption) for p in pictures)
-    # 2e-3 to 2e-4 rad/s, 9.1e-3 to 2.4e-3 rad
-    assert "falls from 0.115 °/s to 0.0115 °/s" in rate and "pose" in rate
+    # 2.4e-3 to 2e-4 rad/s, 9.1e-3 to 2.4e-3 rad
+    assert "falls from 0.138 °/s to 0.0115 °/s" in rate and "pose" in rate
     assert "falls from 0.521° to 0.138°" in turn and "turn" in turn
     table = pd.read_csv(device.figures / "gyroscope_pose_rate.csv")
     worst = table.loc[table["after"].abs().idxmax()]

@@ -24,8 +24,8 @@ from imuloop.report.verdict import (
     block_of,
     blocks,
     leading,
+    left_over,
     misfit,
-    quoted,
     shown,
     undersampled,
 )
@@ -230,7 +230,7 @@ def _unexplained(device):
                 "the direction of gravity: mend that first.",
             )
             continue
-        _, residual = quoted(sensor, block)
+        _, residual = left_over(sensor, block)
         after, floor = residual["after"], residual["floor"]
         gain, size, earth = 1 - floor / after if after else 0.0, misfit(block), ""
         held, least = (shown(residual, key, 2) for key in ("after", "floor"))

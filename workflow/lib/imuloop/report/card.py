@@ -15,7 +15,7 @@ from imuloop.report.verdict import (
     contradicting,
     effect_words,
     lacking,
-    quoted,
+    left_over,
     rank,
     shown,
     too_quiet,
@@ -165,7 +165,7 @@ def _still(sensor, part, block):
     where = "in motion" if sensor == BOTH else f"in the {sensor}"
     if part == "reference":
         where += " or the reference"
-    name, residual = quoted(sensor, block)
+    name, residual = left_over(sensor, block)
     what, after, floor = RESIDUAL_WORDS[name], *(shown(residual, k, 2) for k in ("after", "floor"))
     most = lacking(block)
     if residual["after"] > residual["floor"] and after != floor:

@@ -11,7 +11,7 @@ from imuloop.report.figures.allan import curve
 from imuloop.report.figures.loop import loop_errors
 from imuloop.report.numbers import sigma_of
 from imuloop.report.results import SENSORS, XYZ, base_parameters, of_axes
-from imuloop.report.verdict import BOTH, answers, block_of, blocks, quoted, sentence
+from imuloop.report.verdict import BOTH, QUOTED, answers, block_of, blocks, quoted, sentence
 
 # version of the JSON file
 FORMAT = 1
@@ -107,18 +107,24 @@ def _axes(device):
 
 
 def _figures(device, axes):
-    """Return one figure for each column of the comparison."""
+    """Return one figure for each column of the comparison.
+
+    The held-out residual twice: ``residual``, the same kind for all devices, and ``quoted``, the
+    kind that the verdict quotes.
+    """
     figures = {}
     for sensor in SENSORS:
-        _, residual = quoted(sensor, block_of(device.diagnosis, sensor))
-        if residual:
-            # the root mean square of n normal errors has a relative σ of 1/sqrt(2 n)
-            figures[f"{sensor}_residual"] = {
-                "value": residual["after"],
-                "std": residual["after"] / np.sqrt(2 * max(residual["n"], 1)),
-                "unit": residual["unit"],
-                "floor": residual["floor"],
-            }
+        block = block_of(device.diagnosis, sensor)
+        kinds = {"residual": QUOTED[sensor][0], "quoted": quoted(sensor, block)[0]}
+        for key, name in kinds.items():
+            if residual := block["residuals"].get(name):
+                # the root mean square of n normal errors has a relative σ of 1/sqrt(2 n)
+                figures[f"{sensor}_{key}"] = {
+                    "value": residual["after"],
+                    "std": residual["after"] / np.sqrt(2 * max(residual["n"], 1)),
+                    "unit": residual["unit"],
+                    "floor": residual["floor"],
+                }
         # what the added effects explain is no noise
         change = block_of(device.diagnosis, sensor, "static_record").get("noise", {})
         logged = of_axes(device.axes, sensor)

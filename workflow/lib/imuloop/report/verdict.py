@@ -97,7 +97,7 @@ UNTESTED = {
     **dict.fromkeys(("effects", "candidates", "confounded", "correlates"), ()),
     "residuals": {},
 }
-# the residual that a verdict quotes, the one a user feels first
+# residuals that a user feels first
 QUOTED = {
     "accelerometer": ("gravity_norm",),
     "gyroscope": ("rotation", "pose_rate"),
@@ -133,16 +133,40 @@ def blocks(diagnosis):
     return found + [(s, part, block_of(diagnosis, s, part)) for s, part in beside]
 
 
-def quoted(sensor, block):
-    """Return name and content of the residual that a verdict quotes; (None, {}) without one.
-
-    Where one is above its floor, the one that is farthest above it.
-    """
+def residual_names(sensor, block):
+    """Return the names of the residuals of a record; those that a user feels first come first."""
     residuals = block["residuals"]
-    names = [*(n for n in QUOTED[sensor] if n in residuals), *residuals]
-    if block["verdict"] in ABOVE:
-        names.sort(key=lambda n: -residuals[n]["after"] / (residuals[n]["floor"] or np.inf))
-    return (names[0], residuals[names[0]]) if names else (None, {})
+    return list(dict.fromkeys((*(n for n in QUOTED[sensor] if n in residuals), *residuals)))
+
+
+def quoted(sensor, block):
+    """Return name and content of the residual that is shown with a verdict; (None, {}) without one.
+
+    If effects were added, the residual that fell most, in multiples of its floor; else, above the
+    floor, the one farthest above it; else the one that a user feels first.
+    """
+    if block["effects"]:
+        return _largest(sensor, block, lambda r: r["before"] - r["after"])
+    return left_over(sensor, block)
+
+
+def left_over(sensor, block):
+    """Return name and content of the residual farthest above its floor; (None, {}) without one.
+
+    If the verdict is that none is above, the one that a user feels first.
+    """
+    return _largest(sensor, block, lambda r: r["after"] if block["verdict"] in ABOVE else 0.0)
+
+
+def _largest(sensor, block, size):
+    """Return name and content of the residual whose size is largest in multiples of its floor."""
+
+    def multiple(name):
+        residual = block["residuals"][name]
+        return size(residual) / (residual["floor"] or np.inf)
+
+    name = max(residual_names(sensor, block), key=multiple, default=None)
+    return name, block["residuals"].get(name, {})
 
 
 def shown(residual, key, digits=3):

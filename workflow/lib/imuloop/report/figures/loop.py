@@ -5,11 +5,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator
 
 from imuloop.core.files import read_json
-from imuloop.core.samples import ACCELERATION, SENSORS
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import DEGREE
 from imuloop.report.figures.drawing import BLUE, GREEN, GRID, INK, ORANGE, PAGE, Picture, write_csv
 from imuloop.report.units import RESIDUAL
-from imuloop.report.verdict import block_of, effect_words, motion_of
+from imuloop.report.verdict import BOTH, UNTESTED, blocks, effect_words, quoted, residual_names
 
 # what an error was before and after, its words in the key, and its mark
 STAGES = {
@@ -21,6 +21,27 @@ STAGES = {
 WIDTH = 328
 # height of a row and of what is around all rows, px
 ROW, AROUND = 29, 67
+# the records in the order in which a user feels their errors
+RECORDS = (
+    ("gyroscope", "poses"),
+    ("accelerometer", "poses"),
+    (BOTH, "motion"),
+    ("gyroscope", "reference"),
+    ("accelerometer", "reference"),
+    ("accelerometer", "static_record"),
+    ("gyroscope", "static_record"),
+)
+# the errors by the name of the residual
+WHAT = {
+    "rotation": "vertical after a turn",
+    "pose_rate": "rate at rest",
+    "gravity_norm": "gravity at rest",
+    "velocity_vertical": "vertical velocity after a move",
+    "velocity_horizontal": "horizontal velocity after a move",
+    "reference_rotation": "rotation over 1 s",
+    "reference_force": "specific force",
+    "bias": "{}'s bias at rest",
+}
 # of the axis beyond the least and the greatest error, a factor
 BEYOND = 1.6
 
@@ -28,38 +49,40 @@ BEYOND = 1.6
 def loop_errors(device):
     """Return the held-out errors of a device that a user feels, the first one most.
 
-    Each a dict of ``what``, ``unit``, ``logged``, ``calibrated``, ``final``, ``floor`` (SI, root
-    mean squares, None where there is none), ``effects``, and whether the floor takes ``slow_noise``
-    that the rests do not show.
+    Of each record the residual that its verdict quotes, and the one that a user feels first. Each
+    is a dict of ``what``, ``unit``, ``logged``, ``calibrated``, ``final``, ``floor`` (SI, root mean
+    squares, None where there is none), ``effects``, and whether the floor takes ``slow_noise`` that
+    the rests do not show.
     """
-    found, poses = [], {s: block_of(device.diagnosis, s) for s in SENSORS}
-    if residual := poses["gyroscope"]["residuals"].get("rotation"):
+    known = {(sensor, part): block for sensor, part, block in blocks(device.diagnosis)}
+    found = []
+    for sensor, part in RECORDS:
+        block = known.get((sensor, part), UNTESTED)
+        for name in dict.fromkeys([quoted(sensor, block)[0], *residual_names(sensor, block)[:1]]):
+            if name:
+                logged = _as_logged(device, name, block)
+                what = WHAT[name].format(sensor)
+                found.append(_of_residual(what, block["residuals"][name], block, logged))
+    return found
+
+
+def _as_logged(device, name, block):
+    """Return the error as logged, SI, root mean square, in place of a residual; None if unknown."""
+    if name == "rotation":
         attitude = read_json(device.folder / "attitude.json")
-        logged = None
         if attitude["status"] == "ok":
-            logged = DEGREE * attitude["methods"]["rotation"]["models"]["raw"]["rms_deg"]
-        found.append(_of_residual("vertical after a turn", residual, poses["gyroscope"], logged))
-    if residual := poses["accelerometer"]["residuals"].get("gravity_norm"):
+            return DEGREE * attitude["methods"]["rotation"]["models"]["raw"]["rms_deg"]
+    elif name == "gravity_norm":
         table = device.poses[np.isfinite(device.poses["gravity_norm_after"])]
         norm = np.linalg.norm(table[list(ACCELERATION)], axis=1)
-        logged = np.sqrt(np.mean((norm - device.calibrations["final"].gravity) ** 2))
-        found.append(_of_residual("gravity at rest", residual, poses["accelerometer"], logged))
-    motion = motion_of(device.diagnosis)
-    if residual := motion["residuals"].get("velocity_vertical"):
-        found.append(_of_residual("velocity after a move", residual, motion))
-    block = block_of(device.diagnosis, "gyroscope", "reference")
-    if residual := block["residuals"].get("reference_rotation"):
+        return np.sqrt(np.mean((norm - device.calibrations["final"].gravity) ** 2))
+    elif name == "pose_rate":
+        table = device.poses[np.isfinite(device.poses["pose_rate_after"])]
+        return np.sqrt(np.mean((table[list(ANGULAR_RATE)] ** 2).sum(axis=1)))
+    elif name == "reference_rotation":
         [second] = (e for e in block["by_duration"] if e["seconds"] == 1)
-        logged = second["logged"]["rotation"]
-        found.append(_of_residual("rotation over 1 s", residual, block, logged))
-    block = block_of(device.diagnosis, "accelerometer", "reference")
-    if residual := block["residuals"].get("reference_force"):
-        found.append(_of_residual("specific force", residual, block))
-    for sensor in SENSORS:
-        block = block_of(device.diagnosis, sensor, "static_record")
-        if residual := block["residuals"].get("bias"):
-            found.append(_of_residual(f"{sensor}'s bias at rest", residual, block))
-    return found
+        return second["logged"]["rotation"]
+    return None
 
 
 def _of_residual(what, residual, block, logged=None):

@@ -15,6 +15,7 @@ from imuloop.report.units import (
     MILLI_G,
     MILLIRADIAN,
     PERCENT,
+    RESIDUAL,
     Display,
     quantities,
 )
@@ -32,7 +33,7 @@ class Column(NamedTuple):
 NOISE = {"N": "White noise", "B": "Bias instability", "K": "Random walk"}
 COLUMNS = {
     sensor: [
-        Column(f"{sensor}_residual", "Held-out residual", residual),
+        Column(f"{sensor}_quoted", "Held-out residual", residual),
         Column(f"{sensor}_bias", "Bias", bias),
         Column(f"{sensor}_scale", "Scale factor error", PERCENT),
         Column(f"{sensor}_misalignment", "Misalignment", MILLIRADIAN),
@@ -58,11 +59,12 @@ def best_device(summaries, key):
     """Return the place of the device whose figure is smallest; None where that is not certain.
 
     It is where its 95 % interval lies below those of all others. What was not seen may be anything
-    below its limit.
+    below its limit. Figures of different units are not compared.
     """
-    ends = {
-        i: _interval(figure) for i, s in enumerate(summaries) if (figure := s["figures"].get(key))
-    }
+    figures = {i: figure for i, s in enumerate(summaries) if (figure := s["figures"].get(key))}
+    if len({figure["unit"] for figure in figures.values()}) > 1:
+        return None
+    ends = {i: _interval(figure) for i, figure in figures.items()}
     best = min(ends, key=lambda i: ends[i][1], default=None)
     if len(ends) > 1 and all(ends[best][1] < low for i, (low, _) in ends.items() if i != best):
         return best
@@ -81,10 +83,11 @@ def _interval(figure):
 def best_words(summaries):
     """Return who has the smallest held-out residual of each sensor, where the intervals say so."""
     found = []
-    for sensor, ((key, _, display), *_) in COLUMNS.items():
+    for sensor, ((key, *_), *_) in COLUMNS.items():
         best = best_device(summaries, key)
         if best is not None:
-            size = display.text(summaries[best]["figures"][key]["value"], 2)
+            figure = summaries[best]["figures"][key]
+            size = RESIDUAL[figure["unit"]].text(figure["value"], 2)
             found.append(f"{sensor} – {summaries[best]['label']}, {size}")
     return found
 
@@ -105,6 +108,10 @@ def _cell(figure, display, best):
     value, upper, logged, floor = (
         figure.get(k) for k in ("value", "upper95", "as_logged", "floor")
     )
+    unit = ""
+    # a residual may be of another kind than the column
+    if floor is not None and (own := RESIDUAL[figure["unit"]]) != display:
+        display, unit = own, f"\u202f{own.unit}"
     limit = "" if missing(upper) else f"<\u202f{display.size(upper, 2)}"
     unseen = missing(value)
     below = [
@@ -117,7 +124,8 @@ def _cell(figure, display, best):
     below = "; ".join(filter(None, below))
     if unseen:
         return Cell(limit, below, best, upper)
-    return Cell(with_sigma(value, figure["std"], display.factor), below, best, abs(value))
+    text = with_sigma(value, figure["std"], display.factor) + unit
+    return Cell(text, below, best, abs(value))
 
 
 # kinds of records of every device
