@@ -3,6 +3,7 @@
 import json
 import re
 from html import unescape
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,7 +11,8 @@ import pytest
 import yaml
 from scipy.io import savemat
 
-from imuloop.__main__ import COMMANDS, main
+from imuloop.__main__ import main
+from imuloop.commands.program import COMMANDS
 from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.ingest.ingest import ingest
 
@@ -233,8 +235,12 @@ def test_two_files_of_one_sensor_each(device, tmp_path, capsys, monkeypatch):
     )
     a, b = tmp_path / "acc.csv", tmp_path / "gyr.csv"
     logs = [f"static=acceleration={a},angular_rate={b}", f"acceleration={a},angular_rate={b}"]
-    with pytest.raises(ZeroDivisionError):
-        main(["calibrate", *logs, "-o", str(tmp_path / "out")])
+    assert main(["calibrate", *logs, "-o", str(tmp_path / "out")]) == 1
+    [line] = capsys.readouterr().err.splitlines()
+    assert "a bug of imuloop: ZeroDivisionError: division by zero" in line
+    traceback = Path(line.rpartition(", ")[2])
+    assert "1 / 0" in traceback.read_text()
+    traceback.unlink()
     pair = {"acceleration": a, "angular_rate": b}
     [((poses,), how)] = taken
     assert poses == [pair] and how["static"] == [pair] and how["label"] == "acc"
@@ -262,7 +268,7 @@ def test_every_command_takes_a_file_of_each_sensor(device, tmp_path, capsys):
     one, two = (pd.read_parquet(tmp_path / f"{n}.parquet")[[*CHANNELS]] for n in ("one", "two"))
     np.testing.assert_array_equal(one, two)
     line = one_line_error(["info", pair, "--columns", "time=when"], capsys)
-    assert "columns.time: no column 'when'; there are tick" in line
+    assert "--columns time=…: no column 'when'; there are tick" in line
     line = one_line_error(["apply", old, pair, "-o", force], capsys)
     assert "acc.csv" in line
 

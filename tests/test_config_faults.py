@@ -59,7 +59,7 @@ SESSION = """
     time_range: ['2021-09-20T10:00', null]
     time_range: '2021-09-20T10:00' is a date, but the log's stamps are not; give seconds
     kind: static, file: counts.csv
-    file: acceleration in counts needs nominal.acceleration.scale (increments: × rate) and .offset
+    file: acceleration in counts needs nominal.acceleration.scale (increments: × rate)
     time_range: [12:30:00, 50000]
     time_range.0: 12:30:00 is 45000 to YAML; write '12:30:00' with quotes, or 45000
     kind: known_rotation, file: poses.csv, sections: [{axis: x, start: 0, end: 1}]

@@ -73,7 +73,7 @@ def test_a_gyroscope_alone_at_rest_has_noise_and_bias():
 
 def test_columns_that_may_be_the_other_sensor_s_are_not_passed_over():
     log = at_rest().assign(u=1.0, v=2.0, w=3.0)
-    with pytest.raises(ImuloopError, match=r"no columns of acceleration found .* declare it as nu"):
+    with pytest.raises(ImuloopError, match=r"no columns of acceleration found .* declare columns"):
         imuloop.calibrate(log)
     with pytest.warns(UserWarning, match="the log holds no acceleration"):
         assert imuloop.calibrate(log, columns={"acceleration": None}).noise["gx"].N.value

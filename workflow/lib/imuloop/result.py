@@ -32,6 +32,7 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, refuse_overwriting, replaced
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
+from imuloop.core.places import PYTHON, read_in
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
@@ -326,6 +327,7 @@ def _where(log):
     return " and ".join(files) or IN_MEMORY
 
 
+@read_in(PYTHON)
 def _ingested(device, session, log, declared):
     """Write the samples of a session; return why they cannot be used, and what to look at."""
     two = isinstance(log, Mapping) and {*log} == {*PAIR}
@@ -347,8 +349,8 @@ def _ingested(device, session, log, declared):
     shown = _where(log) if _where(log) != IN_MEMORY else session
     declared = declared | {"sources": sources}
     for failure in chain.ingest(device, session, declared, paths):
-        # the file's name is enough, and of a log in memory that of its session
-        why = failure.why.removeprefix(f"{device.name}/{session}: ")
+        # of a log in memory the name of its session is enough
+        why = failure.why
         for path in paths if IN_MEMORY in {s["path"] for s in sources.values()} else ():
             why = why.replace(str(path), session)
         raise ImuloopError(why)

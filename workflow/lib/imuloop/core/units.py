@@ -66,8 +66,7 @@ def raw_unit(quantity, name, nominal=None):
     if name == "count":
         if not nominal:
             raise ImuloopError(
-                f"{quantity} in counts needs nominal.{quantity}.scale (increments: × rate) and "
-                ".offset"
+                f"{quantity} in counts needs nominal.{quantity}.scale (increments: × rate)"
             )
         return RawUnit("count", float(nominal["scale"]), float(nominal.get("offset", 0.0)))
     if name in INCREMENTS[quantity]:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field
 
 from imuloop.core.errors import ImuloopError, Lacking, did_you_mean
+from imuloop.core.places import PAIR
 from imuloop.core.samples import TEMPERATURE
 from imuloop.core.units import INCREMENTS
 from imuloop.ingest.spellings import (
@@ -22,8 +23,6 @@ STAMP = "stamp"
 HELD = "held"
 # name there of the part of a second where that has a column of its own
 FRACTION = "stamp.fraction"
-# how two files are declared
-PAIR = "file: {acceleration: FILE, angular_rate: FILE}"
 _QUANTITIES = ("time", "acceleration", "angular_rate", "temperature")
 # most names in a message
 _SHOWN = 60
@@ -151,8 +150,8 @@ def lacking(quantity, columns):
     how = "by number from 0" if columns.startswith("no header") else "by name"
     return Lacking(
         f"no columns of {quantity} found ({columns}); name its x, y, z {how} in "
-        f"columns.{quantity}, or give both files where another holds it, {PAIR}, or declare it as "
-        "null where it was not logged"
+        f"columns.{quantity}, or give both files where another holds it, {PAIR}, or declare "
+        f"columns.{quantity}: null where it was not logged"
     )
 
 

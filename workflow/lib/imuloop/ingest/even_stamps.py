@@ -187,7 +187,7 @@ def rebuilt(logged, step, counts, packets=None):
         return f"the stamps scatter about a regular clock, no sample is lost{seen}: {at}"
     if not step:
         return f"the stamps {how}: they are put {packets[0]:.6g} s apart within each packet"
-    return f"the stamps {how}: {at}; where the sensor itself pauses, declare its rate"
+    return f"the stamps {how}: {at}; where the sensor itself pauses, give rate in Hz"
 
 
 def _steps(measured):
@@ -214,6 +214,6 @@ def broken(measured, rate=None):
     return (
         f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms) "
         f"with {gaps['count']} gaps between, and lie on no line: rows are lost, or held back for "
-        "long. If the sensor itself samples evenly, take the row's number for the time: columns: "
-        f"{{time: null}} and its rate, about rate: {1 / mean:.4g}"
+        "long. If the sensor itself samples evenly, take the row's number for the time: "
+        f"columns.time: null, and about rate: {1 / mean:.4g}"
     )

@@ -70,7 +70,9 @@ def warnings(figures):
         ),
     ]
     lines = [f"{what}: {', '.join(items)}; {advice}" for what, items, advice in table if items]
-    lines += [f"{other} is a copy of {one}: see columns" for one, other in found["copies"]]
+    for one, other in found["copies"]:
+        quantity = "acceleration" if other in ACCELERATION else "angular_rate"
+        lines.append(f"{other} is a copy of {one}: see columns.{quantity}")
     lines += _temperature(figures)
     if not USUAL_RATE[0] <= rate <= USUAL_RATE[1]:
         lines.append(f"{rate:.3g} Hz is unusual for an IMU: see units.time")
@@ -144,5 +146,6 @@ def _axes(found):
         )
     return [
         f"the angular rate fits the turns of gravity with {fits}: {fault}; gravity does not tell "
-        "which sensor is at fault; columns puts axes in order and turns a sign: -NAME"
+        "which sensor is at fault; columns.acceleration and columns.angular_rate put axes in "
+        "order, and -NAME turns a sign"
     ]

@@ -117,7 +117,7 @@ def guess_format(paths):
         if bare.suffix.lower() in form.endings:
             return name
     raise ImuloopError(
-        f"the name {bare.name} does not say its format; add format: {' | '.join(FORMATS)}"
+        f"the name {bare.name} does not say its format; give format: {' | '.join(FORMATS)}"
     )
 
 

@@ -94,6 +94,8 @@ def _messages(reader, given):
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env={**os.environ, **own},
+            # Ctrl-C is for the program, which ends its readers
+            process_group=0,
         )
         with process:
             try:

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
+from imuloop.core.places import PAIR, for_reader, in_config
 from imuloop.core.samples import (
     CHANNELS,
     LOGGED_TIME,
@@ -23,7 +24,6 @@ from imuloop.core.samples import (
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
 from imuloop.ingest import clocks, even_stamps, increments, quality, slower_sensor
 from imuloop.ingest import pps as marks
-from imuloop.ingest.columns import PAIR
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged
@@ -227,7 +227,8 @@ def ingest(
         kind_of_error, text = type(error), error
         if isinstance(error, PermissionError):
             kind_of_error, text = MachineFault, error.strerror
-        raise kind_of_error(f"{device}/{session}: {names}: {text}") from error
+        whose = f"{device}/{session}: " if in_config() else ""
+        raise kind_of_error(for_reader(f"{whose}{names}: {text}")) from error
     if timeline:
         early, late = counts.outside_marks.tolist()
         timeline.figures.update(before=early, after=late)
@@ -240,15 +241,17 @@ def ingest(
     if absent:
         why = f"what needs it is not testable; give both files where another holds it, {PAIR}"
         doubts.append(f"the log holds no {absent}: {why}")
+    doubts += quality.warnings(figures, counts, log, rate=rate) + doubted
     told = {
         "misdeclared": misdeclared,
-        "warnings": doubts + quality.warnings(figures, counts, log, rate=rate) + doubted,
+        "warnings": [*map(for_reader, doubts)],
         "clock": clocks.figures(
             *(counts.clock, figures, "time" in log.found and rate, logged),
             timeline and timeline.figures,
         ),
         "increments": summed,
     }
+    reasons = [*map(for_reader, reasons)]
     write_json(quality_path, _quality(reasons, figures, counts, log) | told | origin)
 
 
@@ -272,7 +275,7 @@ def _check_paths(paths):
         if any("\ud800" <= c <= "\udfff" for c in str(path)):
             raise ImuloopError("its name is no UTF-8: rename it")
         if not (path.is_file() or path.is_dir()):
-            raise ImuloopError("there is no such file; see file: in the config")
+            raise ImuloopError("there is no such file")
 
 
 def _origin(device, session, kind, units, raw_units, log_format, source):

@@ -291,8 +291,9 @@ def _listed(by_channel):
 def _impossible(counts):
     """Name the channels with values that no sensor gives, and how many; empty without."""
     found = _listed(counts.impossible_values)
+    quantity = "acceleration" if found.startswith("a") else "angular_rate"
     beyond = f"beyond ± {BEYOND:g} in SI, which no sensor gives: {found}"
-    return f" ({beyond}; see units and nominal)" if found else ""
+    return f" ({beyond}; see units.{quantity} and nominal.{quantity})" if found else ""
 
 
 def _time_hint(rate, unit):

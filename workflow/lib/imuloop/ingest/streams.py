@@ -144,7 +144,7 @@ def _chosen(columns, streams):
     """Return sensor -> (stream, its three fields)."""
     logged = [quantity for quantity in _SENSOR_OF if columns.get(quantity, "") is not None]
     if not logged:
-        raise ImuloopError("columns: neither acceleration nor angular_rate was logged")
+        raise ImuloopError("no sensor: columns.acceleration and columns.angular_rate are null")
     chosen = {quantity: _declared(quantity, columns, streams) for quantity in logged}
     candidates = {q: [chosen[q]] if chosen[q] else _guessed(q, streams) for q in logged}
     names = [{stream.name for stream, _ in found} for found in candidates.values()]

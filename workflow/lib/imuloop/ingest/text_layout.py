@@ -236,7 +236,7 @@ def _no_text(head):
     # every second byte, or three of four
     if head[:256].count(0) > 0.4 * len(head[:256]):
         return (
-            "the file is binary, or text in UTF-16: save it as UTF-8, or declare its format, see "
+            "the file is binary, or text in UTF-16: save it as UTF-8, or give format: NAME, see "
             "docs/formats.md"
         )
     return None

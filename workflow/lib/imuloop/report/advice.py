@@ -1,5 +1,7 @@
 """What would help most and what next, as ``section.html.j2`` says them, from the numbers."""
 
+import re
+
 import numpy as np
 
 from imuloop.calibrate.determined import LEAST_POSES
@@ -156,7 +158,7 @@ def _rejected(device):
         if s.rejected and not s.quality.get("failed") and not s.segmentation.get("failed"):
             reasons = "; ".join(s.reasons).rstrip(".")
             text = (
-                f"Record session {s.name} again, or correct its entry in the config: it was "
+                f"Record session {s.name} again, or correct what is declared of it: it was "
                 f"rejected ({reasons})."
             )
             if s.quality["misdeclared"]:
@@ -170,7 +172,8 @@ def _rejected(device):
 def _doubted(device):
     for s in device.used:
         for text in s.quality["warnings"]:
-            if "see units." in text:
+            # as a config, the command line or Python names it
+            if re.search(r"see (units|--\S+-unit)", text):
                 yield 1.0, f"Check what is declared of session {s.name}: {text}."
 
 

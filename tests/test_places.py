@@ -1,0 +1,149 @@
+"""A mistake is named as the user wrote it: a config's key, an option or an argument of Python."""
+
+import re
+
+import numpy as np
+import pytest
+
+import imuloop
+from imuloop import chain
+from imuloop.__main__ import main
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_json
+from ingest.logs import FORCE, RATE, brief
+
+
+def scaled(factor, *columns):
+    def harm(log):
+        log[list(columns)] *= factor
+        return log
+
+    return harm
+
+
+def named(**names):
+    return lambda log: log.rename(columns=names)
+
+
+def with_dates(log):
+    return log.assign(t=[f"row {k}" for k in range(len(log))])
+
+
+def in_kelvin(log):
+    return log.assign(temperature=300.0 + np.arange(len(log)) / 100)
+
+
+def counted(log):
+    log[FORCE] = np.round(log[FORCE] * 1000)
+    return log
+
+
+# what was done to a sound log, what is declared, and what the message names in each place
+MISTAKES = {
+    "no stamps": (
+        *(named(t="u"), {}),
+        ("columns.time, or give rate in Hz", "--columns time=…, or give --rate in Hz"),
+        "columns={'time': …}, or give rate in Hz",
+    ),
+    "stamps that are none": (
+        *(with_dates, {}),
+        ("give columns.time: null and rate", "give --columns time=null and --rate"),
+        "give columns={'time': None} and rate",
+    ),
+    "stamps in ms": (
+        *(scaled(1e3, "t"), {}),
+        ("see units.time", "see --time-unit"),
+        "see units={'time': …}",
+    ),
+    "no such column": (
+        *(brief, {"columns": {"acceleration": ["fx", "fy", "fz"]}}),
+        ("columns.acceleration: no column 'fx'", "--columns acceleration=…: no column 'fx'"),
+        "columns={'acceleration': …}: no column 'fx'",
+    ),
+    "a column twice": (
+        *(brief, {"columns": {"acceleration": ["gx", "gy", "gz"]}}),
+        ("is already in columns.acceleration", "is already in --columns acceleration=…"),
+        "is already in columns={'acceleration': …}",
+    ),
+    "no gyroscope": (
+        *(named(gx="u", gy="v", gz="w"), {}),
+        (
+            "both files where another holds it, file: {acceleration: FILE, angular_rate: FILE}, "
+            "or declare columns.angular_rate: null",
+            "both files where another holds it, acceleration=FILE,angular_rate=FILE, "
+            "or declare --columns angular_rate=null",
+        ),
+        "holds it, {'acceleration': FILE, 'angular_rate': FILE}, or declare columns={'angular_rate'"
+        ": None}",
+    ),
+    "a unit that is none": (
+        *(brief, {"units": {"time": "sec"}}),
+        ("units.time: 'sec' is not a unit", "--time-unit: 'sec' is not a unit"),
+        "units={'time': …}: 'sec' is not a unit",
+    ),
+    "g taken as m/s^2": (
+        *(scaled(1 / 9.80665, *FORCE), {}),
+        ("see units.acceleration", "see --acceleration-unit"),
+        "see units={'acceleration': …}",
+    ),
+    "counts taken as m/s^2": (
+        *(counted, {}),
+        (
+            "units.acceleration: count, and nominal.acceleration;",
+            "--acceleration-unit count, and --counts acceleration=…;",
+        ),
+        "units={'acceleration': 'count'}, and nominal={'acceleration': …};",
+    ),
+    "counts without a scale": (
+        *(brief, {"units": {"acceleration": "count"}}),
+        ("needs nominal.acceleration.scale", "needs --counts acceleration=…"),
+        "needs nominal={'acceleration': {'scale': …}}",
+    ),
+    "a fast turn": (
+        *(lambda log: log.assign(**{name: 80.0 + log[name] for name in RATE}), {}),
+        ("see units.angular_rate", "see --angular-rate-unit"),
+        "see units={'angular_rate': …}",
+    ),
+    "kelvin taken as degC": (
+        *(in_kelvin, {}),
+        ("see units.temperature", "see --temperature-unit"),
+        "see units={'temperature': …}",
+    ),
+}
+
+
+@pytest.fixture(params=MISTAKES)
+def mistake(request, tmp_path):
+    harm, declared, shared, in_python = MISTAKES[request.param]
+    log = harm(brief()) if harm is not brief else brief()
+    log.to_csv(tmp_path / "log.csv", index=False)
+    return tmp_path / "log.csv", declared, (*shared, in_python)
+
+
+def test_in_the_workflow_it_is_a_key(mistake, tmp_path):
+    path, declared, (key, *_) = mistake
+    device = chain.Device("board", tmp_path, {"poses": "multi_position"})
+    chain.ingest(device, "poses", declared, [path])
+    quality = read_json(device.sessions["poses"]["quality"])
+    assert key in " ".join([*quality["reasons"], *quality["warnings"]])
+
+
+def test_on_the_command_line_it_is_an_option(mistake, capsys):
+    path, declared, (_, option, _) = mistake
+    options = [f"--{q}-unit={unit}" for q, unit in declared.get("units", {}).items()]
+    columns = [f"{q}={','.join(names)}" for q, names in declared.get("columns", {}).items()]
+    main(["info", str(path), *options, *["--columns"] * bool(columns), *columns])
+    printed = "".join(capsys.readouterr())
+    assert option in printed
+    assert not re.search(r"(columns|units|nominal)\.\w|log/log", printed)
+
+
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_in_python_it_is_an_argument(mistake):
+    path, declared, (*_, argument) = mistake
+    try:
+        result = imuloop.calibrate(path, **declared, progress=False)
+        text = " ".join([*result.failures, *result.notes])
+    except ImuloopError as error:
+        text = str(error)
+    assert argument in text and not re.search(r"(columns|units|nominal)\.\w", text)

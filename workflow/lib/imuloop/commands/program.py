@@ -1,0 +1,74 @@
+"""The program ``imuloop``: its commands, and one line for each error."""
+
+import argparse
+import io
+import os
+import sys
+import tempfile
+import traceback
+
+# matrices are small: threads would wait for each other, ten times as long beside other work
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from imuloop import __version__
+from imuloop.commands import apply, calibrate, check, coach, info, noise, propose, report
+from imuloop.core.errors import ImuloopError, one_line
+from imuloop.core.places import COMMAND_LINE, for_reader, read_in
+
+COMMANDS = (apply, calibrate, check, coach, info, noise, propose, report)
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that says what is wrong in one line."""
+
+    def error(self, message):
+        """End with exit status 2."""
+        self.exit(2, f"{self.prog}: {one_line(message)}; {self.prog} -h says more\n")
+
+
+def run(argv=None):
+    """Run one command; return the exit status: 0, 1 for an error in one line, or the command's."""
+    parser = Parser(
+        prog="imuloop",
+        description="Calibrate, check and describe accelerometers and gyroscopes.",
+        epilog="imuloop COMMAND -h says more, with an example",
+    )
+    parser.add_argument("--version", action="version", version=f"imuloop {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    for each in COMMANDS:
+        each.add(commands, formatter_class=argparse.RawDescriptionHelpFormatter)
+    # a file's encoding on Windows lacks signs: a question mark for each
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
+    status = 0
+    try:
+        try:
+            arguments = parser.parse_args(argv)
+            with read_in(COMMAND_LINE):
+                status = _status(arguments)
+        finally:
+            # a closed pipe shows here, not when Python ends; -h leaves by SystemExit
+            sys.stdout.flush()
+    except BrokenPipeError:
+        # whoever reads the lines has enough of them
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return status
+
+
+def _status(arguments):
+    """Run a command; return its exit status, 1 where it ended in an error."""
+    try:
+        return arguments.run(arguments) or 0
+    except BrokenPipeError:
+        raise
+    except (ImuloopError, ModuleNotFoundError, OSError, MemoryError) as error:
+        named = f"{error.filename}: {error.strerror}" if getattr(error, "filename", 0) else error
+        line = for_reader(one_line(named)) or "not enough memory"
+    except Exception as error:
+        kept = {"prefix": "imuloop-", "suffix": ".log", "delete": False, "encoding": "utf-8"}
+        with tempfile.NamedTemporaryFile("w", **kept) as log:
+            traceback.print_exception(error, file=log)
+        what = one_line(f"{type(error).__name__}: {error}")
+        line = f"a bug of imuloop: {what}; please report it with its traceback, {log.name}"
+    print(f"imuloop: {line}", file=sys.stderr)
+    return 1
