@@ -1,5 +1,6 @@
 """From raw batches to samples: SI units, time from zero, faulty rows dropped and counted."""
 
+from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +10,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, OWN_TIME, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.core.units import TIME as TIME_SCALES
-from imuloop.ingest import increments
+from imuloop.ingest import increments, misread
 from imuloop.ingest.clocks import Clock, with_lookahead
 from imuloop.ingest.columns import HELD, STAMP
 from imuloop.ingest.even_stamps import POINTS, spread
@@ -35,6 +36,7 @@ class Counts:
     """What became of the rows of a log; each row is counted once.
 
     `identical` are rows that repeat the one before in stamp and all values: nothing is lost.
+    `like_gravity` and `in_two_units` are as of `misread`.
     `points` are number and time of some rows; `outside_marks` samples before the first and after
     the last 1PPS mark; `start_ns` the moment of the first sample, ns since 1970, None without
     dates, `begin_s` how long it is after the log's first stamp, s.
@@ -57,6 +59,8 @@ class Counts:
     begin_s: float = 0.0
     time_unit: str | None = None
     clock: Clock = field(default_factory=Clock)
+    like_gravity: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=int))
+    in_two_units: Counter = field(default_factory=Counter)
     outside_marks: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=int))
     points: EvenSubsample = field(default_factory=lambda: EvenSubsample(POINTS))
 
@@ -105,6 +109,9 @@ def si_batches(
         counts.read += batch.num_rows
         stamped = STAMP in batch.schema.names
         same, last = _identical(x, readable, raw, last)
+        counts.like_gravity += misread.like_gravity(raw)
+        if stamped:
+            counts.in_two_units.update(misread.in_two_units(x, raw))
         # numbers of samples, among which a row that is written twice is one
         rows = counts.read - batch.num_rows - counts.identical + np.arange(len(x)) - same.cumsum()
         if not readable.any() and origin is None:

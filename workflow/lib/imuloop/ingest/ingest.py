@@ -211,7 +211,7 @@ def ingest(
                 wrong, doubted = ([fault], []) if many else ([], [fault])
             lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
             if unread := quality.unread(figures, counts):
-                reasons, wrong, doubted = reasons or unread, [], []
+                reasons, wrong, doubted, logged = reasons or unread, [], [], None
             reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
             if declared.reference and not (reasons or wrong):
                 own = declared.of_log() | {"units": units}

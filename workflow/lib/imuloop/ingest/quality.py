@@ -17,7 +17,7 @@ from imuloop.core.samples import (
     read_metadata,
 )
 from imuloop.core.units import TIME as TIME_SCALES
-from imuloop.ingest import fault_lines, faults
+from imuloop.ingest import fault_lines, faults, misread
 from imuloop.ingest.convert import BEYOND
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.ordered_map import ordered_map
@@ -235,7 +235,7 @@ def reasons(figures, counts, bad_lines, lost_share=0.0):
 
 def unread(figures, counts):
     """Return why stamps or rows are none: of such a log nothing else can be said."""
-    if fault := counts.clock.fault():
+    if fault := counts.clock.fault() or misread.fault(counts):
         return [fault]
     faults, rows, rate = figures["faults"], figures["rows"], figures["rate_hz"]
     if rows >= LEAST_ROWS and rate and not PLAUSIBLE_RATE[0] <= rate <= PLAUSIBLE_RATE[1]:
