@@ -235,9 +235,10 @@ UNITS = [
         (SWAPPED, GOOD, "x as -gy, y as -gx, z as -gz: turned axes;"),
         (SWAPPED, SWAPPED, f"x as -gx, y as -gy, z as -gz: {MIRRORED}"),
         (GOOD, (1, 3, -2), "x as gx, y as -gz, z as gy: turned")]],
-    *[Injection(f"Unix time in {name}, taken as s", "brief",
+    *[Injection(f"Unix time in {name}, declared as s", "brief",
                 stamps(lambda t, ticks=ticks: np.rint((t + 1.7e9) * ticks).astype("int64")),
-                (f"in {name} it is 2023-11-14",), rejected=True)
+                (f"in {name} it is 2023-11-14", f"units.time is s, the log says {name}"),
+                declared={"units": {"time": "s"}}, rejected=True)
       for name, ticks in (("ms", 1e3), ("us", 1e6), ("ns", 1e9))],
     Injection("stamps in us taken as s", "rest", scaled("t", 1e6),
               ("the stamps look like us; see units.time",), rejected=True),

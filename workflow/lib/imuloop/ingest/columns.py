@@ -88,7 +88,8 @@ def resolve(names, declared=None, headed=True):
     """
     declared = dict(declared or {})
     guessed, increments = guess(names), guess(names, increments=True)
-    alone = sum(declared.get(quantity, "") is None for quantity in SENSORS) == 1
+    logged = [quantity for quantity in SENSORS if declared.get(quantity, "") is not None]
+    alone = logged[0] if len(logged) == 1 else None
     bare = alone and not headed and len(names) in (len(AXES), len(AXES) + 1)
     pair = two_parts(names)
     units, chosen, summed = {}, {}, {}
@@ -102,7 +103,7 @@ def resolve(names, declared=None, headed=True):
         elif quantity in SENSORS and bare:
             where = tuple(range(len(names))[-len(AXES) :])
         else:
-            usual = usual or (quantity in SENSORS and headed and hinted(quantity, names, alone))
+            usual = usual or (headed and hinted(quantity, names, alone))
             where = _only(quantity, usual, names) if usual else None
         chosen[quantity] = where
         if not headed or where is None:
@@ -147,10 +148,12 @@ def resolve(names, declared=None, headed=True):
 
 def lacking(quantity, columns):
     """Return the error of a log, whose columns are listed, without those of a sensor."""
-    how = "by number from 0" if columns.startswith("no header") else "by name"
+    by_number = columns.startswith("no header")
+    how = "by number from 0" if by_number else "by name"
+    such = ", such as [1, 2, 3]" * by_number
     return Lacking(
         f"no columns of {quantity} found ({columns}); name its x, y, z {how} in "
-        f"columns.{quantity}, or give both files where another holds it, {PAIR}, or declare "
+        f"columns.{quantity}{such}, or give both files where another holds it, {PAIR}, or declare "
         f"columns.{quantity}: null where it was not logged"
     )
 

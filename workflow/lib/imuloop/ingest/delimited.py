@@ -25,11 +25,11 @@ from imuloop.ingest.tables import (
     alone,
     doubles,
     first_rows,
-    in_turn,
+    multiplied,
     named_batches,
     paired,
     table_log,
-    two_streams,
+    told_by_head,
 )
 from imuloop.ingest.text_layout import (
     BLANKS,
@@ -60,6 +60,9 @@ _ROW_BYTES = 64
 # zeros and erased memory become a byte that no number has, so that they spoil their own row alone
 _EMPTY = b"\x01"
 _ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for i in range(256))
+# first line of Gyroflow's logs, and the scales stated below it, each with its parser's default
+_GYROFLOW = (["GYROFLOW IMU LOG"], ["CAMERA IMU LOG"])
+_SCALES = {"tscale": 1e-3, "ascale": 1.0, "gscale": 1.0}
 # columns of a table whose acceleration has the opposite sign, as of LPMS: face up it reads -1 g
 OPPOSITE = ("SensorId", "TimeStamp (s)", "FrameNumber", "AccX (g)")
 
@@ -81,8 +84,10 @@ def read(paths, columns=None, batch_rows=1 << 16):
         return paired(logs, batch_rows)
     refuse_calibrated(layout.names, {})
     chosen = resolve(layout.names, columns, layout.headed)
-    _check_stamps(layout, chosen)
-    notes = [f"{len(layout.before)} line(s) before the table skipped"] if layout.before else []
+    chosen = _with_stamps(layout, chosen, "time" in (columns or {}))
+    units, nominal, tick = _gyroflow(layout)
+    skipped = len(layout.before) if not units else 0
+    notes = [f"{skipped} line(s) before the table skipped"] if skipped else []
     if {*OPPOSITE} <= {*layout.names} and "acceleration" not in (columns or {}):
         chosen = replace(chosen, turned=frozenset(ACCELERATION))
         notes.append("a table of LPMS: the sign of its acceleration is turned: specific force")
@@ -95,16 +100,15 @@ def read(paths, columns=None, batch_rows=1 << 16):
     def batches(log, rows):
         places = [*chosen.raw().values()]
         read = text_batches(path, layout, places, rows, log, chosen.stamps())
-        return named_batches(layout.names, chosen, read)
+        read = named_batches(layout.names, chosen, read)
+        return multiplied(read, tick) if tick != 1 else read
 
-    units, nominal = _gyroflow(layout)
     units |= dict.fromkeys(SENSORS, "count") if rawimu else {}
     known = {"units": _units_below(layout, chosen) | units, "nominal": nominal, "notes": notes}
     log = table_log(layout.names, chosen, (), layout.headed, **known)
     log.batches = batches(log, batch_rows)
     head, _ = first_rows(batches(RawLog(), HEAD_ROWS))
-    lacks = in_turn(head)
-    return two_streams(log, lacks) if lacks else log
+    return told_by_head(log, head)
 
 
 def _by_sensor(source, layout):
@@ -145,19 +149,27 @@ def _texts(rows, at):
     return {row[at] for row in rows if at < len(row) and not is_number(row[at])}
 
 
-def _check_stamps(layout, chosen):
-    """Raise where no stamp of the first rows can be read."""
+def _with_stamps(layout, chosen, declared):
+    """Return the columns, without a time that is empty and not declared.
+
+    Raise where no stamp of the first rows can be read.
+    """
     at = chosen.raw().get(STAMP)
     texts = [row[at] for row in layout.rows if at is not None and at < len(row)]
-    texts = [text for text in texts if text not in MISSING]
-    if not texts or any(map(is_number, texts)):
-        return
-    if not stamp_values(stamp_array(pa.array(texts)))[1].any():
+    stamps = [text for text in texts if text not in MISSING]
+    if texts and not stamps and not declared:
+        return replace(chosen, time=None)
+    if stamps and not any(map(is_number, stamps)) and not _are_stamps(stamps):
         raise ImuloopError(
-            f"time column '{layout.names[at]}': '{texts[0]}' is neither a number nor ISO 8601, a "
+            f"time column '{layout.names[at]}': '{stamps[0]}' is neither a number nor ISO 8601, a "
             "time of the day or a day such as 24-Nov-2026; name the right one in columns.time, or "
             "give columns.time: null and rate in Hz"
         )
+    return chosen
+
+
+def _are_stamps(texts):
+    return stamp_values(stamp_array(pa.array(texts)))[1].any()
 
 
 def _units_below(layout, chosen):
@@ -174,18 +186,22 @@ def _units_below(layout, chosen):
 
 
 def _gyroflow(layout):
-    """Return units and scales of counts that lines before the table of a Gyroflow log state.
+    """Return units, scales of counts, and the tick, in the unit of time, of a Gyroflow log.
 
-    They are s, g and rad/s a count; of other logs there are none.
+    Lines before its table state s, g and rad/s per count. In other logs nothing is stated, and the
+    tick is 1.
     """
     said = {row[0]: row[1] for row in layout.before if len(row) == 2}
+    if layout.before[:1] not in ([line] for line in _GYROFLOW) and not {*_SCALES} <= {*said}:
+        return {}, {}, 1
     try:
-        ticks, g, rate = (float(said[name]) for name in ("tscale", "ascale", "gscale"))
-    except (KeyError, ValueError):
-        return {}, {}
-    unit = next((name for name, scale in TIME.items() if scale == ticks), f"{ticks:g} s")
+        tick, g, rate = (float(said.get(name, usual)) for name, usual in _SCALES.items())
+    except ValueError:
+        return {}, {}, 1
+    unit = next((name for name, scale in TIME.items() if scale == tick), None)
     nominal = {"acceleration": {"scale": g * STANDARD_GRAVITY}, "angular_rate": {"scale": rate}}
-    return {"time": unit} | dict.fromkeys(SENSORS, "count"), nominal
+    units = {"time": unit or "s"} | dict.fromkeys(SENSORS, "count")
+    return units, nominal, 1 if unit else tick
 
 
 def text_batches(source, layout, positions, batch_rows, log, stamps=None):

@@ -35,14 +35,21 @@ _NO_OUTPUT = set(
     "linear lin free user gravity without bias offset scale std var cov covariance variance mean"
     " earth world global ned enu ref reference true setpoint delta inc linacc freeacc".split()
 )
+# and more of a prefix that is no device's
+_NO_DEVICE = _NO_OUTPUT | set("odom gt vicon mocap cmd target desired est".split())
+# longest name in which a prefix is looked for
+_LONG = 99
+# a name for the specific force that other columns have too, as a force in N
+_WEAK = {"acceleration": "f"}
+_KNOWN |= {*_WEAK.values()}
 # of several the first is taken, a message's own stamp before its receipt; the interval is that of
 # increments, that of one sensor alone ends in its name and _dt
 _SINGLE = {
     "time": "elapsed_realtime header_stamp t time timestamp time_stamp stamp timestamps times"
     " sensor_time sensor_timestamp utc time_utc timestamp_utc utc_time datetime date_time epoch"
     " epoc unix_time unix_timestamp seconds_elapsed elapsed elapsed_time time_since_start millis"
-    " micros date".split(),
-    "temperature": "temperature temp tmp temperature_imu chip_temperature".split(),
+    " micros date seconds milliseconds microseconds nanoseconds sample_time_fine".split(),
+    "temperature": "temperature temp tmp temperature_imu chip_temperature degc celsius".split(),
     "interval": "dt delta_t delta_time interval sample_interval sampling_interval sample_period"
     " integration_time integration_interval".split(),
 }
@@ -51,8 +58,14 @@ _SECONDS = ("sec", "secs")
 # and of a clock that is spread over columns
 _OF_CLOCK = ("hour", "minute", "second")
 PARTS = {"nsec": 1, "nsecs": 1, "nanosec": 1, "nanosecs": 1, "usec": 1000, "usecs": 1000}
-# between words that have no sign between them
-_CAMEL = r"(?<=[a-z])(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z])"
+# names that are a unit of time and no more: two of them are the parts of one time
+_WHOLE = ("seconds",)
+_PARTS = {"nanoseconds": 1, "microseconds": 10**3, "milliseconds": 10**6}
+PARTS |= _PARTS
+_CLOCK_PARTS = {*_OF_CLOCK, *_WHOLE, *_PARTS}
+_CLOCK_PARTS |= {*"s sec min minutes h hours day days ms us ns".split()}
+# between words that have no sign between them; degC is one word
+_CAMEL = r"(?<=[a-z])(?!(?<=deg)[CFK](?![a-z]))(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z]|dps)"
 # words that say where, not what
 _PLACE = {"imu", "raw", "sensor", "field", "data"}
 # spellings that files use for the units, lower case without blanks, dots, carets
@@ -131,23 +144,66 @@ def unknown_unit(quantity, text):
 
 
 def hinted(quantity, names, alone):
-    """Return columns in whose names is a sensor's; of a log of one sensor, any three."""
-    triples, hint = _triples(names), _HINTS[quantity]
-    found = [
+    """Return columns that look like a quantity's, though their names are none of the usual ones.
+
+    They have a usual name after a prefix (`imu0_t`). Those of a sensor have its name in theirs, or
+    a weaker name, or a unit that no other quantity has (`x_dps`); where one sensor is logged
+    `alone`, they may be any three.
+    """
+    if quantity not in SENSORS:
+        return _prefixed(quantity, names, alone)
+    hint = _HINTS[quantity]
+    triples = [(at, *key) for key, axes in _triples(names).items() for at in axes]
+    own = [(at, stem, words) for at, stem, words in triples if not _NO_OUTPUT & {*words}]
+    named = [(at, stem) for at, stem, words in own if any(re.fullmatch(hint, w) for w in words)]
+    weak = [(at, stem) for at, stem, _ in own if stem == _WEAK.get(quantity)]
+    # G may be gauss: of an acceleration the unit is too little
+    rates = [
         (at, stem)
-        for (stem, words), axes in triples.items()
-        if any(re.fullmatch(hint, word) for word in words) and not _NO_OUTPUT & {*words}
-        for at in axes
+        for at, stem, words in own
+        if quantity == "angular_rate" and not _NO_DEVICE & {*words} and _states_rate(at, names)
     ]
-    every = [(at, stem) for (stem, _), axes in triples.items() for at in axes]
-    return found or (every if alone and len(every) == 1 else [])
+    every = [(at, stem) for at, stem, _ in triples] if alone and len(triples) == 1 else []
+    return named or _prefixed(quantity, names, alone) or weak or rates or every
+
+
+def _states_rate(at, names):
+    """Tell whether columns state a unit of an angular rate, which is not that of an angle."""
+    rate, angle = (unit_of("angular_rate", at, names, summed) for summed in (False, True))
+    return rate in ANGULAR_RATE and angle not in INCREMENTS["angular_rate"]
+
+
+def _prefixed(quantity, names, alone):
+    """Return what `guess` finds in names without the prefix of a device: `imu0_ax`.
+
+    All sensors that are logged have the prefix. Several devices have several: the columns of two
+    are returned for a sensor, none for another quantity.
+    """
+    heads = {sensor: {} for sensor in ([alone] if alone else SENSORS)}
+    for name in names:
+        for separator in re.finditer(r"[\W_]+", name[:_LONG]):
+            head, rest = name[: separator.end()], name[separator.end() :]
+            stem, axis = _stem_and_axis(words_of(rest))
+            for sensor, found in heads.items():
+                if axis and stem in _NAMES[sensor][0] and not _NO_DEVICE & {*_split(head)}:
+                    found[head] = None
+    first, *others = heads.values()
+    shared = [head for head in first if all(head in other for other in others)]
+    if len(shared) > 1 and quantity not in SENSORS:
+        return []
+    bare = [[n.removeprefix(head) if n.startswith(head) else "" for n in names] for head in shared]
+    return [each for part in bare[:2] for each in guess(part)[quantity]]
 
 
 def two_parts(names):
     """Return the columns of whole seconds and their part, None without."""
     words = [_split(_without_unit(name)) or [""] for name in names]
-    whole = {(*w[:-1],): at for at, w in enumerate(words) if w[-1] in _SECONDS}
-    parts = [(whole.get((*w[:-1],)), at) for at, w in enumerate(words) if w[-1] in PARTS]
+    whole = {(*w[:-1],): at for at, w in enumerate(words) if w[-1] in _SECONDS or w == [*_WHOLE]}
+    parts = [
+        (whole.get((*w[:-1],)), at)
+        for at, w in enumerate(words)
+        if w[-1] in PARTS and (w[-1] not in _PARTS or not w[:-1])
+    ]
     return next((pair for pair in parts if pair[0] is not None), None)
 
 
@@ -160,10 +216,14 @@ def guess(names, increments=False):
     for quantity, usual in _NAMES.items():
         known = [(stem, axes) for (stem, _), axes in triples.items() if stem in usual[increments]]
         found[quantity] = [(at, stem) for stem, axes in known for at in axes]
+    clock = [words for words in map(words_of, names) if words and {*words} <= _CLOCK_PARTS]
     for quantity, usual in _SINGLE.items():
         single = []
         for at, name in enumerate(names):
             words = words_of(name)
+            if len(clock) > 1 and words in clock:
+                # a part of a time
+                continue
             unit = _unit_in(quantity, name, False)
             strange = unit is not None and unit not in _SPELLINGS.get(quantity, _UNITS[quantity])
             if strange and any(stated_unit(q, unit) for q in _SPELLINGS):
@@ -258,6 +318,17 @@ def _unit_in(quantity, name, increments):
     text = bracket[1].strip() if bracket else ""
     if text and not text.isdigit() and text.lower() not in AXES:
         return stated_unit(quantity, text, increments) or text
+    if unit := _unit_at_end(quantity, name, increments):
+        return unit
+    # before the axis: gyro_dps_x; raw is a place there
+    bare = re.sub(r"([\s_.:-]+[xyz]|\[[012]\])\Z", "", name, flags=re.IGNORECASE)
+    if bare == name or quantity not in SENSORS:
+        return None
+    unit = _unit_at_end(quantity, bare, increments)
+    return None if unit == "count" else unit
+
+
+def _unit_at_end(quantity, name, increments):
     # the longest end of the name that is a unit; of one column all of it: millis
     start = r"\A|" if quantity in _SINGLE else ""
     for separator in re.finditer(start + r"[\s_.,:-]+|\s/\s|" + _CAMEL, name):

@@ -12,8 +12,14 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE, own_metadata, refuse_calibrated
 from imuloop.ingest.columns import FRACTION, STAMP, lacking, listed, resolve
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.spellings import AXES, SENSORS
-from imuloop.ingest.stamps import NANOSECONDS, joined_stamps, stamp_array, stamp_values
+from imuloop.ingest.spellings import AXES, SENSORS, words_of
+from imuloop.ingest.stamps import (
+    NANOSECONDS,
+    absolute_nanoseconds,
+    joined_stamps,
+    stamp_array,
+    stamp_values,
+)
 from imuloop.ingest.streams import Stream, raw_log
 
 PARQUET_ENDINGS = (".parquet", ".pq")
@@ -21,6 +27,10 @@ PARQUET_ENDINGS = (".parquet", ".pq")
 _NAMES = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 # rows by which sensors in turn are told, and the least share of rows of one sensor alone
 HEAD_ROWS, _ALONE = 1000, 0.1
+# rates by which the unit of stamps is told, Hz
+_RATES = (0.1, 1e5)
+# time of Xsens: ticks of 100 us, or of a DOT, which has at most 120 Hz, of 1 us: longer steps
+_TICKS, _TICKS_US, _LONG_STEP = "sample_time_fine", 100, 5000
 
 
 def read_parquet(paths, columns=None, batch_rows=1 << 16):
@@ -67,8 +77,52 @@ def table_log(names, chosen, batches, headed=True, **known):
     unread = len(names) - len(set(chosen.raw().values()))
     log = RawLog(batches=batches, found=found, units=units, columns=columns, unread=unread, **known)
     head, log.batches = first_rows(log.batches)
+    return told_by_head(log, head)
+
+
+def told_by_head(log, head):
+    """Return a log as its first rows show it: the unit of its stamps, sensors in turn."""
+    if tick := _unit_of_stamps(log, head):
+        ticks, log.units["time"] = tick
+        if ticks != 1:
+            log.batches = multiplied(log.batches, ticks)
     lacks = in_turn(head)
     return two_streams(log, lacks) if lacks else log
+
+
+# stamps of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore")
+def _unit_of_stamps(log, head):
+    """Return the unit of stamps, and how many of it one tick is; None if the stamps do not show it.
+
+    Stamps show it if they are Unix time in a finer unit than s, at a rate that a log has, or are
+    ticks of Xsens.
+    """
+    name = log.found.get("time")
+    if "time" in log.units or not isinstance(name, str) or not head:
+        return None
+    parts = [stamp_values(batch[STAMP]) for batch in head]
+    stamps = np.concatenate([x[readable] for x, readable, _ in parts])
+    steps = np.diff(stamps)
+    if any(dates for *_, dates in parts) or not (steps > 0).any():
+        return None
+    step = np.median(steps[steps > 0])
+    if "_".join(words_of(name)).endswith(_TICKS):
+        return (1 if step > _LONG_STEP else _TICKS_US), "us"
+    for unit in ("ms", "us", "ns"):
+        date = absolute_nanoseconds(stamps[0].item(), unit, False)
+        if date is not None and _RATES[0] <= 1e9 / (step * NANOSECONDS[unit]) <= _RATES[1]:
+            return 1, unit
+    return None
+
+
+def multiplied(batches, ticks):
+    """Give batches with stamps that are multiplied by a number; dates stay."""
+    for batch in batches:
+        at = batch.schema.get_field_index(STAMP)
+        if at >= 0 and not pa.types.is_timestamp(batch.schema.field(at).type):
+            batch = batch.set_column(at, STAMP, pc.multiply(batch[STAMP], ticks))
+        yield batch
 
 
 def named_batches(names, chosen, batches):
