@@ -44,6 +44,10 @@ def sound_logs(folder):
         *ros(folder, log),
         *(("log.bin", kind(("IMU", IMU, rows))) for kind in (written.binary, written.text)),
         *(("log.parquet", each) for each in parquet(log)),
+        ("log.feather", feather(log)),
+        *((f"log.{end}", each) for end, each in numpys(log)),
+        ("log.jsonl", log.to_json(orient="records", lines=True).encode()),
+        ("log.gcsv", b"GYROFLOW IMU LOG\ntscale,0.0018\ngscale,1\nascale,0.1\n" + text),
         *(("log.nc", each) for each in netcdf(folder, log)),
     ]
 
@@ -166,6 +170,28 @@ def parquet(log):
         said = {b"imuloop": b'{"units": {"time": "s", "acceleration": "m/s^2"}, "simulated": true}'}
         pq.write_table(table.replace_schema_metadata(said), file, **options)
         yield file.getvalue()
+
+
+def feather(log):
+    file = io.BytesIO()
+    log.to_feather(file)
+    return file.getvalue()
+
+
+def numpys(log):
+    arrays = {
+        "t": log.t.to_numpy(),
+        "acc": log[SIX[:3]].to_numpy(),
+        "gyro": log[SIX[3:]].to_numpy(),
+    }
+    for end, save in (
+        ("npy", lambda file: np.save(file, log.to_numpy())),
+        ("npy", lambda file: np.save(file, log.to_records(index=False))),
+        ("npz", lambda file: np.savez_compressed(file, **arrays)),
+    ):
+        file = io.BytesIO()
+        save(file)
+        yield end, file.getvalue()
 
 
 def netcdf(folder, log):

@@ -8,6 +8,7 @@ import bz2
 import csv
 import gzip
 import io
+import json
 import zipfile
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,6 +19,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from backports import zstd
+from pyarrow.feather import write_feather
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS
@@ -187,6 +189,38 @@ def matlab(folder, stamps, values, save=written.matlab_5, kind=np.asarray, turne
     return folder / "log.mat"
 
 
+def feather(folder, stamps, values, kind="f8", packing="lz4"):
+    columns = {"t": stamps, **dict(zip(SIX, values.astype(kind).T, strict=True))}
+    write_feather(pa.table(columns), folder / "log.feather", compression=packing, chunksize=70)
+    return folder / "log.feather"
+
+
+def records(folder, stamps, values, kind="f8", order="<"):
+    table = np.empty(len(stamps), [("t", f"{order}i8"), *((name, order + kind) for name in SIX)])
+    table["t"] = stamps
+    for name, column in zip(SIX, values.astype(kind).T, strict=True):
+        table[name] = column
+    np.save(folder / "log.npy", table)
+    return folder / "log.npy"
+
+
+def arrays(folder, stamps, values, save=np.savez, turned=False):
+    three = values[:, :3], values[:, 3:]
+    acc, gyro = (x.T if turned else x for x in three)
+    save(folder / "log.npz", stamp=stamps, acc=acc, gyro=gyro, rate=100.0, note="still")
+    return folder / "log.npz"
+
+
+def json_lines(folder, stamps, values, nested=False):
+    rows = []
+    for stamp, row in zip(stamps.tolist(), values.tolist(), strict=True):
+        flat = {"t": stamp, "note": 'a, "b"'} | dict(zip(SIX, row, strict=True))
+        deep = {"t": stamp, "imu": {"acc": row[:3], "gyro": dict(zip("xyz", row[3:], strict=True))}}
+        rows.append(json.dumps(deep if nested else flat))
+    (folder / "log.jsonl").write_text("\n".join(rows))
+    return folder / "log.jsonl"
+
+
 # --- vehicles
 
 
@@ -226,7 +260,7 @@ def dataflash_rows():
 EXPONENT, FIXED, SEVEN = "{:.9E}".format, "{:.40f}".format, "{:.7e}".format
 ROUND_TRIPS = {
     **{f"csv, {s!r}, {how}": RoundTrip(partial(numbers, delimiter=s, digits=d), values=as_text(d))
-       for s in ",;\t " for how, d in (("repr", repr), ("exponent", EXPONENT), ("fixed", FIXED))},
+       for s in ",;\t| " for how, d in (("repr", repr), ("exponent", EXPONENT), ("fixed", FIXED))},
     **{f"csv, {s!r}, decimal commas": RoundTrip(partial(numbers, delimiter=s, decimal=","))
        for s in ";\t "},
     **{f"csv.{end}": RoundTrip(partial(numbers, pack=pack, ending=f"csv.{end}"))
@@ -249,6 +283,16 @@ ROUND_TRIPS = {
     **{f"parquet, {packing}, {kind}": RoundTrip(partial(parquet, kind=kind, packing=packing),
                                                 values=as_type(kind))
        for packing in ("none", "snappy", "zstd", "brotli") for kind in ("f4", "f8")},
+    **{f"feather, {packing}, {kind}": RoundTrip(partial(feather, kind=kind, packing=packing),
+                                                values=as_type(kind))
+       for packing in ("uncompressed", "lz4", "zstd") for kind in ("f4", "f8")},
+    **{f"npy, {order}{kind}": RoundTrip(partial(records, kind=kind, order=order),
+                                        values=as_type(kind))
+       for order in "<>" for kind in ("f4", "f8")},
+    **{f"{save.__name__}, turned {turned}": RoundTrip(partial(arrays, save=save, turned=turned))
+       for save in (np.savez, np.savez_compressed) for turned in (False, True)},
+    **{f"json lines, nested {nested}": RoundTrip(partial(json_lines, nested=nested))
+       for nested in (False, True)},
     **{f"{variant}, {kind}": RoundTrip(partial(netcdf, kind=kind, variant=variant),
                                        seconds if "CLASSIC" in variant else np.asarray,
                                        as_type(kind))
@@ -309,9 +353,13 @@ SOUND = {
     "imu_tk": ("imu_tk", "s", True),
     "phyphox, repr": ("phone", "s", True),
     "sensor logger": ("phone", "ns", True),
-    "parquet, snappy, f8": ("parquet", "s", None),
-    "NETCDF4, f8": ("netcdf", "s", None),
-    "matlab_73, f8, turned False": ("matlab", "s", None),
+    "parquet, snappy, f8": ("parquet", "ns", True),
+    "feather, lz4, f8": ("feather", "ns", True),
+    "npy, <f8": ("numpy", "ns", True),
+    "savez, turned False": ("numpy", "ns", True),
+    "json lines, nested True": ("jsonl", "ns", True),
+    "NETCDF4, f8": ("netcdf", "ns", True),
+    "matlab_73, f8, turned False": ("matlab", "ns", True),
     "ros, mcap": ("ros", "ns", True),
     "ros, bag": ("ros", "ns", True),
     "ulog, combined": ("ulog", "us", None),
@@ -327,9 +375,7 @@ def test_a_sound_log_is_ingested_the_same_from_each_format(run, tmp_path, name):
     way = ROUND_TRIPS[name]
     path = way.write(tmp_path, stamps, log[SIX].to_numpy())
     paths = [*path.values()] if isinstance(path, dict) else [path]
-    # nothing but the unit of time has to be declared where a format has none
-    declared = way.declared | ({"units": {"time": "ns"}} if unit == "s" and dated is None else {})
-    done = run(*paths, **declared)
+    done = run(*paths, **way.declared)
     assert (done.quality["status"], done.quality["log_format"]) == ("ok", form)
     np.testing.assert_array_equal(done.samples[SIX], way.values(log[SIX].to_numpy()))
     # float64 holds Unix time to 0.24 us
@@ -338,8 +384,8 @@ def test_a_sound_log_is_ingested_the_same_from_each_format(run, tmp_path, name):
     if dated:
         assert done.metadata["units"]["time"] == unit
         assert done.metadata["start"].startswith("2023-11-14T22:13:20")
-    small = run(*paths, batch_rows=9, **declared)
-    assert small.path.read_bytes() == run(*paths, **declared).path.read_bytes()
+    small = run(*paths, batch_rows=9, **way.declared)
+    assert small.path.read_bytes() == run(*paths, **way.declared).path.read_bytes()
 
 
 # --- what tells a format

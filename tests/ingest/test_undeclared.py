@@ -3,11 +3,14 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
+import imuloop
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import DEGREE, STANDARD_GRAVITY
 from ingest.logs import FORCE, RATE
 from ingest.text_forms import SIX, text
+from ingest.written import matlab_73
 
 EPOCH = 1_700_000_000
 EVEN = np.arange(500)
@@ -87,6 +90,51 @@ def test_logs_of_gyroflow_have_any_tick(log, run, tmp_path, how, absent):
     np.testing.assert_allclose(done.samples.t, log.t, rtol=0, atol=1e-9)
 
 
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize("name", ["log.npy", "log.npz", "log.mat", "73.mat"])
+@pytest.mark.parametrize("first", [FORCE, RATE])
+def test_the_columns_of_a_matrix_of_seven_are_those_that_gravity_shows(
+    log, run, tmp_path, name, first
+):
+    rest = RATE if first == FORCE else FORCE
+    matrix = log[["t", *first, *rest]].to_numpy()
+    write = {
+        "log.npy": lambda path: np.save(path, matrix),
+        "log.npz": lambda path: np.savez(path, matrix),
+        "log.mat": lambda path: savemat(path, {"data": matrix}),
+        "73.mat": lambda path: matlab_73(path, {"data": matrix}),
+    }[name]
+    write(tmp_path / name)
+    done = run(tmp_path / name)
+    np.testing.assert_array_equal(done.samples[SIX], log[SIX])
+    assert "which gravity tells apart" in done.quality["warnings"][0]
+    # in g it does not, as 1 is the size of many things
+    matrix[:, 1:] /= STANDARD_GRAVITY
+    write(tmp_path / name)
+    with pytest.raises(ImuloopError, match="no header, 7 columns"):
+        run(tmp_path / name)
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize("name", ["log.npy", "log.mat"])
+def test_the_columns_of_a_matrix_are_declared_by_number(log, run, tmp_path, name):
+    wide = np.column_stack([log[["t", *SIX]], np.zeros((500, 3))])
+    np.save(tmp_path / name, wide) if name == "log.npy" else savemat(tmp_path / name, {"x": wide})
+    with pytest.raises(ImuloopError, match=r"10 columns.*acceleration, such as \[1, 2, 3\]"):
+        run(tmp_path / name)
+    columns = {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}
+    np.testing.assert_array_equal(run(tmp_path / name, columns=columns).samples[SIX], log[SIX])
+
+
+def test_each_entry_reads_a_new_format(log, tmp_path):
+    (tmp_path / "log.json").write_text(log.to_json(orient="records", lines=True))
+    np.testing.assert_allclose(imuloop.read(tmp_path / "log.json")[SIX], log[SIX], rtol=1e-9)
+    np.save(tmp_path / "log.bin", log.to_records(index=False))
+    (tmp_path / "log.bin.npy").rename(tmp_path / "log.bin")
+    for how in ({}, {"format": "numpy"}):
+        assert imuloop.read(tmp_path / "log.bin", **how)[SIX].equals(log[SIX])
+
+
 # --- near neighbours
 
 
@@ -142,3 +190,17 @@ def test_nanoseconds_since_the_start_are_no_date(log, run, tmp_path):
     (tmp_path / "log.csv").write_text(named(log, f"t {SIX_OF('')}", 1e9, start=1_200_000_000_000))
     assert run(tmp_path / "log.csv").quality["status"] == "rejected"
     assert run(tmp_path / "log.csv", units={"time": "ns"}).quality["status"] == "ok"
+
+
+@pytest.mark.parametrize("before", ['{"device": "imu"}', "[INFO] started", "{", "a | b", "t|ax"])
+def test_lines_before_a_table_make_it_no_json_and_no_table_of_pipes(log, run, tmp_path, before):
+    (tmp_path / "log.csv").write_text(f"{before}\n{text(log)}")
+    np.testing.assert_array_equal(run(tmp_path / "log.csv").samples[SIX], log[SIX])
+
+
+def test_a_damaged_line_of_json_costs_itself(log, run, tmp_path):
+    lines = log.to_json(orient="records", lines=True).splitlines()
+    lines[7], lines[9], lines[11] = lines[7][:30], "[" * 5000, '{"ax": 1}'
+    (tmp_path / "log.jsonl").write_text("\n".join(lines))
+    done = run(tmp_path / "log.jsonl")
+    assert (done.quality["rows"], done.quality["bad_lines"]) == (497, 2)

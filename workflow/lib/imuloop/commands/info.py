@@ -11,6 +11,8 @@ from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, Samples, read_metadata
+from imuloop.ingest.formats import no_log
+from imuloop.ingest.json_lines import holds_log
 from imuloop.report import composed
 from imuloop.report.numbers import coefficient_text, number, p_text, text_of, with_unit
 from imuloop.report.results import XYZ, DeviceResults
@@ -44,9 +46,9 @@ def run(arguments):
     path = arguments.file
     # two files are a log
     suffix = path.suffix if isinstance(path, Path) and path.is_file() else ""
-    if suffix == ".json":
+    if suffix == ".json" and not holds_log(path):
         say(*result_lines(path))
-    elif suffix == ".parquet" and read_metadata(path).get("calibrated"):
+    elif suffix == ".parquet" and not no_log(path) and read_metadata(path).get("calibrated"):
         device, table = read_metadata(path).get("device"), Samples(path)
         count = plural(len(table), "sample")
         say(f"calibrated samples of {device}: {count}, {', '.join(table.names)}")
@@ -72,7 +74,11 @@ def result_lines(path):
             return quality_lines(content)
     except (KeyError, TypeError, AttributeError, ValueError) as error:
         raise ImuloopError(f"{path}: not a result of this version: {error!r}") from error
-    raise ImuloopError(f"{path}: no result of imuloop: {', '.join(map(str, keys)) or 'no keys'}")
+    listed = ", ".join(map(str, keys)) or "no keys"
+    raise ImuloopError(
+        f"{path}: no result of imuloop: {listed[:200]}; a log in JSON is no single document, but "
+        "has an object per line"
+    )
 
 
 def calibration_lines(calibration):

@@ -10,7 +10,7 @@ from imuloop.core.files import read_json
 from imuloop.core.gravity import STRONGEST, WEAKEST
 from imuloop.core.samples import read_metadata
 from imuloop.core.units import MOST_COUNT_OFFSET, SCALE_OF_COUNTS
-from imuloop.ingest.formats import PAIR, guess_format
+from imuloop.ingest.formats import PAIR, guess_format, no_log
 from imuloop.ingest.ingest import Declared, ingest
 from imuloop.ingest.spellings import UNITS
 from imuloop.segment.segment import segment_session
@@ -210,6 +210,8 @@ def _format(log):
 
 def is_samples(path):
     """Return whether a Parquet file holds samples as ingest writes them."""
+    if no_log(path):
+        return False
     try:
         return "raw_units" in read_metadata(path)
     except (ValueError, OSError):

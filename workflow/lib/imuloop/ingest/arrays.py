@@ -1,7 +1,9 @@
-"""MATLAB and NetCDF files: variables over time, a sensor's three axes as one variable or three."""
+"""MATLAB, NumPy and NetCDF files: variables over time, a sensor's axes as one or three."""
 
 import os
 import re
+import zipfile
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -9,18 +11,22 @@ import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.core.samples import TEMPERATURE
+from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import lacking, listed, resolve
 from imuloop.ingest.guarded import check_unpacked, guarded
 from imuloop.ingest.spellings import AXES, SENSORS, stated_unit
 from imuloop.ingest.stamps import YEARS
-from imuloop.ingest.tables import table_log
+from imuloop.ingest.tables import HEAD_ROWS, table_log
 
 MATLAB_ENDINGS = (".mat",)
 NETCDF_ENDINGS = (".nc", ".nc4", ".cdf", ".netcdf")
+NUMPY_ENDINGS = (".npy", ".npz")
 
 # more columns than a matrix of samples has
 _WIDEST = 64
+# share of gravity by which the force in a matrix may differ from it
+_NEAR = 0.2
 # MATLAB puts a text of its own before HDF5
 _HDF5, _HDF5_AT = b"\x89HDF\r\n\x1a\n", (0, 512)
 _OCTAVE = b"# Created by Octave"
@@ -68,7 +74,7 @@ def _column_names(name, width):
     if width == 1:
         return [name]
     labels = AXES if width == len(AXES) else range(width if width <= _WIDEST else 0)
-    return [f"{name}.{label}" for label in labels]
+    return [f"{name}.{label}" if name else str(label) for label in labels]
 
 
 def _by_axis(columns):
@@ -97,16 +103,33 @@ def read_matlab(paths, columns=None, batch_rows=1 << 16):
         log = delimited.read(paths, columns, batch_rows)
         log.notes.append("the file is text, no MATLAB file: read as a table")
         return log
-    series, unread = variables(paths["log"])
+    return _log(*variables(paths["log"]), columns, batch_rows)
+
+
+def _log(series, unread, columns, batch_rows):
+    """Return the RawLog of columns of numbers by name, of which those of one length are read.
+
+    `unread` says what else the file holds. The columns of a matrix that is all of a file have
+    numbers, and need not be declared where it has seven and gravity shows which are a sensor's.
+    """
+    names, columns = list(series), dict(columns or {})
+    # a matrix that is all of the file
+    matrices = {re.sub(r"(\A|\.)\d+\Z", "", name) for name in names}
+    alone = len(matrices) == 1 and len(names) > len(AXES)
+    notes = [f"left out: {unread[2:]}"] if unread else []
+    if alone and not {*SENSORS, "time"} & {*columns} and (order := _seven(series)):
+        columns |= order
+        listing = ", ".join(f"{quantity}: {at}" for quantity, at in order.items())
+        notes.append(f"a matrix of seven columns, which gravity tells apart: {listing}")
+    headed = names != [*map(str, range(len(names)))]
     try:
-        names = list(series)
-        chosen = resolve(names, _by_axis(columns))
+        chosen = resolve(names, _by_axis(columns), headed)
         sensors = {q: [names[i] for i in getattr(chosen, q) or ()] for q in SENSORS}
         raw = chosen.raw()
         # of a reference the attitudes say how long it is, and of a time alone the time
         others = [names[i] for key, i in [*raw.items()][::-1] if key != TEMPERATURE]
         first = next((name for of in (*sensors.values(), others) for name in of), None)
-        rows = len(series[first]) if first else 0
+        rows = len(series[first]) if first else max(map(len, series.values()))
         for quantity, each in sensors.items():
             if unread and not each and (columns or {}).get(quantity, "") is not None:
                 raise lacking(quantity, listed(names))
@@ -118,13 +141,33 @@ def read_matlab(paths, columns=None, batch_rows=1 << 16):
                     )
         # a time and a temperature of another length are none of theirs
         names = [name for name in names if len(series[name]) == rows]
-        chosen = resolve(names, _by_axis(columns))
+        chosen = resolve(names, _by_axis(columns), headed)
     except ImuloopError as error:
         raise type(error)(f"{error}{unread}") from error
     held = [pa.array(series[names[i]]) for i in chosen.raw().values()]
     parts = range(0, rows, batch_rows)
     batches = ([column.slice(begin, batch_rows) for column in held] for begin in parts)
-    return table_log(names, chosen, batches, notes=[f"left out: {unread[2:]}"] if unread else [])
+    log = table_log(names, chosen, batches, headed, notes=notes)
+    if alone:
+        log.columns = listed(names, headed=False)
+    return log
+
+
+def _seven(series):
+    """Return the columns of a matrix of seven, time first: gravity is in one of two triples.
+
+    Empty if the first column is no time, or if gravity, in m/s^2, is in none or both.
+    """
+    if len(series) != 1 + 2 * len(AXES):
+        return {}
+    t, *axes = (np.asarray(column[:HEAD_ROWS], dtype=float) for column in series.values())
+    triples = {1: axes[:3], 4: axes[3:]}
+    sizes = {at: np.median(np.linalg.norm(three, axis=0)) for at, three in triples.items()}
+    down = [at for at, size in sizes.items() if abs(size / STANDARD_GRAVITY - 1) < _NEAR]
+    if not (np.diff(t) > 0).all() or len(down) != 1:
+        return {}
+    places = {"acceleration": down[0], "angular_rate": 5 - down[0]}
+    return {"time": 0} | {q: [at, at + 1, at + 2] for q, at in places.items()}
 
 
 def _head(path):
@@ -158,16 +201,23 @@ def variables(path):
         f"; {name} is a MATLAB {what}, which only MATLAB reads: save its columns as variables"
         for name, what in [*objects.items()][:3]
     )
+    return _columns(arrays, unread), unread
+
+
+def _columns(arrays, unread=""):
+    """Return name -> column of two-dimensional arrays by name."""
     series = {}
     for name, array in arrays.items():
         # the longer side is time
         rows = array if array.shape[0] >= array.shape[1] else array.T
         if len(rows) > 1 and (labels := _column_names(name, rows.shape[1])):
-            native = rows.astype(rows.dtype.newbyteorder("="), copy=False)
+            # Arrow has no longer numbers
+            kind = rows.dtype.newbyteorder("=") if rows.dtype.itemsize <= 8 else float
+            native = rows.astype(kind, copy=False)
             series |= dict(zip(labels, native.T, strict=True))
     if not series:
         raise RejectedLog(f"the file has no variables of numbers over time{unread}")
-    return series, unread
+    return series
 
 
 def _gather_5(variables, prefix, arrays, objects):
@@ -203,6 +253,50 @@ def _gather_73(group, prefix, arrays, objects):
             if item.attrs.get("MATLAB_class") != b"char" and "MATLAB_empty" not in item.attrs:
                 # HDF5 lists MATLAB's dimensions backwards
                 arrays[name] = item[()].T
+
+
+# --- NumPy
+
+
+@guarded
+def read_numpy(paths, columns=None, batch_rows=1 << 16):
+    """Read an array of NumPy (.npy), or several by name (.npz).
+
+    A structured array has a column per field. Pickled objects are never loaded.
+    """
+    path, given, objects = paths["log"], {}, []
+    if zipfile.is_zipfile(path):
+        with zipfile.ZipFile(path) as archive:
+            check_unpacked(os.path.getsize(path), sum(x.file_size for x in archive.infolist()))
+        with np.load(path, allow_pickle=False) as archive:
+            for name in archive.files:
+                _load(partial(archive.__getitem__, name), one_line(name), given, objects)
+    else:
+        _load(partial(np.load, path, "r", allow_pickle=False), "", given, objects)
+    arrays = {}
+    for name, array in given.items():
+        for field in array.dtype.names or ("",):
+            part = array[field] if field else array
+            # an array that is all of the file gives its fields no name
+            label = [name] * (len(given) > 1 or not field) + [one_line(field)] * bool(field)
+            if part.dtype.kind in "biufM" and part.ndim in (1, 2):
+                arrays[".".join(label)] = part[:, None] if part.ndim == 1 else part
+    whose = f" in {', '.join(objects[:3])}" if any(objects) else ""
+    unread = f"; the pickled objects{whose} are not loaded: save numbers" if objects else ""
+    return _log(_columns(arrays, unread), unread, columns, batch_rows)
+
+
+def _load(load, name, arrays, objects):
+    """Put what is loaded into `arrays` by name; if it is pickled, the name into `objects`."""
+    try:
+        array = load()
+    except ValueError as error:
+        if "pickle" not in str(error) and "Python objects" not in str(error):
+            raise
+        objects.append(name)
+    else:
+        # what an archive holds beside arrays is bytes
+        arrays |= {name: array} if isinstance(array, np.ndarray) else {}
 
 
 # --- NetCDF

@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path, PurePath
 
-from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.ingest import arrays, dataflash, delimited, phone, ros, tables, ulog
+from imuloop.core.errors import ImuloopError, RejectedLog, did_you_mean
+from imuloop.ingest import arrays, dataflash, delimited, json_lines, phone, ros, tables, ulog
+from imuloop.ingest.text_layout import NO_LOGS
 
 # roles of two files, of one sensor each
 PAIR = ("acceleration", "angular_rate")
@@ -40,7 +41,10 @@ FORMATS = {
     # the folder; its table alone is a csv
     "euroc": LogFormat(delimited.read, (), folder=True),
     "imu_tk": LogFormat(delimited.read, (), PAIR),
+    "jsonl": LogFormat(json_lines.read, json_lines.ENDINGS, whole=True),
     "parquet": LogFormat(tables.read_parquet, tables.PARQUET_ENDINGS),
+    "feather": LogFormat(tables.read_feather, tables.FEATHER_ENDINGS),
+    "numpy": LogFormat(arrays.read_numpy, arrays.NUMPY_ENDINGS),
     "netcdf": LogFormat(arrays.read_netcdf, arrays.NETCDF_ENDINGS),
     "matlab": LogFormat(arrays.read_matlab, arrays.MATLAB_ENDINGS),
     "ros": LogFormat(ros.read, ros.ENDINGS, folder=True, whole=True),
@@ -54,6 +58,8 @@ FORMATS = {
 # how files begin, whatever their name
 SIGNATURES = {
     b"PAR1": "parquet",
+    b"ARROW1": "feather",
+    b"\x93NUMPY": "numpy",
     b"CDF": "netcdf",
     b"MATLAB ": "matlab",
     b"#ROSBAG": "ros",
@@ -67,6 +73,8 @@ SIGNATURES = {
 # in the header of a text table that is SensorLog's
 _SENSORLOG = (b"accelerometertimestamp_sincereboot", b"accelerometeraccelerationx")
 _HEAD = 1 << 14
+# where a zip has the length of the first member's name, and the name
+_LENGTH, _NAME = slice(26, 28), 30
 
 
 def find_format(name, paths):
@@ -74,7 +82,8 @@ def find_format(name, paths):
 
     An ImuloopError where the name is unknown, or the files show none or are not the format's.
     """
-    name = name or guess_format(paths)
+    cause = next(filter(None, map(no_log, paths.values())), None)
+    name = name or ("csv" if cause else guess_format(paths))
     if name not in FORMATS:
         hint = did_you_mean(str(name), FORMATS) or f"; use one of {', '.join(FORMATS)}"
         raise ImuloopError(f"'{name}' is not a format{hint}")
@@ -88,7 +97,17 @@ def find_format(name, paths):
     for path in paths.values():
         if Path(path).is_dir() and not form.folder:
             raise ImuloopError(f"{path} is a folder, not a file")
-    return name, form
+    return name, replace(form, read=partial(_reject, cause)) if cause else form
+
+
+def no_log(path):
+    """Return why a file that begins like this is a log of no format, or None."""
+    head = _head(path)
+    return next((why for start, why in NO_LOGS.items() if head.startswith(start)), None)
+
+
+def _reject(cause, *given, **options):
+    raise RejectedLog(cause)
 
 
 def _read_two(read, paths, columns=None, batch_rows=1 << 16, most=-1):
@@ -123,14 +142,22 @@ def guess_format(paths):
 
 def _by_first_bytes(path):
     """Return the format that a file's first bytes show, or None."""
-    head = b""
-    # others, such as a pipe, are not opened
-    with suppress(OSError):
-        if path.is_file():
-            with open(path, "rb") as file:
-                head = file.read(_HEAD)
+    head = _head(path)
     for signature, name in SIGNATURES.items():
         if head.startswith(signature):
-            return name
+            # an .npz is a zip of arrays
+            first = head[_NAME:][: int.from_bytes(head[_LENGTH], "little")]
+            return "numpy" if name == "phone" and first.endswith(b".npy") else name
     line = head.partition(b"\n")[0].lower()
+    if json_lines.are_objects(head):
+        return "jsonl"
     return "sensorlog" if all(word in line for word in _SENSORLOG) else None
+
+
+def _head(path):
+    """Return the first bytes of a file; none of another thing, such as a pipe, is opened."""
+    with suppress(OSError):
+        if Path(path).is_file():
+            with open(path, "rb") as file:
+                return file.read(_HEAD)
+    return b""

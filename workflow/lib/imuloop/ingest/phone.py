@@ -22,7 +22,7 @@ from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import AXES, SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.streams import Stream, raw_log
 from imuloop.ingest.tables import alone, collected, paired
-from imuloop.ingest.text_layout import LONGEST_LINE, find_layout
+from imuloop.ingest.text_layout import LONGEST_LINE, SPREADSHEET, find_layout
 
 ENDINGS = (".zip",)
 # of text tables in a zip
@@ -125,6 +125,8 @@ def _plain(archive, members, columns, batch_rows, most):
         log = delimited.read({"log": _text(archive, info, most)}, columns, batch_rows)
         log.notes.insert(0, f"the table {name} of the zip")
         return log
+    if any(name.startswith("xl/") or name == "content.xml" for name in archive.namelist()):
+        raise RejectedLog(SPREADSHEET)
     if any(len(names) != 1 for names in by_sensor.values()):
         listed = ", ".join(repr(name[:80]) for name in archive.namelist()[:5]) or "nothing"
         raise RejectedLog(

@@ -1,14 +1,16 @@
 """ROS 1 bags, ROS 2 bags and MCAP files: the topics of inertial messages, each a stream."""
 
+import sqlite3
 import tempfile
 from array import array
+from contextlib import closing, suppress
 from operator import attrgetter
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
-from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.ingest.guarded import cause, guarded
 from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import Stream, raw_log
@@ -59,6 +61,12 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
             except (ImuloopError, ImportError, MemoryError):
                 raise
             except Exception as error:
+                if bag.suffix == ".db3" and (tables := _tables(bag)) and "topics" not in tables:
+                    listed = ", ".join(map(one_line, tables[:5]))
+                    raise RejectedLog(
+                        f"{path.name} is an SQLite database, but no ROS 2 bag: its tables are "
+                        f"{listed[:200]}; export the one with the samples as CSV"
+                    ) from error
                 tool = _MENDED_BY.get(bag.suffix, "ros2 bag reindex")
                 raise RejectedLog(
                     f"{path.name} is not a whole bag ({cause(error)}); copy it again, or if its "
@@ -155,6 +163,15 @@ def _plain(path, target):
 def _head(path):
     with open(path, "rb") as file:
         return file.read(16)
+
+
+def _tables(path):
+    """Return the names of an SQLite database's tables; empty if they cannot be read."""
+    query = "SELECT name FROM sqlite_master WHERE type = 'table'"
+    with closing(sqlite3.connect(f"{path.as_uri()}?immutable=1", uri=True)) as database:
+        with suppress(sqlite3.Error):
+            return [name for (name,) in database.execute(query)]
+    return []
 
 
 def _gather(bag, topics, damage, most):

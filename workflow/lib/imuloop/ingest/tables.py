@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE, own_metadata, refuse_calibrated
 from imuloop.ingest.columns import FRACTION, STAMP, lacking, listed, resolve
+from imuloop.ingest.guarded import guarded
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import AXES, SENSORS, words_of
 from imuloop.ingest.stamps import (
@@ -23,6 +24,7 @@ from imuloop.ingest.stamps import (
 from imuloop.ingest.streams import Stream, raw_log
 
 PARQUET_ENDINGS = (".parquet", ".pq")
+FEATHER_ENDINGS = (".feather", ".arrow")
 # what the stream of each sensor is called
 _NAMES = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 # rows by which sensors in turn are told, and the least share of rows of one sensor alone
@@ -63,6 +65,29 @@ def read_parquet(paths, columns=None, batch_rows=1 << 16):
                 raise RejectedLog(f"the file cannot be read to its end: {error}") from error
 
     return table_log(names, chosen, batches(), **known)
+
+
+@guarded
+def read_feather(paths, columns=None, batch_rows=1 << 16):
+    """Read a Feather file of version 2, which is an Arrow file."""
+    with open(paths["log"], "rb") as file:
+        if file.read(4) == b"FEA1":
+            raise RejectedLog("the file is Feather of version 1: save it as version 2, or Parquet")
+    file = pa.ipc.open_file(paths["log"])
+    names = file.schema.names
+    refuse_calibrated(names, {})
+    chosen = resolve(names, columns)
+
+    def batches():
+        for number in range(file.num_record_batches):
+            batch = file.get_batch(number)
+            # offsets of a damaged file may lead out of it
+            batch.validate(full=True)
+            for begin in range(0, batch.num_rows, batch_rows):
+                part = batch.slice(begin, batch_rows)
+                yield [part.column(at) for at in chosen.raw().values()]
+
+    return table_log(names, chosen, batches())
 
 
 def table_log(names, chosen, batches, headed=True, **known):

@@ -17,7 +17,7 @@ _HEAD = 1 << 16
 # a longer line is no row, bytes; what has none in its head is no table
 LONGEST_LINE = _HEAD
 BLANKS = " "
-_SEPARATORS = (",", "\t", ";", BLANKS)
+_SEPARATORS = (",", "\t", ";", "|", BLANKS)
 COMMENT = re.compile(r"\s*(#|%|//)+\s*")
 # columns of a sensor
 LEAST = len(AXES)
@@ -30,14 +30,28 @@ _LABEL = re.compile(rb"[A-Za-z_][\w .]*[:=][ \t]*(?=[-+.\d])")
 # a row of a NovAtel receiver, and what its fields are: increments in counts, of y of turned sign
 _RAWIMU = re.compile(rb"(?m)^[#%]RAWIMUS?A,[^;\n]*;([^*\n]*)\*\w+")
 RAWIMU_NAMES = "week time_s status acc_z acc_y acc_x gyr_z gyr_y gyr_x".split()
-# how files begin that are no text, and what to do about them
+# how files begin that hold no log of any format, and what to do about them
+SPREADSHEET = "the file is a spreadsheet, such as Excel's: save its table as CSV"
+NO_LOGS = {
+    b"\xd0\xcf\x11\xe0": SPREADSHEET,
+    b"version https://git-lfs.github.com/": (
+        "the file is a pointer of Git LFS, not the log that it stands for: fetch that with git lfs "
+        "pull"
+    ),
+}
+# and files that are no text
 _UTF16 = "the text is UTF-16 or UTF-32: save it as UTF-8"
-_BINARY = {
+_BINARY = NO_LOGS | {
     b"\x1f\x8b": "the file is packed by gzip: name it .csv.gz",
     b"PK\x03\x04": "the file is a zip or a spreadsheet: save its table as CSV",
-    b"\xd0\xcf\x11\xe0": "the file is a spreadsheet: save its table as CSV",
     **dict.fromkeys((b"\xff\xfe", b"\xfe\xff", b"\0\0\xfe\xff"), _UTF16),
 }
+# and how a document of JSON begins
+_JSON = re.compile(r"\s*(\{\s*\"|\[\s*[{\[])")
+JSON_DOCUMENT = (
+    "the file is one JSON document: write JSON lines, an object with the numbers of a sample per "
+    "line, or CSV"
+)
 # rows by which a separator is judged, at least; most rows of names and units below the first
 _JUDGED, _HEADERS = 64, 3
 
@@ -94,7 +108,12 @@ def find_layout(path, least=LEAST):
             said and f"no rows but lines that begin as comments do: '{said}'; take #, % or // away"
         )
         raise RejectedLog(f"the file has {fault or 'no rows; record or copy it again'}")
-    separator, width = _separator([texts[i] for i in rows], least)
+    try:
+        separator, width = _separator([texts[i] for i in rows], least)
+    except RejectedLog:
+        if _JSON.match(decoded(head)):
+            raise RejectedLog(JSON_DOCUMENT) from None
+        raise
     fields = {i: fields_of(texts[i], separator) for i in rows}
     first = next(i for i in rows if len(fields[i]) == width)
     before = [fields[i] for i in rows if i < first]
@@ -232,6 +251,8 @@ def _no_text(head):
         if head.startswith(signature):
             return fault
     if len(head) == _HEAD and b"\n" not in head:
+        if _JSON.match(decoded(head)):
+            return JSON_DOCUMENT
         return f"the first line is longer than {LONGEST_LINE >> 10} kB: no table"
     # every second byte, or three of four
     if head[:256].count(0) > 0.4 * len(head[:256]):

@@ -1,0 +1,118 @@
+"""Files that are no log of any format: the true cause, in one line, and what to do."""
+
+import json
+import sqlite3
+import zipfile
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from imuloop.__main__ import main
+from imuloop.ingest import guarded
+from ingest.logs import brief
+
+POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a2146\nsize 12345\n"
+
+
+def sqlite(path):
+    database = sqlite3.connect(path)
+    brief().to_sql("samples", database)
+    database.close()
+
+
+def archive(*members):
+    def write(path):
+        with zipfile.ZipFile(path, "w") as file:
+            for name in members:
+                file.writestr(name, "<xml/>")
+
+    return write
+
+
+def columns(path):
+    path.write_text(json.dumps(brief().to_dict("list")))
+
+
+def announced(path):
+    """An array of 8 TB, of which nothing is in the file."""
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({1 << 40}, 7), }}".ljust(117)
+    content = b"\x93NUMPY\1\0v\0" + header.encode() + b"\n"
+    if path.suffix == ".npy":
+        path.write_bytes(content)
+    else:
+        with zipfile.ZipFile(path, "w") as file:
+            file.writestr("log.npy", content)
+
+
+DOCUMENT, LFS = "the file is one JSON document", "is a pointer of Git LFS"
+SHEET, TABLES = (
+    "the file is a spreadsheet",
+    "an SQLite database, but no ROS 2 bag: its tables are sa",
+)
+CASES = {
+    "log.json": (lambda path: brief().to_json(path, orient="records", indent=1), DOCUMENT),
+    "line.json": (lambda path: brief().to_json(path, orient="records"), DOCUMENT),
+    "log.txt": (lambda path: brief().to_json(path, orient="records", indent=1), DOCUMENT),
+    "line.csv": (lambda path: brief(2000).to_json(path, orient="records"), DOCUMENT),
+    "log.jsonl": (columns, DOCUMENT),
+    "log.sqlite": (sqlite, TABLES),
+    "log.db3": (sqlite, TABLES),
+    "log.xlsx": (archive("[Content_Types].xml", "xl/workbook.xml"), SHEET),
+    "log.ods": (archive("mimetype", "content.xml"), SHEET),
+    "log.xls": (lambda path: path.write_bytes(b"\xd0\xcf\x11\xe0\xa1\xb1" + bytes(600)), SHEET),
+    **{f"lfs.{end}": (lambda path: path.write_text(POINTER), LFS)
+       for end in ("csv", "parquet", "mat", "bag", "npy", "zip", "dat")},
+    "log.npy": (lambda path: np.save(path, {"a": 1}), "pickled objects are not loaded"),
+    "many.npz": (lambda path: np.savez_compressed(path, t=np.zeros(10**7)), "more than 200 times"),
+    "long.npy": (announced, "is no whole file of the format numpy"),
+    "long.npz": (announced, "of memory to read"),
+    "log.feather": (lambda path: path.write_bytes(b"ARROW1\0\0" + bytes(99)), "is no whole file"),
+    "old.feather": (lambda path: path.write_bytes(b"FEA1" + bytes(99)), "is Feather of version 1"),
+}  # fmt: skip
+
+
+# what its reader foresees needs no process
+@pytest.mark.parametrize("name", CASES)
+def test_the_true_cause_is_one_line(run, tmp_path, monkeypatch, request, name):
+    monkeypatch.setattr(guarded, "MEMORY", 64 << 20)
+    write, line = CASES[name]
+    if name not in ("long.npy", "long.npz", "log.feather"):
+        request.getfixturevalue("in_process")
+    write(tmp_path / name)
+    [reason] = run(tmp_path / name).quality["reasons"]
+    assert line in reason and reason.isprintable() and len(reason) < 400
+
+
+@pytest.mark.parametrize("name", ["lfs.csv", "lfs.mat"])
+def test_a_declared_format_hides_no_pointer(run, tmp_path, name):
+    (tmp_path / name).write_text(POINTER)
+    assert LFS in run(tmp_path / name, format="netcdf").quality["reasons"][0]
+
+
+@pytest.mark.parametrize("command", ["info", "noise"])
+@pytest.mark.parametrize("name", ["lfs.parquet", "log.json"])
+def test_the_commands_name_the_cause_too(tmp_path, capsys, command, name):
+    write, line = CASES[name]
+    write(tmp_path / name)
+    more = ["-o", str(tmp_path / "out")] * (command == "noise")
+    assert main([command, str(tmp_path / name), *more]) == 1
+    said = capsys.readouterr()
+    assert line in said.out + said.err and "Traceback" not in said.err
+
+
+def test_what_is_left_out_of_an_archive_is_named(run, tmp_path):
+    log = brief()
+    more = {"about": np.array({"a": 1}, dtype=object)}
+    np.savez(tmp_path / "log.npz", **{name: log[name] for name in log}, **more)
+    done = run(tmp_path / "log.npz")
+    np.testing.assert_array_equal(done.samples.gx, log.gx)
+    assert "left out: the pickled objects in about are not loaded" in done.quality["warnings"][0]
+
+
+def test_a_matrix_beside_a_time_names_its_columns(run, tmp_path):
+    log = brief()
+    savemat(tmp_path / "log.mat", {"t": log.t.to_numpy(), "data": log.to_numpy()[:, 1:]})
+    columns = {"acceleration": ["data.0", "data.1", "data.2"]}
+    columns |= {"angular_rate": ["data.3", "data.4", "data.5"]}
+    np.testing.assert_array_equal(run(tmp_path / "log.mat", columns=columns).samples.gx, log.gx)

@@ -1,0 +1,85 @@
+"""JSON lines: an object with the numbers of a sample per line, read as a text table."""
+
+import csv
+import io
+import json
+from collections.abc import Mapping
+from itertools import islice
+
+from imuloop.core.errors import RejectedLog, one_line
+from imuloop.ingest import delimited
+from imuloop.ingest.guarded import MOST_TIMES, check_unpacked
+from imuloop.ingest.text_layout import JSON_DOCUMENT, LONGEST_LINE, opened, size_of, unreadable
+
+ENDINGS = (".jsonl", ".ndjson", ".json")
+# rows whose names are those of the table, and the deepest object in them
+_NAMED, _DEEPEST = 1000, 4
+
+
+def read(paths, columns=None, batch_rows=1 << 16, most=-1):
+    """Read JSON lines; a compressed file is unpacked.
+
+    The members of an object in an object are `OBJECT.MEMBER`, those of a list `LIST[0]` and on.
+    Columns are the members of the first rows; a line that is no object is a bad line. No more is
+    read than `most` bytes, -1 is all.
+    """
+    path = paths["log"]
+    packed = size_of(path)
+    try:
+        with opened(path) as stream:
+            text = stream.read(most if most >= 0 else MOST_TIMES * packed + 1)
+    except OSError as error:
+        raise unreadable(error) from error
+    check_unpacked(packed, len(text))
+    lines = text.splitlines()
+    rows = [each for each in map(_members, islice(lines, _NAMED)) if each]
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    if len(rows) < 2:
+        raise RejectedLog(JSON_DOCUMENT)
+    table = io.StringIO(newline="")
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(names)
+    for line in lines:
+        if (row := _members(line)) is not None:
+            writer.writerow([row.get(name, "") for name in names])
+        elif line.strip():
+            # a row of one field, which no table of several has
+            writer.writerow(["?" * min(len(line), LONGEST_LINE)])
+        check_unpacked(packed, table.tell())
+    return delimited.read({"log": table.getvalue().encode()}, columns, batch_rows)
+
+
+def holds_log(path):
+    """Tell whether a JSON file looks like a log, not a result: JSON lines, or a list."""
+    with open(path, "rb") as file:
+        head = file.read(LONGEST_LINE)
+    return are_objects(head) or head.lstrip().startswith(b"[")
+
+
+def are_objects(head):
+    """Tell whether the first two lines of a file are objects of JSON."""
+    first = [line for line in head.splitlines() if line.strip()][:2]
+    return len(first) == 2 and all(map(_members, first))
+
+
+def _members(line):
+    """Return name -> text of the members of a line that is an object, else None."""
+    if not line.lstrip().startswith(b"{") or len(line) > LONGEST_LINE:
+        return None
+    try:
+        # numbers stay as they are written
+        row = json.loads(line, parse_float=str, parse_int=str)
+        return dict(_flat(row))
+    except (ValueError, RecursionError):
+        return None
+
+
+def _flat(value, name="", depth=0):
+    """Give the name and text of each number or text in an object of JSON."""
+    if isinstance(value, Mapping | list) and depth < _DEEPEST:
+        inside = value.items() if isinstance(value, Mapping) else enumerate(value)
+        for key, each in inside:
+            part = f"[{key}]" if isinstance(value, list) else f".{key}" if name else f"{key}"
+            yield from _flat(each, name + part, depth + 1)
+    elif not isinstance(value, Mapping | list):
+        yield one_line(name), "" if value is None else one_line(value)
