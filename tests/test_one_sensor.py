@@ -5,9 +5,12 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 import imuloop
+from imuloop.__main__ import main
 from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import SENSORS
 
 RATE, STEP = 1e-3, 0.01
 LEVEL = np.array([5e-3, -2e-3, 1e-3])
@@ -69,6 +72,38 @@ def test_a_gyroscope_alone_at_rest_has_noise_and_bias():
     np.testing.assert_allclose(found.calibration.gyroscope.b, LEVEL, atol=5 * RATE / np.sqrt(120))
     verdicts = found.diagnosis["sensors"]
     assert {verdicts[s]["poses"]["verdict"] for s in verdicts} == {"not_testable"}
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_its_noise_comes_with_files_of_this_sensor_alone(sensor, tmp_path, capsys, undrawn):
+    log = at_rest(60) if sensor == "gyroscope" else in_many_attitudes(np.ones(3), 0.0)[:3000]
+    log.to_csv(tmp_path / "log.csv", index=False)
+    assert main(["noise", str(tmp_path / "log.csv"), "-o", str(tmp_path / "out")]) == 0
+    (other,) = {*SENSORS} - {sensor}
+    printed = capsys.readouterr().out
+    assert f"\n{sensor} " in printed and f"\n{other} " not in printed
+    assert "constant" not in printed and "note: a" not in printed
+    files = {path.name: path for path in (tmp_path / "out").iterdir()}
+    assert {"noise.json", "allan.csv", f"allan_{sensor}.svg"} <= {*files}
+    assert {"kalibr_imu.yaml", "openvins_kalibr_imu_chain.yaml", "ros_imu_covariance.yaml"} <= {
+        *files
+    }
+    assert f"allan_{other}.svg" not in files
+    assert set(pd.read_csv(files["allan.csv"])["axis"]) == {*SENSORS[sensor]}
+    kalibr = yaml.safe_load(files["kalibr_imu.yaml"].read_text())
+    assert [key for key in kalibr if "noise" in key] == [f"{sensor}_noise_density"]
+    for path in files.values():
+        if path.suffix == ".yaml":
+            assert f"{other}_" not in path.read_text()
+
+
+def test_its_report_and_exports_are_of_this_sensor_alone(tmp_path, undrawn):
+    with pytest.warns(UserWarning, match="holds no acceleration"):
+        found = imuloop.calibrate([], static=at_rest(), folder=tmp_path, progress=False)
+    found.report(tmp_path / "report.html")
+    files = {path.name: path.read_text() for path in found.export(tmp_path / "files")}
+    assert {"kalibr_imu.yaml", "imu_calibration.h"} <= {*files}
+    assert "accelerometer_" not in files["kalibr_imu.yaml"] + files["imu_calibration.h"]
 
 
 def test_columns_that_may_be_the_other_sensor_s_are_not_passed_over():

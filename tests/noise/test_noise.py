@@ -181,9 +181,9 @@ def test_a_rest_of_ten_samples_is_a_result():
 def test_what_a_reader_must_know_is_noted():
     t = np.arange(6000) / 50 + np.random.default_rng(4).uniform(-0.004, 0.004, 6000)
     sessions = [
-        session("bad", rests=[]),
+        session("bad", rests=[], **STILL),
         session(t=t, temperature=np.linspace(-17.6, 74, 6000), **STILL),
-        session("slow", length=500, rate=1.98),
+        session("slow", length=500, rate=1.98, **STILL),
     ]
     result = estimate_noise("imu", sessions, SETTINGS)
     assert result.sessions == ("rest",) and not len(result.allan["bad"]["tau_s"])

@@ -108,8 +108,9 @@ def noise_lines(content):
     at = f", at {number(rate, 5)} Hz" if rate else ""
     lines = [f"noise of {content['device']}{at}, from {', '.join(content.get('sessions', []))}"]
     noise = NoiseModel.from_dict(content).axes
-    for sensor, axes in SENSORS.items():
-        known = quantities(sensor)
+    # without a rate for any sensor there is no number for either
+    for sensor in content.get("rates_hz") or SENSORS:
+        known, axes = quantities(sensor), SENSORS[sensor]
         rows = [(f"{sensor}", *XYZ, "")]
         for key in COEFFICIENTS:
             display = known[key].sheet[0]

@@ -17,18 +17,20 @@ from imuloop.commands.raw_log import (
     name_of,
     paths_of,
     refuse_rejected,
-    segmented,
 )
 from imuloop.core.errors import ImuloopError, Lacking
 from imuloop.core.files import refuse_overwriting
 from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.core.samples import SENSORS, read_metadata, read_samples
+from imuloop.core.samples import read_metadata, read_samples
+from imuloop.core.segments import MOTION
 from imuloop.core.units import STANDARD_GRAVITY, RawUnit
 from imuloop.export.export import FORMATS, render
 from imuloop.export.values import Exported, values
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
 
 EXAMPLE = """examples:
   imuloop noise night.csv
@@ -61,7 +63,12 @@ def run(arguments):
         path, quality = log_samples(log, arguments, Path(temporary))
         refuse_rejected(log, quality)
         samples, known = read_samples(path), read_metadata(path)
-    kind, segments = segmented(samples, None, known.get("rails", {}), known.get("stuck", ()))
+    how = SegmentSettings(), known.get("rails"), known.get("stuck", ())
+    kind, (segments, _) = "static", segment_session(samples, "static", *how)
+    if MOTION not in set(segments["kind"]):
+        posed, figures = segment_session(samples, "multi_position", *how)
+        if figures["poses"] > 1:
+            kind, segments = "multi_position", posed
     session = RecordedSession(name_of(log), kind, samples, segments)
     found = estimate_noise(name_of(log), [session], NoiseSettings(), views=False)
     if found.rate_hz is None:
@@ -81,7 +88,9 @@ def written(folder, name, found):
     why = "this log is of the noise alone"
     sensors = [SensorCalibration.nominal(RawUnit(unit, 1.0), why) for unit in ("m/s^2", "rad/s")]
     nominal = Calibration(name, STANDARD_GRAVITY, *sensors)
-    exported = Exported(name, name, nominal, found.model, found.rate_hz, found.notes)
+    exported = Exported(
+        name, name, nominal, found.model, found.rate_hz, found.notes, sensors=(*found.rates_hz,)
+    )
     for each in FORMATS:
         with suppress(Lacking):
             if each.file == IDENTITY:
@@ -104,7 +113,7 @@ def drawings(folder, name, allan, found):
         say(f"no drawing: {error.name} is not installed")
         return []
     paths = []
-    for sensor in SENSORS:
+    for sensor in found.rates_hz:
         picture = allan_picture(name, sensor, allan, found.model.axes)
         write_svg(folder, f"allan_{sensor}", picture)
         paths.append(folder / f"allan_{sensor}.svg")

@@ -190,6 +190,15 @@ class Samples:
         return float(np.median(np.diff(self[TIME]), overwrite_input=True))
 
 
+def holds(source, sensor):
+    """Return whether samples hold a sensor, also if there are none.
+
+    Ingest writes zeros for a sensor that the log lacks.
+    """
+    samples = Samples(source)
+    return not len(samples) or any(x.any() for _, x in samples.pieces(SENSORS[sensor]))
+
+
 def on_own_clock(source, sensor):
     """Return the Samples of a sensor, each once, at its own stamps; of one clock all Samples."""
     samples, own = Samples(source), OWN_TIME[sensor]

@@ -17,6 +17,7 @@ from imuloop.core.errors import Lacking
 from imuloop.core.files import read_json, write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import SENSORS
 from imuloop.export import c_code, formulas, text
 from imuloop.export.values import Exported, reasons, values
 
@@ -74,21 +75,24 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
     The quality of its sessions gives the temperatures, and the rate where the noise has none; the
     diagnosis what a reference shows of clock and place.
     """
-    content = read_json(noise)
-    used = [found for path in quality if (found := read_json(path))["status"] == "ok"]
+    content, found = read_json(noise), Calibration.from_json(calibration)
+    # without any noise it is not known which sensors the logs hold
+    held = content.get("rates_hz") or SENSORS
+    used = [each for path in quality if (each := read_json(path))["status"] == "ok"]
     beside = beside_reference(read_json(diagnosis), used) if diagnosis else {}
-    longest = max(used, key=lambda found: found["rows"], default={})
-    spans = [span for found in used if (span := found["temperature_range"])]
+    longest = max(used, key=lambda each: each["rows"], default={})
+    spans = [span for each in used if (span := each["temperature_range"])]
     return Exported(
         device,
         label,
-        Calibration.from_json(calibration),
+        found,
         NoiseModel.from_dict(content),
         content["rate_hz"] or longest.get("rate_hz"),
         tuple(content["notes"]),
         (min(map(min, spans)), max(map(max, spans))) if spans else None,
         beside,
         Path(calibration).name,
+        tuple(s for s in SENSORS if s in held or getattr(found, s).measured),
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import CHANNELS, SENSORS
+from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE
 from imuloop.effects.axes import AXES
 from imuloop.effects.turn_on_bias import TurnOnBias
@@ -33,6 +33,7 @@ class Exported:
     # parameters, SI, of the effects found beside a reference, by sensor and name
     beside: dict = field(default_factory=dict)
     calibration_file: str = "calibration.json"  # where the calibration lies, in the folder above
+    sensors: tuple[str, ...] = tuple(SENSORS)  # those that the logs hold
 
     def sensor(self, name):
         """Return the `SensorCalibration` of ``accelerometer`` or ``gyroscope``."""
@@ -43,7 +44,8 @@ def reasons(exported):
     """Return why a device lacks what a format may need, by that need; none of what it has.
 
     Needs are ``calibration`` of either sensor or that of one by its name, ``rate``, the noise
-    coefficients ``N``, ``K``, ``B`` of all axes, and ``drift``, B or a Gauss-Markov process.
+    coefficients ``N``, ``K``, ``B`` of all axes, and ``drift``, B or a Gauss-Markov process. The
+    noise of a sensor that the logs lack is not needed.
     """
     calibration, found = exported.calibration, {}
     if not calibration.measured:
@@ -54,7 +56,7 @@ def reasons(exported):
             found[name] = f"no calibration ({sensor.not_testable})"
     if not exported.rate_hz:
         found["rate"] = "the rate of the logs is not known: no session could be used"
-    for axis in reversed(CHANNELS):
+    for axis in [a for sensor in exported.sensors for a in SENSORS[sensor]][::-1]:
         noise = exported.noise.axes[axis]
         for term in (term for term in "NKB" if getattr(noise, term).size is None):
             found[term] = f"no noise: {term} of {axis} is neither known nor limited"
@@ -67,10 +69,10 @@ def values(exported):
     """Return what the templates take: plain values of a device, each sensor's by its name.
 
     A coefficient of noise that is not known has no entry: a format names it as its need, see
-    `reasons`.
+    `reasons`. A sensor that the logs lack has none either.
     """
     calibration = exported.calibration
-    sensors = {name: sensor_values(exported, name) for name in SENSORS}
+    sensors = {name: sensor_values(exported, name) for name in exported.sensors}
     return sensors | {
         "sensors": [*sensors.values()],
         "device": exported.device,
@@ -79,7 +81,7 @@ def values(exported):
         "gravity": float(calibration.gravity),
         "measured": calibration.measured,
         "calibration_file": exported.calibration_file,
-        "limits": calibration.limits(),
+        "limits": calibration.limits(*exported.sensors),
         "ids": calibration.log.get("sensor_ids", {}),
         "rate": exported.rate_hz and float(exported.rate_hz),
         "notes": exported.notes,

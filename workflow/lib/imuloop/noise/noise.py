@@ -89,10 +89,10 @@ def estimate_noise(device, sessions, settings, views=True):
     notes = []
     by_sensor = records_by_sensor(sessions, notes)
     nothing = no_noise(device, [session.name for session in sessions])
-    if not all(by_sensor.values()):
+    if not by_sensor:
         notes.append("no session holds a rest: no coefficient can be estimated")
         return replace(nothing, notes=tuple(notes))
-    static = by_sensor["gyroscope"][0].session.kind == "static"
+    static = next(iter(by_sensor.values()))[0].session.static
     lengths = {s: [record.lengths for record in own] for s, own in by_sensor.items()}
     rates = {s: _mean_rate(own) for s, own in by_sensor.items()}
     found = _estimates(by_sensor, settings, notes)
@@ -111,11 +111,11 @@ def estimate_noise(device, sessions, settings, views=True):
     allan = {name: [each] for name, each in nothing.allan.items()}
     spectra = {name: [each] for name, each in nothing.spectra.items()}
     curves = {}
-    for sensor, own in SENSORS.items():
-        records, each = by_sensor[sensor], lengths[sensor]
+    for sensor, records in by_sensor.items():
+        each = lengths[sensor]
         by_record = [_curve(n, r.rate, settings) for n, r in zip(each, records, strict=True)]
         factors, pooled = _curve(np.concatenate(each), rates[sensor], settings)
-        for axis in own:
+        for axis in SENSORS[sensor]:
             # curves and spectra take a few missing samples for none
             closed = [closed_up(record.signals(axis)) for record in records]
             variances = [allan_variance(x, m) for x, (m, _) in zip(closed, by_record, strict=True)]
@@ -136,7 +136,7 @@ def estimate_noise(device, sessions, settings, views=True):
             closed = together = each = x = None
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
-        model=NoiseModel(device, axes),
+        model=NoiseModel(device, nothing.model.axes | axes),
         rate_hz=max(rates.values()),
         rates_hz=rates,
         curve_fit=curves,
@@ -168,11 +168,13 @@ def _with_disturbed(by_sensor, settings):
     None where there are none.
     """
     whole = _of_each(by_sensor, lambda own: [record_of(r.session, disturbed=True) for r in own])
-    added = _seconds(whole["gyroscope"]) - _seconds(by_sensor["gyroscope"])
-    if added <= 0.5 / _mean_rate(by_sensor["gyroscope"]):
+    sensor = [*by_sensor][-1]
+    added = _seconds(whole[sensor]) - _seconds(by_sensor[sensor])
+    if added <= 0.5 / _mean_rate(by_sensor[sensor]):
         return None
     found = _estimates(whole, settings, [])
-    axes = {axis: asdict(estimate.noise) for axis, estimate in found.items()}
+    noise = {axis: found[axis].noise if axis in found else AxisNoise() for axis in CHANNELS}
+    axes = {axis: asdict(each) for axis, each in noise.items()}
     return {"seconds": added, "axes": axes}
 
 
@@ -187,16 +189,16 @@ def _estimates(by_sensor, settings, notes):
     bases = _of_each(by_sensor, lambda own: modes([s for r in own for s in r.samplings]))
     return {
         axis: _estimate(axis, by_sensor[sensor], bases[sensor], settings, notes)
-        for sensor, axes in SENSORS.items()
-        for axis in axes
+        for sensor in by_sensor
+        for axis in SENSORS[sensor]
     }
 
 
 def _of_each(by_sensor, function):
     """Return what a function gives of the records of each sensor, once where both share them."""
-    force, rate = by_sensor.values()
-    first = function(force)
-    return dict(zip(SENSORS, (first, first if rate is force else function(rate)), strict=True))
+    first, *_ = by_sensor.values()
+    shared = function(first)
+    return {s: shared if own is first else function(own) for s, own in by_sensor.items()}
 
 
 def _estimate(axis, records, basis, settings, notes):

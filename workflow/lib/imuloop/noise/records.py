@@ -10,9 +10,10 @@ from imuloop.core.samples import (
     SENSORS,
     TEMPERATURE,
     TIME,
+    holds,
     on_own_clock,
 )
-from imuloop.core.segments import DISTURBED, STATIC, power_cycles
+from imuloop.core.segments import DISTURBED, MOTION, STATIC, power_cycles
 from imuloop.noise.sampling import SPARSEST, Sampling
 
 # sessions pool into one estimate where their rates agree within this share
@@ -34,6 +35,11 @@ class RecordedSession:
     kind: str
     samples: object
     segments: object
+
+    @property
+    def static(self):
+        """Whether it is a static session, in which the device did not move."""
+        return self.kind == "static" and MOTION not in np.asarray(self.segments["kind"])
 
 
 @dataclass(frozen=True)
@@ -85,7 +91,7 @@ def record_of(session, disturbed=False):
     used = np.flatnonzero(rest | (disturbed & (kind == DISTURBED)))
     start, end = (np.asarray(session.segments[c], float)[used] for c in ("start_s", "end_s"))
     cycle, level = power_cycles(session.segments)[used], np.arange(len(used))
-    if session.kind == "static":
+    if session.static:
         # the disturbances before each
         level = np.cumsum(kind == DISTURBED)[used]
     t = np.asarray(session.samples[TIME])
@@ -163,20 +169,25 @@ def _split_at_losses(t, first, last):
 
 
 def records_by_sensor(sessions, notes):
-    """Return the `used_records` of each sensor, on its own clock where it has one.
+    """Return the `used_records` of each sensor that has any, on its own clock where it has one.
 
-    Arguments are as of `used_records`; where all logs have one clock, both sensors share them.
+    Takes the arguments of `used_records`. The sensors share their records if all logs hold both and
+    have one clock.
     """
-    if not any(own in s.samples for s in sessions for own in OWN_TIME.values()):
-        return dict.fromkeys(SENSORS, used_records(sessions, notes))
+    held = {s: [each for each in sessions if holds(each.samples, s)] for s in SENSORS}
+    held = {sensor: own for sensor, own in held.items() if own}
+    two_clocks = any(own in s.samples for s in sessions for own in OWN_TIME.values())
+    if not two_clocks and (len(held) < 2 or all(len(o) == len(sessions) for o in held.values())):
+        records = used_records(next(iter(held.values()), []), notes)
+        return dict.fromkeys(held, records) if records else {}
     found, said = {}, {sensor: [] for sensor in SENSORS}
-    for sensor in SENSORS:
-        own = [replace(s, samples=on_own_clock(s.samples, sensor)) for s in sessions]
+    for sensor, own in held.items():
+        own = [replace(s, samples=on_own_clock(s.samples, sensor)) for s in own]
         found[sensor] = used_records(own, said[sensor])
     both = [note for note in said["accelerometer"] if note in said["gyroscope"]]
     notes += both
     notes += [f"{s}: {note}" for s, own in said.items() for note in own if note not in both]
-    return found
+    return {sensor: records for sensor, records in found.items() if records}
 
 
 def used_records(sessions, notes):
@@ -184,7 +195,7 @@ def used_records(sessions, notes):
 
     Notes are added on what is left out, and on what a reader of the coefficients must know.
     """
-    static = [session for session in sessions if session.kind == "static"]
+    static = [session for session in sessions if session.static]
     found = [record_of(session) if len(session.samples) else None for session in static]
     notes += [
         f"static session {session.name} holds no rest and is left out"
@@ -192,7 +203,7 @@ def used_records(sessions, notes):
         if record is None
     ]
     if not any(found):
-        found = [record_of(s) for s in sessions if s.kind != "static" and len(s.samples)]
+        found = [record_of(s) for s in sessions if not s.static and len(s.samples)]
         if any(found):
             count = sum(len(record.lengths) for record in found if record)
             seconds = max(record.lengths.max() / record.rate for record in found if record)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION
+from imuloop.core.samples import ACCELERATION, CHANNELS
 
 # attitudes of sessions whose mean specific force may be compared, rad
 SAME_ATTITUDE = np.radians(1.0)
@@ -44,16 +44,16 @@ def repeatability(means):
 
     Takes for each static session the mean of each axis, SI. Gives for each axis `std` and the
     number of `sessions`, None for the accelerometer's where attitudes differ; None as a whole with
-    fewer than two sessions.
+    fewer than two sessions. An axis that a session lacks has no figure.
     """
     if len(means) < 2:
         return None
-    f = np.array([[each[axis] for axis in ACCELERATION] for each in means.values()])
+    f = np.array([[each.get(axis, 0.0) for axis in ACCELERATION] for each in means.values()])
     # not from the cosine, whose digits end at 1e-8 rad; a force of zero points nowhere
     angle = np.arctan2(np.linalg.norm(np.cross(f[:, None], f), axis=-1), f @ f.T)
     comparable = f.any(axis=1).all() and np.all(angle <= SAME_ATTITUDE)
     figures = {}
-    for axis in next(iter(means.values())):
+    for axis in (a for a in CHANNELS if all(a in each for each in means.values())):
         own = np.array([each[axis] for each in means.values()])
         known = comparable or axis not in ACCELERATION
         figures[axis] = {"std": float(own.std(ddof=1)), "sessions": len(own)} if known else None

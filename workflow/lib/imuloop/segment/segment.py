@@ -12,6 +12,7 @@ from imuloop.core.samples import (
     TIME,
     Samples,
     at_rail,
+    holds,
 )
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.core.stretches import lengths, merged, unbroken, without
@@ -23,6 +24,7 @@ from imuloop.segment.settings import SegmentSettings
 from imuloop.segment.static_detector import (
     activity,
     detect_rests,
+    moves,
     rate_at_rest,
     rest_level,
     widened,
@@ -56,10 +58,11 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     Rests of a six-position or multi-position session come from the static detector with the
     multiples whose poses calibrate best, less what turns slowly or trembles; those in the hand
     (`held`) join them where a calibration gains by it. Those of a static session are what the
-    disturbance detector and slow tilts leave. A rest at which the accelerometer is at the end of
-    its range is no attitude, but disturbed. A gap lasts from one step after the last sample before
-    it to the next sample, or as long as a channel is stuck at one value. Of a file few row groups
-    are held at once where the session is static, else six columns.
+    disturbance detector and slow tilts leave. If the device moves most of the time, the rests of a
+    static session come from the static detector, too. A rest at which the accelerometer is at the
+    end of its range is no attitude, but disturbed. A gap lasts from one step after the last sample
+    before it to the next sample, or as long as a channel is stuck at one value. Of a file few row
+    groups are held at once where the session is static, else six columns.
 
     Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, the `rails` of
     `core.samples.at_rail`, and the spans in which a channel is stuck, (n, 2), s. Gives a
@@ -75,9 +78,14 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         first, last = np.searchsorted(rows[TIME], np.transpose(stuck))
         stretches = without(whole, merged(np.column_stack([first, last + 1])))
     # without specific force there is no attitude, and rests are stretches without a disturbance
-    posed = kind != "static" and (not len(rows) or rows.read(ACCELERATION, 0, len(rows)).any())
+    posed = kind != "static" and holds(rows, "accelerometer")
+    moving = not posed and moves(rows, stretches, step, settings)
+    # no disturbance stands out from motion: rests are found as in other sessions
+    posed = posed or (moving and holds(rows, "accelerometer"))
     if not posed:
-        rests = _between_disturbances(rows, stretches, step, settings)
+        rests = stretches[:0]
+        if not moving:
+            rests = _between_disturbances(rows, stretches, step, settings)
         tilted = tilts(rows, rests, step)
         metadata = {"slow_tilts": len(tilted)}
         if len(tilted):
@@ -86,6 +94,11 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         tilt = np.zeros(len(rests))
     else:
         rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
+        if moving and len(rests):
+            kept = _on_support(rests, tilt, metadata["level"], step)
+            # without a gyroscope turns show in the mean specific force alone
+            kept &= not moves(rows, rests[kept], step, settings)
+            rests, tilt = rests[kept], tilt[kept]
     railed = np.zeros(len(rests), dtype=bool)
     if rails and kind in ATTITUDES:
         railed = _at_rail(rows, rests, rails)
@@ -118,6 +131,16 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
 def no_segments(kind):
     """Return the empty result of `segment_session`, for a kind of session without segments."""
     return segment_session({name: [] for name in (TIME, *CHANNELS)}, kind, SegmentSettings())
+
+
+def _on_support(rests, tilt, level, step):
+    """Return at which rests of a device that moves most of the time it lies on a support, (n,).
+
+    It does not where it tilts. The level of rest is that of motion, and no rest counts, if it is
+    from the start of the log and the device does not rest for most of that time.
+    """
+    start = level["duration_s"] / step
+    return (tilt == 0) & (lengths(np.minimum(rests, start)).sum() >= start / 2)
 
 
 def _between_disturbances(rows, stretches, step, settings):

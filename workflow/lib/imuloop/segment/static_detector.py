@@ -12,13 +12,15 @@ import numpy as np
 from scipy.special import chdtri
 
 from imuloop.core.stretches import lengths, stretches_of
-from imuloop.segment.windows import rounding_variance, sliding_statistics
+from imuloop.segment.windows import block_means, rounding_variance, sliding_statistics
 
 # samples of a rest: the variance of fewer says nothing of its mean's error
 FEWEST_SAMPLES = 4
 # rests from which on a rate that they share is the gyroscope's bias, and share of their windows
 # that may be away from it
 RESTS_OF_A_BIAS, FEW = 3, 0.1
+# change of the mean specific force from one window to the next that is motion, m/s²: 10 mg
+FORCE_TOLERANCE = 0.1
 # short means by which a rest is widened, s
 EDGE_S = 0.1
 
@@ -75,6 +77,20 @@ def activity(force, rate, stretches, window):
     # one that reads zero was not read: at rest it feels gravity
     variances[0, ~force.any(axis=0)] = np.inf
     return Activity(variances, means, window)
+
+
+def moves(rows, stretches, step, settings):
+    """Return whether the device moves most of the time in a session that should be at rest.
+
+    It does if most windows differ from the next by more than `rate_tolerance` in the mean angular
+    rate or by more than `FORCE_TOLERANCE` in the mean specific force. Takes Samples, the stretches
+    between long gaps, and the median step of time, s.
+    """
+    width = max(round(settings.window_s / step), FEWEST_SAMPLES)
+    first, _, means = block_means(rows, stretches, width)
+    change = np.linalg.norm(np.diff(means, axis=0).reshape(-1, 2, 3), axis=2)
+    moved = (change > [FORCE_TOLERANCE, settings.rate_tolerance]).any(axis=1)
+    return bool(np.median(moved[np.diff(first) == width]) > 0.5) if len(first) > 1 else False
 
 
 def rest_level(force, rate, moving, step, settings):

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from imuloop.core.samples import CHANNELS, sums_over
 from imuloop.core.stretches import lengths, merged, stretches_of, without
+from imuloop.segment.windows import block_means
 
 # blocks that are averaged, s, and at most so many in a session
 BLOCK, BLOCKS = 2.0, 1 << 14
@@ -40,16 +40,9 @@ def tilts(rows, ranges, step):
     shortest is taken, and in it the part in which u moves. Takes Samples and the median step, s.
     """
     width = max(round(BLOCK / step), int(lengths(ranges).sum()) // BLOCKS, 1)
-    # first samples of whole blocks, one range after the other
-    blocks = [np.arange(i, j - width + 1, width) for i, j in ranges]
-    edges = np.cumsum([0, *map(len, blocks)])
-    if not edges[-1]:
+    first, stretches, means = block_means(rows, ranges, width)
+    if not len(first):
         return np.empty((0, 2), dtype=int)
-    first, stretches = np.concatenate(blocks), np.column_stack([edges[:-1], edges[1:]])
-    sums = np.zeros((len(first), len(CHANNELS)))
-    for begin, x in rows.pieces(CHANNELS):
-        sums += sums_over(x.T, np.column_stack([first, first + width]) - begin)
-    means = sums / width
     size = np.median(np.linalg.norm(means[:, :3], axis=1))
     # of rows that are zero there is no direction
     if not size > 0:

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from imuloop.core.samples import CHANNELS, sums_over
+
 # samples that decide on the resolution of a sensor
 DECIDING = 1_000_000
 
@@ -26,6 +28,22 @@ def sliding_statistics(x, n):
     np.maximum(variance, 0.0, out=variance)
     mean += offset
     return mean, variance
+
+
+def block_means(rows, ranges, width):
+    """Return the means of all channels over whole blocks of `width` samples within ranges.
+
+    Takes Samples and ranges of rows, (m, 2). Gives the first row of each block, (k,), the blocks of
+    each range, (m, 2), and the means, SI, (k, 6).
+    """
+    blocks = [np.arange(i, j - width + 1, width) for i, j in ranges]
+    edges = np.cumsum([0, *map(len, blocks)])
+    first = np.concatenate([np.empty(0, dtype=int), *blocks])
+    sums = np.zeros((len(first), len(CHANNELS)))
+    if len(first):
+        for begin, x in rows.pieces(CHANNELS):
+            sums += sums_over(x.T, np.column_stack([first, first + width]) - begin)
+    return first, np.column_stack([edges[:-1], edges[1:]]), sums / width
 
 
 def _window_sums(y, n):

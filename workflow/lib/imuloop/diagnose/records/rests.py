@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.core.rest_log import RestLog
 from imuloop.core.samples import Samples, read_columns
-from imuloop.core.segments import STATIC, power_cycles
+from imuloop.core.segments import MOTION, STATIC, power_cycles
 from imuloop.diagnose.records.static_windows import static_record
 
 # s; a rest of another session stands in for a static one from this length on: a shorter one shows
@@ -60,9 +60,9 @@ def read_static(sessions):
 def rests_to_use(kinds, segments):
     """Return which stretches of which sessions are the static record of a device.
 
-    All static sessions, what lies between their rests included; where there is none, the longest
-    rest of all others if it lasts. Kind and segments are by session; returned are ``start_s``,
-    ``end_s``, ``kind`` and ``tilt_rad`` of the segments to use.
+    All static sessions, what lies between their rests included, but none in which the device
+    moved; where there is none, the longest rest of all others if it lasts. Kind and segments are by
+    session; returned are ``start_s``, ``end_s``, ``kind`` and ``tilt_rad`` of the segments to use.
     """
     tables = {n: {c: np.asarray(t[c]) for c in COLUMNS} for n, t in segments.items()}
     rests = [
@@ -70,7 +70,11 @@ def rests_to_use(kinds, segments):
         for name, table in tables.items()
         for at in np.flatnonzero(table["kind"] == STATIC)
     ]
-    static = {name: tables[name] for _, name, _ in rests if kinds[name] == "static"}
+    static = {
+        name: tables[name]
+        for _, name, _ in rests
+        if kinds[name] == "static" and MOTION not in tables[name]["kind"]
+    }
     seconds, name, at = max(rests, key=lambda rest: rest[0], default=(0.0, "", 0))
     if static or seconds < LONG_REST:
         return static
