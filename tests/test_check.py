@@ -36,21 +36,21 @@ def test_a_device_that_did_not_drift(device, tmp_path, capsys):
 
 def test_a_device_that_drifted_by_its_exit_status(device, tmp_path, capsys):
     log = pd.read_csv(device / "2.csv")
-    log["gy"] += 0.002
+    log["gy"] += 0.05
     log.to_csv(tmp_path / "later.csv", index=False)
     arguments = ["check", str(device / "calibration.json"), str(tmp_path / "later.csv")]
     assert main(arguments) == 3
     lines = capsys.readouterr().out
     assert "gyroscope: DRIFTED" in lines and "accelerometer: no drift" in lines
-    assert re.search(r"b1 +moved by 0\.11\d* ± .* °/s .*DRIFTED, above noise", lines)
+    assert re.search(r"b1 +moved by 2\.8\d* ± .* °/s .*DRIFTED, above noise", lines)
     assert "Only biases moved" in lines
-    assert main([*arguments, "--turn-on", "0,0.002"]) == 0
+    assert main([*arguments, "--turn-on", "0.2,0.05"]) == 0
 
 
 def test_a_calibration_with_the_biases_of_a_new_log(device, tmp_path, capsys):
     """Protects the file that --update writes, and that nothing is written where it cannot be."""
     log = pd.read_csv(device / "2.csv")
-    log["gy"] += 0.002
+    log["gy"] += 0.05
     log.to_csv(tmp_path / "later.csv", index=False)
     shutil.copy(device / "noise.json", tmp_path)
     old, new, again = device / "calibration.json", tmp_path / "new.json", tmp_path / "again.json"
@@ -64,7 +64,7 @@ def test_a_calibration_with_the_biases_of_a_new_log(device, tmp_path, capsys):
     before, after = (json.loads(path.read_text()) for path in (old, new))
     assert after.pop("updated") == dict.fromkeys(("accelerometer", "gyroscope"), "later.csv")
     one, other = (content["gyroscope"]["b"][1] for content in (before, after))
-    assert other == pytest.approx(one + 0.002, abs=1e-4)
+    assert other == pytest.approx(one + 0.05, abs=1e-4)
     for content in (before, after):
         for sensor in ("accelerometer", "gyroscope"):
             del content[sensor]["b"], content[sensor]["covariance"]

@@ -21,6 +21,11 @@ from imuloop.validate.drift import check_drift
 from imuloop.validate.new_bias import update_biases
 from seeds import least
 
+# a device that has not been switched off since
+STEADY = (0.0, 0.0)
+# of one switching on: what devices do, and what data sheets allow, m/s^2 and rad/s
+ORDINARY, ALLOWED = (0.03, 1.75e-3), (0.196, 8.7e-3)
+
 
 def white(sensor):
     return replace(sensor, noise=Noise(N=sensor.noise.N))
@@ -81,7 +86,7 @@ def calibrations(request, still, truth, noise):
 def unchanged(still, truth, noise, calibrations):
     """The check of each calibration on a log of the same device."""
     return [
-        check_drift(each, drawn(still, truth, 1000 + seed), noise)
+        check_drift(each, drawn(still, truth, 1000 + seed), noise, turn_on=STEADY)
         for seed, each in enumerate(calibrations)
     ]
 
@@ -116,7 +121,8 @@ def moved_turn(values):
 def test_a_drift_is_found_where_it_is_and_nowhere_else(still, truth, noise, calibrations):
     found, others = [], 0
     for seed, each in enumerate(calibrations[:20]):
-        drift = check_drift(each, drawn(still, truth, 2000 + seed, moved_force, moved_turn), noise)
+        log = drawn(still, truth, 2000 + seed, moved_force, moved_turn)
+        drift = check_drift(each, log, noise, turn_on=STEADY)
         assert drift.drifted and not drift.bias_only
         names = {n: {c.name for c in s.changes if c.drifted} for n, s in drift.sensors.items()}
         found.append(names["accelerometer"] >= {"K2", "b0"} and "b1" in names["gyroscope"])
@@ -129,11 +135,44 @@ def test_a_drift_is_found_where_it_is_and_nowhere_else(still, truth, noise, cali
 
 def test_a_turn_on_that_is_allowed_is_no_drift(still, truth, noise, calibrations):
     made = drawn(still, truth, 7, lambda f: f + np.array([0.01, 0, 0]), moved_turn)
-    drift = check_drift(calibrations[0], made, noise)
+    drift = check_drift(calibrations[0], made, noise, turn_on=STEADY)
     assert drift.drifted and drift.bias_only
     allowed = check_drift(calibrations[0], made, noise, turn_on=(0.01, 1e-3))
     assert not allowed.drifted
     assert allowed.sensors["gyroscope"].turn_on == (1e-3,) * 3
+
+
+@pytest.mark.parametrize("scatter", [ORDINARY, ALLOWED], ids=["ordinary", "data sheet"])
+def test_scatter_from_switching_on_is_no_drift(still, truth, noise, calibrations, scatter):
+    """Protects a device that was switched off in between: its biases move, nothing else does."""
+    found = []
+    for seed, each in enumerate(calibrations[::2]):
+        jump = np.random.default_rng([seed, 5]).normal(size=(2, 3)) * np.reshape(scatter, (2, 1))
+        change = [lambda y, by=by: y + by for by in jump]
+        found.append(check_drift(each, drawn(still, truth, 4000 + seed, *change), noise).drifted)
+    assert sum(found) <= least(len(found), 0.05, 0.995)
+
+
+# factors and additions by which raw values of both sensors change, and the parameter it is
+REAL = {
+    "scale": (lambda y: y / [1, 1.003, 1], "K1"),
+    "misalignment": (lambda y: y @ [[1, 0, 0], [3e-3, 1, 0], [0, 0, 1]], "T01"),
+    "bias": (lambda y: y + np.where(np.abs(y).max() > 9, [0, 1.5, 0], [0, 0.07, 0]), "b1"),
+}
+
+
+@pytest.mark.parametrize(("change", "name"), REAL.values(), ids=REAL)
+def test_drift_is_found_beyond_the_scatter_from_switching_on(
+    still, truth, noise, calibrations, change, name
+):
+    """Protects the power for K and T, which do not change at turn-on, and for a bias far off."""
+    rng = np.random.default_rng(6)
+    for seed, each in enumerate(calibrations[:5]):
+        jump = rng.normal(size=(2, 3)) * np.reshape(ORDINARY, (2, 1))
+        changes = [lambda y, by=by: change(y) + by for by in jump]
+        drift = check_drift(each, drawn(still, truth, 5000 + seed, *changes), noise)
+        for sensor in drift.sensors.values():
+            assert name in {c.name for c in sensor.changes if c.drifted}
 
 
 def test_one_rest_shows_the_bias_along_gravity_and_the_gyroscope_s(
@@ -142,7 +181,7 @@ def test_one_rest_shows_the_bias_along_gravity_and_the_gyroscope_s(
     made = drawn(still, truth, 8, lambda f: f + np.array([0, 0, 0.02]))
     upright = np.argmax(made.poses.f[:, 2])
     one = made.select(np.arange(len(made.poses)) == upright)
-    found = check_drift(calibrations[0], one, noise)
+    found = check_drift(calibrations[0], one, noise, turn_on=STEADY)
     force, turn = found.sensors["accelerometer"], found.sensors["gyroscope"]
     assert [c.name.startswith("b along (") for c in force.changes] == [True]
     u = made.poses.f[upright] / np.linalg.norm(made.poses.f[upright])

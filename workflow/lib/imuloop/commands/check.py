@@ -34,7 +34,7 @@ from imuloop.noise.settings import NoiseSettings
 from imuloop.report.numbers import number, p_text, with_sigma
 from imuloop.report.units import MILLIRADIAN, RESIDUAL, data_sheet
 from imuloop.report.verdict import RESIDUAL_WORDS
-from imuloop.validate.drift import check_drift
+from imuloop.validate.drift import TURN_ON, check_drift
 from imuloop.validate.new_bias import update_biases
 
 # exit status of a device that has drifted
@@ -75,7 +75,8 @@ def add(commands, **how):
         type=between(0, 1e3, 2),
         metavar="M/S^2,RAD/S",
         help="standard deviation of the bias from one switching on to the next; default: the "
-        "calibration's turn_on_bias, or the bias instability of the noise",
+        f"calibration's turn_on_bias, or {TURN_ON['accelerometer']:.3g},"
+        f"{TURN_ON['gyroscope']:.2g} of MEMS data sheets",
     )
     command.add_argument(
         "--level",
@@ -159,9 +160,8 @@ def lines(drift):
         rows = []
         for change in sensor.changes:
             display = MILLIRADIAN if change.unit == "rad" else data_sheet(change.unit)
-            moved = (
-                f"moved by {with_sigma(change.change, change.std, display.factor)} {display.unit}"
-            )
+            size = with_sigma(change.change, change.measured_std, display.factor)
+            moved = f"moved by {size} {display.unit}"
             sigmas = f"{number(abs(change.sigmas), 2)} σ", p_text(change.p_holm)
             rows.append((change.name, moved, *sigmas, _comment(change, sensor)))
         found += aligned(rows)

@@ -10,6 +10,7 @@ from imuloop.calibrate.least_squares import chi_square
 from imuloop.core.errors import ImuloopError
 from imuloop.core.p_values import holm
 from imuloop.core.samples import SENSORS
+from imuloop.core.units import DEGREE, STANDARD_GRAVITY
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
 
@@ -18,8 +19,10 @@ MISFIT = 0.01
 # degrees of freedom below which nothing is left to judge a misfit by
 LEAST_DOF = 0.5
 SCALES = ("K0", "K1", "K2")
-# Allan deviation of flicker noise of unit coefficient
-_FLICKER = np.sqrt(2 * np.log(2) / np.pi)
+# standard deviation of a MEMS bias from one switching on to the next, m/s^2 and rad/s: 20 mg and
+# 0.5 deg/s. Bias repeatability in the data sheets that give one (ADIS16448, ADIS16460), and the
+# whole initial offset of current phone-grade parts (ICM-42688-P, BMI270, LSM6DSO)
+TURN_ON = {"accelerometer": 20e-3 * STANDARD_GRAVITY, "gyroscope": 0.5 * DEGREE}
 
 
 @dataclass(frozen=True)
@@ -27,15 +30,16 @@ class Change:
     """The change of one parameter: new less old, in SI, relative for a scale factor.
 
     Its name is that of the calibration's covariance, or ``b along (x, y, z)``, on the sensor axes,
-    where the log shows one direction of the bias alone. Its standard error is that of the old
-    calibration, of the new log, and of what a bias may do from one switching on to the next. The
-    p-value is that of as much without a drift, and that for the largest of all parameters tested,
-    after Holm.
+    where the log shows one direction of the bias alone. `measured_std` is its standard error by the
+    old calibration and the new log; `std` also has the scatter of a bias from one switching on to
+    the next. The p-value is that of as much without a drift, and that for the largest of all
+    parameters tested, after Holm.
     """
 
     name: str
     unit: str
     change: float
+    measured_std: float
     std: float
     sigmas: float
     p_value: float
@@ -112,7 +116,8 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     without a drift is ``S = Σ + J C Jᵀ``, of the noise and of the calibration's own errors C. The
     change of those parameters that the log determines is the δ of least
     ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If it determines all of them, δ is the difference to a new
-    calibration, and its covariance the sum of both. Two families of tests share the level: each
+    calibration, and its covariance the sum of both. The scatter of a bias from one switching on to
+    the next adds to that covariance. Two families of tests share the level: each
     parameter by itself, and one χ² test per sensor of all together; each family after Holm.
 
     Parameters
@@ -124,9 +129,9 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     level : float
         Probability of a false alarm.
     turn_on : (float, float), optional
-        Standard deviation of the bias from one switching on to the next, m/s^2 and rad/s; by
-        default what the calibration's `turn_on_bias` says, or else the bias instability of the
-        noise model, where it has one.
+        Standard deviation of the bias from one switching on to the next, m/s^2 and rad/s. The
+        default is the standard deviation in the calibration's `turn_on_bias`, or `TURN_ON` if it
+        has none.
 
     Returns
     -------
@@ -145,10 +150,7 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
         raise ImuloopError("the log holds no rest: nothing can be tested")
     recording, gravity = recording.of_new_power_cycles(), gravity or calibration.gravity
     turn_on = dict(zip(SENSORS, turn_on or (None, None), strict=True))
-    allowed = {
-        name: _turn_on(getattr(calibration, name), noise, axes, turn_on[name])
-        for name, axes in SENSORS.items()
-    }
+    allowed = {name: _turn_on(calibration, name, turn_on[name]) for name in SENSORS}
     try:
         residuals = DriftResiduals.of(calibration, recording, noise, gravity)
         if not residuals.tested:
@@ -164,17 +166,16 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     return Drift(calibration.device, level, len(recording.poses), rotations, sensors)
 
 
-def _turn_on(sensor, noise, axes, given):
+def _turn_on(calibration, sensor, given):
     """Return the standard deviation of the three biases from one switching on to the next, SI.
 
-    What was given, what the calibration's own power cycles show, or what the noise allows for.
+    It is given, or from the calibration's own power cycles, or from data sheets.
     """
-    if given is not None:
-        return (float(given),) * 3
-    for each in sensor.effects:
-        if isinstance(each.effect, TurnOnBias):
-            return tuple(each.effect.repeatability(each.values)[0].tolist())
-    return tuple(float(_FLICKER * (noise.axes[axis].B.value or 0.0)) for axis in axes)
+    if given is None:
+        for each in getattr(calibration, sensor).effects:
+            if isinstance(each.effect, TurnOnBias):
+                return tuple(each.effect.repeatability(each.values)[0].tolist())
+    return (float(TURN_ON[sensor] if given is None else given),) * 3
 
 
 def _test(residuals, turn_on, level):
@@ -182,20 +183,28 @@ def _test(residuals, turn_on, level):
 
     Takes what of the bias is allowed for, by sensor, and the level of each family of tests.
     """
-    old, tested, prior = residuals.old, residuals.tested, residuals.old.covariance.copy()
-    for name in SENSORS:
-        biases = residuals.places(name, BIASES)
-        prior[biases, biases] += np.square(turn_on[name])
+    old, tested = residuals.old, residuals.tested
     r, jacobian = residuals.at(old.x)
     tests = [testable(residuals, name, jacobian) for name in tested]
     basis = np.hstack([own[0] for own in tests])
-    change, covariance, expected = fit_change(residuals, basis, prior)
+    scatter = np.zeros(len(old.covariance))
+    for name in SENSORS:
+        scatter[residuals.places(name, BIASES)] = np.square(turn_on[name])
+    # the log alone determines the change of a bias, so the scatter adds to its error. In S it would
+    # hide the noise, as the derivative is not quite the same at the old and at the new parameters
+    hidden = np.eye(len(basis)) - basis @ basis.T
+    change, covariance, expected = fit_change(
+        residuals, basis, old.covariance + hidden * scatter @ hidden
+    )
+    measured = np.sqrt(np.diag(covariance))
+    covariance = covariance + basis.T * scatter @ basis
     std = np.sqrt(np.diag(covariance))
     p_values = 2 * ndtr(-np.abs(change / std))
     # the change of a scale factor is relative
     scaled = [name in SCALES for own in tests for name in own[1]]
     factor = np.where(scaled, basis.T @ old.x, 1.0)
-    numbers = change / factor, std / factor, change / std, p_values, holm(p_values)
+    sizes = (each / factor for each in (change, measured, std))
+    numbers = *sizes, change / std, p_values, holm(p_values)
     numbers = np.column_stack(numbers).tolist()
     ends = np.cumsum([own[0].shape[1] for own in tests])
     parts = [slice(end - own[0].shape[1], end) for own, end in zip(tests, ends, strict=True)]
