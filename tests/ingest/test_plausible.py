@@ -263,3 +263,15 @@ def test_turns_go_as_far_as_the_scale_factor_says(taken, seed, case):
     made = record(seed, case)
     ratio = taken(pd.DataFrame(made.columns))["faults"]["rests"]["turn_ratio"]
     assert abs(ratio["value"] * made.gyroscope.K.mean() - 1) < 0.02
+
+
+@pytest.mark.parametrize(
+    ("samples", "held", "clipped"), [(5, 1, True), (1, 1, False), (5, 3, False)]
+)
+def test_a_flat_top_of_a_few_samples_is_clipping(run, samples, held, clipped):
+    """Protects turns that saturate briefly; values that are held have flat tops everywhere."""
+    log = logs.poses()
+    log["gx"] = log["gx"].clip(upper=log["gx"].nlargest(samples).iloc[-1])
+    log[ALL] = log[ALL].to_numpy()[np.arange(len(log)) // held * held]
+    found = run(log).quality["faults"]["clipped_at"]["gx"]
+    assert (found["rows"] == samples and len(found["values"]) == 1) == clipped

@@ -30,6 +30,8 @@ SPIKE_FACTOR, REACH = 20.0, 8
 # least 0.3 n1/n2 of what the next one inside holds: n1^2/n2 = 60 leave e^-15 for none beyond;
 # of coarser noise it holds so many times as many as each of the next levels
 LEAST_CLIPPED, CUT_TAIL, STEEP, LEVELS = 20, 60, 4, 4
+# equal values in a row that make a flat top, where both neighbours are more than `FAR_STEPS` away
+FLAT_TOP = 3
 # steps to the end of 16 bits: a sample there is clipped, one alone may have come there by itself
 RAILS, LEAST_RAIL = (32767, 32768), 2
 # an axis is a copy where this share of its changes is the other's, of at least so many
@@ -117,10 +119,12 @@ def measure(samples, metadata, figures, threads=1):
         stops.add(dict(zip(CHANNELS, x, strict=False)))
         row += x.shape[1]
     single, variances, counts = zip(*found, strict=True)
-    padding, common, held, spikes, limits, failed, wraps = map(sum, zip(*counts, strict=True))
+    summed = map(sum, zip(*counts, strict=True))
+    padding, common, held, spikes, limits, failed, tops, wraps = summed
     zero_rows, in_turn, zero_reads = (dict(zip(SENSORS, n, strict=True)) for n in padding.tolist())
     variances = dict(zip(CHANNELS, np.concatenate(variances, axis=1), strict=True))
-    limits, spikes = dict(zip(CHANNELS, limits, strict=True)), dict(zip(names, spikes, strict=True))
+    limits, tops = (dict(zip(CHANNELS, n, strict=True)) for n in (limits, tops))
+    spikes = dict(zip(names, spikes, strict=True))
     stuck = {name: constant[name].stuck() for name in CHANNELS}
     force = sum(variances[name] for name in ACCELERATION)
     silent = [
@@ -139,7 +143,11 @@ def measure(samples, metadata, figures, threads=1):
     clipped = {name: {"values": [], "rows": 0} for name in CHANNELS}
     for axes in SENSORS.values():
         for name, value, rows in _clipped(
-            [(n, limits[n], constant[n], stuck[n], spikes[n]) for n in axes if n not in silent],
+            [
+                (n, limits[n], constant[n], stuck[n], spikes[n], tops[n])
+                for n in axes
+                if n not in silent
+            ],
             *(ranges, steps, rate),
         ):
             clipped[name]["values"].append(value)
@@ -249,22 +257,41 @@ def _at_limits(x, limits, step):
     return found
 
 
+def _flat_tops(x, low, high, step):
+    """Return the numbers of flat tops of a channel: at its low end, at its high end, elsewhere.
+
+    A smooth motion has none, and values that are held have them everywhere. Those elsewhere count
+    only if there is one at an end.
+    """
+    found = np.zeros(3, dtype=int)
+    if np.count_nonzero((x == low) | (x == high)) < FLAT_TOP:
+        return found
+    starts = np.flatnonzero(np.diff(x, prepend=np.nan))
+    values, rows = x[starts], np.diff(starts)[1:]
+    far = np.abs(np.diff(values)) > FAR_STEPS * step
+    tops = values[1:-1][(rows >= FLAT_TOP) & far[:-1] & far[1:]]
+    found[:2] = np.count_nonzero(tops == low), np.count_nonzero(tops == high)
+    found[2] = len(tops) - found.sum() if found.any() else 0
+    return found
+
+
 def _clipped(axes, ranges, steps, rate):
     """Give (name, value, rows) of the ends of the range that axes of a sensor keep to.
 
-    `axes` are name, rows at the ends and next to them, ConstantStretches, stuck stretches and
-    spikes of each. Ends of the same size, to a step, are one end: it may be reached on each axis
-    for a few samples only.
+    `axes` are name, rows at the ends and next to them, ConstantStretches, stuck stretches, spikes
+    and flat tops of each. Ends of the same size, to a step, are one end: it may be reached on each
+    axis for a few samples only.
     """
     ends = []
-    for name, limits, constant, stuck, spikes in axes:
-        for value, (at, *near) in zip(ranges[name], limits, strict=True):
+    for name, limits, constant, stuck, spikes, (*tops, elsewhere) in axes:
+        for value, (at, *near), flat in zip(ranges[name], limits, tops, strict=True):
             here = [s[0] for s in stuck if s[2] == value]
             wide = constant.wide >= 0.5 * constant.varied
             cut = at**2 >= CUT_TAIL * near[0] if wide else at >= STEEP * max(near)
             cut &= at >= LEAST_CLIPPED and spikes < at / 2 and constant.fine
             raw = abs(value / steps[name]) if steps[name] else 0.0
             cut |= at >= LEAST_RAIL and any(abs(round(raw, 1) - rail) < 0.5 for rail in RAILS)
+            cut |= flat > 0 and elsewhere == 0
             # one long stretch is a stuck value
             cut &= ranges[name][0] < ranges[name][1]
             cut &= not (len(here) == 1 and here[0] >= max(rate, 0.9 * at))
@@ -279,7 +306,7 @@ def _clipped(axes, ranges, steps, rate):
 
 
 def _counts(x, lead, ends, step):
-    """Return spikes, rows at the ends, failed reads and the rows before wraps, of a channel.
+    """Return spikes, rows at the ends, failed reads, flat tops and rows before wraps of a channel.
 
     The first `lead` rows are before those of the piece; `ends` are those of its range.
     """
@@ -287,7 +314,8 @@ def _counts(x, lead, ends, step):
     wraps = _wraps(x[first:], size[first:], *ends) + first - lead
     own = x[lead:]
     failed = _failed_reads(own, size[lead:], *ends, step)
-    return _spikes(x, size, step), _at_limits(own, ends, step), failed, wraps
+    limits = _at_limits(own, ends, step)
+    return _spikes(x, size, step), limits, failed, _flat_tops(own, *ends, step), wraps
 
 
 def _wraps(x, size, low, high):
