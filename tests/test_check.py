@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 import imuloop
-from imuloop import Calibration
+from imuloop import Calibration, chain
 from imuloop.__main__ import main
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import ACCELERATION, CHANNELS
@@ -45,6 +45,70 @@ def test_a_device_that_drifted_by_its_exit_status(device, tmp_path, capsys):
     assert re.search(r"b1 +moved by 2\.8\d* ± .* °/s .*DRIFTED, above noise", lines)
     assert "Only biases moved" in lines
     assert main([*arguments, "--turn-on", "0.2,0.05"]) == 0
+
+
+RATES = ["gx", "gy", "gz"]
+
+
+@pytest.fixture(scope="module")
+def calibrated_log(device, tmp_path_factory):
+    """A calibration as the stages make it of ``1.csv``, its full scale declared, in rad/s."""
+    folder = tmp_path_factory.mktemp("stages")
+    full_scale = float(pd.read_csv(device / "2.csv")["gx"].nlargest(12).iloc[-1])
+    how = {"full_scale": {"acceleration": 40.0, "angular_rate": full_scale}}
+    made = chain.Device("d", folder, {"poses": "multi_position"}, **how)
+    assert not chain.ingest(made, "poses", {}, [device / "1.csv"])
+    for stage in (chain.segment, chain.noise, chain.calibrate):
+        assert not stage(made)
+    return made.file("multi_position.json"), full_scale
+
+
+@pytest.mark.parametrize("samples", [8, 12, 19])
+def test_a_turn_that_reached_the_range_is_left_out(device, tmp_path, samples):
+    """Protects K of a log that saturates for a few samples of one turn."""
+    log = pd.read_csv(device / "2.csv")
+    limit = log["gx"].nlargest(samples).iloc[-1]
+    log["gx"] = log["gx"].clip(upper=limit)
+    log.to_csv(tmp_path / "later.csv", index=False)
+    out = tmp_path / "drift.json"
+    arguments = [str(device / "calibration.json"), str(tmp_path / "later.csv"), "--json", str(out)]
+    assert main(["check", *arguments]) == 0
+    assert json.loads(out.read_text())["rotations"] < 14
+
+
+def test_the_full_scale_of_the_calibrated_log_holds_for_a_new_one(
+    device, calibrated_log, tmp_path, capsys
+):
+    """Protects K where a filter behind the range leaves no repeated value."""
+    path, limit = calibrated_log
+    log, rng = pd.read_csv(device / "2.csv"), np.random.default_rng(3)
+    over = log[RATES].abs() > limit
+    soft = np.sign(log[RATES]) * limit * (1 + 0.002 * rng.random(over.shape))
+    log[RATES] = log[RATES].mask(over, soft)
+    assert over.sum().sum() > 12
+    log.to_csv(tmp_path / "later.csv", index=False)
+    assert main(["check", str(path), str(tmp_path / "later.csv")]) == 0
+    content = json.loads(path.read_text())
+    del content["log"]["full_scale"]
+    path.with_name("bare.json").write_text(json.dumps(content))
+    assert main(["check", str(path.with_name("bare.json")), str(tmp_path / "later.csv")]) == 3
+
+
+def test_the_log_of_the_calibration_shows_no_drift_and_is_named(
+    device, calibrated_log, tmp_path, capsys
+):
+    path, _ = calibrated_log
+    # the name does not matter
+    shutil.copy(device / "1.csv", tmp_path / "other.csv")
+    out = tmp_path / "drift.json"
+    arguments = ["check", path, tmp_path / "other.csv", "--json", out]
+    assert "the calibration is from this log" in one_line_error(arguments, capsys)
+    assert not out.exists()
+    # an older file does not know its logs
+    content = json.loads(path.read_text())
+    assert content.pop("sha256")
+    path.with_name("older.json").write_text(json.dumps(content))
+    assert main(["check", str(path.with_name("older.json")), str(tmp_path / "other.csv")]) == 0
 
 
 def test_a_calibration_with_the_biases_of_a_new_log(device, tmp_path, capsys):

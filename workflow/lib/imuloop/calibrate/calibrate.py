@@ -137,6 +137,12 @@ def layout(sessions):
     return first.get("declared", {}) | ({"sensor_ids": ids} if ids else {})
 
 
+def hashes(sessions):
+    """Return the SHA-256 of each file of the logs of sessions, (n,) of str, in order of names."""
+    found = [read_metadata(session["samples"]).get("sha256", {}) for session in sessions.values()]
+    return tuple(dict.fromkeys(each for files in found for each in files.values()))
+
+
 def start_pair(recording, noise, gravity, units, settings, given=None, turns=None, bias=None):
     """Return the SensorPair of a recording, None if it determines no sensor, and reasons.
 
@@ -370,10 +376,10 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     if not len(multi.poses) and len(static) and turn.method != "known_rotation":
         reason = f"{without_pose({}, 'multi_position')}; bias only"
         turn = rest_bias(static, model, units[1], reason)
-    log = layout(sessions)
+    log, sha256 = layout(sessions), hashes(sessions)
     for path, sensors in ((six_path, six_sensors), (multi_path, (force, turn))):
         named = (replace(s, not_testable=with_sessions(s.not_testable, sessions)) for s in sensors)
-        Calibration(device, gravity, *named, log).to_json(path)
+        Calibration(device, gravity, *named, log, sha256=sha256).to_json(path)
 
 
 def write_nominal(*, device, gravity, sessions, six_path, multi_path, why):

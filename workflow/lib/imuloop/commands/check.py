@@ -107,6 +107,11 @@ def run(arguments):
         path, quality = log_samples(arguments.log, arguments, Path(folder), calibration=calibration)
         refuse_rejected(arguments.log, quality)
         samples, known = read_samples(path), read_metadata(path)
+    if set(known.get("sha256", {}).values()) & set(calibration.sha256):
+        raise ImuloopError(
+            f"{paths_of(arguments.log)}: the calibration is from this log (the same SHA-256), so "
+            "it shows no drift: give a later log"
+        )
     rails, stuck = known.get("rails", {}), known.get("stuck", ())
     kind, segments = segmented(samples, arguments.kind, rails, stuck)
     recording = record([samples], [segments], CalibrateSettings().longest_rotation, [rails])

@@ -179,6 +179,7 @@ def log_samples(log, arguments, folder, calibration=None):
         beside = log.with_name("quality.json")
         return log, read_json(beside) if beside.is_file() else {}
     samples, quality = folder / "samples.parquet", folder / "quality.json"
+    known = calibration.log if calibration else {}
 
     def read(layout=None):
         what, nominal = declared(arguments, calibration, layout)
@@ -190,15 +191,14 @@ def log_samples(log, arguments, folder, calibration=None):
             paths=paths,
             samples_path=samples,
             quality_path=quality,
-            declared=Declared(nominal=nominal, **what),
+            declared=Declared(nominal=nominal, full_scale=known.get("full_scale", {}), **what),
         )
         return samples, read_json(quality)
 
-    layout = calibration.log if calibration else {}
-    if layout and layout.get("format") in (None, _format(log)):
+    if known and known.get("format") in (None, _format(log)):
         # one without these columns is read as if nothing were known
         with suppress(ImuloopError):
-            return read(layout)
+            return read(known)
     return read()
 
 

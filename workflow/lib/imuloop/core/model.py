@@ -143,11 +143,12 @@ class Calibration:
     gravity: float  # local gravity that the accelerometer was calibrated to, m/s^2
     accelerometer: SensorCalibration
     gyroscope: SensorCalibration
-    # what was declared of the log that it is from: ``format``, ``columns``, ``units``, ``rate`` as
-    # of the config; ``sensor_ids``, where the log's autopilot has some
+    # what was declared of the log that it is from: ``format``, ``columns``, ``units``, ``rate``,
+    # ``full_scale`` as in the config; ``sensor_ids``, where the log's autopilot has some
     log: dict = field(default_factory=dict)
     # by sensor, the name of the later log that its bias is from; empty as calibrated
     updated: dict = field(default_factory=dict)
+    sha256: tuple[str, ...] = ()  # of each file of the logs that it is from, if known
 
     @property
     def effects(self):
@@ -322,7 +323,7 @@ class Calibration:
             "log": self.log,
             **{sensor: getattr(self, sensor).to_dict() for sensor in SENSORS},
         }
-        more = {"updated": self.updated, "failed": failed}
+        more = {"sha256": list(self.sha256), "updated": self.updated, "failed": failed}
         write_json(path, content | {key: value for key, value in more.items() if value})
 
     @classmethod
@@ -347,6 +348,7 @@ class Calibration:
                 *(SensorCalibration.from_dict(content[sensor]) for sensor in SENSORS),
                 content.get("log", {}),
                 content.get("updated", {}),
+                tuple(content.get("sha256", ())),
             )
         except ImuloopError as error:
             raise ImuloopError(f"{path}: {error}") from error

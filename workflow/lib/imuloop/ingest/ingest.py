@@ -73,7 +73,7 @@ class Declared:
 
     def of_log(self):
         """Return what of the log itself is declared, as in the config."""
-        names = ("format", "columns", "units", "rate")
+        names = ("format", "columns", "units", "rate", "full_scale")
         return {name: value for name in names if (value := getattr(self, name))}
 
 
