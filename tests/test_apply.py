@@ -83,9 +83,11 @@ def test_the_calibration_of_a_rejected_log_is_none_to_use(tmp_path, capsys):
     log.insert(0, "t", np.arange(300) / 100)
     log.to_csv(tmp_path / "log.csv", index=False)
     made, out = tmp_path / "made", tmp_path / "out.csv"
-    assert main(["calibrate", str(tmp_path / "short.csv"), "-o", str(made)]) == 0
-    assert "calibration.json, which is nominal: nothing was measured" in capsys.readouterr().out
-    assert [path.name for path in (made / "exports").iterdir()] == ["README.txt"]
+    message = one_line_error(["calibrate", tmp_path / "short.csv", "-o", made], capsys)
+    assert "short.csv: rejected: 20 usable rows" in message and not made.exists()
+    with pytest.warns(UserWarning, match="rejected"):
+        result = imuloop.calibrate(tmp_path / "short.csv", folder=made, progress=False)
+    assert [path.name for path in result.export(made / "exports")] == ["README.txt"]
     command = ["apply", made / "calibration.json", tmp_path / "log.csv", "-o", out]
     message = one_line_error(command, capsys)
     assert f"{made / 'calibration.json'}: the calibration is nominal" in message

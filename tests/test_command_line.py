@@ -15,6 +15,7 @@ from imuloop.__main__ import main
 from imuloop.commands.program import COMMANDS
 from imuloop.core.samples import ACCELERATION, CHANNELS
 from imuloop.ingest.ingest import ingest
+from ingest.logs import brief
 
 
 @pytest.mark.parametrize(
@@ -29,7 +30,7 @@ from imuloop.ingest.ingest import ingest
         ["check", "c.json", "log.csv", "--gravity", "nan"],
         ["report", "log.csv", "-o", "r.html", "--gravity", "0"],
         ["report", "log.csv"],
-        ["report", "log.csv", "-o", "r.html", "--gravity", "1,2,3"],
+        ["report", "log.csv", "-o", "r.html", "--gravity", "9,81"],
     ],
     ids=" ".join,
 )
@@ -172,10 +173,13 @@ def test_a_report_of_a_wrong_unit_says_so_first(device, tmp_path, capsys):
     log[list(ACCELERATION)] /= 9.80665
     log.to_csv(tmp_path / "log.csv", index=False)
     page = tmp_path / "report.html"
-    assert main(["report", str(tmp_path / "log.csv"), "-o", str(page)]) == 0
-    first, verdicts, last = capsys.readouterr().out.splitlines()
+    assert main(["report", str(tmp_path / "log.csv"), "-o", str(page)]) == 1
+    printed = capsys.readouterr()
+    gravity, verdicts, last = printed.out.splitlines()
+    assert gravity == "gravity 9.80665 m/s²"
     assert verdicts.startswith("log: accelerometer not testable: ")
-    assert first.startswith(f"{tmp_path / 'log.csv'}: rejected: ") and cause in first
+    [line] = printed.err.splitlines()
+    assert line.startswith(f"imuloop: {tmp_path / 'log.csv'}: rejected: ") and cause in line
     assert last == f"wrote {page}"
     text = unescape(page.read_text())
     assert text.index("Rejected sessions") < text.index(cause) < text.index("value ± 1 σ")
@@ -236,6 +240,7 @@ def test_two_files_of_one_sensor_each(device, tmp_path, capsys, monkeypatch):
     a, b = tmp_path / "acc.csv", tmp_path / "gyr.csv"
     logs = [f"static=acceleration={a},angular_rate={b}", f"acceleration={a},angular_rate={b}"]
     assert main(["calibrate", *logs, "-o", str(tmp_path / "out")]) == 1
+    assert not (tmp_path / "out").exists()
     [line] = capsys.readouterr().err.splitlines()
     assert "a bug of imuloop: ZeroDivisionError: division by zero" in line
     traceback = Path(line.rpartition(", ")[2])
@@ -307,3 +312,60 @@ def test_the_noise_of_what_is_no_rest_is_one_line(tmp_path, capsys):
     log.to_csv(tmp_path / "moving.csv", index=False)
     line = one_line_error(["noise", tmp_path / "moving.csv"], capsys)
     assert "moving.csv" in line and "no session holds a rest" in line
+
+
+def test_a_log_that_is_rejected_ends_every_command_with_1(device, tmp_path, capsys):
+    """One line with the cause; of a calibration, what the other logs give is written."""
+    bad, out = tmp_path / "bad.csv", tmp_path / "out"
+    rows = "\n".join(f"{k / 100},0,0,9.8,0,0,0" for k in range(20))
+    bad.write_text(f"t,ax,ay,az,gx,gy,gz\n{rows}\n")
+    calibration, good = device / "calibration.json", tmp_path / "good.csv"
+    brief().to_csv(good, index=False)
+    for command in (
+        ["apply", calibration, bad, "-o", out],
+        ["calibrate", bad, "-o", out],
+        ["check", calibration, bad, "--json", out],
+        ["coach", bad, "--every", "0.01", "--patience", "0.1"],
+        ["noise", bad, "-o", out],
+    ):
+        message = one_line_error(command, capsys)
+        assert "bad.csv: " in message and "20 usable rows" in message and not out.exists()
+    message = one_line_error(["calibrate", good, f"static={bad}", "-o", out], capsys)
+    assert "bad.csv: rejected: 20 usable rows" in message and (out / "calibration.json").exists()
+
+
+def test_a_log_that_shows_nothing_gives_no_calibration(tmp_path, capsys):
+    log = pd.DataFrame({"t": np.arange(6000) / 100})
+    for k, channel in enumerate(CHANNELS):
+        log[channel] = 5 * np.sin((1 + 0.3 * k) * log["t"])
+    log.to_csv(tmp_path / "moving.csv", index=False)
+    command = ["calibrate", tmp_path / "moving.csv", "-o", tmp_path / "out"]
+    assert "moving.csv: nothing was measured: " in one_line_error(command, capsys)
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_gravity_that_was_used_is_printed(device, tmp_path, capsys):
+    calibration, log = str(device / "calibration.json"), str(tmp_path / "rest.csv")
+    brief().to_csv(log, index=False)
+    # normal gravity on the ellipsoid at 45° is 9.806199 m/s^2, and falls by 3.1e-6 per m
+    place = ["--latitude", "45", "--height", "100"]
+    for command in (
+        ["calibrate", log, "-o", str(tmp_path / "out")],
+        ["check", calibration, log],
+        ["coach", log, "--every", "0.01", "--patience", "0.1"],
+    ):
+        main([*command, *place])
+        assert "gravity 9.80589 m/s²" in capsys.readouterr().out
+    main(["check", calibration, log])
+    assert "gravity 9.80665 m/s²" in capsys.readouterr().out
+
+
+def test_a_terminal_shows_the_steps_that_are_done(tmp_path, capsys, monkeypatch):
+    brief().to_csv(tmp_path / "rest.csv", index=False)
+    command = ["calibrate", str(tmp_path / "rest.csv"), "-o", str(tmp_path / "out")]
+    assert main(command) == 0 and capsys.readouterr().err == ""
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
+    assert main(command) == 0
+    shown = capsys.readouterr().err
+    assert "ingest multi_position_1" in shown and " 0 of 6 steps done" in shown
+    assert shown.index("segment: ") < shown.index("diagnose: ")

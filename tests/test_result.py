@@ -1,7 +1,9 @@
 """``imuloop.calibrate`` and its relatives: the workflow's numbers from arrays, tables and files."""
 
 import re
+import shlex
 import shutil
+from html import unescape
 from urllib.parse import unquote
 
 import numpy as np
@@ -78,13 +80,18 @@ def test_a_result_prints_its_parameters(result):
                 assert value == pytest.approx(true, abs=std)
 
 
+# files of results, and a command that takes one
+FILES = re.compile(r"(calibration|noise|diagnosis)\.json|comparison\.csv|README\.txt|imuloop apply")
+
+
 @pytest.mark.usefixtures("undrawn")
 def test_the_report_is_written_and_figures_are_of_matplotlib(result, tmp_path):
     page = result.report(tmp_path / "report.html").read_text()
     assert page.lower().startswith("<!doctype html>") and "in memory" in page
     # which is temporary
     assert str(result.device.folder) not in page
-    # the files go with the result
+    # the files go with the result, and so does what can be done with them
+    assert not FILES.search(page.partition('id="provenance"')[0])
     assert set(re.findall(r'href="([^#"][^"]*)"', page)) == set()
     for kind in ("poses", "allan", "series", "loop", "spectra"):
         figures = getattr(result.plot, kind)()
@@ -104,11 +111,14 @@ def test_a_report_leads_to_the_files_that_are_kept(result, log, tmp_path, monkey
     shutil.copytree(result.device.folder, kept, dirs_exist_ok=True)
     (tmp_path / "pages").mkdir()
     page = made.report(tmp_path / "pages/report.html")
-    links = set(re.findall(r'href="([^#"][^"]*)"', page.read_text()))
+    text = page.read_text()
+    links = set(re.findall(r'href="([^#"][^"]*)"', text))
     assert len(links) > 20 and all((page.parent / unquote(link)).exists() for link in links)
     assert {"calibration.json", "loop.svg", "comparison.csv", "README.txt"} <= {
         link.rpartition("/")[2] for link in links
     }
+    [command] = re.findall(r"<code>python -m imuloop (apply .*?) LOG -o OUT</code>", text)
+    assert shlex.split(unescape(command)) == ["apply", str(kept / "calibration.json")]
 
 
 def test_a_figure_is_drawn_on_axes_as_in_the_report(result):

@@ -10,7 +10,7 @@ import pandas as pd
 
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.errors import ImuloopError, nearest
-from imuloop.core.gravity import STRONGEST, WEAKEST, normal_gravity
+from imuloop.core.gravity import HEIGHTS, LATITUDES, STRONGEST, WEAKEST, normal_gravity
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.ingest.formats import PAIR
 from imuloop.ingest.spellings import UNITS
@@ -32,15 +32,27 @@ def gravity_of(gravity):
             raise ImuloopError(
                 f"gravity: {dict(gravity)} is no place: give {{'latitude': degrees, 'height': m}}"
             )
+        for name, (low, high) in (("latitude", LATITUDES), ("height", HEIGHTS)):
+            if not (_is_number(gravity[name]) and low <= gravity[name] <= high):
+                raise ImuloopError(
+                    f"gravity: {name} {gravity[name]!r} is not a number from {low} to {high}"
+                )
         return normal_gravity(gravity["latitude"], gravity["height"])
-    if not isinstance(gravity, Real):
-        raise ImuloopError(f"gravity: {gravity!r} is not a number, m/s^2")
+    if not _is_number(gravity):
+        raise ImuloopError(
+            f"gravity: {gravity!r} is not a number, m/s^2; for a place give "
+            "{'latitude': degrees, 'height': m}"
+        )
     if not WEAKEST <= gravity <= STRONGEST:
         raise ImuloopError(
             f"gravity: {gravity:g} m/s^2 is no local gravity, {WEAKEST:g} to {STRONGEST:g}; of a "
             "place it is computed from latitude and height"
         )
     return float(gravity)
+
+
+def _is_number(value):
+    return isinstance(value, Real) and not isinstance(value, bool)
 
 
 def check_settings(settings):

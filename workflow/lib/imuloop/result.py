@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import tempfile
 import textwrap
 import warnings
@@ -111,7 +112,7 @@ class Result:
         made_by = provenance(imuloop.__version__, repository, command, config)
         write_report([folder], made_by, path, folder / "comparison.csv")
         kept = self._folder is None and linked
-        _link(path, self.device.name, os.path.relpath(folder, path.parent) if kept else None)
+        _link(path, self.device.name, folder if kept else None)
         return path
 
     def export(self, folder) -> list:
@@ -133,7 +134,8 @@ class Result:
         from imuloop.report.composed import words
         from imuloop.report.verdict import blocks, sentence
 
-        lines = [f"{self.device.label or self.device.name}:", *self.failures, *self.notes]
+        title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²:"
+        lines = [title, *self.failures, *self.notes]
         lines += [f"  {s}, calibration: {_basis(getattr(self.calibration, s))}" for s in SENSORS]
         for sensor, part, block in blocks(self.diagnosis):
             text = sentence(sensor, block) + words(block)
@@ -242,7 +244,10 @@ def calibrate(
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
     failures, notes = [], []
-    stages = tqdm(total=len(logs) + len(chain.stages()), disable=not progress, leave=False)
+    count = len(logs) + len(chain.stages())
+    # the time that is left is not known: stages differ
+    shown = "{desc}{bar} {n_fmt} of {total_fmt} steps done, {elapsed}"
+    stages = tqdm(total=count, disable=not progress, leave=False, bar_format=shown)
     # the matrices are small: threads within a product slow it down
     with stages as bar, threadpool_limits(1, "blas"):
         for session, log in logs.items():
@@ -261,14 +266,22 @@ def calibrate(
 
 
 def _link(page, name, folder):
-    """Lead a page's links to the results of a device to a folder; without one there are none."""
+    """Lead a page's links to the results of a device to a folder.
+
+    Without one the page has no links and no words on result files.
+    """
     text = page.read_text("utf-8")
     links = rf'<a href="(?:{re.escape(name)}/)?((?:figures|exports)/[^"]*|[\w.]+\.(?:json|csv))">'
     if folder is None:
+        text = re.sub("<!-- files -->.*?<!-- /files -->", "", text, flags=re.DOTALL)
+        text = re.sub(r"[,:] see diagnosis\.json", "", text)
         text = re.sub(rf" ?{links}(?:CSV|SVG)</a>", "", text)
         text = re.sub(rf"{links}(.*?)</a>", r"\2", text)
     else:
-        text = re.sub(links, rf'<a href="{quote(folder)}/\1">', text)
+        relative = quote(os.path.relpath(folder, page.parent))
+        text = re.sub(links, rf'<a href="{relative}/\1">', text)
+        calibration = escape(shlex.quote(str(folder / "calibration.json")))
+        text = text.replace(f"results/{name}/calibration.json", calibration)
     with replaced(page) as temporary:
         temporary.write_text(text, "utf-8")
 

@@ -1,12 +1,14 @@
 """``imuloop calibrate``: calibration, noise and verdicts of one device from its logs."""
 
-import argparse
 import logging
+import sys
+import tempfile
 import warnings
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
-from imuloop.arguments import gravity_of
+from imuloop.commands.gravity import add_gravity, local_gravity
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import (
     add_arguments,
@@ -17,7 +19,6 @@ from imuloop.commands.raw_log import (
 )
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting
-from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.job_log import Printable
 from imuloop.result import KINDS, calibrate
@@ -55,24 +56,51 @@ def add_logs(command):
         "--kind", choices=KINDS, default=KINDS[0], help=f"of logs without; default {KINDS[0]}"
     )
     command.add_argument("--label", help="name in the report; default: that of the first log")
-    command.add_argument(
-        "--gravity",
-        type=_gravity,
-        default=STANDARD_GRAVITY,
-        metavar="M/S^2 or LATITUDE,HEIGHT",
-        help="local gravity, or degrees and m; default 9.80665: its error is one of scale",
-    )
+    add_gravity(command, f"{STANDARD_GRAVITY}, whose error is one of scale")
     add_arguments(command)
 
 
 def run(arguments):
-    """Write the results of one device."""
+    """Write the results of one device, unless nothing was measured."""
     folder = kept_in(arguments.output, "-o", arguments)
-    with made(arguments, folder, folder / "calibrate.log") as result:
-        result.export(folder / "exports")
-        say(*str(result).splitlines())
-        bare = "" if result.calibration.measured else ", which is nominal: nothing was measured"
-    say(f"wrote {folder / 'calibration.json'}{bare}")
+    log = folder / "calibrate.log"
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        # in the folder, where there is room for something as large
+        with (
+            tempfile.TemporaryDirectory(dir=folder, prefix=".imuloop-") as results,
+            made(arguments, Path(results), log) as result,
+        ):
+            calibration, shown = result.calibration, replace(result, failures=())
+            if not calibration.measured:
+                refuse_failures(result, log)
+                why = f"nothing was measured: {calibration.accelerometer.not_testable}"
+                raise ImuloopError(f"{' and '.join(result.logs.values())}: {why}")
+            result.export(Path(results) / "exports")
+            say(*str(shown).splitlines())
+            moved(Path(results), folder)
+    finally:
+        # where nothing was written
+        with suppress(OSError):
+            folder.rmdir()
+    say(f"wrote {folder / 'calibration.json'}")
+    refuse_failures(result, log)
+
+
+def moved(results, folder):
+    """Move results into a folder, in place of earlier ones."""
+    for path in [*results.rglob("*")]:
+        if path.is_file():
+            target = folder / path.relative_to(results)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            path.replace(target)
+
+
+def refuse_failures(result, log):
+    """Raise an error that names the logs that were rejected and the stages that failed."""
+    if result.failures:
+        where = f"; the traceback is in {log}" if log.exists() else ""
+        raise ImuloopError("; ".join(result.failures) + where)
 
 
 def kept_in(folder, option, arguments, more=()):
@@ -116,11 +144,11 @@ def made(arguments, folder, log):
                 **logs,
                 **what,
                 nominal=nominal,
-                gravity=arguments.gravity,
+                gravity=local_gravity(arguments, STANDARD_GRAVITY),
                 label=arguments.label or files_of(arguments.logs[0][1])[0].stem,
                 folder=folder,
                 log=log,
-                progress=False,
+                progress=sys.stderr.isatty(),
             )
     finally:
         logging.getLogger().removeHandler(handler)
@@ -130,16 +158,3 @@ def _log(text):
     """Return kind and log of an argument ``static=night.csv``, kind None without."""
     kind, _, rest = text.partition("=")
     return (kind, log_of(rest)) if kind in KINDS and rest else (None, log_of(text))
-
-
-def _gravity(text):
-    """Return gravity of an argument, m/s^2 as it is, or of latitude and height."""
-    if "," not in text:
-        try:
-            return gravity_of(float(text))
-        except ImuloopError as error:
-            raise argparse.ArgumentTypeError(f"{error}: LATITUDE,HEIGHT") from error
-    values = [float(value) for value in text.split(",")]
-    if len(values) > 2 or not abs(values[0]) <= 90 or not abs(values[1]) <= 1e5:
-        raise argparse.ArgumentTypeError(f"{text} is not M/S^2 or LATITUDE,HEIGHT")
-    return normal_gravity(*values)

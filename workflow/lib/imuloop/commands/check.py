@@ -8,13 +8,13 @@ import imuloop.effects  # noqa: F401
 from imuloop import Calibration
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.commands.gravity import add_gravity, gravity_line, local_gravity
 from imuloop.commands.lines import aligned, say
 from imuloop.commands.raw_log import (
     LOG,
     add_arguments,
     between,
     files_of,
-    local_gravity,
     log_of,
     log_samples,
     name_of,
@@ -64,12 +64,7 @@ def add(commands, **how):
     command.add_argument(
         "--noise", type=Path, help="noise.json; default: beside the calibration, else from the log"
     )
-    command.add_argument(
-        "--gravity",
-        type=local_gravity,
-        metavar="M/S^2",
-        help="where LOG was recorded; default: as before",
-    )
+    add_gravity(command, "that of the calibration")
     command.add_argument(
         "--turn-on",
         type=between(0, 1e3, 2),
@@ -116,14 +111,15 @@ def run(arguments):
     kind, segments = segmented(samples, arguments.kind, rails, stuck)
     recording = record([samples], [segments], CalibrateSettings().longest_rotation, [rails])
     noise, source = noise_of(arguments, calibration, kind, samples, segments)
-    given, gravity = (calibration, recording, noise), arguments.gravity
+    given, gravity = (calibration, recording, noise), local_gravity(arguments, calibration.gravity)
     try:
         level, turn_on = arguments.level, arguments.turn_on
         drift = check_drift(*given, gravity=gravity, level=level, turn_on=turn_on)
         update = update_biases(*given, name, gravity=gravity) if arguments.update else None
     except ImuloopError as error:
         raise ImuloopError(f"{paths_of(arguments.log)}: {error}") from error
-    say(f"{name} against the calibration of {drift.device}; noise {source}", *lines(drift))
+    of = f"{name} against the calibration of {drift.device}; noise {source}"
+    say(f"{of}; {gravity_line(gravity)}", *lines(drift))
     for sensor in SENSORS:
         if why := implausible(getattr(calibration, sensor), sensor):
             say(f"The calibration of the {sensor}: {why}")
@@ -135,7 +131,8 @@ def run(arguments):
             say("What drifted beside the biases is as it was: calibrate anew.")
     if arguments.json:
         what = {"calibration": str(arguments.calibration), "log": paths_of(arguments.log)}
-        write_json(arguments.json, drift.to_dict() | what | {"kind": kind, "noise": source})
+        how = {"kind": kind, "noise": source, "gravity": gravity}
+        write_json(arguments.json, drift.to_dict() | what | how)
     return DRIFTED if drift.drifted else 0
 
 

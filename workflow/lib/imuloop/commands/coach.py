@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from imuloop.calibrate.calibrate import raw_units
+from imuloop.commands.gravity import add_gravity, gravity_line, local_gravity
 from imuloop.commands.lines import say
-from imuloop.commands.raw_log import add_arguments, between, local_gravity, log_samples
+from imuloop.commands.raw_log import add_arguments, between, log_samples
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, replaced
 from imuloop.core.samples import read_samples
@@ -58,7 +59,7 @@ def add(commands, **how):
         metavar="HTML",
         help="page to write the same to, which a browser reloads",
     )
-    command.add_argument("--gravity", type=local_gravity, default=STANDARD_GRAVITY, metavar="M/S^2")
+    add_gravity(command, STANDARD_GRAVITY)
     add_arguments(command)
     command.set_defaults(run=run)
 
@@ -86,6 +87,8 @@ def _copy(source, target):
 def follow(log, arguments, folder):
     """Say what a growing log shows and what to do next, at each change; return the exit status."""
     size, said, noise, why = -1, None, None, ""
+    gravity = local_gravity(arguments, STANDARD_GRAVITY)
+    say(gravity_line(gravity))
     grown = time.monotonic()
     while True:
         now = log.stat().st_size
@@ -96,7 +99,7 @@ def follow(log, arguments, folder):
             if not why:
                 samples = read_samples(path)
                 units = raw_units({"": {"kind": "multi_position", "samples": path}})
-                what = samples, arguments.gravity, units
+                what = samples, gravity, units
                 found = progress(*what, noise, arguments.within / 100)
                 if found.done and noise is None:
                     # slow noise makes a session look worse than its samples do
@@ -110,9 +113,9 @@ def follow(log, arguments, folder):
                 if found.done:
                     return 0
         elif time.monotonic() - grown > arguments.patience:
-            say(
-                f"{log}: {why}" if why else "the log ended before all that was asked for is reached"
-            )
+            if why:
+                raise ImuloopError(f"{log}: {why}")
+            say("the log ended before all that was asked for is reached")
             return EARLY
         time.sleep(arguments.every)
 

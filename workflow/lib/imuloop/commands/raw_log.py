@@ -7,7 +7,6 @@ from pathlib import Path
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
-from imuloop.core.gravity import STRONGEST, WEAKEST
 from imuloop.core.samples import read_metadata
 from imuloop.core.units import MOST_COUNT_OFFSET, SCALE_OF_COUNTS
 from imuloop.ingest.formats import PAIR, guess_format, no_log
@@ -91,9 +90,6 @@ def between(low, high, count=1):
         return tuple(values) if count > 1 else values[0]
 
     return number
-
-
-local_gravity = between(WEAKEST, STRONGEST)
 
 
 def add_arguments(command):

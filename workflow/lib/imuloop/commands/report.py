@@ -5,7 +5,8 @@ import sys
 import tempfile
 from pathlib import Path
 
-from imuloop.commands.calibrate import add_logs, kept_in, made
+from imuloop.commands.calibrate import add_logs, kept_in, made, refuse_failures
+from imuloop.commands.gravity import gravity_line
 from imuloop.commands.lines import say
 
 EXAMPLE = """examples:
@@ -43,9 +44,9 @@ def run(arguments):
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         results = kept_in(arguments.keep or Path(folder), "--keep", arguments, [page, log])
         with made(arguments, results, log) as result:
-            for line in (*result.failures, *result.notes):
-                say(line)
+            say(*result.notes, gravity_line(result.device.gravity))
             command = f"imuloop report {shlex.join(sys.argv[2:])}"
             result.report(page, command, linked=bool(arguments.keep))
             say(*verdict_lines([result.device.folder]))
     say(f"wrote {page}")
+    refuse_failures(result, log)

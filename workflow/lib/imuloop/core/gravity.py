@@ -6,6 +6,8 @@ import numpy as np
 EARTH_RATE = 7.292115e-5
 # local gravity of any body that a device rests on, m/s^2
 WEAKEST, STRONGEST = 0.1, 25.0
+# of a place on Earth: geodetic latitude, degrees, and height above the ellipsoid, m
+LATITUDES, HEIGHTS = (-90, 90), (-1000, 20000)
 
 
 def normal_gravity(latitude, height):

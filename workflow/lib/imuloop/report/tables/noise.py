@@ -8,7 +8,7 @@ from imuloop.report.units import COEFFICIENTS, quantities
 
 NOTE = (
     "“<”: not seen in the record, below this number with 95 % confidence. B is the flat part of "
-    "the Allan curve divided by 0.664. In SI: noise.json."
+    "the Allan curve divided by 0.664."
 )
 
 
