@@ -7,7 +7,7 @@ READY := .venv/.ready
 DEV_READY := .venv/.ready-dev
 PEERS := build/peers
 
-.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise vqf study fuzz fuzz-chain processors setup setup-dev setup-cluster lock wheel api licences clean
+.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise vqf study fuzz fuzz-chain processors setup setup-dev setup-cluster lock environment wheel api licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml; with VERBOSE=1
 # what Snakemake says of each job
@@ -171,10 +171,15 @@ lock:
 	sed -n '/==/s/ \\$$//p' requirements.lock requirements-*.lock >build/lock/every.lock
 	$(ALL) --extra dev $(CLUSTER) --extra moto -o build/lock/every.lock
 	$(GROUP) -o requirements.lock
+	$(MAKE) environment
 	$(GROUP) --extra dev $(call WITHOUT,requirements.lock) -o requirements-dev.lock
 	$(GROUP) $(CLUSTER) $(call WITHOUT,requirements.lock) -o requirements-cluster.lock
 	$(GROUP) --extra moto $(call WITHOUT,requirements.lock requirements-dev.lock requirements-cluster.lock) \
 		-o requirements-cluster-dev.lock
+
+# workflow/envs/imuloop.yaml, the Conda environment of the jobs: the versions of requirements.lock
+environment:
+	$(PYTHON) docs/environment.py
 
 # what pip installs, build/wheel; what an earlier build left would come along
 wheel: setup

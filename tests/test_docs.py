@@ -8,6 +8,7 @@ import runpy
 import shlex
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -328,3 +329,19 @@ def test_nothing_is_built_with_what_is_not_pinned():
             assert "--only-binary :all:" in line or "--no-build-isolation" in line
     pins = (REPOSITORY / "requirements-build.lock").read_text()
     assert re.findall(r"^(\w+)==", pins, re.M) == ["pip", "setuptools"]
+
+
+def test_the_environment_of_the_jobs_is_that_of_the_lock():
+    """All packages that pyproject.toml names for users, with the versions of requirements.lock."""
+    made = runpy.run_path(str(REPOSITORY / "docs/environment.py"))
+    text = (REPOSITORY / "workflow/envs/imuloop.yaml").read_text()
+    assert text == made["environment"](), "run make environment"
+    *_, pip = yaml.safe_load(text)["dependencies"]
+    pinned = dict(pin.partition(";")[0].split("==") for pin in pip["pip"])
+    project = tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    users = re.search(r"\[(.*)\]", extras["all"][0])[1].split(",")
+    named = [*project["dependencies"], *(each for extra in users for each in extras[extra])]
+    assert {re.match(r"[\w-]+", each)[0].lower() for each in named} <= {*pinned}
+    # for snakemake --report
+    assert "pygments" in pinned
