@@ -28,6 +28,10 @@ FILES = {
         "class C:\n    other: int\n\n    def m(self):\n        if self.other:\n"
         "            from pack.lazy import late\n        return [used(x) for x in ()]\n"
     ),
+    "lib/pack/schemas/one.schema.yaml": "a: 1\n",
+    "lib/pack/schemas/two.schema.yaml": "a: 1\n",
+    "lib/pack/valid.py": "PATH = 'one.schema.yaml'\n\n\ndef f(x):\n    return PATH\n",
+    "valid.py": "from pack.valid import f\n",
     "script.py": '"""A script."""\nimport pack.a\n\nprint(pack.a.f(1))\n',
     "walker.py": "import pack.found\n",
     "part.py": "from pack.parts import C\n",
@@ -93,6 +97,14 @@ def test_of_a_module_that_counts_which_the_imported_part_reads(digest):
     assert digest(appended("lib/pack/lazy/late.py", "q = 1\n"), "part.py") != before
 
 
+def test_the_schemas_that_a_stage_names_count(digest):
+    before = digest(script="valid.py")
+    one, two = ("lib/pack/schemas/one.schema.yaml", "lib/pack/schemas/two.schema.yaml")
+    assert digest({one: "a: 2\n"}, "valid.py") != before
+    assert digest({two: "a: 2\n"}, "valid.py") == before == digest({one: "a: 1\n"}, "valid.py")
+    assert digest({one: "a: 2\n"}) == digest()
+
+
 def test_an_update_of_a_package_that_is_used_reruns_the_job(digest, monkeypatch):
     """Protects: results of an older numpy are not kept beside those of a newer one."""
     uses = {"lib/pack/lazy/late.py": "import numpy.linalg\n\n\ndef h(x):\n    return x\n"}
@@ -107,14 +119,16 @@ def test_an_update_of_a_package_that_is_used_reruns_the_job(digest, monkeypatch)
 
 
 def test_the_stages_depend_on_their_own_code_only(repository, tmp_path):
-    """A change of the diagnosis reaches the diagnosis, not the stages before it."""
+    """A change of an effect or of a schema reaches the stages that use it, no other."""
     shutil.copytree(repository / "workflow/lib/imuloop", tmp_path / "imuloop")
-    with open(tmp_path / "imuloop/effects/other_sensor.py", "a") as effect:
-        effect.write("\nEXTRA = 1\n")
+    for file in ("effects/other_sensor.py", "schemas/calibration.schema.yaml"):
+        with open(tmp_path / "imuloop" / file, "a") as changing:
+            changing.write("\nEXTRA: 1\n")
 
     def changed(stage):
         script = repository / f"scripts/{stage}.py"
         return code_digest(script) != code_digest(script, tmp_path / "imuloop")
 
-    assert changed("diagnose")
+    # the calibration validates its result
+    assert changed("diagnose") and changed("calibrate")
     assert not any(changed(stage) for stage in ("ingest", "segment", "noise"))

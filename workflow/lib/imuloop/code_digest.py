@@ -18,16 +18,19 @@ def code_digest(script, library=_LIBRARY):
 
     Reached is what is imported, inside functions too, and the functions and classes that this names
     in its own module; what stands outside of these in a module that is reached, and in its
-    packages; and every module of a package that walks its own folder. Comments and docstrings do
-    not count. `library` is the folder of the package.
+    packages; every module of a package that walks its own folder; and the schemas that are named.
+    Comments and docstrings do not count. `library` is the folder of the package.
     """
     paths, above = Path(library).rglob("*.py"), Path(library).parent
     files = {".".join(each.relative_to(above).with_suffix("").parts): each for each in paths}
     files = {"": Path(script)} | {k.removesuffix(".__init__"): path for k, path in files.items()}
+    schemas = {path.name: path for path in Path(library).glob("schemas/*.yaml")}
     found, others, waiting = {}, set(), [("", "*")]
     while waiting:
         module, name = waiting.pop()
-        if module not in files:
+        if module in schemas:
+            found[module, ""] = hashlib.sha256(schemas[module].read_bytes()).hexdigest()
+        elif module not in files:
             others.update(_distributions().get(module.partition(".")[0], ()))
         elif f"{module}.{name}" in files:
             waiting += [(module, ""), (f"{module}.{name}", "*")]
@@ -55,6 +58,8 @@ def _parts(path, module):
                 del each.body[0]
             elif isinstance(each, ast.Name) and isinstance(each.ctx, ast.Load):
                 used += [(module, each.id)] * (each.id in defined)
+            elif isinstance(each, ast.Constant) and str(each.value).endswith(".schema.yaml"):
+                used.append((each.value, ""))
             elif isinstance(each, ast.Import):
                 used += [(alias.name, "*") for alias in each.names]
             elif isinstance(each, ast.ImportFrom):
