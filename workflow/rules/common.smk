@@ -13,6 +13,7 @@ from imuloop.config import by_type, fetched, is_stored, resolve, source_path
 from imuloop.core.errors import ImuloopError, nearest
 from imuloop.family import LEAST
 from imuloop.file_faults import SIMULATED
+from imuloop.log_digest import log_digests
 
 # a job is one thread; those of the linear algebra library would take the other jobs' cores
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -144,8 +145,8 @@ def files_inside(wildcards):
     return [str(path) for each in folders for path in sorted(each.iterdir()) if path.is_file()]
 
 
-def log_bytes(wildcards):
-    """Return the size of a session's logs: one that an older file replaced is read again.
+def logs(wildcards):
+    """Return the SHA-256 of a session's logs: one that an older file replaced is read again.
 
     What the workflow makes or fetches is not there at first, and counts by its content or hash.
     """
@@ -153,7 +154,8 @@ def log_bytes(wildcards):
     given = [s["path"] for s in sources if "path" in s and not is_stored(s["path"])]
     files = [Path(path) for path in given if not SIMULATED.fullmatch(os.path.normpath(path))]
     inside = [Path(path) for path in files_inside(wildcards)]
-    return [path.stat().st_size for path in [*files, *inside] if path.is_file()]
+    found = [path for path in [*files, *inside] if path.is_file()]
+    return log_digests(found, ".snakemake/imuloop/logs.json")
 
 
 def threads_by_size(wildcards, input):

@@ -40,7 +40,7 @@ rule ingest:
     params:
         device=settings("nominal", "full_scale", "gravity"),
         declared=lambda wildcards: {k: v for k, v in session_of(wildcards).items() if k != "kind"},
-        log_bytes=log_bytes,
+        logs=logs,
         code=code("ingest.py"),
     script:
         "../../scripts/ingest.py"
