@@ -13,6 +13,7 @@ PEERS := build/peers
 # what Snakemake says of each job
 QUIET := PYTHONPATH=workflow/logger $(BIN)/snakemake --logger imuloop
 report: setup
+	@$(if $(CONFIG),$(BIN)/python -m imuloop.config_text $(CONFIG))
 	@$(if $(VERBOSE),$(BIN)/snakemake,$(QUIET)) $(if $(CONFIG),--configfile $(CONFIG)) -c$(CORES) \
 		results/report.html
 	@echo "Open results/report.html"

@@ -274,4 +274,4 @@ def test_a_fault_names_the_file_that_holds_it(tmp_path, monkeypatch):
     for path, content in zip(files.values(), (first, second), strict=True):
         path.write_text(yaml.safe_dump(content))
     lines = config_faults(merge(first, second), files, REPLICAS)
-    assert lines == ["second.yaml: devices.a.label: 3 is not text"]
+    assert lines == ["second.yaml line 3: devices.a.label: 3 is not text"]

@@ -110,18 +110,33 @@ def test_five_mistakes_are_five_lines(checkout, tmp_path):
     done = snakemake(checkout, tmp_path)
     assert done.returncode == 1
     assert "Traceback" not in done.stdout + done.stderr
-    lines = [line for line in done.stderr.splitlines() if line.startswith("config.yaml: ")]
-    assert [line.split(": ")[1] for line in sorted(lines)] == [
-        "devices.my_imu.gravity",
-        "devices.my_imu.lable",
-        "devices.my_imu.sessions.poses.file.sha256",
-        "devices.my_imu.sessions.poses.kind",
-        "devices.my_imu.sessions.poses.units.time",
+    # Snakemake says first which profile it uses
+    profile, *lines = done.stderr.splitlines()
+    assert profile.startswith("Using") and not done.stdout
+    assert sorted(line.rpartition(": ")[0] for line in lines) == [
+        "config.yaml line 3: devices.my_imu.lable",
+        "config.yaml line 4: devices.my_imu.gravity",
+        "config.yaml line 6: devices.my_imu.sessions.poses.file.sha256",
+        "config.yaml line 6: devices.my_imu.sessions.poses.kind",
+        "config.yaml line 7: devices.my_imu.sessions.poses.units.time",
     ]
     assert "poses.units.time: 'sec' is not a unit; did you mean 's'?" in done.stderr
-    # beside them the line that names the profile, and what Snakemake frames an error with
-    assert len(done.stderr.splitlines()) <= 8
     assert not (tmp_path / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        (None, "config.yaml: there is no such file here"),
+        ("devices:\n  a: {sessions: {r: {kind: static\n", "config.yaml line 3, column 1: no YAML"),
+    ],
+)
+def test_a_config_that_cannot_be_read_is_one_line(checkout, tmp_path, text, line):
+    if text:
+        (tmp_path / "config.yaml").write_text(text)
+    done = snakemake(checkout, tmp_path, config=None)
+    _, told = done.stderr.splitlines()
+    assert done.returncode == 1 and told.startswith(line)
 
 
 def test_a_failing_download_says_why_in_one_line_and_a_mirror_serves_it(

@@ -36,11 +36,8 @@ COMMAND = f"snakemake -c2 --configfile {' '.join(CONFIG_FILES)} -- results/repor
 if workflow.is_main_process:
     from imuloop.config_faults import config_faults
 
-    faults = config_faults(
-        config, CONFIG_FILES, replicas=REPLICAS, mirror=os.environ.get("IMULOOP_MIRROR")
-    )
-    if faults:
-        raise WorkflowError("\n".join(faults))
+    mirror = os.environ.get("IMULOOP_MIRROR")
+    end_with(config_faults(config, CONFIG_FILES, replicas=REPLICAS, mirror=mirror))
 
 DEVICES = resolve(config)
 # devices of each type that is compared, and devices that are completed by the others of theirs

@@ -4,6 +4,17 @@ import os
 import sys
 from pathlib import Path
 
+
+def end_with(faults):
+    """End the run with faults of the config, a line each, if there are any.
+
+    Around an exception Snakemake would print where it was raised.
+    """
+    if faults:
+        print(*faults, sep="\n", file=sys.stderr)
+        sys.exit(1)
+
+
 rules_folder = workflow.current_basedir
 if hasattr(rules_folder, "hosted_repo"):
     # of a module by github() Snakemake has single files: all of them come out of its clone

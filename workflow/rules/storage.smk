@@ -75,5 +75,5 @@ def storage_faults():
                     yield f"{', '.join(CONFIG_FILES)}: {place}: {query}: {fault}"
 
 
-if workflow.is_main_process and (faults := list(storage_faults())):
-    raise WorkflowError("\n".join(faults))
+if workflow.is_main_process:
+    end_with(list(storage_faults()))

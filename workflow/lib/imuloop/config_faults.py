@@ -15,7 +15,7 @@ from pydantic import Tag, ValidationError
 
 from imuloop.config import OF_LOGS, merged_devices, without_dates
 from imuloop.config_model import BRANCH, CALLED, Config
-from imuloop.config_text import yaml_faults
+from imuloop.config_text import key_lines, yaml_faults
 from imuloop.core.errors import nearest, one_line
 from imuloop.family import LEAST_OTHERS
 from imuloop.file_faults import file_faults, marks_faults, path_fault, reference_faults
@@ -38,7 +38,7 @@ _CHOICES = {"kind": "kind of session", "gyroscope_bias": "source of the bias"}
 def config_faults(config, files, replicas, mirror=None):
     """Return the faults of a config, one line each; empty if there is none.
 
-    ``config.yaml: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
+    ``config.yaml line 9: devices.my_imu.sessions.poses.units.time: 'sec' is not a unit; …``
 
     Parameters
     ----------
@@ -51,10 +51,11 @@ def config_faults(config, files, replicas, mirror=None):
     mirror : str, optional
         Folder named by the environment variable IMULOOP_MIRROR.
     """
-    config, contents, found = without_dates(config), {}, {}
+    config, contents, places, found = without_dates(config), {}, {}, {}
     for name, path in files.items():
         text = Path(path).read_text(encoding="utf-8")
         contents[name] = without_dates(yaml.safe_load(text)) or {}
+        places[name] = key_lines(text)
         found |= {key: (name, fault) for key, fault in yaml_faults(text)}
     for check in (
         _unusable,
@@ -65,10 +66,13 @@ def config_faults(config, files, replicas, mirror=None):
             # of the last file that holds the most of the key's path
             depths = {name: _depth(contents[name], key) for name in reversed(contents)}
             found.setdefault(key, (max(depths, key=depths.get, default="config"), fault))
-    lines = [
-        one_line(f"{name}: {'.'.join(map(str, key))}: {fault}")
-        for key, (name, fault) in found.items()
-    ]
+    lines = []
+    for key, (name, fault) in found.items():
+        # a missing key: the line of the one that needs it
+        above = (key[:depth] for depth in range(len(key), 0, -1))
+        line = next((places[name][k] for k in above if k in places.get(name, ())), None)
+        place = f"{name} line {line}" if line else name
+        lines.append(one_line(f"{place}: {'.'.join(map(str, key))}: {fault}"))
     if mirror and not Path(mirror).is_dir():
         lines.append(f"IMULOOP_MIRROR: there is no folder {mirror}")
     return lines

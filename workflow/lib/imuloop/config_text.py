@@ -6,6 +6,7 @@ Keys given twice, and what YAML 1.1 takes for something else: 1e-3, on, 12:30:00
 import json
 import math
 import re
+import sys
 from pathlib import Path
 
 import yaml
@@ -34,8 +35,8 @@ def unreadable(path):
         return f"{path}: there is no such file here; write one, or name one with --configfile"
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
-        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        return one_line(f"{path}: {where}no YAML: {getattr(error, 'problem', None) or error}")
+        where = f" line {mark.line + 1}, column {mark.column + 1}" if mark else ""
+        return one_line(f"{path}{where}: no YAML: {getattr(error, 'problem', None) or error}")
     except Exception as error:
         # a text that is no UTF-8; a date, a number, a truth value that is none
         return one_line(f"{path}: cannot be read: {error}")
@@ -55,6 +56,23 @@ def _holds_more(content, most):
         if isinstance(value, (dict, list)):
             left += value.values() if isinstance(value, dict) else value
     return bool(left)
+
+
+def key_lines(text):
+    """Return the line of each key in a config's text; a key is a tuple of its parts."""
+    lines, waiting = {}, [((), yaml.compose(text, yaml.SafeLoader))]
+    while waiting:
+        key, node = waiting.pop()
+        if isinstance(node, yaml.MappingNode):
+            found = [(name.value, name, value) for name, value in node.value]
+        elif isinstance(node, yaml.SequenceNode):
+            found = [(i, value, value) for i, value in enumerate(node.value)]
+        else:
+            found = []
+        for part, place, value in found:
+            lines.setdefault((*key, part), place.start_mark.line + 1)
+            waiting.append(((*key, part), value))
+    return lines
 
 
 def yaml_faults(text):
@@ -107,3 +125,8 @@ def _trap(node):
         return f"{written} is no finite number"
     shown = str(meaning).lower() if kind == "bool" else meaning
     return f"{written} is {shown} to YAML; write '{written}' with quotes, or {shown}"
+
+
+if __name__ == "__main__":
+    # before Snakemake reads the files, which does not tell the line
+    sys.exit("\n".join(filter(None, map(unreadable, sys.argv[1:]))) or 0)
