@@ -11,7 +11,7 @@ from itertools import product
 from multiprocessing import Pool
 from pathlib import Path
 
-from bench.study.chain import sound, through
+from bench.study.chain import through
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
@@ -35,7 +35,7 @@ def ingested(recording, chip, folder):
     settings = {"gravity": GRAVITY, "nominal": NOMINAL, "full_scale": FULL_SCALE}
     device = Device(f"chip_{chip}", Path(folder), {"poses": "multi_position"}, **settings)
     (log,) = Path(os.environ["IMULOOP_MIRROR"]).rglob(f"{recording}.parquet")
-    sound(chain.ingest(device, "poses", {"columns": columns, "units": units}, [log]))
+    chain.ingest(device, "poses", {"columns": columns, "units": units}, [log])
     return device
 
 

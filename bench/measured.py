@@ -45,6 +45,5 @@ def ingested(name, folder):
     for session, each in device["sessions"].items():
         paths = [source_path(source, CACHE) for source in each["sources"].values()]
         declared = {key: value for key, value in each.items() if key != "kind"}
-        if failures := chain.ingest(made, session, declared, paths):
-            raise ImuloopError(str(failures[0]))
+        chain.ingest(made, session, declared, paths)
     return made

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from imuloop.chain import Device, calibrate
-from imuloop.job_log import run_stage
+from imuloop.job_log import open_log
 
 device = Device(
     **snakemake.params.device,
     folder=Path(snakemake.output.six_position).parent,
-    log=snakemake.log[0],
 )
-run_stage(calibrate, device)
+open_log(snakemake.log[0], f"calibrate {device.name}")
+calibrate(device)

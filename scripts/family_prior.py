@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from imuloop.chain import Device, family_prior
-from imuloop.job_log import run_stage
+from imuloop.job_log import open_log
 
 device = Device(
     **snakemake.params.device,
     folder=Path(snakemake.output.calibration).parent,
-    log=snakemake.log[0],
 )
-run_stage(family_prior, device, [Path(path).parent for path in snakemake.input.others])
+open_log(snakemake.log[0], f"family_prior {device.name}")
+family_prior(device, [Path(path).parent for path in snakemake.input.others])

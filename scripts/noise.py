@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from imuloop.chain import Device, noise
-from imuloop.job_log import run_stage
+from imuloop.job_log import open_log
 
 device = Device(
     **snakemake.params.device,
     folder=Path(snakemake.output.noise).parent,
-    log=snakemake.log[0],
 )
-run_stage(noise, device)
+open_log(snakemake.log[0], f"noise {device.name}")
+noise(device)

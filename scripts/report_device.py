@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from imuloop.chain import Device, report_device
-from imuloop.job_log import run_stage
+from imuloop.job_log import open_log
 
 device = Device(
     **snakemake.params.device,
     folder=Path(snakemake.output.section).parent,
-    log=snakemake.log[0],
 )
-run_stage(report_device, device)
+open_log(snakemake.log[0], f"report_device {device.name}")
+report_device(device)

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from imuloop.chain import Device, segment
-from imuloop.job_log import run_stage
+from imuloop.job_log import open_log
 
 device = Device(
     **snakemake.params.device,
     folder=Path(snakemake.output.segments).parents[1],
-    log=snakemake.log[0],
 )
-run_stage(segment, device)
+open_log(snakemake.log[0], f"segment {device.name}")
+segment(device)

@@ -29,7 +29,7 @@ def verdicts(device):
 def diagnosed(folder, log, kind="multi_position", **settings):
     device = chain.Device("imu", folder, {"log": kind}, **settings)
     log.to_parquet(folder / "log.parquet", index=False)
-    assert chain.ingest(device, "log", {}, [folder / "log.parquet"]) == []
+    chain.ingest(device, "log", {}, [folder / "log.parquet"])
     return verdicts(device)
 
 

@@ -15,7 +15,6 @@ from imuloop import chain
 from imuloop.chain import Device
 from imuloop.config import resolve
 from imuloop.config_faults import config_faults
-from imuloop.core.errors import ImuloopError
 from imuloop.report.report import write_report
 from result_files import fault
 
@@ -37,8 +36,8 @@ TEXTS = {"td", "th", "text", "li", "p", "figcaption"}
 def judge(entry, results):
     """Run the chain on a device as a config has it; return its faults, a line each.
 
-    What the check of its config or a stage says in words, an ImuloopError, is no fault; any other
-    error that a stage failed with is one, though the report is made.
+    What the check of its config says is no fault, and a rejected session is none; an exception of
+    a stage is one.
     """
     config = {"devices": {DEVICE: entry}}
     results.mkdir(parents=True)
@@ -46,8 +45,13 @@ def judge(entry, results):
     written.write_text(json.dumps(config))
     if lines := config_faults(config, {"config.yaml": written}, {}):
         return [f"no line: {line!r}" for line in lines if not line.isprintable()]
-    errors = run(resolve(config)[DEVICE], results)
-    faults = [origin(error) for error in errors if not isinstance(error, ImuloopError)]
+    # as the jobs do
+    logging.captureWarnings(True)
+    try:
+        run(resolve(config)[DEVICE], results)
+    except Exception as error:
+        return [origin(error)]
+    faults = []
     names = [
         *FILES,
         *(f"{session}/{name}" for session in entry["sessions"] for name in SESSION),
@@ -134,23 +138,15 @@ class Page(HTMLParser):
 
 
 def run(declared, results):
-    """Make the report of a device as declared; return the errors that its stages failed with."""
-    errors = []
-    caught = logging.Handler(logging.ERROR)
-    caught.emit = lambda record: errors.append(record.exc_info[1])
-    logging.getLogger().addHandler(caught)
-    # as the jobs and the command do
-    logging.captureWarnings(True)
+    """Make the report of a device as declared."""
     sessions = declared["sessions"]
     kinds = {name: session.pop("kind") for name, session in sessions.items()}
     given = {key: declared[key] for key in ("gravity", "nominal")}
     device = Device(DEVICE, results / DEVICE, kinds, **given)
     for name, session in sessions.items():
-        chain.ingest(device, name, session, [session["sources"]["log"]["path"]])
+        chain.ingest_or_reject(device, name, session, [session["sources"]["log"]["path"]])
     chain.run(device)
     provenance = {"imuloop": "0", "command": "fuzz", "commit": "not known", "config": {}}
     write_report(
         [results / DEVICE], provenance, results / "report.html", results / "comparison.csv"
     )
-    logging.getLogger().removeHandler(caught)
-    return errors

@@ -31,12 +31,6 @@ ATTITUDE = "imuloop.validate.attitude.validate_attitude"
 MOTION = "imuloop.diagnose.diagnose.diagnose_motion"
 
 
-def sound(failures):
-    """Raise what failed in a stage."""
-    if failures:
-        raise RuntimeError(str(failures[0]))
-
-
 def through(device, stages=(chain.segment, chain.noise, chain.calibrate, chain.diagnose)):
     """Do the stages of a device, by default those up to the diagnosis; raise what fails.
 
@@ -46,7 +40,7 @@ def through(device, stages=(chain.segment, chain.noise, chain.calibrate, chain.d
         if reasons := read_json(files["quality"])["reasons"]:
             raise RuntimeError(f"{device.name}/{name} was rejected: {'; '.join(reasons)}")
     for stage in stages:
-        sound(stage(device))
+        stage(device)
 
 
 def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
@@ -65,7 +59,7 @@ def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
         for name in kinds:
             path = folder / f"{name}.parquet"
             write_log(path, simulate_session(truth, name, seed), log_metadata(truth, name))
-            sound(chain.ingest(device, name, {}, [path]))
+            chain.ingest(device, name, {}, [path])
         through(device)
         diagnosis = read_json(folder / "diagnosis.json")
         return (diagnosis, also(truth, device.sessions, folder)) if also else diagnosis

@@ -71,9 +71,9 @@ def diagnosed(
                 for role, path in zip(("log", "reference"), paths, strict=True)
             }
             told = {"reference": declared, "sources": sources, "columns": {"time": "t"}}
-            failures = chain.ingest(device, session, told, paths)
+            chain.ingest_or_reject(device, session, told, paths)
             quality = read_json(folder / session / "quality.json")
-            if failures or quality["status"] != "ok":
+            if quality["status"] != "ok":
                 return None, quality, None
         with patch(LIMITS, return_value={}) if not limits else patch(ATTITUDE, return_value=none):
             through(device)

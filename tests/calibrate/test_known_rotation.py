@@ -22,7 +22,7 @@ def calibrated(folder, kinds, declared, paths):
     device = Device("d", folder, kinds)
     for name in kinds:
         own = {k: v for k, v in declared.items() if k != "known_rotation" or name == "turns"}
-        assert chain.ingest(device, name, own, [paths[name]]) == []
+        chain.ingest(device, name, own, [paths[name]])
     through(device, (chain.segment, chain.noise, chain.calibrate))
     return device
 

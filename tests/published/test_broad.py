@@ -40,7 +40,7 @@ def diagnosed(folder, logs):
         },
     }
     for name, log in zip(names, logs, strict=True):
-        assert chain.ingest(device, name, declared, [log]) == []
+        chain.ingest(device, name, declared, [log])
     verdicts(device)
     return device
 

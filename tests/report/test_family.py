@@ -131,14 +131,6 @@ def test_the_part_of_a_device_names_the_calibration_to_use(results, tmp_path):
         write_section("board", label, folder, kinds, prior)
         text = (folder / "section.html").read_text(encoding="utf-8")
         assert f"apply results/board/{name}.json LOG" in text
-    # why there is none
-    content = json.loads((folder / "calibration.json").read_text())
-    failed = {"stage": "family_prior", "why": "no prior", "log": None}
-    (folder / "family_calibration.json").write_text(json.dumps(content | {"failed": failed}))
-    write_section("board", label, folder, kinds, "family")
-    assert "<strong>family_prior</strong>: no prior." in (folder / "section.html").read_text(
-        "utf-8"
-    )
 
 
 def test_without_a_parameter_in_common_nothing_is_compared(found, labels):

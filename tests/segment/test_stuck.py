@@ -20,8 +20,8 @@ def test_what_a_gyroscope_repeats_is_a_gap(hangs, tmp_path):
         log.loc[first:last, CHANNELS[3:]] = log.loc[first, CHANNELS[3:]].to_numpy()
     log.to_csv(tmp_path / "log.csv", index=False)
     device = chain.Device("hung", tmp_path / "hung", {"poses": "multi_position"})
-    for stage in (chain.ingest(device, "poses", {}, [tmp_path / "log.csv"]), chain.segment(device)):
-        assert stage == []
+    chain.ingest(device, "poses", {}, [tmp_path / "log.csv"])
+    chain.segment(device)
     files = device.sessions["poses"]
     spans = np.reshape(read_metadata(files["samples"]).get("stuck", []), (-1, 2))
     assert spans == pytest.approx(np.reshape([[start, end]] * 3 * hangs, (-1, 2)), abs=0.02)

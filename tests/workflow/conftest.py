@@ -28,21 +28,13 @@ CONFIG = {
                 "broken": {"kind": "static", "file": "broken.csv"},
             },
         },
-        # one of its logs is faulty; it fails in a stage, too
+        # one of its logs is faulty
         "resting": RESTING | {"sessions": RESTING["sessions"] | FACES},
     },
 }
 # columns of a sensor's folder of EuRoC
 EUROC = {f"g{x}": f"w_RS_S_{x} [rad s^-1]" for x in "xyz"}
 EUROC |= {f"a{x}": f"a_RS_S_{x} [m s^-2]" for x in "xyz"}
-# what is added to the export
-FAIL = """
-
-def read_exported(device, *args, _own=read_exported, **more):
-    if device == "resting":
-        raise ArithmeticError("forced")
-    return _own(device, *args, **more)
-"""
 
 
 def copied(repository, folder):
@@ -57,11 +49,8 @@ def copied(repository, folder):
 
 @pytest.fixture(scope="session")
 def checkout(repository, tmp_path_factory):
-    """A copy of the workflow, to be edited, in which the export of the device ``resting`` fails."""
-    folder = copied(repository, tmp_path_factory.mktemp("checkout"))
-    path = folder / "workflow/lib/imuloop/export/export.py"
-    path.write_text(path.read_text() + FAIL)
-    return folder
+    """A copy of the workflow, to be edited."""
+    return copied(repository, tmp_path_factory.mktemp("checkout"))
 
 
 @pytest.fixture(scope="session")

@@ -1,121 +1,103 @@
-"""A stage that fails is a result of its device: later stages say so, the report names it first."""
+"""A job that fails stops its device alone, ends the run with an error, and is tried again."""
 
-import csv
-import json
 import re
 import shutil
-import warnings
-from functools import partial
+from contextlib import ExitStack
 
-import numpy as np
-import pyarrow.parquet as pq
+import pandas as pd
 import pytest
 
 from imuloop import chain
-from imuloop.report.report import write_report
-from quick import DRAW, blank
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_json
+from workflow.run import snakemake
+from workflow.test_caching import edited, planned
 
-# for the user, in place of what a numerical library says
-WHY = "an error in the code of imuloop (LinAlgError)"
-STAGES = ("ingest", "segment", "noise", "calibrate", "diagnose", "allan", "export", "report_device")
+# what a script does for a device before its stage
+BUG = "raise ArithmeticError('forced')"
+KILL = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
+
+
+def spoilt(checkout, stage, device, code):
+    """Have a stage of a device do something else first."""
+    path = checkout / f"scripts/{stage}.py"
+    before, mark, after = path.read_text().partition("open_log(")
+    line, _, after = after.partition("\n")
+    hurt = f"if snakemake.wildcards.device == '{device}':\n    {code}\n"
+    return edited(path, f"{before}{mark}{line}\n{hurt}{after}")
+
+
+def of(jobs, device):
+    return {job.split("/")[0] for job in jobs if job.split("/")[1] == device}
 
 
 @pytest.fixture(scope="module")
-def results(logs, tmp_path_factory):
-    """Results of a good device and of one for each stage, which fails in it; and their report."""
-    folder = tmp_path_factory.mktemp("results")
-    logs["six_position"].to_parquet(folder / "faces.parquet")
-    attempt, settings = chain.attempt, {"diagnose": {"draws": 100, "folds": 3}}
-
-    def failing(device, stage, work, *others):
-        def forced():
-            raise np.linalg.LinAlgError(f"forced in {stage}")
-
-        return attempt(device, stage, forced if device.name == f"bad_{stage}" else work, *others)
-
-    def work(name):
-        device = chain.Device(name, folder / name, {"faces": "six_position"}, **settings)
-        ingest = partial(chain.ingest, device, "faces", {}, [folder / "faces.parquet"])
-        others = (*chain.stages(), chain.export, chain.report_device)
-        return [ingest, *(partial(stage, device) for stage in others)]
-
-    good = work("good")
-    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
-        # what counts is in the results
-        warnings.simplefilter("ignore")
-        patch.setattr(chain, "attempt", failing)
-        patch.setattr(DRAW, blank)
-        for place, stage in enumerate(STAGES):
-            # up to that stage it is the good device
-            if place:
-                shutil.copytree(folder / "good", folder / f"bad_{stage}")
-            failures = [each for left in work(f"bad_{stage}")[place:] for each in left()]
-            assert [failure.stage for failure in failures] == [stage]
-            assert good[place]() == []
-    provenance = {"imuloop": "0", "commit": "", "command": "", "config": {}, "versions": {}}
-    folders = [folder / name for name in (*(f"bad_{stage}" for stage in STAGES), "good")]
-    write_report(folders, provenance, folder / "report.html", folder / "comparison.csv")
-    return folder
+def runs(finished, checkout, tmp_path_factory):
+    """Two runs in a folder in which all was done before: one device fails, then the other too."""
+    folder = shutil.copytree(finished[0], tmp_path_factory.mktemp("failed") / "work")
+    found = []
+    with ExitStack() as faults:
+        for fault in (("export", "resting", BUG), ("report_device", "posed", KILL)):
+            faults.enter_context(spoilt(checkout, *fault))
+            done = snakemake(checkout, folder)
+            table = pd.read_csv(folder / "results/comparison.csv", index_col="device")
+            page = (folder / "results/report.html").read_text("utf-8")
+            found.append((done, table, page, planned(checkout, folder)))
+    # the same as before the first one
+    mended = planned(checkout, folder)
+    return folder, found, mended
 
 
-@pytest.mark.parametrize("stage", STAGES)
-def test_what_follows_is_not_testable_with_the_reason(results, stage):
-    folder, reason = results / f"bad_{stage}", f"{stage} failed: {WHY}"
-
-    def read(name):
-        return json.loads((folder / name).read_text())
-
-    if stage in ("ingest", "segment"):
-        # of a session alone; here it is each of them, and nothing is left
-        assert read("noise.json")["axes"]["ax"]["N"]["upper95"] is None
-        assert read("calibration.json")["accelerometer"]["method"] == "nominal"
-    if stage in ("noise", "calibrate"):
-        assert read("multi_position.json")["accelerometer"]["not_testable"] == reason
-    if stage in ("noise", "calibrate", "diagnose"):
-        for sensor in read("diagnosis.json")["sensors"].values():
-            for part in sensor.values():
-                assert (part["verdict"], part["why"]) == ("not_testable", reason)
-        assert read("attitude.json")["why"] == reason
-        for name, count in (("poses", 6), ("moves", 0)):
-            good, bad = (
-                pq.read_table(path / f"{name}.parquet") for path in (results / "good", folder)
-            )
-            assert (len(good), len(bad), good.schema) == (count, 0, bad.schema)
-    if stage in ("noise", "calibrate", "diagnose", "export"):
-        assert list(read("exports.json")["sha256"]) == ["README.txt"]
-        assert reason in (folder / "exports/README.txt").read_text()
-    if stage != "allan":
-        summary = read("summary.json")
-        assert summary["status"] == "failed"
-        assert {f["stage"] for f in summary["failed"]} == {stage}
-        section = (folder / "section.html").read_text()
-        assert WHY in section and "Nothing needed" not in section
+def test_a_run_with_a_failed_job_ends_with_an_error_and_one_line(runs):
+    folder, found, _ = runs
+    for done, *_ in found:
+        text = done.stdout + done.stderr
+        assert done.returncode == 1 and "Traceback" not in text
+        assert (
+            "export resting failed: an error in the code of imuloop (ArithmeticError) (more in logs/export/resting.log)"
+            in text
+        )
+    assert "report_device posed failed: no message" in found[1][0].stderr
+    assert "ArithmeticError: forced" in (folder / "logs/export/resting.log").read_text()
 
 
-def test_the_report_and_the_comparison_name_the_failed_first(results):
-    page = (results / "report.html").read_text()
-    first = page.index("Devices in which a stage failed")
-    for stage in set(STAGES) - {"allan"}:
-        assert page.index(f"bad_{stage}</a>", first) < page.index("Accelerometers, value")
-    # no link leads nowhere
-    assert set(re.findall(r'href="#([^"]+)"', page)) <= set(re.findall(r'id="([^"]+)"', page))
-    with open(results / "comparison.csv", encoding="utf-8") as file:
-        rows = {row["device"]: row for row in csv.DictReader(file)}
-    for stage in set(STAGES) - {"allan"}:
-        assert rows[f"bad_{stage}"]["status"] == "failed"
-        assert f"{stage} failed: {WHY}" in rows[f"bad_{stage}"]["why"]
-    assert rows["good"]["status"] == "ok" and not rows["good"]["why"]
-
-
-def test_curves_that_were_cut_fail_their_stage_alone(results, tmp_path):
-    folder = shutil.copytree(results / "good", tmp_path / "cut")
-    raw = folder / "allan_raw.parquet"
-    raw.write_bytes(raw.read_bytes()[:-100])
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        (failure,) = chain.allan(chain.Device("cut", folder, {"faces": "six_position"}))
-    assert "allan_raw.parquet: no whole Parquet file" in failure.why
-    curves, whole = (
-        pq.read_table(path / "faces/allan.parquet") for path in (folder, results / "good")
+def test_the_report_has_all_other_devices_and_what_failed(runs):
+    (_, table, page, _), (_, both, none, _) = runs[1]
+    assert dict(table["status"]) == {"resting": "failed", "posed": "ok"}
+    assert (
+        table["why"]["resting"]
+        == "export failed: an error in the code of imuloop (ArithmeticError)"
     )
-    assert (len(curves), curves.schema) == (0, whole.schema)
+    assert page.index("Devices in which a stage failed") < page.index('id="rejected"')
+    assert 'id="posed"' in page and 'id="resting"' not in page
+    # of several devices only their names are left
+    assert set(both["status"]) == {"failed"}
+    assert "<strong>report_device</strong>" in none and 'id="comparison"' not in none
+    for text in (page, none):
+        links = set(re.findall(r'href="#([^"]+)"', text))
+        assert links <= set(re.findall(r'id="([^"]+)"', text))
+
+
+def test_the_next_run_tries_again(runs):
+    _, found, mended = runs
+    assert of(found[0][3], "resting") == {"export", "report_device"}
+    assert of(found[0][3], "posed") == set()
+    for jobs in (found[1][3], mended):
+        assert of(jobs, "resting") == {"export", "report_device"}
+        assert "report_device" in of(jobs, "posed") and "report/report" in jobs
+
+
+def test_a_log_that_lacks_a_declared_column_is_rejected(tmp_path):
+    """A result in the workflow, an error in Python."""
+    (tmp_path / "a.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "0,0,0,9.8,0,0,0\n" * 50)
+    device = chain.Device("imu", tmp_path / "imu", {"a": "static"})
+    given = device, "a", {"columns": {"temperature": "T"}}, [tmp_path / "a.csv"]
+    with pytest.raises(ImuloopError, match=r"columns.temperature"):
+        chain.ingest(*given)
+    chain.ingest_or_reject(*given)
+    quality = read_json(tmp_path / "imu/a/quality.json")
+    assert quality["status"] == "rejected" and "columns.temperature" in quality["reasons"][0]
+    # what follows takes it as any other rejected session
+    chain.segment(device)
+    chain.noise(device)
+    assert read_json(device.file("noise.json"))["axes"]["ax"]["N"]["upper95"] is None

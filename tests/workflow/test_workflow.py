@@ -45,8 +45,8 @@ def test_the_files_of_a_device_are_those_of_the_library_on_it_alone(finished, tm
     kinds = {name: session.pop("kind") for name, session in sessions.items()}
     device = chain.Device("posed", single, kinds, **given)
     for name, file in (("poses", "logs in/p.csv"), ("broken", "broken.csv")):
-        assert chain.ingest(device, name, sessions[name], [finished[0] / file]) == []
-    assert chain.run(device) == []
+        chain.ingest(device, name, sessions[name], [finished[0] / file])
+    chain.run(device)
     files = [path.relative_to(single) for path in single.rglob("*") if path.is_file()]
     assert len(files) > 20
     assert [p for p in files if (single / p).read_bytes() != (beside / p).read_bytes()] == []
@@ -68,7 +68,7 @@ def test_devices_are_finished_in_the_order_of_the_config_each_job_chosen_once(
     assert (done.stdout + done.stderr).count("Ready jobs: ") <= 7
 
 
-def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished):
+def test_faulty_logs_are_named_without_a_traceback(finished):
     folder, done = finished
     for log, kind, text in (
         ("resting/faces", "warnings", "fits the turns of gravity with x as gy, y as gx, z as gz"),
@@ -83,17 +83,9 @@ def test_faulty_logs_and_a_failing_stage_are_named_without_a_traceback(finished)
         device, session = log.split("/")
         assert session in (folder / f"results/{device}/section.html").read_text()
     assert "Traceback" not in done.stdout + done.stderr
-    with_traceback = [p for p in (folder / "logs").rglob("*.log") if "Traceback" in p.read_text()]
-    assert with_traceback == [folder / "logs/export/resting.log"]
-    why = "export failed: an error in the code of imuloop (ArithmeticError)"
-    line = f"resting: {why}; the traceback is in logs/export/resting.log\n"
-    assert line in done.stderr
-    page = (folder / "results/report.html").read_text()
-    assert page.index("Devices in which a stage failed") < page.index('id="rejected"')
-    assert "logs/export/resting.log" in page
+    assert [p for p in (folder / "logs").rglob("*.log") if "Traceback" in p.read_text()] == []
     rows = pd.read_csv(folder / "results/comparison.csv", index_col="device")
-    assert dict(rows["status"]) == {"posed": "ok", "resting": "failed"}
-    assert why in rows["why"]["resting"]
+    assert set(rows["status"]) == {"ok"}
     assert rows["why"]["posed"].startswith("broken: 1 of 1 rows")
 
 
@@ -282,9 +274,7 @@ def test_the_terminal_has_a_line_per_device_and_stage_and_the_verdicts(
     assert done.returncode == 0, done.stderr
     lines = [line for line in done.stderr.splitlines() if not line.startswith("Using profile")]
     stages = [line for line in lines if re.fullmatch(r"\w+  \w+(  \d+ sessions?)?", line)]
-    # the export of one is whole now
-    devices = {"posed  report_device", "resting  report_device"}
-    assert devices <= {*stages} <= devices | {"resting  export", "posed  export"}
+    assert {*stages} == {"posed  report_device", "resting  report_device"}
     assert len(lines) <= 4 * len(CONFIG["devices"])
     assert any(re.match("posed: accelerometer .*; gyroscope ", line) for line in lines)
     assert any(line.startswith("Rest & <b>peace</b>") for line in lines)

@@ -6,8 +6,6 @@ rule export:
     input:
         calibration=calibration_to_use,
         noise="results/{device}/noise.json",
-        # they may say that a stage failed
-        multi_position="results/{device}/multi_position.json",
         diagnosis="results/{device}/diagnosis.json",
         quality=each_session("quality.json"),
     output:

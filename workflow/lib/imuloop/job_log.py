@@ -2,6 +2,7 @@
 
 import logging
 import sys
+from pathlib import Path
 
 from imuloop.core.errors import failure_line, one_line, printable
 
@@ -25,22 +26,20 @@ def open_log(path, job):
     logging.captureWarnings(True)
 
     def fail(kind, error, traceback):
-        logging.critical("failed", exc_info=(kind, error, traceback))
-        print(f"{job}: {failure_line(error)} (more in {path})", file=sys.__stderr__)
+        logging.error("traceback", exc_info=(kind, error, traceback))
+        line = failure_line(error)
+        logging.critical(line)
+        print(f"{job}: {line} (more in {path})", file=sys.__stderr__)
 
     sys.excepthook = fail
 
 
-def run_stage(stage, device, *arguments):
-    """Run a stage, a function of `imuloop.chain`, as a job; say what failed. Return its failures.
-
-    The device has a log; `arguments` are those of the stage after the device.
-    """
-    open_log(device.log, f"{stage.__name__} {device.name}")
-    failures = stage(device, *arguments)
-    for failure in failures:
-        say(f"{device.name}: {failure}; the traceback is in {failure.log}")
-    return failures
+def last_words(path):
+    """Return the line that a job ended its log with when it failed; empty without one."""
+    if not Path(path).is_file():
+        return ""
+    lines = Path(path).read_text(encoding="utf-8", errors="replace").splitlines()
+    return lines[-1].partition(f" {logging.getLevelName(logging.CRITICAL)} ")[2] if lines else ""
 
 
 def say(line):

@@ -60,7 +60,7 @@ class Result:
 
     device: chain.Device  # as the stages took it; its folder has the files of the contract
     logs: dict  # where the log of each session came from: its path, or ``in memory``
-    failures: tuple[str, ...] = ()  # a line each: logs that were rejected, stages that failed
+    failures: tuple[str, ...] = ()  # a line each: logs that were rejected
     notes: tuple[str, ...] = ()  # a line each: what to look at in a log that was used
     # keeps a temporary folder as long as the result
     _folder: object = field(default=None, repr=False, compare=False)
@@ -104,8 +104,8 @@ class Result:
         from imuloop.report.report import write_report
 
         path, folder = Path(path), self.device.folder
-        self._done(chain.export)
-        self._done(chain.report_device)
+        chain.export(self.device)
+        chain.report_device(self.device)
         sessions = {n: {"kind": k, "log": self.logs[n]} for n, k in self.device.kinds.items()}
         config = {"gravity": self.device.gravity, "sessions": sessions}
         repository = Path(imuloop.__file__).parents[3]
@@ -117,7 +117,7 @@ class Result:
 
     def export(self, folder) -> list:
         """Write the calibration for other tools into a folder; return the paths."""
-        self._done(chain.export)
+        chain.export(self.device)
         Path(folder).mkdir(parents=True, exist_ok=True)
         sources = sorted(self.device.file("exports").iterdir())
         targets = [Path(folder) / source.name for source in sources]
@@ -125,10 +125,6 @@ class Result:
             # it may be the same file
             target.write_bytes(source.read_bytes())
         return targets
-
-    def _done(self, stage):
-        for failure in stage(self.device):
-            raise ImuloopError(f"{self.device.name}: {failure}")
 
     def __str__(self):
         from imuloop.report.composed import words
@@ -169,7 +165,6 @@ def calibrate(
     label: str = "",
     settings: Mapping | None = None,
     folder: str | Path | None = None,
-    log: str | Path | None = None,
     threads: int = 1,
     progress: bool = True,
 ) -> Result:
@@ -198,8 +193,6 @@ def calibrate(
         Settings of the stages by their name, as in the config.
     folder : path-like, optional
         Where results are kept; without, as long as the result lives.
-    log : path-like, optional
-        File that the message of a stage that failed says to hold its traceback.
     threads : int
         How many may work at once; changes no number.
     progress : bool
@@ -239,7 +232,6 @@ def calibrate(
         label=label,
         gravity=gravity_of(gravity),
         nominal=dict(nominal or {}),
-        log=log and Path(log),
         threads=threads,
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
@@ -257,7 +249,7 @@ def calibrate(
             bar.update()
         for stage in chain.stages():
             bar.set_description(stage.__name__)
-            failures += map(str, stage(device))
+            stage(device)
             bar.update()
     for text in (*failures, *notes):
         warnings.warn(f"{name}: {text}", stacklevel=2)
@@ -361,12 +353,14 @@ def _ingested(device, session, log, declared):
         paths.append(path)
     shown = _where(log) if _where(log) != IN_MEMORY else session
     declared = declared | {"sources": sources}
-    for failure in chain.ingest(device, session, declared, paths):
-        # of a log in memory the name of its session is enough
-        why = failure.why
+    try:
+        chain.ingest(device, session, declared, paths)
+    except ImuloopError as error:
+        # the file's name is enough, and of a log in memory that of its session
+        why = str(error).removeprefix(f"{device.name}/{session}: ")
         for path in paths if IN_MEMORY in {s["path"] for s in sources.values()} else ():
             why = why.replace(str(path), session)
-        raise ImuloopError(why)
+        raise ImuloopError(why) from error
     quality = read_json(device.sessions[session]["quality"])
     reasons = [f"{shown}: rejected: {'; '.join(quality['reasons'])}"] if quality["reasons"] else []
     return reasons, [f"{shown}: {text}" for text in quality["warnings"]]

@@ -380,14 +380,3 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
     for path, sensors in ((six_path, six_sensors), (multi_path, (force, turn))):
         named = (replace(s, not_testable=with_sessions(s.not_testable, sessions)) for s in sensors)
         Calibration(device, gravity, *named, log, sha256=sha256).to_json(path)
-
-
-def write_nominal(*, device, gravity, sessions, six_path, multi_path, why):
-    """Write both calibrations with the data sheet's values, where nothing was measured.
-
-    Arguments as of `calibrate_device`; `why` is a reason, and the content of the key ``failed``.
-    """
-    reason, failed = why
-    sensors = [SensorCalibration.nominal(unit, reason) for unit in raw_units(sessions)]
-    for path in (six_path, multi_path):
-        Calibration(device, gravity, *sensors, layout(sessions)).to_json(path, failed)

@@ -1,6 +1,5 @@
 """``imuloop calibrate``: calibration, noise and verdicts of one device from its logs."""
 
-import logging
 import sys
 import tempfile
 import warnings
@@ -20,7 +19,6 @@ from imuloop.commands.raw_log import (
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting
 from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.job_log import Printable
 from imuloop.result import KINDS, calibrate
 
 EXAMPLE = """examples:
@@ -63,17 +61,16 @@ def add_logs(command):
 def run(arguments):
     """Write the results of one device, unless nothing was measured."""
     folder = kept_in(arguments.output, "-o", arguments)
-    log = folder / "calibrate.log"
     folder.mkdir(parents=True, exist_ok=True)
     try:
         # in the folder, where there is room for something as large
         with (
             tempfile.TemporaryDirectory(dir=folder, prefix=".imuloop-") as results,
-            made(arguments, Path(results), log) as result,
+            made(arguments, Path(results)) as result,
         ):
             calibration, shown = result.calibration, replace(result, failures=())
             if not calibration.measured:
-                refuse_failures(result, log)
+                refuse_failures(result)
                 why = f"nothing was measured: {calibration.accelerometer.not_testable}"
                 raise ImuloopError(f"{' and '.join(result.logs.values())}: {why}")
             result.export(Path(results) / "exports")
@@ -84,7 +81,7 @@ def run(arguments):
         with suppress(OSError):
             folder.rmdir()
     say(f"wrote {folder / 'calibration.json'}")
-    refuse_failures(result, log)
+    refuse_failures(result)
 
 
 def moved(results, folder):
@@ -96,11 +93,10 @@ def moved(results, folder):
             path.replace(target)
 
 
-def refuse_failures(result, log):
-    """Raise an error that names the logs that were rejected and the stages that failed."""
+def refuse_failures(result):
+    """Raise an error that names the logs that were rejected."""
     if result.failures:
-        where = f"; the traceback is in {log}" if log.exists() else ""
-        raise ImuloopError("; ".join(result.failures) + where)
+        raise ImuloopError("; ".join(result.failures))
 
 
 def kept_in(folder, option, arguments, more=()):
@@ -120,8 +116,8 @@ def kept_in(folder, option, arguments, more=()):
 
 
 @contextmanager
-def made(arguments, folder, log):
-    """Run all stages into a folder and give the `Result`; tracebacks go to a log."""
+def made(arguments, folder):
+    """Run all stages into a folder and give the `Result`."""
     logs = {kind: [] for kind in KINDS}
     for kind, log_or_two in arguments.logs:
         for path in files_of(log_or_two):
@@ -129,29 +125,19 @@ def made(arguments, folder, log):
                 raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
         logs[kind or arguments.kind].append(log_or_two)
     what, nominal = declared(arguments)
-    log.parent.mkdir(parents=True, exist_ok=True)
-    # made only where there is a traceback to keep
-    handler = logging.FileHandler(log, mode="w", encoding="utf-8", delay=True)
-    handler.setLevel(logging.ERROR)
-    handler.setFormatter(Printable())
-    logging.getLogger().addHandler(handler)
-    try:
-        with warnings.catch_warnings():
-            # of numbers at their limits; failures and notes are in the result
-            warnings.simplefilter("ignore")
-            yield calibrate(
-                logs.pop("multi_position"),
-                **logs,
-                **what,
-                nominal=nominal,
-                gravity=local_gravity(arguments, STANDARD_GRAVITY),
-                label=arguments.label or files_of(arguments.logs[0][1])[0].stem,
-                folder=folder,
-                log=log,
-                progress=sys.stderr.isatty(),
-            )
-    finally:
-        logging.getLogger().removeHandler(handler)
+    with warnings.catch_warnings():
+        # of numbers at their limits; failures and notes are in the result
+        warnings.simplefilter("ignore")
+        yield calibrate(
+            logs.pop("multi_position"),
+            **logs,
+            **what,
+            nominal=nominal,
+            gravity=local_gravity(arguments, STANDARD_GRAVITY),
+            label=arguments.label or files_of(arguments.logs[0][1])[0].stem,
+            folder=folder,
+            progress=sys.stderr.isatty(),
+        )
 
 
 def _log(text):

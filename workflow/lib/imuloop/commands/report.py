@@ -40,13 +40,12 @@ def run(arguments):
     from imuloop.report.report import verdict_lines
 
     page = arguments.output
-    log = page.with_name(f"{page.name}.log")
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        results = kept_in(arguments.keep or Path(folder), "--keep", arguments, [page, log])
-        with made(arguments, results, log) as result:
+        results = kept_in(arguments.keep or Path(folder), "--keep", arguments, [page])
+        with made(arguments, results) as result:
             say(*result.notes, gravity_line(result.device.gravity))
             command = f"imuloop report {shlex.join(sys.argv[2:])}"
             result.report(page, command, linked=bool(arguments.keep))
             say(*verdict_lines([result.device.folder]))
     say(f"wrote {page}")
-    refuse_failures(result, log)
+    refuse_failures(result)

@@ -310,8 +310,8 @@ class Calibration:
                 )
         return f, w
 
-    def to_json(self, path, failed=None):
-        """Write the calibration as JSON; `failed` is the failure that it stands in for, if any.
+    def to_json(self, path):
+        """Write the calibration as JSON.
 
         Raises an ImuloopError for one that cannot be: see `imuloop.core.calibration_faults`.
         """
@@ -323,7 +323,7 @@ class Calibration:
             "log": self.log,
             **{sensor: getattr(self, sensor).to_dict() for sensor in SENSORS},
         }
-        more = {"sha256": list(self.sha256), "updated": self.updated, "failed": failed}
+        more = {"sha256": list(self.sha256), "updated": self.updated}
         write_json(path, content | {key: value for key, value in more.items() if value})
 
     @classmethod

@@ -164,11 +164,6 @@ def diagnose_device(
     return Diagnosed(content, final, still.allan, noise, *of_poses, tables, in_motion)
 
 
-def undiagnosed(device, why):
-    """Return the content of diagnosis.json where nothing could be tested, with the reason."""
-    return _content(device, *[dict.fromkeys(SENSORS, not_testable(why))] * len(RECORDS))
-
-
 def _content(device, *records):
     """Return the content of diagnosis.json: by sensor that of each of the `RECORDS`."""
     sensors = {s: {r: c[s] for r, c in zip(RECORDS, records, strict=True)} for s in SENSORS}

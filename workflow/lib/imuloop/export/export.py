@@ -124,11 +124,10 @@ def export_files(exported):
     return files
 
 
-def write_exports(folder, files, failed=None):
+def write_exports(folder, files):
     """Write the files into `folder`, in the place of what it held before, and a list of them.
 
-    The list, ``exports.json`` beside the folder, holds the SHA-256 of each file by its name, and
-    what `failed` where there is nothing to write.
+    The list, ``exports.json`` beside the folder, holds the SHA-256 of each file by its name.
     """
     folder = Path(folder)
     shutil.rmtree(folder, ignore_errors=True)
@@ -136,9 +135,7 @@ def write_exports(folder, files, failed=None):
     for name, content in files.items():
         (folder / name).write_text(content, encoding="utf-8", newline="\n")
     hashes = {name: hashlib.sha256(content.encode()).hexdigest() for name, content in files.items()}
-    write_json(
-        folder.with_suffix(".json"), {"sha256": hashes} | ({"failed": failed} if failed else {})
-    )
+    write_json(folder.with_suffix(".json"), {"sha256": hashes})
 
 
 def listed(path):

@@ -43,8 +43,6 @@ class Member:
 def read_member(folder, serial=None, date=None, prior=None):
     """Return the Member that lies in a folder of results; the rest as of the config."""
     folder = Path(folder)
-    made = folder / "family_calibration.json"
-    completed = prior and not read_json(made).get("failed")
     day = datetime.date.fromisoformat(date).toordinal() if date else None
     return Member(
         folder.name,
@@ -52,7 +50,7 @@ def read_member(folder, serial=None, date=None, prior=None):
         NoiseModel.from_json(folder / "noise.json"),
         tried_effects(read_json(folder / "diagnosis.json")),
         {"serial": serial, "date": day},
-        Calibration.from_json(made) if completed else None,
+        Calibration.from_json(folder / "family_calibration.json") if prior else None,
     )
 
 
@@ -104,7 +102,7 @@ def of_type(members):
         "parameters": parameters,
         "odd": sorted(odd, key=lambda each: each["p_value"]),
         "effects": effects(members),
-        "priors": {m.name: of_prior(m, members) for m in members if m.with_prior},
+        "priors": {m.name: p for m in members if m.with_prior and (p := of_prior(m, members))},
     }
 
 
@@ -174,13 +172,16 @@ def effects(members):
 
 
 def of_prior(member, members):
-    """Return what the prior of the others changed in one device, by parameter, SI."""
+    """Return what the prior of the others changed in one device, by parameter, SI.
+
+    Empty where too few others determine a parameter.
+    """
     others = [m.calibration for m in members if m is not member]
     prior = Prior.of(others)
     own, changed = (of_calibrations([c]) for c in (member.calibration, member.with_prior))
     found = {}
     for a, b, mean, variance in zip(own, changed, prior.mean, prior.variance, strict=True):
-        if b.known[0]:
+        if b.known[0] and np.isfinite(variance):
             is_scale = a.name.partition(".")[2][0] == "K"
             found[a.name] = {
                 "unit": a.unit,

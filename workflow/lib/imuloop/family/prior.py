@@ -96,6 +96,13 @@ def with_prior(own, prior, recording=None, noise=None, settings=None):
     return replace(own, **made)
 
 
+def without_prior(own, reason):
+    """Return a device's calibration with the reason why it has no prior."""
+    sensors = {s: getattr(own, s) for s in SENSORS}
+    why = {s: "; ".join(filter(None, (c.not_testable, str(reason)))) for s, c in sensors.items()}
+    return replace(own, **{s: replace(c, not_testable=why[s]) for s, c in sensors.items()})
+
+
 def weighed(own, sensor, mean, variance):
     """Return a SensorCalibration with a prior of its base parameters.
 

@@ -317,12 +317,11 @@ def _quality(reasons, figures, counts, log):
     }
 
 
-def write_nothing(*, device, session, kind, samples_path, quality_path, why):
-    """Write samples without rows and a quality that says why, for a log that could not be read.
+def write_rejected(*, device, session, kind, samples_path, quality_path, reason):
+    """Write samples without rows and a quality with the reason, for a log that does not fit.
 
-    Parameters are as of `ingest`; `why` is the reason, and the content of the key ``failed``.
+    Parameters are as of `ingest`; the reason is about what is declared.
     """
-    reason, failed = why
     units = {quantity: known[0] for quantity, known in UNITS.items()}
     raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in SENSORS}
     origin = _origin(device, session, kind, units, raw_units, None, {})
@@ -331,7 +330,7 @@ def write_nothing(*, device, session, kind, samples_path, quality_path, why):
         figures = quality.measure(temporary)
         del figures["isolated"]
     found = _quality([reason], figures, Counts(), RawLog()) | origin
-    write_json(quality_path, found | {"failed": failed})
+    write_json(quality_path, found | {"misdeclared": True})
 
 
 def _write(path, batches, log, counts, origin, rebuilt=False, full_scale=None):

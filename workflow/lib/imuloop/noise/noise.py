@@ -61,9 +61,9 @@ class NoiseResult:
         others = {f.name: getattr(self, f.name) for f in fields(self)[1:-2]}
         return self.model.to_dict() | others
 
-    def to_json(self, path, failed=None):
-        """Write noise.json; `failed` is the failure that it stands in for, if any."""
-        write_json(path, self.to_dict() | ({"failed": failed} if failed else {}))
+    def to_json(self, path):
+        """Write noise.json."""
+        write_json(path, self.to_dict())
 
 
 def no_noise(device, sessions, *notes):

@@ -130,9 +130,9 @@ def next_steps(device):
     record = (_unexplained, best_recording, hole, turns_needed, initial_rest, _heat_and_cool)
     ranks = mend, record, (static_record,)
     # what is wrong with a log or its entry makes every other number doubtful
-    misdeclared = device.failures or any(s.quality["misdeclared"] for s in device.sessions)
+    misdeclared = any(s.quality["misdeclared"] for s in device.sessions)
     if misdeclared:
-        ranks = ((_failed, _rejected),)
+        ranks = ((_rejected,),)
     steps = []
     for sources in ranks:
         found = [step for source in sources for step in source(device)]
@@ -143,19 +143,9 @@ def next_steps(device):
     return [*steps[: MOST - 1], last] if last else steps
 
 
-def _failed(device):
-    for _, failure in device.failures:
-        where = f", with {failure.log}" if failure.log else ""
-        yield (
-            1.0,
-            f"The stage {failure.stage} failed ({failure.why}): if the reason names nothing that "
-            f"you can mend in the log or its entry, report it as an error of the program{where}.",
-        )
-
-
 def _rejected(device):
     for s in device.sessions:
-        if s.rejected and not s.quality.get("failed") and not s.segmentation.get("failed"):
+        if s.rejected:
             reasons = "; ".join(s.reasons).rstrip(".")
             text = (
                 f"Record session {s.name} again, or correct what is declared of it: it was "

@@ -23,13 +23,13 @@ from imuloop.report.verdict import WORDS, grouped
 TOGETHER = 10
 
 
-def write_report(folders, provenance, report_path, comparison_path, family_path=None):
+def write_report(folders, provenance, report_path, comparison_path, family_path=None, failures=()):
     """Write the report and the comparison of all devices.
 
     Parameters
     ----------
     folders : sequence of Path
-        Results of each device, in the order to show them; those in which a stage failed come first.
+        Complete results of each device, in the order to show them.
     provenance : dict
         What made the report: `imuloop` (its version), `commit`, `command`, `versions`, `config`
         (resolved), …; single values become rows of a table, mappings are printed as YAML.
@@ -37,13 +37,14 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
         HTML and CSV file to write; pictures of all devices go into ``figures`` beside the latter.
     family_path : path-like, optional
         family.json, where devices name their type.
+    failures : list of imuloop.failures.Failure
+        One for each device that has no complete results; they come first.
     """
-    given = [(read_json(folder / "summary.json"), Path(folder)) for folder in folders]
-    given.sort(key=lambda each: each[0]["status"] != "failed")
-    devices, folders = zip(*given, strict=True)
+    folders = [Path(folder) for folder in folders]
+    devices = [read_json(folder / "summary.json") for folder in folders]
     together, comparison = len(devices) <= TOGETHER, Path(comparison_path).name
     with replaced(comparison_path) as temporary:
-        tables.write_comparison(temporary, devices)
+        tables.write_comparison(temporary, devices, failures)
     drawings = Path(comparison_path).with_name("figures")
     drawings.mkdir(exist_ok=True)
     # one device is compared with none: its own part has its curves
@@ -64,7 +65,8 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
     write_page(
         report_path,
         "report.html.j2",
-        headline=headline(devices),
+        headline=headline(devices) if devices else "No results",
+        failures=failures,
         recorded=recorded(devices),
         many=not together,
         groups=grouped(devices),

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise
@@ -42,13 +41,12 @@ class SessionResults:
     @property
     def rejected(self):
         """Whether the session could not be used."""
-        return self.quality["status"] != "ok" or bool(self.segmentation.get("failed"))
+        return self.quality["status"] != "ok"
 
     @property
     def reasons(self):
         """Why the session could not be used."""
-        failed = self.segmentation.get("failed")
-        return self.quality["reasons"] + ([str(Failure(**failed))] if failed else [])
+        return self.quality["reasons"]
 
     @property
     def poses(self):
@@ -68,10 +66,7 @@ class SessionResults:
 
 @dataclass(frozen=True)
 class DeviceResults:
-    """All results of one device; where its part failed, there are only the failures.
-
-    `calibrations` by method, as in `CALIBRATIONS`; `failures`, a session's name or None, `Failure`.
-    """
+    """All results of one device; `calibrations` by method, as in `CALIBRATIONS`."""
 
     name: str
     label: str
@@ -80,7 +75,6 @@ class DeviceResults:
     calibrations: dict[str, Calibration] = field(default_factory=dict)
     noise: dict = field(default_factory=dict)
     diagnosis: dict = field(default_factory=dict)
-    failures: tuple = ()
     poses: pd.DataFrame = field(default_factory=pd.DataFrame)
     moves: pd.DataFrame = field(default_factory=pd.DataFrame)
     reference: pd.DataFrame = field(default_factory=pd.DataFrame)
@@ -147,7 +141,6 @@ def read_device(name, label, folder, sessions, prior=None):
         tuple(_session(folder / session, kind, spectra) for session, kind in sessions.items()),
         {method: Calibration.from_json(folder / file) for method, file in CALIBRATIONS.items()},
         *(read_json(folder / f"{stem}.json") for stem in ("noise", "diagnosis")),
-        tuple(read_failures(folder, sessions, prior)),
         *(
             pd.read_parquet(folder / f"{table}.parquet")
             for table in ("poses", "moves", "reference")

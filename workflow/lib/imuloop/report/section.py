@@ -1,13 +1,11 @@
 """A device's part of the report: its section and page, its row of the comparison, its figures."""
 
 import shutil
-from pathlib import Path
 
 from markupsafe import Markup
 
 # the library of effects joins by being loaded
 import imuloop.effects  # noqa: F401
-from imuloop.core.failure import Failure, read_failures
 from imuloop.core.files import write_json
 from imuloop.core.model import UNEXPLAINED
 from imuloop.export.export import listed
@@ -18,7 +16,7 @@ from imuloop.report.figures.drawing import Picture, write_svg
 from imuloop.report.figures.reference import duration_table
 from imuloop.report.page import write, write_page
 from imuloop.report.pictures import OF_RECORD, OF_SESSION, pictures
-from imuloop.report.results import SENSORS, DeviceResults, read_device
+from imuloop.report.results import SENSORS, read_device
 from imuloop.report.summary import summarise
 from imuloop.report.tables import calibration, candidates, data, diagnosis, noise
 from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence
@@ -32,25 +30,15 @@ def write_section(name, label, folder, sessions, prior=None):
     markup.
     """
     device = read_device(name, label, folder, sessions, prior)
-    _empty(device.figures)
+    if device.figures.exists():
+        shutil.rmtree(device.figures)
+    device.figures.mkdir(parents=True)
     values = content(device)
     whole = pictures(device, "loop")
     for picture in (*whole, *_inside(values)):
         write_svg(device.figures, picture.stem, picture)
-    _write(device, "section.html.j2", whole, **values)
-
-
-def write_failed(name, label, folder, sessions, prior, failed):
-    """Write what `write_section` does, of a device whose part failed, with the `Failure`."""
-    failures = (*read_failures(folder, sessions, prior), (None, Failure(**failed)))
-    device = DeviceResults(name, label, Path(folder), failures=failures)
-    _empty(device.figures)
-    _write(device, "failed.html.j2", [], steps=next_steps(device))
-
-
-def _write(device, template, whole, **values):
     section = device.folder / "section.html"
-    write(section, template, device=device, **values)
+    write(section, "section.html.j2", device=device, **values)
     summary = summarise(device, values["steps"])
     write_json(device.folder / "summary.json", summary)
     # text was escaped when it was written; links are those of a page in the folder above
@@ -66,12 +54,6 @@ def _inside(values):
         return [values]
     parts = values.values() if isinstance(values, dict) else values
     return [p for part in parts if isinstance(part, (Picture, dict, list)) for p in _inside(part)]
-
-
-def _empty(folder):
-    if folder.exists():
-        shutil.rmtree(folder)
-    folder.mkdir(parents=True)
 
 
 def content(device):

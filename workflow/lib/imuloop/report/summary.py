@@ -31,7 +31,7 @@ def summarise(device, steps=()):
     ``figures`` {name: {value, std, unit, axis, upper95}}, the largest of three axes; ``axes``
     {name: {unit, value, std}} for all three, or for the six pairs of a misalignment; ``filter``
     {name: {value, axis, limit, raised_from}}, noise as a filter takes it; ``allan`` {channel:
-    {tau_s, adev}}; ``status``, ``failed``, ``answers``, ``card``, ``calibrated``, whether there
+    {tau_s, adev}}; ``status``, ``answers``, ``card``, ``calibrated``, whether there
     is a calibration to use, ``loop`` (see `loop_errors`), ``verdicts``, ``rejected``, ``logs``.
     `steps` are those of `next_steps`.
     """
@@ -46,8 +46,7 @@ def summarise(device, steps=()):
         "device": device.name,
         "label": device.title,
         "simulated": device.simulated,
-        "status": "failed" if device.failures else "ok" if device.used else "rejected",
-        "failed": [{"session": name, **asdict(failure)} for name, failure in device.failures],
+        "status": "ok" if device.used else "rejected",
         "rejected": [
             {"session": s.name, "kind": s.kind, "reasons": s.reasons}
             for s in device.sessions

@@ -20,7 +20,6 @@ from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.held import SWAYS, held_rests, sways, united
 from imuloop.segment.multiples import attitudes, choose_multiples, expected_error
 from imuloop.segment.poses import number_poses
-from imuloop.segment.settings import SegmentSettings
 from imuloop.segment.static_detector import (
     activity,
     detect_rests,
@@ -126,11 +125,6 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     table.loc[is_rest, "pose"] = poses
     table.loc[is_rest, "tilt_rad"] = tilt
     return table, metadata | {"poses": int(poses.max(initial=-1)) + 1}
-
-
-def no_segments(kind):
-    """Return the empty result of `segment_session`, for a kind of session without segments."""
-    return segment_session({name: [] for name in (TIME, *CHANNELS)}, kind, SegmentSettings())
 
 
 def _on_support(rests, tilt, level, step):

@@ -168,20 +168,31 @@ def filter_cells(summary):
     return row
 
 
-def write_comparison(path, summaries):
-    """Write comparison.csv: a row per summary.json of a device, SI, units in the headers."""
-    pd.DataFrame(map(_row, summaries)).to_csv(path, index=False, lineterminator="\n")
+def write_comparison(path, summaries, failures=()):
+    """Write comparison.csv: a row per summary.json of a device, SI, units in the headers.
+
+    Before them a row for each Failure of a device, with its reason alone.
+    """
+    rows = [
+        _text_cells(
+            device=f.device, label=f.label, status="failed", why=f"{f.stage} failed: {f.why}"
+        )
+        for f in failures
+        if f.device
+    ]
+    table = pd.DataFrame([*rows, *map(_row, summaries)])
+    table.to_csv(path, index=False, lineterminator="\n")
+
+
+def _text_cells(**texts):
+    return {key: text_cell(one_line(text)) for key, text in texts.items()}
 
 
 def _row(summary):
     """Return a row of comparison.csv by its headers, the same for every device."""
-    row = {key: summary[key] for key in ("device", "label", "status")}
-    # a rejected session's reasons where nothing failed
-    why = [f"{f['stage']} failed: {f['why']}" for f in summary["failed"]] or [
-        f"{r['session']}: {reason}" for r in summary["rejected"] for reason in r["reasons"]
-    ]
-    row["why"] = "; ".join(why)
-    row = {key: text_cell(one_line(text)) for key, text in row.items()}
+    why = [f"{r['session']}: {reason}" for r in summary["rejected"] for reason in r["reasons"]]
+    named = {key: summary[key] for key in ("device", "label", "status")}
+    row = _text_cells(**named, why="; ".join(why))
     row["simulated"] = str(summary["simulated"]).lower()
     for sensor, units in FIGURE_UNITS.items():
         for part in PARTS:

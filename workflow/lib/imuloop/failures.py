@@ -1,0 +1,86 @@
+"""After a run of the workflow in which jobs failed: the report of all other devices."""
+
+import shutil
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from imuloop import chain
+from imuloop.config import resolve
+from imuloop.core.errors import one_line
+from imuloop.job_log import last_words
+
+REPORT, FAMILY = "results/report.html", "results/family.json"
+# an input of the report that is newer than a report without all devices
+FAILED = Path("results/.failed")
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why results of a device, or of all devices together, are missing."""
+
+    device: str  # its name; empty if the results are of all together
+    label: str
+    stage: str  # the rule that failed, with the session
+    why: str  # in one line
+    log: str  # file with the traceback
+
+
+def report_failed_run(workflow, config, command=f"snakemake -- {REPORT}"):
+    """Clean up after a run in which jobs failed; if it was to make the report, make it.
+
+    The results of all jobs that depend on a failed job are removed. Snakemake would take them for
+    results of this run and not try again. The report has the complete devices, and for each other
+    device the stage that failed.
+
+    Parameters
+    ----------
+    workflow : snakemake.workflow.Workflow
+        The object of that name in a Snakefile.
+    config : dict
+        Config of imuloop.
+    command : str
+        Command that makes the report, to be shown in it.
+
+    Returns
+    -------
+    list of str
+        A line for each failed job; empty if none failed, as after Ctrl-C.
+    """
+    dag, causes = workflow.dag, {}
+    # on a cluster the jobs of a device fail as a group
+    failed = [job for each in workflow.scheduler.failed for job in getattr(each, "jobs", [each])]
+    for cause in failed:
+        waiting = {cause}
+        while waiting:
+            job = waiting.pop()
+            causes.setdefault(job, []).append(cause)
+            waiting |= {each for each in dag.depending[job] if cause not in causes.get(each, ())}
+    for job in causes:
+        for path in map(Path, job.output):
+            shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    makers = {str(path): job for job in dag.jobs for path in job.output}
+    report = makers.get(REPORT)
+    if report in causes and report not in failed:
+        devices = resolve(config)
+        failures = []
+        for name, device in devices.items():
+            job = makers[f"results/{name}/section.html"]
+            if job in causes:
+                failures.append(Failure(name, device["label"], *_told(causes[job])))
+            elif dag.needrun(job) and not dag.finished(job):
+                why = "the run stopped before this stage", job.log[0]
+                failures.append(Failure(name, device["label"], job.rule.name, *why))
+        failures = failures or [Failure("", "All devices", *_told(failed))]
+        family = FAMILY if makers.get(FAMILY, report) not in causes else None
+        chain.report(devices, command, family, failures)
+        FAILED.write_text(f"{time.time_ns()}\n")
+    return ["{} failed: {} (more in {})".format(*_told([job], *job.wildcards)) for job in failed]
+
+
+def _told(jobs, *words):
+    """Return stage, reason and log of the first of some failed jobs that tells its reason."""
+    job = next((job for job in jobs if last_words(job.log[0])), jobs[0])
+    why = last_words(job.log[0]) or "no message: killed, or no memory or no room on the disk left"
+    words = words or filter(None, [getattr(job.wildcards, "session", "")])
+    return " ".join([job.rule.name, *words]), one_line(why), job.log[0]
