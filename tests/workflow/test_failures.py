@@ -15,6 +15,8 @@ from workflow.test_caching import edited, planned
 
 # what a script does for a device before its stage
 BUG = "raise ArithmeticError('forced')"
+# for the user, in place of the text of the exception
+WHY = "an error in the code of imuloop (ArithmeticError)"
 KILL = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
 
 
@@ -53,10 +55,7 @@ def test_a_run_with_a_failed_job_ends_with_an_error_and_one_line(runs):
     for done, *_ in found:
         text = done.stdout + done.stderr
         assert done.returncode == 1 and "Traceback" not in text
-        assert (
-            "export resting failed: an error in the code of imuloop (ArithmeticError) (more in logs/export/resting.log)"
-            in text
-        )
+        assert f"export resting failed: {WHY} (more in logs/export/resting.log)" in text
     assert "report_device posed failed: no message" in found[1][0].stderr
     assert "ArithmeticError: forced" in (folder / "logs/export/resting.log").read_text()
 
@@ -64,10 +63,7 @@ def test_a_run_with_a_failed_job_ends_with_an_error_and_one_line(runs):
 def test_the_report_has_all_other_devices_and_what_failed(runs):
     (_, table, page, _), (_, both, none, _) = runs[1]
     assert dict(table["status"]) == {"resting": "failed", "posed": "ok"}
-    assert (
-        table["why"]["resting"]
-        == "export failed: an error in the code of imuloop (ArithmeticError)"
-    )
+    assert table["why"]["resting"] == f"export failed: {WHY}"
     assert page.index("Devices in which a stage failed") < page.index('id="rejected"')
     assert 'id="posed"' in page and 'id="resting"' not in page
     # of several devices only their names are left
