@@ -137,7 +137,6 @@ VALUES = [
     *both("a force a hundred times too small", scaled(FORCE, 0.01), "gravity is in it, in 9 ",
           "has gravity been taken out"),
     *both("a rate that no hand makes", scaled(RATE, 1e4), "too much for a turn by hand"),
-    *both("stamps in ms taken as s", scaled("t", 1e3), "0.1 Hz is unusual for an IMU: see units."),
     *both("a gap", later((2000, 0.7)), "1 gap, 0.71 s together"),
     *[Injection(f"nothing at all, {log}", log, nothing()) for log in LOGS],
     Injection("a force that never changes", "rest", put(FORCE, 0.5),
@@ -240,8 +239,12 @@ UNITS = [
                 (f"in {name} it is 2023-11-14", f"units.time is s, the log says {name}"),
                 declared={"units": {"time": "s"}}, rejected=True)
       for name, ticks in (("ms", 1e3), ("us", 1e6), ("ns", 1e9))],
+    *[Injection(f"stamps in ms taken as s, {log}", log, scaled("t", 1e3),
+                (text, "0.1 Hz is unusual for an IMU"), rejected=True)
+      for log, text in (("rest", "the stamps look like milliseconds: they are whole"),
+                        ("poses", "the gyroscope are 1,000 times those of gravity"))],
     Injection("stamps in us taken as s", "rest", scaled("t", 1e6),
-              ("the stamps look like us; see units.time",), rejected=True),
+              ("the stamps look like us; declare units.time: us",), rejected=True),
     *[Injection(f"stamps {step} s apart", "brief", stamps(lambda t, s=step: np.arange(len(t)) * s),
                 ("Hz is no rate of an IMU",), rejected=True) for step in (5e-324, 1e-12, 1e100)],
 ]  # fmt: skip

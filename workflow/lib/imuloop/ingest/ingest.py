@@ -26,7 +26,7 @@ from imuloop.ingest import clocks, even_stamps, increments, quality, slower_sens
 from imuloop.ingest import pps as marks
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
-from imuloop.ingest.plausible import judged
+from imuloop.ingest.plausible import judged, milliseconds
 from imuloop.ingest.raw_log import RawLog, absent_sensor, rechunked
 from imuloop.ingest.reference import attach
 from imuloop.ingest.sources import sha256
@@ -119,7 +119,7 @@ def ingest(
     columns, rate, full_scale = dict(declared.columns), declared.rate, declared.full_scale
     if declared.pps and not marks_file:
         columns["pps"] = declared.pps
-    rejected = timeline = logged = step = usual = absent = None
+    rejected = timeline = logged = step = usual = absent = wrong_unit = None
     reasons, counts = [], Counts()
 
     def opened():
@@ -169,6 +169,10 @@ def ingest(
                     usual = increments.usual_step(si_batches(log, **how, counts=Counts()))
                     how["usual"], log = usual, opened()
                 figures = write_and_measure(log, counts, si_batches(log, **how, counts=counts))
+                unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
+                if unstated and counts.time_unit == "s":
+                    what = temporary, figures, counts.points.rows(), declared.gravity, rate
+                    wrong_unit = milliseconds(*what)
                 summed = bool(increments.factors(units))
                 packets = even_stamps.packet_step(counts, rate) or even_stamps.packet_step(counts)
                 step = even_stamps.line_step(temporary, counts, figures, rate, summed, packets)
@@ -209,6 +213,8 @@ def ingest(
             if fault:
                 # the rate is wrong, and what was found by it
                 wrong, doubted = ([fault], []) if many else ([], [fault])
+            if wrong_unit:
+                wrong.append(wrong_unit)
             lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
             if unread := quality.unread(figures, counts):
                 reasons, wrong, doubted, logged = reasons or unread, [], [], None

@@ -11,11 +11,14 @@ from math import log, sqrt
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, Samples
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
 from imuloop.core.units import DEGREE, INCREMENTS
-from imuloop.ingest.stops import WINDOW
+from imuloop.core.units import TIME as TIME_UNITS
+from imuloop.ingest.axes import Axes
+from imuloop.ingest.stamps import declare
+from imuloop.ingest.stops import WINDOW, Stops
 
 # the specific force at rest is gravity within this share; that of a log that never rests lies in
 # these parts of it; at a known factor within the last share: biases of a tenth of g, scale errors
@@ -48,6 +51,10 @@ MOST_JUMP = 0.05
 # times that an integer wraps around, to be named and to make the log useless: logs that were joined
 # jump so once or twice
 LEAST_WRAPS, MOST_WRAPS = 3, 20
+# fastest log in milliseconds, Hz. Its turns are gravity's within these factors, which allow for
+# deg/s taken as rad/s. A log in seconds, whole but for so much, that skips some is slower than the
+# last, Hz
+MOST_RATE, TURNS_IN_MS, WHOLE, EACH_SECOND = 1e4, (0.2, 100.0), 1e-6, 0.7
 
 
 def judged(figures, units, gravity, kind=None):
@@ -79,6 +86,44 @@ def judged(figures, units, gravity, kind=None):
     if kind == "static" and found["rests"]:
         _moved(found["rests"], gravity, reasons, warnings)
     return reasons, warnings
+
+
+def milliseconds(path, figures, points, gravity, rate=None):
+    """Return why stamps that are taken as seconds are milliseconds; None if they may be seconds.
+
+    Takes samples and their quality figures, `points` of row number and time, s, local gravity,
+    m/s^2, and the declared rate, Hz.
+    """
+    taken, factor, why = figures["rate_hz"], 1 / TIME_UNITS["ms"], None
+    if not figures["faults"] or not taken or taken * factor > MOST_RATE:
+        return None
+    if rate:
+        if rate > taken * factor / 2:
+            why = f"the declared rate is {_about(rate / taken)} times the rate in seconds"
+    elif (ratio := _turns_at(path, figures, taken * factor, gravity)) and (
+        TURNS_IN_MS[0] < ratio < TURNS_IN_MS[1]
+    ):
+        why = f"turns measured by the gyroscope are {_about(ratio * factor)} times those of gravity"
+    elif taken < EACH_SECOND and np.abs(points[:, 1] - np.rint(points[:, 1])).max() < WHOLE:
+        why = f"they are whole, and {taken:.3g} Hz is unusual for an IMU"
+    return why and f"the stamps look like milliseconds: {why}; {declare('ms')}, or s if they are"
+
+
+def _turns_at(path, figures, rate, gravity):
+    """Return how far the angular rate turns samples of a rate beside gravity; None if unsure."""
+    stops, axes = Stops(rate), Axes(rate)
+    for _, x in Samples(path).pieces(CHANNELS):
+        stops.add(dict(zip(CHANNELS, x, strict=True)))
+        axes.add(dict(zip(CHANNELS, x, strict=True)))
+    fit = axes.fit()
+    turns = {"axes": fit, "rests": stops.figures(fit and fit["ratio"])}
+    ratio, sure, _ = _turn_ratio(figures | {"faults": figures["faults"] | turns}, gravity)
+    return ratio if sure else None
+
+
+def _about(number):
+    """Return a number to two digits, as words have it."""
+    return f"{float(f'{number:.2g}'):,.0f}"
 
 
 def _known_factors(quantity, unit):

@@ -21,6 +21,7 @@ from imuloop.ingest import fault_lines, faults, misread
 from imuloop.ingest.convert import BEYOND
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.ordered_map import ordered_map
+from imuloop.ingest.stamps import declare
 
 # at most so many gaps are listed; all are counted
 LISTED_GAPS = 50
@@ -300,7 +301,9 @@ def _time_hint(rate, unit):
     """Name the units of the stamps that would make a rate, in the unit they have, plausible."""
     steps = rate * TIME_SCALES[unit] if unit in TIME_SCALES else 0.0
     fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= 1e4]
-    return f": the stamps look like {' or '.join(fits)}; see units.time" if fits else ""
+    if not fits:
+        return ""
+    return f": the stamps look like {' or '.join(fits)}; {declare(fits[0])}"
 
 
 def warnings(figures, counts, log, *, rate):

@@ -172,9 +172,17 @@ def check_unit(stamp, unit):
     if finer:
         date = iso_text(absolute_nanoseconds(stamp, finer[0], False))
         raise RejectedLog(
-            f"the stamps, {stamp} the first, are no {unit}: in {finer[0]} it is {date}; declare "
-            f"units.time: {finer[0]}"
+            f"the stamps, {stamp} the first, are no {unit}: in {finer[0]} it is {date}; "
+            f"{declare(finer[0])}"
         )
+
+
+def declare(unit):
+    """Return how to declare the unit of stamps, in words."""
+    return (
+        f"declare units.time: {unit} (on the command line --time-unit {unit}, in Python "
+        f"units={{'time': '{unit}'}})"
+    )
 
 
 def iso_text(nanoseconds):

@@ -90,6 +90,7 @@ def _freedom(parts, window):
 
 
 def _parts(i, j, step):
-    """Return a rest in parts of `PART` at most, as even as can be."""
-    parts = np.array_split(np.arange(i, j), max(1, int(np.ceil((j - i) * step / PART))))
+    """Return a rest in parts of `PART` or a sample at most, as even as can be."""
+    count = min(j - i, max(1, int(np.ceil((j - i) * step / PART))))
+    parts = np.array_split(np.arange(i, j), count)
     return [(int(part[0]), int(part[-1]) + 1) for part in parts]
