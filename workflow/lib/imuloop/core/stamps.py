@@ -47,7 +47,15 @@ class Scatter:
     @property
     def followed(self):
         """Whether β is above a half by more than chance; not where nothing turned."""
-        beyond = self._shared - self._square / 2
+        return self._beyond_half(1)
+
+    @property
+    def even(self):
+        """Whether β is below a half by more than chance; not where nothing turned."""
+        return self._beyond_half(-1)
+
+    def _beyond_half(self, sign):
+        beyond = sign * (self._shared - self._square / 2)
         return bool(beyond > SURE * np.sqrt(self._chance) and self._square > 0)
 
 

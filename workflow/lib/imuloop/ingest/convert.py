@@ -78,7 +78,7 @@ def si_batches(
     rate,
     time_range,
     counts,
-    step=None,
+    even=None,
     usual=None,
     timeline=None,
     packets=None,
@@ -88,11 +88,12 @@ def si_batches(
     Of a sensor that the log lacks they are zero.
     `units` and `raw_units` are the unit of each quantity and the `RawUnit` of each sensor; `rate`,
     Hz, stamps rows of a log without stamps; `time_range` is a half-open crop, seconds from the
-    log's first stamp or ISO 8601, None is open; `counts` are filled on the way. With a `step`, s
-    per row, `t` is rebuilt from the row number and `t_logged` is as stamped; `usual` is the step of
-    the stamps, s, that increments after a gap are of; with a `timeline`, of 1PPS, `t` is GNSS time;
-    `packets` are as of `even_stamps.packet_step`.
+    log's first stamp or ISO 8601, None is open; `counts` are filled on the way. With `even` samples
+    (`even_stamps.Even`) `t` is rebuilt from the row number and `t_logged` is as stamped; `usual` is
+    the step of the stamps, s, that increments after a gap are of; with a `timeline`, of 1PPS, `t`
+    is GNSS time; `packets` are as of `even_stamps.packet_step`.
     """
+    step = even and even.step
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
     for kind in (counts.missing_values, counts.impossible_values):
         kind.update(dict.fromkeys(channels, 0))
@@ -193,7 +194,8 @@ def si_batches(
                 counts.start_ns = _moment(zero, units, absolute, timeline)
         samples = {TIME: (x[keep] - zero) * scale}
         if step is not None:
-            samples = {TIME: (rows[keep] - first) * step, LOGGED_TIME: samples[TIME]}
+            number = even.number(rows[keep]) - even.number(first)
+            samples = {TIME: number * step, LOGGED_TIME: samples[TIME]}
         elif timeline:
             counts.outside_marks += timeline.outside(x[keep])
         elif stamped:

@@ -1,7 +1,13 @@
 """Stamps of a sensor that samples evenly, made even: of packets, in bursts, that scatter."""
 
-import numpy as np
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+import numpy as np
+from scipy.fft import next_fast_len
+from scipy.ndimage import median_filter, uniform_filter1d
+
+from imuloop.core.errors import plural
 from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import ANGULAR_RATE, TIME, Samples
 from imuloop.core.stamps import Scatter
@@ -12,9 +18,6 @@ BURST = 0.5
 _LONGEST_PAUSE = 0.5
 # stamps scatter where nine in ten of them take this share of a step, or more
 _SCATTER = 0.12
-# relative difference of the median step from the mean of stamps that scatter, beside what rounding
-# makes: more is a loss
-_EVEN = 0.05
 # part of a grid's width by which steps on it may miss it
 _OFF_GRID = 1e-3
 # a level of stamps that scatter is known to this share of a step, so that one lost sample shows
@@ -23,6 +26,21 @@ _KNOWN, _FEWEST = 0.05, 16
 _LEAST_LEVELS = 5
 # rounds of least squares, and the percentiles of the lateness beyond which it is clipped
 _ROUNDS, _USUAL = 3, (5, 95)
+# spectrum of the stamps: stamps of a block, blocks at most, bins of time to a mean step
+_BLOCK, _BLOCKS, _BINS = 4096, 16, 16
+# a clock's power is above this many times the power of random stamps; frequencies that its peak
+# spans; power of its images, of its own
+_SURE, _PEAK, _IMAGE = 20.0, 8, 0.7
+# share of the stamps that follow one sample after the last, at least, and beside the share of those
+# that follow later
+_ONES, _ONES_OF_MORE = 0.3, 0.8
+# stamps of a running median, stamps of a running phase, and lost samples that may be noise
+_SMOOTH, _PHASE, _FEW = 9, 512, 2
+# transfers have one size where this share of them has it
+_ALIKE = 0.9
+# a beat: fewest missing samples, error of their mean spacing that a whole number may have over all
+# of them, samples, and their scatter, samples
+_LEAST_BEATS, _BEAT_OFF, _BEAT_WIDTH = 10, 3.0, 1.5
 # rows that share a stamp are a packet where half of such are as far from the next stamp, or the one
 # before, as their number of steps, but for this part of one; fewer repeats are dropped
 _PACKET, _LEAST_REPEATS = 0.5, 10
@@ -35,65 +53,238 @@ _RATE_SHARE = 0.02
 _LEAST_STRETCH, MOST_BURSTS = 1.0, 1000
 
 
-def _follows_stamps(path, step, grid):
-    """Tell whether samples (a file) were taken when they are stamped, not evenly every `step` s."""
-    scatter = Scatter(step, grid)
-    for _, (t, *w) in Samples(path).pieces((TIME, *ANGULAR_RATE)):
-        scatter.add(t, w)
-    return scatter.followed
+@dataclass(frozen=True)
+class Even:
+    """Samples at even steps, some of which may be lost.
 
-
-def line_step(path, counts, measured, rate=None, increments=False, packets=None):
-    """Return the seconds from row to row of stamps that are to be rebuilt; None to keep them.
-
-    A host stamps what it receives, and a transfer brings several samples: the steps are short
-    within a transfer and long between, or rows of a packet share a stamp. The sensor's own step is
-    the slope of time over row number. It is taken only where the medians of time about the line, of
-    `_PARTS` parts of the log, lie within the scatter of one part: else rows are lost, or the sensor
-    pauses. No line goes on over a reset.
-
-    Stamps that come singly, but scatter by `_SCATTER` or more, are rebuilt where no sample is
-    lost: the medians of parts so long that one is known to `_KNOWN` of a step, `_LEAST_LEVELS` or
-    more, all lie within half a step, and the median step is the mean one but for what the grid of
-    the stamps rounds. They stay where rows hold `increments`, whose intervals may differ, and where
-    the angular rate goes with them.
-
-    `path` are the samples as stamped, `measured` their figures, `rate` is the declared one, Hz,
-    `packets` as of `packet_step`.
+    Attributes
+    ----------
+    step : float
+        Time from sample to sample, s.
+    rows, lost : sequence of int
+        Rows after a loss, and the number of samples lost before each of them in total.
+    complete : bool
+        Whether it is known that no sample is lost.
     """
-    step = _line_step(counts, measured, rate, increments, packets)
-    kept = step and not packets and _follows_stamps(path, step, _grid(counts.points.rows()[:, 1]))
-    return None if kept else step
+
+    step: float
+    rows: Sequence = ()
+    lost: Sequence = ()
+    complete: bool = False
+
+    def number(self, rows):
+        """Return the number of the sample that each row holds."""
+        return rows + np.array([0, *self.lost])[np.searchsorted(self.rows, rows, side="right")]
 
 
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def _line_step(counts, measured, rate, increments, packets):
+def even_samples(path, counts, measured, rate=None, increments=False, packets=None):
+    """Return the `Even` samples of a log whose stamps are to be rebuilt; None to keep them.
+
+    A host stamps what it receives, with a delay that varies, and receives several samples of a
+    transfer at once. The samples are found in two ways:
+
+    - by the sensor's clock, where the stamps still show it (`_numbered`). This tells lost samples
+      from late ones.
+    - by the line of the stamps over the row number (`_on_line`). Its slope is the step.
+
+    Stamps of single rows stay as they are where they scatter by less than `_SCATTER`, where the
+    angular rate goes with them, and where rows hold increments, whose intervals may differ. Stamps
+    stay too where the clock is reset or the sensor pauses.
+
+    Parameters
+    ----------
+    path : path-like
+        Samples as stamped.
+    counts, measured : Counts, dict
+        Their counts and quality figures.
+    rate : float, optional
+        Declared rate, Hz.
+    increments : bool
+        Whether rows hold increments.
+    packets : tuple, optional
+        Result of `packet_step`.
+    """
     points = counts.points.rows()
     if counts.clock.resets or len(points) < 10 * _PARTS:
         return None
-    step, away = _line(*points.T)
-    median, _ = _steps(measured)
+    rows, t = points.T
+    step, away = _line(rows, t)
+    if not np.isfinite(1 / step):
+        return None
     # not of the mean step, which a single pause can make long
-    bursts = median < BURST * step
+    bursts = _steps(measured)[0] < BURST * step
+    single = not (packets or bursts)
+    if single and (increments or _width(away) < _SCATTER * step):
+        return None
+    on_line = _on_line(away, step, packets, bursts)
+    even = Even(step) if on_line else None
+    grid, clean = _grid(t), False
+    if numbered := _numbered(path, counts.points, packets):
+        first, lost, number, t, width = numbered
+        losses = np.flatnonzero(np.diff(lost)) + 1
+        own_step, _ = _line(number, t)
+        beat = _beat(number[losses])
+        clean = single and width < _SCATTER and not beat
+        if on_line and (beat or lost[-1] <= _FEW):
+            losses = losses[:0]
+        if not (beat or clean or losses.size):
+            even = Even(step if on_line else own_step, complete=True)
+        elif losses.size and not clean and np.diff(lost).max() * own_step < _LONGEST_PAUSE:
+            even = Even(own_step, first[losses], lost[losses])
+    if not even or (rate and abs(even.step * rate - 1) > _RATE_SHARE):
+        return None
+    if packets:
+        return even
+    scatter = Scatter(even.step, grid)
+    for _, (t, *w) in Samples(path).pieces((TIME, *ANGULAR_RATE)):
+        scatter.add(t, w)
+    if clean:
+        # a slower sensor on this grid of stamps has the same stamps: the gyroscope knows
+        return replace(even, complete=True) if scatter.even else None
+    return None if scatter.followed else even
+
+
+def _width(away):
+    """Return how far times scatter about a line within a part of the log, s."""
     parts = np.array_split(away, _PARTS)
-    scatter = np.median([np.subtract(*np.percentile(part, [95, 5])) for part in parts])
-    limit = scatter
+    return np.median([np.subtract(*np.percentile(part, [95, 5])) for part in parts])
+
+
+def _on_line(away, step, packets, bursts):
+    """Tell whether times lie on a line over the row number, so that no sample is lost.
+
+    The medians of parts of the log have to lie within the scatter of one part, those of single rows
+    within half a step. Then a part is so long that its median is known to `_KNOWN` of a step.
+    """
+    limit = scatter = _width(away)
+    parts = np.array_split(away, _PARTS)
     if packets:
         limit = max(scatter, step / 2)
     elif not bursts:
         # the error of a median of n normal values is 1.25 of their deviation over the root of n
         needed = (1.25 * scatter / 3.29 / (_KNOWN * step)) ** 2
-        away_from_mean = abs(median - step) - _grid(points[:, 1])
-        even = scatter >= _SCATTER * step and away_from_mean <= _EVEN * step
-        if increments or not even or not _LEAST_LEVELS * needed < len(away):
-            return None
+        if not _LEAST_LEVELS * needed < len(away):
+            return False
         parts = np.array_split(away, int(len(away) / max(needed, _FEWEST)))
         limit = step / 2
-    on_line = np.ptp([np.median(part) for part in parts]) <= limit and scatter <= _LONGEST_PAUSE
-    if not on_line or (rate and abs(step * rate - 1) > _RATE_SHARE):
+    return np.ptp([np.median(part) for part in parts]) <= limit and scatter <= _LONGEST_PAUSE
+
+
+def _numbered(path, points, packets):
+    """Return the number of each sample by the sensor's clock.
+
+    Parameters
+    ----------
+    path : path-like
+        Samples as stamped.
+    points : EvenSubsample
+        Row number and time, s, of some of them; of a packet its first row.
+    packets : tuple or None
+        Result of `packet_step`.
+
+    Returns
+    -------
+    tuple or None
+        For each transfer, or row: its first row, the number of samples lost before it, the number
+        of its sample, and its time, s. Last, how far the stamps scatter about the clock, samples.
+        None where the stamps show no clock.
+    """
+    rows, t = points.rows().T
+    rows = rows.astype(int)
+    if points.stride == 1:
+        size, rows, t = _transfers(rows, t)
+        clock = _clock(t)
+    else:
+        # every n-th row shows no clock; all rows at the start, one for each packet, do
+        dense = Samples(path).read((TIME,), 0, POINTS)[0]
+        size = round(np.median(np.diff(rows)) / points.stride)
+        clock = _clock(dense) if _transfers(np.arange(len(dense)), dense)[0] == 1 else None
+    if not clock:
         return None
-    return step
+    # the row that the stamp is for
+    stamped = rows - rows[0]
+    if size == points.stride == 1 and packets and packets[1]:
+        stamped = stamped + np.diff(rows, append=rows[-1] + 1) - 1
+        stamped = stamped - stamped[0]
+    place = t * clock - _phase(t * clock, max(_PHASE // points.stride, _SMOOTH))
+    index = np.rint(place).astype(int)
+    if size * (index[-1] - index[0]) < (1 - _RATE_SHARE) * stamped[-1]:
+        # a clock of the transfers, not of the sensor
+        return None
+    width = np.subtract(*np.percentile(place - index, [95, 5]))
+    near = _SMOOTH if width >= _SCATTER else 3
+    lost = median_filter(size * (index - index[0]) - stamped, near)
+    # after late samples others are in time again; after lost ones they are not
+    lost = np.minimum.accumulate(lost[::-1])[::-1]
+    lost = lost - lost[0]
+    return rows, lost, stamped + lost, t, size * width
+
+
+def _clock(t):
+    r"""Return the frequency of the clock that stamps show, Hz; None where they show none.
+
+    It is a peak of the spectrum of the stamps
+
+    .. math:: C(f) = \left|\sum_k e^{2 \pi i f t_k}\right| / n,
+
+    between their mean rate and twice that. A normal delay of standard deviation :math:`\sigma`
+    lowers C by the factor :math:`e^{-2 (\pi f \sigma)^2}`; lost samples do not lower it.
+    """
+    mean = (len(t) - 1) / (t[-1] - t[0])
+    x, block = (t - t[0]) * mean, min(len(t), _BLOCK)
+    starts = np.linspace(0, len(x) - block, min(_BLOCKS, len(x) // block)).astype(int)
+    length, power = next_fast_len(4 * block * _BINS, real=True), 0.0
+    for part in (x[i : i + block] - x[i] for i in starts):
+        # what comes after a pause says little
+        binned = (part[part < 2 * block] * _BINS + 0.5).astype(int)
+        power = power + np.abs(np.fft.rfft(np.bincount(binned, minlength=length), length)) ** 2
+    f = np.fft.rfftfreq(length, 1 / _BINS)
+    power = power / len(starts) / block**2
+    f, power = (each[(f > 1 - 1 / block) & (f <= 2)] for each in (f, power))
+    # on a grid of stamps the clock has images at higher frequencies
+    low = np.flatnonzero(power > _IMAGE * power.max())[0]
+    peak = f[low + power[low : low + _PEAK].argmax()]
+    for clock in (peak, 1.0):
+        step = np.diff(np.rint(x * clock - _phase(x * clock, _PHASE)))
+        ones, more = np.mean(step == 1), np.mean(step > 1)
+        # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
+        if np.interp(clock, f, power) * block > _SURE and ones > max(_ONES, _ONES_OF_MORE * more):
+            return clock * mean
+    return None
+
+
+def _phase(x, width):
+    """Return the slowly changing phase of times in cycles, cycles."""
+    wave = uniform_filter1d(np.exp(2j * np.pi * x), width)
+    return np.unwrap(np.angle(wave)) / (2 * np.pi)
+
+
+def _beat(at):
+    """Tell whether samples are missing because a host polls a sensor slower than its polls.
+
+    They are then evenly spaced by the beat of the two clocks, which is not a whole number.
+    """
+    if len(at) < _LEAST_BEATS:
+        return False
+    order = np.arange(len(at))
+    apart, start = np.polyfit(order, at, 1)
+    away = at - apart * order - start
+    whole = abs(apart - round(apart)) * len(at) < _BEAT_OFF
+    return not whole and np.subtract(*np.percentile(away, [95, 5])) < _BEAT_WIDTH
+
+
+def _transfers(rows, t):
+    """Return size, first rows and times of transfers; of single rows where the size differs."""
+    mean, size = (t[-1] - t[0]) / (len(t) - 1), np.diff(rows)
+    for starts in (np.arange(len(t)), np.append(0, 1 + np.flatnonzero(np.diff(t) >= BURST * mean))):
+        size = np.diff(rows[starts])
+        usual = int(np.median(size)) if len(size) else 1
+        if usual > 1 and np.mean(size == usual) >= _ALIKE:
+            # the first and the last one may be incomplete
+            return usual, rows[starts][1:-1], t[starts][1:-1]
+    return 1, rows, t
 
 
 def _grid(t):
@@ -173,19 +364,24 @@ def spread(x, readable, after, held, step, last):
     return moved, (stamps[end], number[-1] + 1, stamps[end - 1] if end else before)
 
 
-def rebuilt(logged, step, counts, packets=None):
-    """Return the line on stamps rebuilt every `step` s, by figures and counts as logged."""
+def rebuilt(logged, even, counts, packets=None):
+    """Return the line on stamps rebuilt as `Even` samples, by figures and counts as logged."""
     median, mean = _steps(logged)
-    at = step and f"t is rebuilt from the row number at {1 / step:.6g} Hz"
+    at = even and f"t is rebuilt from the row number at {1 / even.step:.6g} Hz"
+    if even and len(even.lost):
+        at += f" with {plural(int(even.lost[-1]), 'lost sample')} between"
     if packets:
         how = f"of {counts.duplicates} rows are those of others, as of packets of samples"
-    elif median < BURST * step:
+    elif median < BURST * even.step:
         how = f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
     else:
         gaps = logged["gaps"]["count"]
+        known = ", no sample is lost" if even.complete else ""
         seen = f", though {gaps} of the steps look like gaps" if gaps else ""
-        return f"the stamps scatter about a regular clock, no sample is lost{seen}: {at}"
-    if not step:
+        if not (even.complete or len(even.lost)):
+            seen += ", so that lost samples would not show"
+        return f"the stamps scatter about a regular clock{known}{seen}: {at}"
+    if not even:
         return f"the stamps {how}: they are put {packets[0]:.6g} s apart within each packet"
     return f"the stamps {how}: {at}; where the sensor itself pauses, give rate in Hz"
 

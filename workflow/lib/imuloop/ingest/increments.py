@@ -64,16 +64,16 @@ def rates(raw, batch, units, steps):
     return found
 
 
-def figures(log, units, counts, usual, step, rate):
+def figures(log, units, counts, usual, rebuilt, rate):
     """Return what quality.json says of increments; None where there are none.
 
-    `usual` is the usual step of the stamps, `step` that of rows whose stamps were rebuilt, s;
-    `rate` the declared one, Hz.
+    `usual` is the usual step of the stamps, s; `rebuilt` tells whether they were rebuilt; `rate` is
+    the declared one, Hz.
     """
     sensors = {sensor: units[sensor] for sensor in factors(units)}
     if not sensors:
         return None
-    interval = "step of the rows, rebuilt" if step else "step of the stamps that ends at the row"
+    interval = "step of the rows, rebuilt" if rebuilt else "step of the stamps that ends at the row"
     if "interval" in log.found:
         interval = "logged"
     elif "time" not in log.found:

@@ -119,7 +119,7 @@ def ingest(
     columns, rate, full_scale = dict(declared.columns), declared.rate, declared.full_scale
     if declared.pps and not marks_file:
         columns["pps"] = declared.pps
-    rejected = timeline = logged = step = usual = absent = wrong_unit = None
+    rejected = timeline = logged = even = usual = absent = wrong_unit = None
     reasons, counts = [], Counts()
 
     def opened():
@@ -175,16 +175,16 @@ def ingest(
                     wrong_unit = milliseconds(*what)
                 summed = bool(increments.factors(units))
                 packets = even_stamps.packet_step(counts, rate) or even_stamps.packet_step(counts)
-                step = even_stamps.line_step(temporary, counts, figures, rate, summed, packets)
-                if step or packets:
+                even = even_stamps.even_samples(temporary, counts, figures, rate, summed, packets)
+                if even or packets:
                     # once more from the start, now that the line or the step is known
                     as_logged, counts, logged, log = counts, Counts(), figures, opened()
-                    if step:
-                        how |= {"step": step, "usual": None}
+                    if even:
+                        how |= {"even": even, "usual": None}
                     else:
                         how["packets"] = packets
                     batches = si_batches(log, **how, counts=counts)
-                    figures = write_and_measure(log, counts, batches, rebuilt=bool(step))
+                    figures = write_and_measure(log, counts, batches, rebuilt=bool(even))
             except RejectedLog as error:
                 reasons, logged = [str(error)], None
                 figures = write_and_measure(log, counts, ())
@@ -239,10 +239,10 @@ def ingest(
         early, late = counts.outside_marks.tolist()
         timeline.figures.update(before=early, after=late)
         doubts += marks.warnings(timeline.figures)
-    summed = increments.figures(log, units, counts, usual, step, rate)
+    summed = increments.figures(log, units, counts, usual, even, rate)
     doubts += increments.warnings(summed, figures)
     if logged:
-        doubts.append(even_stamps.rebuilt(logged, step, as_logged, packets))
+        doubts.append(even_stamps.rebuilt(logged, even, as_logged, packets))
     doubts += counts.clock.warnings()
     if absent:
         why = f"what needs it is not testable; give both files where another holds it, {PAIR}"
