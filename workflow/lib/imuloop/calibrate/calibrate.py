@@ -7,7 +7,7 @@ from scipy.linalg import LinAlgError, block_diag
 
 from imuloop.calibrate import accelerometer, six_position
 from imuloop.calibrate.accelerometer import AccelerometerModel
-from imuloop.calibrate.contradictions import change
+from imuloop.calibrate.contradictions import change, changed_at
 from imuloop.calibrate.determined import (
     NO_POSE,
     accelerometer_undetermined,
@@ -53,6 +53,8 @@ METHODS = (
 )
 # condition number up to which turns determine a gyroscope
 BY_TURNS = 100
+# standard deviations up to which two biases may differ and be one
+SAME = 5.0
 KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")
 # of sessions whose rests are poses in any attitude
 POSED = ("multi_position", "reference_motion")
@@ -250,13 +252,14 @@ def calibrate_sensors(recording, noise, gravity, units, settings, given=None, tu
     how = given, turns, bias
     pair, reasons = start_pair(recording, noise, gravity, units, settings, *how)
     made = pair.calibrations(pair.fit(recording)) if pair else {}
-    return made | not_by_poses(reasons, poses, noise, units, turns)
+    return made | not_by_poses(reasons, recording, noise, units, turns)
 
 
-def not_by_poses(reasons, poses, noise, units, turns):
+def not_by_poses(reasons, recording, noise, units, turns):
     """Return the calibrations of the sensors that poses do not calibrate, by the reasons.
 
-    Arguments as of `start_pair`, and the reason by sensor.
+    Arguments as in `start_pair`, and the reason by sensor. A gyroscope that changed amid the
+    recording has a bias only if it is the same before and after.
     """
     made = {}
     if "accelerometer" in reasons:
@@ -264,7 +267,11 @@ def not_by_poses(reasons, poses, noise, units, turns):
         made["accelerometer"] = SensorCalibration.nominal(unit, reason)
     if "gyroscope" in reasons:
         unit, reason = units["gyroscope"], reasons["gyroscope"]
-        made["gyroscope"] = by_turns(turns, unit) or rest_bias(poses, noise, unit, reason)
+        known, poses = by_turns(turns, unit), recording.poses
+        changed = None if known else changed_at("gyroscope", poses, recording.rotations)
+        time, words = changed or (np.inf, "")
+        reason = reason if words in reason else f"{reason}; {words}"
+        made["gyroscope"] = known or rest_bias(poses, noise, unit, reason, time)
     return made
 
 
@@ -288,13 +295,14 @@ def by_turns(turns, unit):
     return in_raw_units(unit, OF_GYROSCOPE, x, covariance, method="known_rotation")
 
 
-def rest_bias(poses, noise, unit, reason):
+def rest_bias(poses, noise, unit, reason, changed=np.inf):
     """Return the calibration of a gyroscope that only rested: its bias, weighted by the noise.
 
     Where it differs more between power cycles than noise lets expect, the mean over them, with the
-    variance ``s²/n`` of n power cycles. Nominal without a rest, or where the noise of an axis is
-    not known. Takes Poses, NoiseModel, the RawUnit of the gyroscope, and why the rest of it is not
-    calibrated, text.
+    variance ``s²/n`` of n power cycles. Nominal without a rest, where the noise of an axis is not
+    known, or where the biases before and after a time at which the sensor `changed`, s, differ by
+    more than `SAME` standard deviations. Takes Poses, NoiseModel, the RawUnit of the gyroscope, and
+    why the rest of it is not calibrated, text.
     """
     silent = poses.unknown_noise(noise, ANGULAR_RATE)
     if silent or not len(poses):
@@ -302,6 +310,14 @@ def rest_bias(poses, noise, unit, reason):
         return SensorCalibration.nominal(unit, "; ".join(reasons))
     covariance = poses.mean_covariance(noise)[3:]
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
+    late = poses.start_s > changed
+    if late.any() and not late.all():
+        parts = [weights * at for at in (late, ~late)]
+        parts = [own / own.sum(axis=1, keepdims=True) for own in parts]
+        contrast = parts[0] - parts[1]
+        differs = np.einsum("an,na->a", contrast, poses.w)
+        if np.any(differs**2 > SAME**2 * np.einsum("an,anm,am->a", contrast, covariance, contrast)):
+            return SensorCalibration.nominal(unit, reason)
     total = weights.sum(axis=1)
     bias, variance = np.einsum("an,na->a", weights, poses.w) / total, 1 / total
     cycles = [weights * (poses.power_cycle == k) for k in np.unique(poses.power_cycle)]

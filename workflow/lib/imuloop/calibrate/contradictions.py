@@ -3,7 +3,7 @@
 By equal weights: poses and turns that contradict others say nothing of the noise.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -26,42 +26,101 @@ PARTS = {"accelerometer": 12, "gyroscope": 8}
 LONG = 1 / 3
 CHANGED, MOST = 3, 0.5
 LEAST = {"accelerometer": 5e-3, "gyroscope": 0.015}
+# misalignment, rad, scale factor, 1, and bias, of gravity, that a data sheet allows at most
+LOOSE = 0.1
+# singular value over the largest, columns of length one, below which it is taken for this share
+UNSEEN = 1e-9
 # by how much the errors before a change may differ with the poses that count to them
 UNEVEN = 2.0
 
 
-def pose_errors(poses):
-    """Return the errors of gravity's norm at Poses, share of gravity, (n, 1), about a robust fit.
+@dataclass(frozen=True)
+class Errors:
+    """Errors of m poses or turns by one calibration of all, and what they depend on."""
 
-    With their derivative by nine parameters, (n, 1, 9), and the directions of gravity, (n, 3). The
-    parameters are those that most poses agree on.
+    values: np.ndarray  # (m, c): of c components
+    design: np.ndarray  # (m, c, 9): derivative by nine parameters of the sensor
+    # (m, c, c): their covariance by what else is estimated, the direction of gravity at turns
+    spread: np.ndarray
+
+    def robust(self):
+        """Return the errors about a soft-L1 fit of the parameters, (m, c)."""
+        y, rows = self.values.ravel(), self.design.reshape(-1, self.design.shape[-1])
+        p = robust(lambda p: y + rows @ p, lambda p: rows, np.zeros(rows.shape[1]))
+        return self.values + self.design @ p
+
+    def scores(self, usual, leverage):
+        """Return the size of errors over their standard deviation, (m,).
+
+        Takes the errors that are usual, and of each what it has of the parameters' errors, one for
+        each usual error, (m, c, 9).
+        """
+        unit = np.eye(self.values.shape[1])
+        own = usual**2 * (unit + leverage @ leverage.swapaxes(1, 2)) + self.spread
+        return np.sqrt(np.einsum("mc,mcd,md->m", self.values, np.linalg.pinv(own), self.values))
+
+
+def inverse_root(rows):
+    """Return R, (p, p), with ``R Rᵀ = (Jᵀ J)⁻¹`` of rows J, (n, p): large where J shows nothing."""
+    size = np.linalg.norm(rows, axis=0)
+    size[size == 0] = 1.0
+    square = np.concatenate([rows / size, np.zeros((len(size),) * 2)])
+    _, values, axes = np.linalg.svd(square, full_matrices=False)
+    return axes.T / np.maximum(values, UNSEEN * values[0]) / size[:, None]
+
+
+def fitted(poses):
+    """Fit gravity's norm at Poses with soft-L1 loss, and loosely to the data sheet.
+
+    Returns the AccelerometerModel, in shares of gravity, its parameters, (9,), and a root of their
+    covariance, (9, 9): what the poses do not determine is as the data sheet has it.
     """
     model = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), 1.0)
-    x = model.start()
-    if len(poses) >= PARTS["accelerometer"]:
-        x = robust(lambda x: model.residuals(x)[0], lambda x: model.residuals(x)[1], x)
+    start = model.start()
+    K = start[3:6]
+    loose = np.diag(1 / (LOOSE * np.concatenate([np.ones(3), K, 1 / K])))
+    x = robust(
+        lambda x: np.append(model.residuals(x)[0], EVEN * loose @ (x - start)),
+        lambda x: np.concatenate([model.residuals(x)[1], EVEN * loose]),
+        start,
+    )
     values, design = model.residuals(x)
-    force = model.values(x)
-    up = force / np.linalg.norm(force, axis=1, keepdims=True)
-    return values[:, None], design[:, None], up
+    usual = np.median(np.abs(values)) / 0.67 * np.sqrt(len(values) / max(len(values) - 9, 1))
+    return model, x, usual * inverse_root(np.concatenate([design, usual * loose]))
+
+
+def pose_errors(poses):
+    """Return the Errors of gravity's norm at Poses about a soft-L1 fit, share of gravity."""
+    model, x, _ = fitted(poses)
+    values, design = model.residuals(x)
+    return Errors(values[:, None], design[:, None], np.zeros((len(values), 1, 1)))
 
 
 def turn_errors(poses, rotations):
-    """Return the errors of Rotations, rad, (m, 2), by the data sheet, and their derivative.
+    """Return the Errors of Rotations, rad, by the data sheet's misalignment and scale factor.
 
-    That is by misalignment and scale factor, (m, 2, 9). A turn carries gravity's direction from
-    pose to pose, as `pose_errors` has it. Its bias is the mean rate of both poses: one may drift.
+    A turn carries gravity's direction from pose to pose, as a soft-L1 fit of the accelerometer has
+    it. The bias is the mean rate of both poses: it may drift.
     """
     base = np.repeat([0.0, 1.0, 0.0], [6, 3, 3])
     bias = (poses.w[rotations.first] + poses.w[rotations.first + 1]) / 2
     rotations = replace(rotations, w=rotations.w - bias[:, None])
     no_effect = np.zeros((len(poses), 3, 0)), np.zeros((*rotations.w.shape, 0))
-    up, ends = pose_errors(poses)[2], (poses.to_start, poses.to_end)
+    force, x, root = fitted(poses)
+    up = force.values(x)
+    norm = np.linalg.norm(up, axis=1)[:, None]
+    up, ends = up / norm, (poses.to_start, poses.to_end)
     model = GyroscopeModel(poses.w, no_effect[0], rotations, no_effect[1], up, *ends)
     carried, start = model.carried(base), model.departures
     by_turn = (carried @ cross_matrix(start))[:, None]
     design = model.summed(by_turn @ model.path(base).middle, base)
-    return (carried @ start[..., None])[..., 0], design[..., :9]
+    # how well the directions are known
+    across = (np.eye(3) - up[:, :, None] * up[:, None]) / norm[..., None]
+    turned = across @ force.derivative(x) @ root
+    first = rotations.first
+    own = carried @ turned[first] - model.plane @ turned[first + 1]
+    values = (carried @ start[..., None])[..., 0]
+    return Errors(values, design[..., :9], own @ own.swapaxes(1, 2))
 
 
 def live(poses):
@@ -71,7 +130,7 @@ def live(poses):
 
 
 def robust(residuals, derivative, start):
-    """Return the parameters of the least errors, large ones by their size."""
+    """Return the parameters of a least-squares fit with soft-L1 loss."""
     how = {"loss": "soft_l1", "f_scale": EVEN, "x_scale": "jac"}
     return least_squares(residuals, start, derivative, **how).x
 
@@ -79,37 +138,42 @@ def robust(residuals, derivative, start):
 def odd_turns(poses, rotations):
     """Return which Rotations contradict all others, a mask, and by how much, rad, (m,) each.
 
-    None where more than a few do. What a turn too quick for the log may lose contradicts nothing.
+    None where more than a few do. What a turn too quick for the log may lose contradicts nothing,
+    nor does a turn from or to a direction of gravity that the poses do not determine.
     """
     if len(rotations) < FEWEST or not live(poses):
         return np.zeros(len(rotations), dtype=bool), np.zeros(len(rotations))
-    values, design = turn_errors(poses, rotations)
-    rows = design.reshape(-1, 9)
-    p = robust(lambda p: values.ravel() + rows @ p, lambda p: rows, np.zeros(9))
-    errors = np.linalg.norm(values + design @ p, axis=1)
-    lost = np.sqrt(np.einsum("mgii->m", rotations.extra_covariance))
-    odd = errors > np.maximum(TIMES * np.maximum(np.median(errors), lost), TURN)
+    turns = turn_errors(poses, rotations)
+    errors = np.linalg.norm(turns.robust(), axis=1)
+    doubt = np.einsum("mcc->m", turns.spread) + np.einsum("mgii->m", rotations.extra_covariance)
+    odd = errors > np.maximum(TIMES * np.maximum(np.median(errors), np.sqrt(doubt)), TURN)
     return odd & (odd.sum() <= max(1, SHARE * len(odd))), errors
 
 
-def first_changed(values, design, fewest, least):
-    """Return the first of n errors from which they contradict those before; None if none does.
+def first_changed(errors, fewest, least):
+    """Return the number of the first error that contradicts those before it; None if none does.
 
-    Takes the errors, (n, c), their derivative, (n, c, p), the fewest that determine p parameters,
-    and the least size of an error that contradicts. One side gives the parameters, by which most
-    errors of the other are then far beyond its own. It is as long as its own stay even.
+    Takes the Errors, the fewest that determine their parameters, and the least size of an error
+    that contradicts. Parts contradict each other where no parameters fit both, and those of one
+    predict most errors of the other to be far smaller than they are, by as much as that part
+    determines them. It is as long as its errors stay even.
     """
-    n, found = len(values), []
+    n, found, left = len(errors.values), [], np.linalg.norm(errors.robust(), axis=1)
+    if np.sum(left > least) < CHANGED * MOST:
+        return None
     for k in range(CHANGED, n - CHANGED + 1):
         before, after = np.arange(k), np.arange(k, n)
         for known, other in ((before, after), (after, before)):
             if len(known) < max(fewest, LONG * n):
                 continue
-            rows, y = design[known].reshape(-1, design.shape[-1]), values[known].ravel()
-            p = np.linalg.lstsq(rows, -y)[0]
+            rows, y = errors.design[known].reshape(-1, 9), errors.values[known].ravel()
+            root = inverse_root(rows)
+            p = -root @ (root.T @ (rows.T @ y))
             usual = np.sqrt(np.sum((y + rows @ p) ** 2) / (len(y) - len(p)))
-            errors = np.linalg.norm(values[other] + design[other] @ p, axis=1)
-            if np.mean(errors > max(TIMES * usual, least)) >= MOST:
+            design = errors.design[other]
+            predicted = Errors(errors.values[other] + design @ p, design, errors.spread[other])
+            far = predicted.scores(usual, design @ root) > TIMES
+            if np.mean(far & (np.linalg.norm(predicted.values, axis=1) > least)) >= MOST:
                 found.append((len(known), usual, k))
     if not found:
         return None
@@ -117,22 +181,29 @@ def first_changed(values, design, fewest, least):
     return max((count, k) for count, usual, k in found if usual <= UNEVEN * smallest)[1]
 
 
-def change(sensor, poses, rotations):
-    """Return when and how a sensor changed amid a recording, in words, or None if it did not."""
+def changed_at(sensor, poses, rotations):
+    """Return when a sensor changed amid a recording, s, and a description; None if it did not."""
     # two sessions have two clocks
     if not live(poses) or np.ptp(poses.session):
         return None
     if sensor == "accelerometer":
-        (*errors, _), table, what = pose_errors(poses), poses, "poses"
+        errors, table, what = pose_errors(poses), poses, "poses"
         name = "the accelerometer"
     else:
         errors, table, what = turn_errors(poses, rotations), rotations, "turns"
         name = "the gyroscope, or an axis of the accelerometer,"
-    k = first_changed(*errors, PARTS[sensor], LEAST[sensor])
+    k = first_changed(errors, PARTS[sensor], LEAST[sensor])
     if k is None:
         return None
-    return (
-        f"{name} changed at about {(table.end_s[k - 1] + table.start_s[k]) / 2:.4g} s: the "
+    time = (table.end_s[k - 1] + table.start_s[k]) / 2
+    return time, (
+        f"{name} changed at about {time:.4g} s: the "
         f"{k} {what} before contradict the {len(table) - k} after; was its range, scale, "
         "mounting or clock changed there, or were logs joined? Calibrate one part: time_range"
     )
+
+
+def change(sensor, poses, rotations):
+    """Return when and how a sensor changed amid a recording, in words, or None if it did not."""
+    found = changed_at(sensor, poses, rotations)
+    return found and found[1]

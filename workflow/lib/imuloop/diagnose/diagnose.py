@@ -113,7 +113,7 @@ def diagnose_device(
     reasons = {sensor: with_sessions(reason, sessions) for sensor, reason in reasons.items()}
     how = recording, settings, tests
     poses = diagnose_poses(pair, reasons, *how, found, information, search_formulas)
-    base = replace(base, **not_by_poses(poses.rejected, recording.poses, noise, units, turns))
+    base = replace(base, **not_by_poses(poses.rejected, recording, noise, units, turns))
     motion = diagnose_motion(poses.pair, poses.solution, *how, information, search_formulas)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     force = poses.calibrations.get("accelerometer", base.accelerometer)
