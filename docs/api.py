@@ -17,13 +17,18 @@ from imuloop.result import calibrate
 
 PAGE = Path(__file__).resolve().parents[1] / "build/api.md"
 # in full, in the order in which a user meets them
-CALLS = (calibrate, imuloop.read, imuloop.allan)
-CLASSES = (imuloop.Result, imuloop.Calibration, SensorCalibration, Plots)
+CALLS = (calibrate, imuloop.load, imuloop.read, imuloop.allan)
+CLASSES = (
+    *(imuloop.Result, imuloop.Calibration, SensorCalibration, Plots),
+    *(imuloop.ImuloopError, imuloop.ImuloopWarning),
+)
 
 
 def entry(heading, thing, name):
     """Return a heading, the signature and the docstring."""
-    called = f"{name}{inspect.signature(thing)}" if callable(thing) else name
+    # an exception has no signature
+    signed = callable(thing) and not (inspect.isclass(thing) and issubclass(thing, Exception))
+    called = f"{name}{inspect.signature(thing)}" if signed else name
     return f"{heading} {name}\n\n```text\n{called}\n\n{inspect.getdoc(thing)}\n```\n"
 
 

@@ -59,6 +59,41 @@ IN_PYTHON = {
     "a pair by other names": (({"acc": "a", "gyr": "b"},), {}, "name them acceleration and"),
     "temperature": ((T, F, W, np.ones(5)), {}, "temperature: an array of shape (5,)"),
     "threads": ((T, F, W), {"threads": 0}, "threads: 0; at least 1"),
+    "one array": (
+        (np.arange(100),),
+        {},
+        "log: an array of shape (100,) is no log; a log is a path",
+    ),
+    "a table of numbers": ((np.ones((9, 7)),), {}, "(9, 7) is no log without columns by number"),
+    "numbers for logs": (([1.0, 2.0],), {}, "log: a float is no log"),
+    "a static array": ((T, F, W), {"static": np.arange(5)}, "static: an array of shape (5,)"),
+    "no accelerometer": ((T,), {"angular_rate": W}, "acceleration: none is given"),
+    "no time": ((), {"acceleration": F, "angular_rate": W}, "t: none is given"),
+    "one time": ((5.0, F, W), {}, "t: an array of shape ()"),
+    "times in a column": ((T[:, None], F, W), {}, "t: an array of shape (400, 1)"),
+    "ragged rows": ((T, [[1, 2, 3], [1]], W), {}, "acceleration: its rows differ in length"),
+    "complex numbers": ((T, F + 1j, W), {}, "column 'ax' holds"),
+    "a column twice": (
+        (pd.DataFrame(np.ones((9, 3)), columns=["t", "ax", "ax"]),),
+        {},
+        "two columns are named ax",
+    ),
+    "temperature of a file": (("PATH",), {"temperature": T}, "temperature: goes with arrays"),
+    "units as text": ((T, F, W), {"units": "g"}, "units: 'g' is not a mapping"),
+    "columns as a list": (("PATH",), {"columns": ["t"]}, "columns: ['t'] is not a mapping"),
+    "threads as text": ((T, F, W), {"threads": "2"}, "threads: 2"),
+    "latitude as text": ((T, F, W), {"gravity": {"latitude": "N", "height": 0}}, "is no place"),
+    "a name that is a path": ((T, F, W), {"name": "../a"}, "name: '../a' is not a letter and"),
+    "a setting as text": (
+        (T, F, W),
+        {"settings": {"diagnose": {"folds": "ten"}}},
+        "settings.diagnose.folds: 'ten' is not a whole number",
+    ),
+    "a setting out of its limits": (
+        (T, F, W),
+        {"settings": {"noise": {"significance": 2}}},
+        "settings.noise.significance: 2 is not below 1",
+    ),
     "a file for a folder": ((T, F, W), {"folder": "PATH"}, "log.csv: a file, where a folder"),
 }
 
@@ -77,6 +112,15 @@ def test_a_mistake_in_python_is_one_line_with_its_cause(mistake, log, recwarn):
     # nothing of where a log in memory was put
     assert "/imuloop-" not in line
     assert not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]
+
+
+ALLAN = {"text": ("x", 1), "no rate": (F, 0), "three dimensions": (np.ones((9, 9, 9)), 1)}
+
+
+@pytest.mark.parametrize("given", ALLAN)
+def test_what_has_no_allan_deviation(given):
+    with pytest.raises(ImuloopError, match=r"^(values|rate): "):
+        imuloop.allan(*ALLAN[given])
 
 
 def test_what_is_read_and_applied_by_mistake(log):

@@ -1,8 +1,13 @@
 """``imuloop.calibrate`` and its relatives: the workflow's numbers from arrays, tables and files."""
 
+import gc
+import inspect
+import pickle
+import pydoc
 import re
 import shlex
 import shutil
+from dataclasses import replace
 from html import unescape
 from urllib.parse import unquote
 
@@ -131,6 +136,75 @@ def test_a_figure_is_drawn_on_axes_as_in_the_report(result):
             np.testing.assert_array_equal(a.get_xydata(), b.get_xydata())
     with pytest.raises(ImuloopError, match="no figure has this name; there are loop, poses"):
         imuloop.plot.draw(areas, result, "allan")
+
+
+def test_a_calibration_is_shown_in_a_line_and_as_a_table(result):
+    calibration = result.calibration
+    for shown in (calibration, calibration.gyroscope, result):
+        assert "\n" not in repr(shown) and len(repr(shown)) < 300
+    table = calibration.parameters().set_index(["sensor", "parameter"])
+    for sensor, unit in (("accelerometer", "m/s^2"), ("gyroscope", "rad/s")):
+        found, own = getattr(calibration, sensor), table.loc[sensor]
+        assert {name: own.loc[name, "std"] for name in found.std} == pytest.approx(found.std)
+        assert own.loc[["b0", "b1", "b2"], "value"].tolist() == found.b.tolist()
+        assert own.loc["b0", "unit"] == unit and own.loc["T01", "value"] == found.T[0, 1]
+    for html in (calibration._repr_html_(), result._repr_html_()):
+        rows = [re.findall("<td>(.*?)</td>", row, re.S) for row in html.split("<tr>")]
+        rows = {tuple(row[:2]): row[2:] for row in rows if row}
+        assert {*rows} == {*table.index}
+        for name, (value, std, unit) in rows.items():
+            expected = table.loc[name]
+            assert float(std) == pytest.approx(expected["std"], rel=0.06)
+            assert float(value) == pytest.approx(expected["value"], abs=expected["std"])
+            assert unescape(unit) == expected["unit"]
+
+
+def test_names_in_html_are_text(result):
+    """Protects who opens the notebook of somebody else."""
+    hostile = "<script>alert(1)</script>"
+    device = replace(result.device, label=hostile)
+    named = replace(result.calibration, device=hostile)
+    for shown in (replace(result, device=device), named):
+        html = shown._repr_html_()
+        assert "<script" not in html and "&lt;script&gt;" in html
+
+
+def test_a_result_is_kept(result, tmp_path):
+    copy = pickle.loads(pickle.dumps(result))
+    loaded = imuloop.load(result.save(tmp_path / "kept"))
+    again = pickle.loads(pickle.dumps(imuloop.load(tmp_path / "kept")))
+    gc.collect()
+    for each in (copy, loaded, again):
+        assert str(each) == str(result) and each.logs == result.logs
+        assert each.verdict == result.verdict and each.diagnosis == result.diagnosis
+        assert dict(each.device.kinds) == dict(result.device.kinds)
+        assert each.noise["gx"].N.value == result.noise["gx"].N.value
+    # each has its own files
+    assert copy.device.folder != result.device.folder and copy.device.file("noise.json").exists()
+    with pytest.raises(ImuloopError, match="no folder of a result: it has no calib"):
+        imuloop.load(tmp_path)
+
+
+def test_a_name_that_no_figure_has_is_an_error(result):
+    for name, hint in (("accel", "'accelerometer'"), ("multi_position_2", "'multi_position_1'")):
+        with pytest.raises(ImuloopError, match=f"names no figure; did you mean {hint}"):
+            result.plot.residuals(name)
+    # a sensor that has none of this kind
+    assert result.plot.corrected("gyroscope") == []
+    of_session = result.plot.allan("multi_position_1", "gyroscope")
+    assert len(of_session) == 1 < len(result.plot.allan("multi_position_1"))
+
+
+def test_help_is_of_what_is_called(result):
+    for kind in imuloop.plot.KINDS:
+        method = getattr(result.plot, kind)
+        text = pydoc.render_doc(method, renderer=pydoc.plaintext)
+        assert f"\n{kind}(*names)" in text and "Draw" in text and "lambda" not in text
+        assert inspect.getdoc(method).startswith("Draw")
+    text = pydoc.render_doc(imuloop, renderer=pydoc.plaintext)
+    for name in ("ImuloopError", "ImuloopWarning", "Calibration", "Result"):
+        assert f"class {name}" in text
+    assert imuloop.ImuloopError is ImuloopError and issubclass(imuloop.ImuloopWarning, UserWarning)
 
 
 def test_a_table_in_units_of_its_own_and_a_file_are_read_alike(log, path):

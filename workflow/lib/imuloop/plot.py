@@ -3,9 +3,24 @@
 ``draw(areas, result, name)`` draws one of them on Axes; ``result.plot.allan()`` gives figures.
 """
 
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, nearest
+from imuloop.core.samples import SENSORS
 from imuloop.report.pictures import KINDS, pictures
 from imuloop.report.results import read_device
+
+# the first line of the help on each kind
+WORDS = {
+    "loop": "Draw the errors as logged, calibrated and with the effects corrected.",
+    "poses": "Draw the attitudes that were covered.",
+    "attitude": "Draw the error of the vertical on stretches that no model has seen.",
+    "series": "Draw the samples of each session, with what was taken as rest.",
+    "allan": "Draw the Allan deviation of each session, with its model.",
+    "spectra": "Draw the power spectral density of each session.",
+    "residuals": "Draw the held-out residuals of poses, moves and reference.",
+    "bias": "Draw the bias over time at rest.",
+    "corrected": "Draw the Allan deviation as logged and with the effects removed.",
+    "correlates": "Draw what the residual that is left goes with.",
+}
 
 
 def draw(areas, result, name):
@@ -32,11 +47,7 @@ def draw(areas, result, name):
 
 
 class Plots:
-    """Figures of a result by kind: ``plots.allan()``, ``plots.residuals("accelerometer")``.
-
-    Each of `KINDS` is a function that returns matplotlib figures, of those whose name has the words
-    that it is given.
-    """
+    """Figures of a result: each method returns matplotlib figures, ``plots.residuals()``."""
 
     def __init__(self, device):
         folder, label = device.folder, device.label or device.name
@@ -47,12 +58,53 @@ class Plots:
         """Return the `Picture` objects of one of `KINDS`."""
         return pictures(self._device, kind)
 
-    def __getattr__(self, kind):
-        if kind not in KINDS:
-            raise AttributeError(f"no figures of this kind, {kind}; there are {', '.join(KINDS)}")
-        return lambda *words: [
-            p.figure() for p in self.pictures(kind) if all(word in p.stem for word in words)
-        ]
+    def _figures(self, kind, names):
+        """Return the figures of a kind whose names hold every given name."""
+        drawn = {p.stem: p for p in self.pictures(kind)}
+        known = [*SENSORS, *(s.name for s in self._device.sessions), *drawn]
+        for name in names:
+            if not any(_holds(each, name) for each in known):
+                raise ImuloopError(
+                    f"{kind}: '{name}' names no figure{nearest(str(name), known, 0.5)}"
+                )
+        return [p.figure() for stem, p in drawn.items() if all(_holds(stem, n) for n in names)]
 
-    def __dir__(self):
-        return [*super().__dir__(), *KINDS]
+    def __getattr__(self, kind):
+        raise AttributeError(
+            f"no figures of this kind, {kind}; there are {', '.join(KINDS)}", name=kind, obj=self
+        )
+
+
+def _holds(stem, name):
+    """Return whether the name of a figure holds a name, whole words only."""
+    return f"_{name}_" in f"_{stem}_"
+
+
+def _method(kind, words):
+    """Return the method of `Plots` that draws the figures of a kind."""
+
+    def figures(self, *names):
+        return self._figures(kind, names)
+
+    figures.__name__, figures.__qualname__ = kind, f"{Plots.__name__}.{kind}"
+    figures.__doc__ = f"""{words}
+
+    Parameters
+    ----------
+    *names : str
+        Only figures with these names in theirs: a sensor, a session, or the figure's own name.
+
+    Returns
+    -------
+    list of matplotlib.figure.Figure
+
+    Raises
+    ------
+    ImuloopError
+        If no figure has such a name.
+    """
+    return figures
+
+
+for _kind, _words in WORDS.items():
+    setattr(Plots, _kind, _method(_kind, _words))

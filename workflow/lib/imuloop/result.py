@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import shutil
 import tempfile
 import textwrap
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
+from numbers import Integral
 from pathlib import Path
 from urllib.parse import quote
 
@@ -23,25 +25,19 @@ from tqdm import tqdm
 import imuloop
 from imuloop import chain
 from imuloop.arguments import (
+    FILE,
     check_declared,
-    check_log,
+    check_name,
     check_settings,
     gravity_of,
-    table_of,
+    log_of,
 )
-from imuloop.core.errors import ImuloopError
+from imuloop.core.errors import ImuloopError, ImuloopWarning
 from imuloop.core.files import read_json, refuse_overwriting, replaced
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.places import PYTHON, read_in
-from imuloop.core.samples import (
-    ACCELERATION,
-    ANGULAR_RATE,
-    SENSORS,
-    TEMPERATURE,
-    TIME,
-    read_samples,
-)
+from imuloop.core.samples import SENSORS, read_samples
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest.formats import PAIR
 
@@ -126,6 +122,20 @@ class Result:
             target.write_bytes(source.read_bytes())
         return targets
 
+    def save(self, folder) -> Path:
+        """Copy the result's files into a folder, from which `imuloop.load` reads it; return it."""
+        if Path(folder).resolve() != self.device.folder.resolve():
+            shutil.copytree(self.device.folder, folder, dirs_exist_ok=True)
+        return Path(folder)
+
+    def __reduce__(self):
+        # with its files: the folder may be temporary, or of another machine
+        folder = self.device.folder
+        files = {
+            p.relative_to(folder).parts: p.read_bytes() for p in folder.rglob("*") if p.is_file()
+        }
+        return _unpickled, (self.device, self.logs, self.failures, self.notes, files)
+
     def __str__(self):
         from imuloop.report.composed import words
         from imuloop.report.verdict import blocks, sentence
@@ -144,7 +154,52 @@ class Result:
         return f"<Result of {self.device.name}: {', '.join(verdicts)}>"
 
     def _repr_html_(self):
-        return f"<pre>{escape(str(self))}</pre>"
+        return f"<pre>{escape(str(self))}</pre>\n{self.calibration._repr_html_()}"
+
+
+def _unpickled(device, logs, failures, notes, files):
+    """Return a result, its files in a temporary folder."""
+    kept = tempfile.TemporaryDirectory(prefix="imuloop-")
+    for parts, content in files.items():
+        path = Path(kept.name, *parts)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+    return Result(replace(device, folder=Path(kept.name)), logs, failures, notes, kept)
+
+
+def load(folder) -> Result:
+    """Return the result whose files lie in a folder.
+
+    Parameters
+    ----------
+    folder : path-like
+        ``results/<device>`` of the workflow, ``folder`` of `calibrate`, or that of `Result.save`.
+        The label is in it if a report was written.
+
+    Raises
+    ------
+    ImuloopError
+        If the files of a result are not there.
+    """
+    folder = Path(folder)
+    missing = [n for n in ("calibration.json", "diagnosis.json") if not (folder / n).is_file()]
+    if missing:
+        raise ImuloopError(f"{folder}: no folder of a result: it has no {missing[0]}")
+    calibration = Calibration.from_json(folder / "calibration.json")
+    sessions = {p.parent.name: read_json(p) for p in sorted(folder.glob("*/quality.json"))}
+    kinds = {name: quality["kind"] for name, quality in sessions.items()}
+    summary = folder / "summary.json"
+    label = read_json(summary)["label"] if summary.is_file() else ""
+    logs, failures, notes = {}, [], []
+    for name, quality in sessions.items():
+        # a source begins with its path or address
+        places = (str(next(iter(source.values()))) for source in quality["source"].values())
+        logs[name] = " and ".join(dict.fromkeys(places)) or name
+        wrong, look = _said(name if logs[name] == IN_MEMORY else logs[name], quality)
+        failures, notes = failures + wrong, notes + look
+    how = {"label": label, "gravity": calibration.gravity}
+    device = chain.Device(calibration.device, folder, kinds, **how)
+    return Result(device, logs, tuple(failures), tuple(notes))
 
 
 def calibrate(
@@ -175,10 +230,11 @@ def calibrate(
     t : array_like, shape (n,), or a log, or a list of logs, optional
         Time stamps, s, of the arrays that follow; or each log of many positions: a path, a
         DataFrame, a tuple of arrays ``(t, acceleration, angular_rate[, temperature])``, or a
-        mapping of ``acceleration`` and ``angular_rate`` to a path or a DataFrame each.
+        mapping of ``acceleration`` and ``angular_rate`` to a path or a DataFrame each. An array
+        of shape (n, k) needs `columns` by number, from 0.
     acceleration, angular_rate : array_like, shape (n, 3), or path or DataFrame, optional
-        m/s^2 and rad/s, or in the `units` that are given; without `t` a table of each sensor, on
-        clocks of their own.
+        m/s^2 and rad/s, or in the `units` that are given. Without `t`: arrays at the `rate`, or a
+        path or DataFrame of each sensor with its own time stamps.
     temperature : array_like, shape (n,), optional
         degC.
     static, six_position : a log, or a list of logs
@@ -202,28 +258,43 @@ def calibrate(
     ------
     ImuloopError
         If a log does not exist, or is not as declared.
+
+    Warns
+    -----
+    ImuloopWarning
+        For each log that was rejected, stage that failed, and thing to look at in a log; the result
+        lists them in its `failures` and `notes`.
     """
     if t is None and (acceleration is None or angular_rate is None):
         raise ImuloopError("no log is given: t, or acceleration and angular_rate")
-    if acceleration is not None and angular_rate is None:
-        raise ImuloopError("angular_rate: none is given beside t and acceleration")
-    if threads < 1:
+    if (acceleration is None) != (angular_rate is None):
+        lacks = "acceleration" if acceleration is None else "angular_rate"
+        raise ImuloopError(f"{lacks}: none is given beside t and the other sensor")
+    check_name(name)
+    if not isinstance(threads, Integral) or threads < 1:
         raise ImuloopError(f"threads: {threads}; at least 1 is needed")
     if folder and Path(folder).is_file():
         raise ImuloopError(f"{folder}: a file, where a folder for the results is asked for")
     check_settings(settings or {})
     declared = {"format": format, "rate": rate, "columns": columns or {}, "units": units or {}}
     check_declared(declared | {"nominal": nominal}, [*declared, "nominal"])
+    tables = any(isinstance(x, (*FILE, pd.DataFrame)) for x in (acceleration, angular_rate))
     if acceleration is None:
         poses = _several(t)
-    elif t is None:
+    elif t is None and tables:
         poses = [dict(zip(PAIR, (acceleration, angular_rate), strict=True))]
+    elif t is None and rate is None:
+        raise ImuloopError("t: none is given; give it, or the rate of the arrays in Hz")
     else:
         poses = [(t, acceleration, angular_rate, temperature)]
+    if temperature is not None and not isinstance(poses[0], tuple):
+        raise ImuloopError("temperature: goes with arrays; else it is a column of the log")
     given = zip(KINDS, (poses, _several(six_position), _several(static)), strict=True)
-    logs = {f"{kind}_{i + 1}": log for kind, each in given for i, log in enumerate(each)}
-    for each in logs.values():
-        check_log(each)
+    logs = {
+        f"{kind}_{i + 1}": log_of(log, columns, "log" if kind == KINDS[0] else kind)
+        for kind, each in given
+        for i, log in enumerate(each)
+    }
     kept = folder or tempfile.TemporaryDirectory(prefix="imuloop-")
     device = chain.Device(
         name,
@@ -252,7 +323,8 @@ def calibrate(
             stage(device)
             bar.update()
     for text in (*failures, *notes):
-        warnings.warn(f"{name}: {text}", stacklevel=2)
+        # at the line that calls `imuloop.calibrate`
+        warnings.warn(f"{name}: {text}", ImuloopWarning, stacklevel=3)
     paths = {session: _where(log) for session, log in logs.items()}
     return Result(device, paths, tuple(failures), tuple(notes), None if folder else kept)
 
@@ -292,14 +364,23 @@ def read(log, **declared) -> pd.DataFrame:
     ------
     ImuloopError
         If the log cannot be used; one line with the reasons.
+
+    Warns
+    -----
+    ImuloopWarning
+        For each thing to look at in the log.
     """
     check_declared(declared, ("units", "columns", "format", "rate", "nominal"))
-    check_log(log)
+    log = log_of(log, declared.get("columns"))
+    declared = {key: value for key, value in declared.items() if value is not None}
     nominal = declared.pop("nominal", {})
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         device = chain.Device("log", Path(folder), {"log": None}, nominal=nominal)
-        for failure in _ingested(device, "log", log, declared)[0]:
+        failures, notes = _ingested(device, "log", log, declared)
+        for failure in failures:
             raise ImuloopError(failure)
+        for text in notes:
+            warnings.warn(text, ImuloopWarning, stacklevel=2)
         return read_samples(device.sessions["log"]["samples"])
 
 
@@ -321,34 +402,32 @@ def _basis(sensor):
 
 def _several(logs):
     """Return a list of logs, of one too: a tuple of arrays."""
-    is_list = isinstance(logs, list) or (isinstance(logs, tuple) and not logs)
-    return list(logs) if is_list else [logs]
+    if logs is None or (isinstance(logs, tuple) and not logs):
+        return []
+    return logs if isinstance(logs, list) else [logs]
 
 
 def _where(log):
     """Return the path of a log, of two those of both."""
-    parts = log.values() if isinstance(log, Mapping) else [log]
-    files = [str(part) for part in parts if isinstance(part, (str, Path))]
+    parts = log.values() if isinstance(log, dict) else [log]
+    files = [str(part) for part in parts if isinstance(part, FILE)]
     return " and ".join(files) or IN_MEMORY
 
 
 @read_in(PYTHON)
 def _ingested(device, session, log, declared):
     """Write the samples of a session; return why they cannot be used, and what to look at."""
-    two = isinstance(log, Mapping) and {*log} == {*PAIR}
-    paths, sources = [], {}
-    for role, part in ({q: log[q] for q in PAIR} if two else {"log": log}).items():
-        if isinstance(part, (str, Path)):
+    parts, paths, sources = log if isinstance(log, dict) else {"log": log}, [], {}
+    for role, part in parts.items():
+        if isinstance(part, FILE):
             path = Path(part)
-            check_log(path)
             refuse_overwriting([device.folder], [path])
             sources[role] = {"path": str(part)}
-        elif two and not isinstance(part, pd.DataFrame):
-            raise ImuloopError(f"{role}: without t it is a path or a DataFrame with its own stamps")
         else:
-            path = device.file(f"{session}_{role}.parquet" if two else f"{session}.parquet")
+            name = f"{session}_{role}" if len(parts) > 1 else session
+            path = device.file(f"{name}.parquet")
             path.parent.mkdir(parents=True, exist_ok=True)
-            _table(part).to_parquet(path, index=False)
+            part.to_parquet(path, index=False)
             sources[role] = {"path": IN_MEMORY}
         paths.append(path)
     shown = _where(log) if _where(log) != IN_MEMORY else session
@@ -362,15 +441,10 @@ def _ingested(device, session, log, declared):
             why = why.replace(str(path), session)
         raise ImuloopError(why) from error
     quality = read_json(device.sessions[session]["quality"])
-    reasons = [f"{shown}: rejected: {'; '.join(quality['reasons'])}"] if quality["reasons"] else []
-    return reasons, [f"{shown}: {text}" for text in quality["warnings"]]
+    return _said(shown, quality)
 
 
-def _table(log):
-    """Return a log in memory as a table with a column for each channel."""
-    if isinstance(log, pd.DataFrame):
-        stamped = isinstance(log.index, pd.DatetimeIndex)
-        return log.rename_axis(TIME).reset_index() if stamped else log
-    if isinstance(log, Mapping):
-        return pd.DataFrame(dict(log))
-    return table_of(log, (TIME, (ACCELERATION, ANGULAR_RATE), TEMPERATURE))
+def _said(log, quality):
+    """Return why a log cannot be used, and what to look at in it, a line each."""
+    why = [f"{log}: rejected: {'; '.join(quality['reasons'])}"] if quality["reasons"] else []
+    return why, [f"{log}: {text}" for text in quality["warnings"]]

@@ -13,7 +13,7 @@ from imuloop.core.errors import ImuloopError, did_you_mean
 # constants that lie between those of the shapes
 FINE = ("tau", "half_width", "lag")
 # SI unit of each sensor's output
-_OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
+OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ class Effect:
 
     def units(self, sensor):
         """Return the SI unit of each parameter for a sensor."""
-        output = _OUTPUT[sensor]
+        output = OUTPUT[sensor]
         return {name: unit.replace("output", output) for name, unit in self.parameters.items()}
 
     def design(self, channels):

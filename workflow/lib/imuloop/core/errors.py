@@ -7,6 +7,10 @@ class ImuloopError(Exception):
     """What the user declared or gave cannot be used; one line, no traceback needed."""
 
 
+class ImuloopWarning(UserWarning):
+    """Something in a log that the user should look at; the work goes on."""
+
+
 class Lacking(ImuloopError):
     """A log does not hold what was declared or is needed."""
 

@@ -4,11 +4,13 @@ How it is fitted, with its derivative: `imuloop.calibrate.sensor_model`.
 """
 
 from dataclasses import dataclass, field
+from html import escape
 
 import numpy as np
+import pandas as pd
 
 from imuloop.core.calibration_faults import MOST_BYTES, content_fault, sensor_fault
-from imuloop.core.effect import Channels, FittedEffect
+from imuloop.core.effect import OUTPUT, Channels, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
 from imuloop.core.pieces import apply_file
@@ -104,6 +106,38 @@ class SensorCalibration:
             return {}
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
 
+    def parameters(self, sensor):
+        """Return name, value, standard error (nan if not estimated) and unit of each parameter.
+
+        `sensor` is its name, which its data do not hold.
+        """
+        si, raw, std = OUTPUT[sensor], self.raw_unit.name, self.std
+        rows = [
+            (f"T{i}{j}", self.T[i, j], "rad")
+            for i in range(3)
+            for j in range(3)
+            if i < j or (i > j and sensor == "gyroscope")
+        ]
+        rows += [
+            (f"K{i}", k, "1" if raw == si else f"{si} per {raw}") for i, k in enumerate(self.K)
+        ]
+        rows += [(f"b{i}", b, raw) for i, b in enumerate(self.b)]
+        rows = [(name, float(value), std.get(name, np.nan), unit) for name, value, unit in rows]
+        for fitted in self.effects:
+            units = fitted.effect.units(sensor)
+            rows += [
+                (f"{fitted.name}.{name}", value, fitted.std.get(name, np.nan), units[name])
+                for name, value in fitted.values.items()
+            ]
+        return rows
+
+    def __str__(self):
+        effects = ", ".join(effect.name for effect in self.effects) or "no effects"
+        return f"{self.method}, {len(self.names)} parameters, {effects}"
+
+    def __repr__(self):
+        return f"<SensorCalibration: {self}>"
+
     def to_dict(self):
         """Return what the JSON file holds."""
         covariance = np.zeros((0, 0)) if self.covariance is None else self.covariance
@@ -135,6 +169,15 @@ class SensorCalibration:
         )
 
 
+def _digits(value, std):
+    """Return a value and its standard error as text, with two digits of the error."""
+    if not std > 0:
+        return f"{value:.6g}", "—"
+    exponent = [int(np.floor(np.log10(size))) for size in (abs(value) or std, std)]
+    digits = max(exponent[0] - exponent[1], 0) + 2
+    return f"{value:#.{digits}g}".rstrip("."), f"{std:#.2g}".rstrip(".")
+
+
 @dataclass(frozen=True)
 class Calibration:
     """The calibration of a device."""
@@ -159,6 +202,29 @@ class Calibration:
     def measured(self):
         """Whether anything was measured of either sensor."""
         return self.accelerometer.measured or self.gyroscope.measured
+
+    def parameters(self):
+        """Return all parameters of both sensors.
+
+        Returns
+        -------
+        DataFrame
+            A row per parameter: `sensor`, `parameter`, `value`, `std` and `unit`; `std` is the
+            standard error, nan for a value of the data sheet.
+        """
+        rows = [(s, *row) for s in SENSORS for row in getattr(self, s).parameters(s)]
+        return pd.DataFrame(rows, columns=["sensor", "parameter", "value", "std", "unit"])
+
+    def __repr__(self):
+        sensors = "; ".join(f"{name} {getattr(self, name)}" for name in SENSORS)
+        return f"<Calibration of {self.device}: {sensors}>"
+
+    def _repr_html_(self):
+        table = self.parameters()
+        both = zip(table["value"], table["std"], strict=True)
+        table["value"], table["std"] = zip(*(_digits(*each) for each in both), strict=True)
+        table = table.rename(columns={"std": "standard error"})
+        return f"<p>{escape(repr(self))}</p>\n{table.to_html(index=False)}"
 
     def limits(self, *sensors):
         """Return one line per sensor, or for both, that is not fully calibrated or explained.

@@ -4,6 +4,7 @@ The fit is the cross-check of the estimate; it is neither tested nor has it inte
 """
 
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 import pandas as pd
@@ -162,17 +163,23 @@ def allan(values, rate):
     Raises
     ------
     ImuloopError
-        If a value is not finite, or there are too few.
+        If the values are no table of numbers, one is not finite, there are too few, or the rate is
+        not above 0.
     """
-    table = pd.DataFrame(values)
-    if not np.isfinite(table.to_numpy(float)).all():
+    if not (isinstance(rate, Real) and 0 < rate < np.inf):
+        raise ImuloopError(f"rate: {rate!r} is not a number of samples per second above 0")
+    try:
+        table = pd.DataFrame(values).astype(float)
+    except (TypeError, ValueError) as error:
+        raise ImuloopError(f"values: not numbers of shape (n,) or (n, k): {error}") from error
+    if not np.isfinite(table.to_numpy()).all():
         raise ImuloopError("values: some are not finite; give a stretch without")
     factors, parts = averaging_factors(len(table), NoiseSettings()), []
     if not len(factors):
         raise ImuloopError(f"values: {len(table)} samples are too few for an Allan deviation")
     curve = NoiseOfCurve.of(factors, [len(table)], rate)
     for axis, column in table.items():
-        x = column.to_numpy(float)
+        x = column.to_numpy()
         variance = allan_variance([x], factors)
         edf = curve.degrees_of_freedom(np.square(fit_curve(variance, curve)))
         low, high = interval(variance, edf)
