@@ -37,7 +37,7 @@ def test_faces_are_found_whatever_their_order_and_missing_ones_named():
     np.testing.assert_array_equal(find_faces(f, 20), [-2, 1, -3, -1, 3, 2])
     assert find_faces([[G / 2**0.5, G / 2**0.5, 0]], 20)[0] == 0
     reason = untestable_faces(np.array([1, -1, 2, 3, -3, 0]))
-    assert reason == "5 faces found, 6 needed; missing: -y"
+    assert reason == "5 of 6 faces found; missing: -y"
     assert untestable_faces(FACES) is None
 
 

@@ -61,7 +61,7 @@ def test_why_the_final_calibration_lacks_a_sensor_is_said_once():
         return SimpleNamespace(**dict(zip(("accelerometer", "gyroscope"), own, strict=True)))
 
     calibrations = {"multi_position": calibration("two poses"), "final": calibration("it lacks")}
-    assert reasons(SimpleNamespace(calibrations=calibrations)) == [
+    assert reasons(SimpleNamespace(calibrations=calibrations, diagnosis={})) == [
         ("Multi-position", "accelerometer", "two poses"),
         ("Multi-position", "gyroscope", "two poses"),
         ("Final", "accelerometer", "it lacks"),

@@ -143,9 +143,11 @@ class Result:
         title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²:"
         lines = [title, *self.failures, *self.notes]
         lines += [f"  {s}, calibration: {_basis(getattr(self.calibration, s))}" for s in SENSORS]
+        places = {}
         for sensor, part, block in blocks(self.diagnosis):
             text = sentence(sensor, block) + words(block)
-            lines.append(f"  {sensor}, {part.replace('_', ' ')}: {text}")
+            places.setdefault(text, []).append(f"{sensor}, {part.replace('_', ' ')}")
+        lines += [f"  {'; '.join(where)}: {text}" for text, where in places.items()]
         wrapped = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)
         return "\n".join(line for lines in wrapped for line in lines)
 

@@ -9,9 +9,9 @@ from imuloop.calibrate import accelerometer, six_position
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.contradictions import change, changed_at
 from imuloop.calibrate.determined import (
+    NO_DIRECTION,
     NO_POSE,
     accelerometer_undetermined,
-    direction_unknown,
     gyroscope_undetermined,
     known_worse,
     no_ellipsoid,
@@ -80,11 +80,15 @@ def without_pose(sessions, kind):
     return f"no {kind} session with a pose" + (f": {', '.join(became)}" if became else "")
 
 
-def with_sessions(reason, sessions):
+def with_sessions(reason, sessions, six=None):
     """Return a reason, text or None; for missing poses, also what happened to the sessions.
 
-    Sessions as of `usable`.
+    Sessions as of `usable`. Where poses were recorded as six faces alone, it is `six`, why these do
+    not calibrate the sensor, if that is given.
     """
+    kinds = {session["kind"] for session in sessions.values()}
+    if six and reason == NO_POSE and "six_position" in kinds and "multi_position" not in kinds:
+        return with_sessions(six, sessions)
     for kind in ("multi_position", "six_position"):
         bare = without_pose({}, kind)
         if reason and reason.startswith(bare):
@@ -193,8 +197,8 @@ def start_pair(recording, noise, gravity, units, settings, given=None, turns=Non
             pair = replace(pair, given=given)
     if not len(poses):
         reason = NO_POSE
-    elif reason and (given is None or direction_unknown(given)):
-        reason = f"direction of gravity not known: {reason}"
+    elif reason and given is None:
+        reason = NO_DIRECTION
     else:
         pair.base[-3:] = poses.w.mean(axis=0) if bias is None else bias[0]
         reason = poses.unknown_noise(noise, ANGULAR_RATE)
@@ -393,6 +397,9 @@ def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, mu
         reason = f"{without_pose({}, 'multi_position')}; bias only"
         turn = rest_bias(static, model, units[1], reason)
     log, sha256 = layout(sessions), hashes(sessions)
+    force = replace(
+        force, not_testable=with_sessions(force.not_testable, sessions, six_sensors[0].not_testable)
+    )
     for path, sensors in ((six_path, six_sensors), (multi_path, (force, turn))):
         named = (replace(s, not_testable=with_sessions(s.not_testable, sessions)) for s in sensors)
         Calibration(device, gravity, *named, log, sha256=sha256).to_json(path)

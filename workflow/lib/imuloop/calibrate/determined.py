@@ -14,6 +14,8 @@ AXES, SCALE = 0.02, 0.03
 # an accelerometer's nine parameters and a check; rotations for the nine of T and K, two rows each
 LEAST_POSES, LEAST_ROTATIONS = len(OF_ACCELEROMETER) + 1, 5
 NO_POSE = "no multi_position session with a pose"
+# of a gyroscope; why the accelerometer is not is said of the accelerometer
+NO_DIRECTION = "direction of gravity not known: the accelerometer is not calibrated"
 
 
 def accelerometer_undetermined(poses, gravity, largest):
@@ -145,14 +147,3 @@ def beyond_data_sheet(axes, scale):
         f"misalignment to {axes:.2g} rad and scale factor to {100 * scale:.2g} %, a data sheet to "
         f"{AXES:g} rad and {100 * SCALE:g} %"
     )
-
-
-def direction_unknown(force):
-    """Return why an accelerometer's calibration gives no direction of gravity; None if it does.
-
-    One as its data sheet has it may be degrees off: what a gyroscope fits to that is no better than
-    its own data sheet. One that is nominal for no reason is taken as known.
-    """
-    if force.method != "nominal" or force.not_testable is None:
-        return None
-    return f"direction of gravity not known: {force.not_testable}"

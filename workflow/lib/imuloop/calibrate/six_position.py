@@ -36,7 +36,7 @@ def untestable_faces(faces):
     missing = [name for face, name in wanted.items() if face not in faces]
     if not missing:
         return None
-    return f"{6 - len(missing)} faces found, 6 needed; missing: {', '.join(missing)}"
+    return f"{6 - len(missing)} of 6 faces found; missing: {', '.join(missing)}"
 
 
 def decompose(A, c):

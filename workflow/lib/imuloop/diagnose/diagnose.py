@@ -110,7 +110,8 @@ def diagnose_device(
         base.accelerometer if base.accelerometer.method == "six_position" else None,
         turns,
     )
-    reasons = {sensor: with_sessions(reason, sessions) for sensor, reason in reasons.items()}
+    six = {"accelerometer": Calibration.from_json(six_position).accelerometer.not_testable}
+    reasons = {s: with_sessions(reason, sessions, six.get(s)) for s, reason in reasons.items()}
     how = recording, settings, tests
     poses = diagnose_poses(pair, reasons, *how, found, information, search_formulas)
     base = replace(base, **not_by_poses(poses.rejected, recording, noise, units, turns))

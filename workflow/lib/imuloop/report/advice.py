@@ -146,15 +146,14 @@ def next_steps(device):
 def _rejected(device):
     for s in device.sessions:
         if s.rejected:
-            reasons = "; ".join(s.reasons).rstrip(".")
             text = (
-                f"Record session {s.name} again, or correct what is declared of it: it was "
-                f"rejected ({reasons})."
+                f"Record session {s.name}, which was rejected, again, or correct what is declared "
+                "of it."
             )
             if s.quality["misdeclared"]:
                 text = (
-                    f"Correct what is declared of session {s.name} and run again, before anything "
-                    f"else: {reasons}."
+                    f"Correct what is declared of session {s.name}, which was rejected, and run "
+                    "again, before anything else."
                 )
             yield 1.0, text
 

@@ -97,13 +97,10 @@ def _place(sensor, part):
 
 
 def _found(diagnosis):
-    """Return the effects that were found, each with its sensors, or why there are none."""
+    """Return the effects that were found, each with its sensors, or that there are none."""
     tested = _tested(diagnosis)
     if not tested:
-        force, turn = (block_of(diagnosis, sensor)["why"] for sensor in SENSORS)
-        # without a direction of gravity the gyroscope's reason is the accelerometer's
-        why = force if force in turn else f"{force}; {turn}"
-        return sentence_of(f"not testable: {why}")
+        return "Not testable."
     places, effects = {}, {}
     for sensor in SENSORS:
         for part in PARTS:
@@ -198,7 +195,7 @@ def _untested(diagnosis):
     for sensor in SENSORS:
         lost = {p for p in PARTS if block_of(diagnosis, sensor, p)["verdict"] == "not_testable"}
         if lost == {*PARTS}:
-            found.setdefault(f", {block_of(diagnosis, sensor)['why']}", []).append(sensor)
+            found.setdefault("", []).append(sensor)
         elif "poses" in lost:
             at_rest = ", nor its bias at rest" if "static_record" in lost else ""
             text = f": scale and misalignment, which poses show{at_rest}"

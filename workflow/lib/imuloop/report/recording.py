@@ -3,7 +3,6 @@
 import numpy as np
 
 from imuloop.calibrate.determined import LEAST_POSES
-from imuloop.core.errors import plural
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import WIDE_HOLE, largest_hole
 from imuloop.core.units import HOUR
@@ -100,7 +99,6 @@ def first_session(device):
     # a rejected one has its own line, which asks for the same
     if any(s.rejected for s in own) or found >= LEAST_POSES:
         return
-    few = f"{plural(found, 'pose')} found, at least {LEAST_POSES} needed. " if own else ""
     gains = []
     for sensor, _, candidates in _plans(device):
         after = next((c["std"] for c in candidates if c["name"] == "multi_position"), {})
@@ -110,7 +108,7 @@ def first_session(device):
     expected = f" It would give {joined(gains)} (1 σ, the worst axis)." if gains else ""
     yield (
         1.0,
-        f"{few}Record a multi_position session: {duration(INITIAL_REST_S, 2)} at rest, then "
+        f"Record a multi_position session: {duration(INITIAL_REST_S, 2)} at rest, then "
         f"about {POSES} rests of a few seconds in attitudes spread over the sphere, turned by hand "
         "between them."
         f"{expected} Without it misalignment and the gyroscope's scale factor stay unknown.",

@@ -1,5 +1,6 @@
 """The report: one HTML file of all devices, and the comparison as CSV."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.drawing import write_svg
 from imuloop.report.figures.family import control_charts
 from imuloop.report.figures.loop import loop_picture, reach
+from imuloop.report.numbers import joined
 from imuloop.report.page import write_page
 from imuloop.report.tables import comparison as tables
 from imuloop.report.tables import family as of_type
@@ -71,7 +73,7 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
         many=not together,
         groups=grouped(devices),
         # escaped when they were written
-        sections=[Markup((f / "section.html").read_text("utf-8")) for f in folders if together],
+        sections=[Markup(_section(folder)) for folder in folders if together],
         devices=devices,
         rows=list(
             zip(devices, *(tables.cells(devices, sensor) for sensor in tables.COLUMNS), strict=True)
@@ -100,6 +102,12 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
     )
 
 
+def _section(folder):
+    """Return a device's part without what the report says first: why sessions were rejected."""
+    text = (folder / "section.html").read_text("utf-8")
+    return re.sub("<!-- why -->.*?<!-- /why -->", "", text, flags=re.DOTALL)
+
+
 def _family(name, found, labels, drawings):
     """Return what is laid out of a type, by its name and its content of family.json."""
     return {
@@ -118,10 +126,14 @@ def verdict_lines(folders):
         given = [(device["label"], device["answers"]) for device in devices]
     else:
         given = [(plural(len(found), "device"), answers) for answers, found in grouped(devices)]
-    return [
-        f"{name}: {'; '.join(f'{sensor} {words}' for sensor, _, words in answers)}"
-        for name, answers in given
-    ]
+    lines = []
+    for name, answers in given:
+        of_words = {}
+        for sensor, _, words in answers:
+            of_words.setdefault(words, []).append(sensor)
+        said = "; ".join(f"{joined(sensors)} {words}" for words, sensors in of_words.items())
+        lines.append(f"{name}: {said}")
+    return lines
 
 
 def recorded(devices):

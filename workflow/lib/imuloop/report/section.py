@@ -68,9 +68,14 @@ def content(device):
     # the same of two sensors once
     for i, p in enumerate(parts):
         p["next_step"] = "" if told[i] in told[:i] else told[i]
+    # what could not be tested comes last
+    parts.sort(key=lambda p: p["verdict"] == "not_testable")
+    verdicts = {}
+    for p in parts:
+        verdicts.setdefault(p["sentence"], []).append(p)
     return {
-        # what could not be tested comes last
-        "parts": sorted(parts, key=lambda p: p["verdict"] == "not_testable"),
+        "parts": parts,
+        "verdicts": verdicts,
         "steps": next_steps(device),
         "exports": listed(device.folder / "exports.json"),
         "rejected": [s for s in device.sessions if s.rejected],

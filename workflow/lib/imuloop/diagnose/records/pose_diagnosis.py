@@ -8,7 +8,7 @@ import numpy as np
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.contradictions import change
-from imuloop.calibrate.determined import LEAST_POSES, beyond_data_sheet
+from imuloop.calibrate.determined import LEAST_POSES, NO_DIRECTION, beyond_data_sheet
 from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, Kind, OfSensor, SensorPair
 from imuloop.core.errors import plural
@@ -185,7 +185,7 @@ def rejections(result, recording):
         if why:
             found[sensor] = why
     if "accelerometer" in found and "gyroscope" in result.calibrations:
-        found["gyroscope"] = f"direction of gravity not known: {found['accelerometer']}"
+        found["gyroscope"] = NO_DIRECTION
     return found
 
 

@@ -7,6 +7,7 @@ from imuloop.core.files import read_json
 from imuloop.report.figures.drawing import BLUE, GREEN, ORANGE, drawn
 from imuloop.report.numbers import duration, interval_text, number, with_unit
 from imuloop.report.tables.table import Table
+from imuloop.report.verdict import blocks
 
 MODELS = {"raw": "as logged", "base": "base model", "final": "final"}
 COLOURS = {"raw": GREEN, "base": ORANGE, "final": BLUE}
@@ -26,7 +27,9 @@ def attitude_part(device):
     """Return finding, tables and pictures of the validation by attitude, empty without one."""
     content = read_json(device.folder / "attitude.json")
     if content["status"] != "ok":
+        told = {block.get("why") for *_, block in blocks(device.diagnosis)}
         finding = f"The error of the vertical cannot be tested: {content['why']}."
+        finding = "" if content["why"] in told else finding
         return {"finding": finding, "tables": [], "pictures": []}
     series = pd.read_parquet(device.folder / "attitude.parquet")
     return {

@@ -6,6 +6,7 @@ from imuloop.report.numbers import number, typeset, with_sigma
 from imuloop.report.results import SENSORS, UNITS, XYZ, base_parameters
 from imuloop.report.tables.table import Sized, Table
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, MILLIRADIAN, PERCENT
+from imuloop.report.verdict import blocks
 
 METHODS = {"six_position": "Six-position", "multi_position": "Multi-position", "final": "Final"}
 METHOD_WORDS = {
@@ -81,13 +82,15 @@ def _cells(sensor, bias):
 def reasons(device):
     """Return why parts of the calibration could not be made: (method, sensor, reason).
 
-    The final one gives its reason only where no method before it has the same.
+    A reason that stands with a verdict is left out, and one of the final calibration that a method
+    before it has.
     """
+    told = {(sensor, block.get("why")) for sensor, _, block in blocks(device.diagnosis)}
     found = [
         (METHODS[method], sensor, why)
         for method, calibration in device.calibrations.items()
         for sensor in SENSORS
-        if (why := getattr(calibration, sensor).not_testable)
+        if (why := getattr(calibration, sensor).not_testable) and (sensor, why) not in told
     ]
     before = [each[1:] for each in found if each[0] != METHODS["final"]]
     return [each for each in found if each[0] != METHODS["final"] or each[1:] not in before]
