@@ -6,10 +6,17 @@ import numpy as np
 import pytest
 
 from bench import tables
+from bench.held_out import ratios
 from bench.peers.__main__ import reference
 from bench.peers.calls import averaging_factors
 from bench.processors import BOUND, differences
+from calibrate.devices import UNITS, known_noise, planned, recording
+from imuloop.calibrate.calibrate import start_pair
+from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.diagnose.records.pose_diagnosis import pose_problem
+from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.noise.allan import allan_variance
+from imuloop.simulate.truth import example_truth
 
 
 def test_an_artefact_names_its_commit_first(tmp_path, monkeypatch):
@@ -51,3 +58,13 @@ def test_results_of_two_processors_differ_by_a_word_or_by_a_share_of_a_number():
     for changed in ({"verdict": "unexplained"}, {"why": 0.0}, {"ci95": None}, {"ci95": [0.0]}):
         assert share(**changed) == np.inf
     assert share(another=0) == np.inf
+
+
+def test_weights_of_all_poses_hardly_lower_the_held_out_errors():
+    """The bound of what docs/method.md says of the weights and the linearisation."""
+    truth = planned(example_truth(rate=50.0), poses=20)
+    made, how = recording(truth, 9400), (known_noise(truth), truth.gravity, UNITS)
+    pair, _ = start_pair(made, *how, CalibrateSettings())
+    found = ratios(pose_problem(pair, made, DiagnoseSettings(folds=5), 1))
+    assert set(found) == {"gravity_norm", "pose_rate", "rotation"}
+    assert all(0.9 < ratio < 1.1 for ratio in found.values()), found
