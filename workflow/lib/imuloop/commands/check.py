@@ -179,8 +179,7 @@ def lines(drift):
             found.append(f"  not tested: {', '.join(names)}: {sensor.why}")
     if drift.bias_only:
         found.append(
-            "Only biases moved. That is usual from one switching on to the next: --turn-on says "
-            "how much is allowed. --update writes the new ones."
+            "Only biases moved, by more than --turn-on allows. --update writes the new ones."
         )
     return found
 

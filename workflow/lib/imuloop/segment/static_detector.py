@@ -90,7 +90,8 @@ def moves(rows, stretches, step, settings):
     first, _, means = block_means(rows, stretches, width)
     change = np.linalg.norm(np.diff(means, axis=0).reshape(-1, 2, 3), axis=2)
     moved = (change > [FORCE_TOLERANCE, settings.rate_tolerance]).any(axis=1)
-    return bool(np.median(moved[np.diff(first) == width]) > 0.5) if len(first) > 1 else False
+    moved = moved[np.diff(first) == width]
+    return 2 * np.count_nonzero(moved) > len(moved)
 
 
 def rest_level(force, rate, moving, step, settings):

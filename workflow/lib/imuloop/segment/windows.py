@@ -40,9 +40,9 @@ def block_means(rows, ranges, width):
     edges = np.cumsum([0, *map(len, blocks)])
     first = np.concatenate([np.empty(0, dtype=int), *blocks])
     sums = np.zeros((len(first), len(CHANNELS)))
-    if len(first):
-        for begin, x in rows.pieces(CHANNELS):
-            sums += sums_over(x.T, np.column_stack([first, first + width]) - begin)
+    for begin, x in rows.pieces(CHANNELS) if len(first) else ():
+        near = slice(*np.searchsorted(first, [begin - width + 1, begin + x.shape[1]]))
+        sums[near] += sums_over(x.T, np.column_stack([first[near], first[near] + width]) - begin)
     return first, np.column_stack([edges[:-1], edges[1:]]), sums / width
 
 
