@@ -11,7 +11,7 @@ import yaml
 from imuloop.code_digest import code_digest
 from imuloop.config import by_type, fetched, is_stored, resolve, source_path
 from imuloop.core.errors import ImuloopError, nearest
-from imuloop.failures import FAILED, report_failed_run
+from imuloop.failures import ATTEMPT, report_failed_run
 from imuloop.family import LEAST
 from imuloop.file_faults import SIMULATED
 from imuloop.log_digest import log_digests

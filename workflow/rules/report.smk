@@ -60,7 +60,7 @@ rule report:
         exports=expand("results/{device}/exports.json", device=DEVICES),
         family=["results/family.json"] if TYPES else [],
         # newer than a report without all devices: the next run makes it again
-        failed=FAILED,
+        attempt=ATTEMPT,
     output:
         report=report(
             "results/report.html",
@@ -99,9 +99,9 @@ rule report:
         "../../scripts/report.py"
 
 
-rule failed:
+rule attempt:
     output:
-        touch(FAILED),
+        touch(ATTEMPT),
     localrule: True
 
 

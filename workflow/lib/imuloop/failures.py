@@ -7,12 +7,12 @@ from pathlib import Path
 
 from imuloop import chain
 from imuloop.config import resolve
-from imuloop.core.errors import one_line
+from imuloop.core.errors import ImuloopError, one_line
 from imuloop.job_log import last_words
 
-REPORT, FAMILY = "results/report.html", "results/family.json"
-# an input of the report that is newer than a report without all devices
-FAILED = Path("results/.failed")
+REPORT = "results/report.html"
+# an input of the report: newer than a report without all devices
+ATTEMPT = Path("results/.attempt")
 
 
 @dataclass(frozen=True)
@@ -59,6 +59,7 @@ def report_failed_run(workflow, config, command=f"snakemake -- {REPORT}"):
     for job in causes:
         for path in map(Path, job.output):
             shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+    lines = ["{} failed: {} (more in {})".format(*_told([job], *job.wildcards)) for job in failed]
     makers = {str(path): job for job in dag.jobs for path in job.output}
     report = makers.get(REPORT)
     if report in causes and report not in failed:
@@ -72,10 +73,12 @@ def report_failed_run(workflow, config, command=f"snakemake -- {REPORT}"):
                 why = "the run stopped before this stage", job.log[0]
                 failures.append(Failure(name, device["label"], job.rule.name, *why))
         failures = failures or [Failure("", "All devices", *_told(failed))]
-        family = FAMILY if makers.get(FAMILY, report) not in causes else None
-        chain.report(devices, command, family, failures)
-        FAILED.write_text(f"{time.time_ns()}\n")
-    return ["{} failed: {} (more in {})".format(*_told([job], *job.wildcards)) for job in failed]
+        try:
+            chain.report(devices, command, failures=failures)
+            ATTEMPT.write_text(f"{time.time_ns()}\n")
+        except (ImuloopError, OSError) as error:
+            lines.append(f"report failed: {one_line(error)}")
+    return lines
 
 
 def _told(jobs, *words):
