@@ -40,20 +40,20 @@ class Errors:
 
     values: np.ndarray  # (m, c): of c components
     design: np.ndarray  # (m, c, 9): derivative by nine parameters of the sensor
-    # (m, c, c): their covariance by what else is estimated, the direction of gravity at turns
+    # (m, c, c): covariance of the errors by the direction of gravity, zero at poses
     spread: np.ndarray
 
     def robust(self):
         """Return the errors about a soft-L1 fit of the parameters, (m, c)."""
-        y, rows = self.values.ravel(), self.design.reshape(-1, self.design.shape[-1])
-        p = robust(lambda p: y + rows @ p, lambda p: rows, np.zeros(rows.shape[1]))
+        y, rows = self.values.ravel(), self.design.reshape(-1, 9)
+        p = robust(lambda p: y + rows @ p, lambda p: rows, np.zeros(9))
         return self.values + self.design @ p
 
     def scores(self, usual, leverage):
-        """Return the size of errors over their standard deviation, (m,).
+        """Return the size of each error over its standard deviation, (m,).
 
-        Takes the errors that are usual, and of each what it has of the parameters' errors, one for
-        each usual error, (m, c, 9).
+        Takes the standard deviation of a usual error, and the derivative by the parameters times
+        a root of their covariance for usual errors of one, (m, c, 9).
         """
         unit = np.eye(self.values.shape[1])
         own = usual**2 * (unit + leverage @ leverage.swapaxes(1, 2)) + self.spread
@@ -183,15 +183,15 @@ def first_changed(errors, fewest, least):
 
 def changed_at(sensor, poses, rotations):
     """Return when a sensor changed amid a recording, s, and a description; None if it did not."""
-    # two sessions have two clocks
-    if not live(poses) or np.ptp(poses.session):
-        return None
     if sensor == "accelerometer":
-        errors, table, what = pose_errors(poses), poses, "poses"
-        name = "the accelerometer"
+        table, what, name = poses, "poses", "the accelerometer"
     else:
-        errors, table, what = turn_errors(poses, rotations), rotations, "turns"
+        table, what = rotations, "turns"
         name = "the gyroscope, or an axis of the accelerometer,"
+    # two sessions have two clocks
+    if len(table) < PARTS[sensor] + CHANGED or not live(poses) or np.ptp(poses.session):
+        return None
+    errors = pose_errors(poses) if table is poses else turn_errors(poses, rotations)
     k = first_changed(errors, PARTS[sensor], LEAST[sensor])
     if k is None:
         return None
