@@ -21,7 +21,7 @@ LEAST_DOF = 0.5
 SCALES = ("K0", "K1", "K2")
 # standard deviation of a MEMS bias from one switching on to the next, m/s^2 and rad/s: 20 mg and
 # 0.5 deg/s. Bias repeatability in the data sheets that give one (ADIS16448, ADIS16460), and the
-# whole initial offset of current phone-grade parts (ICM-42688-P, BMI270, LSM6DSO)
+# whole initial offset of current phone-grade parts (ICM-42688-P, BMI270)
 TURN_ON = {"accelerometer": 20e-3 * STANDARD_GRAVITY, "gyroscope": 0.5 * DEGREE}
 
 
