@@ -15,7 +15,7 @@ import numpy as np
 
 from bench import measured
 from bench.realistic.device import CASES, record
-from bench.study.chain import sound, through
+from bench.study.chain import through
 from bench.tables import publish, table
 from imuloop import chain
 from imuloop.calibrate.calibrate import raw_units, read_recording, start_pair
@@ -80,7 +80,7 @@ def simulated(seed, folder):
     case = CASES[seed % len(CASES)]
     record(seed, case).write(folder / "log.csv")
     device = chain.Device(f"{case}_{seed}", folder, {"log": "multi_position"})
-    sound(chain.ingest(device, "log", {}, [folder / "log.csv"]))
+    chain.ingest(device, "log", {}, [folder / "log.csv"])
     return device
 
 

@@ -14,6 +14,8 @@ from ingest.logs import brief
 PROGRAM = """
 import os, pickle, runpy, signal, sys
 when, *sys.argv = sys.argv[1:]
+# a shell may have started the tests with Ctrl-C ignored
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 def interrupt():
     os.killpg(0, signal.SIGINT)

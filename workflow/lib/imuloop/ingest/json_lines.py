@@ -50,10 +50,10 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
 
 
 def holds_log(path):
-    """Tell whether a JSON file looks like a log, not a result: JSON lines, or a list."""
+    """Tell whether a JSON file looks like a log, not a result: JSON lines, or a list of objects."""
     with open(path, "rb") as file:
         head = file.read(LONGEST_LINE)
-    return are_objects(head) or head.lstrip().startswith(b"[")
+    return are_objects(head) or (head.lstrip().startswith(b"[") and b"{" in head)
 
 
 def are_objects(head):
