@@ -5,12 +5,18 @@ import pytest
 from scipy.linalg import block_diag
 from scipy.stats import f as f_distribution
 
+from calibrate.devices import UNITS, known_noise, planned, recording
 from diagnose.records import LENGTH, record, root, search
+from imuloop.calibrate.calibrate import start_pair
+from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.diagnose.p_values import log_f_tail
+from imuloop.diagnose.records.pose_diagnosis import pose_problem
 from imuloop.diagnose.records.slow_noise import ratios, unit_noise
+from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import Ramp
 from imuloop.effects.steps import Steps
 from imuloop.effects.temperature import BiasTemperature
+from imuloop.simulate.truth import example_truth
 
 
 @pytest.mark.parametrize("held", [(), (3,), (2, 5)])
@@ -74,6 +80,20 @@ def test_columns_that_are_not_independent_give_no_fit():
     # a step before the record is a level, and a column twice is one
     assert training_fit.fit((two,), 0) is None
     assert training_fit.fit((one, one), 0) is None
+
+
+def test_what_shows_in_held_out_rows_alone_gives_no_fit():
+    truth = planned(example_truth(rate=50.0), poses=20)
+    made, how = recording(truth, 9400), (known_noise(truth), truth.gravity, UNITS)
+    pair, _ = start_pair(made, *how, CalibrateSettings())
+    problem = pose_problem(pair, made, DiagnoseSettings(folds=5), 1)
+    evidence, rng = problem.linearized(()).evidence, np.random.default_rng(3)
+    for part in range(problem.parts):
+        touched = (problem.row_parts == part).any(axis=1)
+        training_fit = evidence.training_fit(frozenset({part}))
+        for key in ((part, k) for k in range(10)):
+            evidence.add_pattern(key, (touched * rng.normal(size=len(touched)))[:, None, None])
+            assert training_fit.fit((key,), 0) is None
 
 
 def test_tail_of_f_against_scipy_and_below_the_smallest_double():

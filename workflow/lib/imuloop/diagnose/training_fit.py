@@ -9,6 +9,8 @@ from scipy.special import softmax
 
 # square of the share of a pattern that has to be left by what is known, for it to be seen
 ABSORBED = 1e-6
+# share of a column's square that rounding may leave
+ROUNDING = 1e-12
 # bytes of products beyond which those of a part of the data are not kept
 KEPT = 1 << 21
 
@@ -130,7 +132,7 @@ class TrainingFit:
         first, count, roots = len(self._place), len(self.evidence.prior), self._roots
         self._place |= {c: first + k for k, c in enumerate(new)}
         known, total = list(self._place), len(self._place)
-        grown, added, whole = np.zeros((count, total, total)), 0.0, 0.0
+        grown, added, whole, full = np.zeros((count, total, total)), 0.0, 0.0, 0.0
         if first:
             grown[:, :first, :first] = self._gram
         rows = self.evidence.split(self.evidence.matrix(known))
@@ -144,10 +146,13 @@ class TrainingFit:
                 side = np.concatenate([self._sides[i], side], axis=1)
             self._sides[i], own = side, side[:, first:]
             # of the first hypothesis alone, the nuisances not taken out
+            full = full + np.diag(cross[0, :, first:])
             whole = whole + np.diag(cross[0, :, first:])
             whole = whole - (own[0, :, : len(held_rows)] ** 2).sum(axis=1)
             added = added + cross - own @ np.swapaxes(side, 1, 2)
         grown[:, first:], grown[:, :, first:] = added, np.swapaxes(added, 1, 2)
+        # of a column that is zero in the training rows only rounding is left
+        whole = np.where(whole > ROUNDING * full, whole, np.inf)
         self._gram, self._whole = grown, np.append(self._whole, whole)
 
     def release(self):
