@@ -66,7 +66,7 @@ def inverse_root(rows):
     size[size == 0] = 1.0
     square = np.concatenate([rows / size, np.zeros((len(size),) * 2)])
     _, values, axes = np.linalg.svd(square, full_matrices=False)
-    return axes.T / np.maximum(values, UNSEEN * values[0]) / size[:, None]
+    return axes.T / np.maximum(values, UNSEEN * (values[0] or 1.0)) / size[:, None]
 
 
 def fitted(poses):
