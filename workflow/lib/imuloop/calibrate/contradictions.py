@@ -126,7 +126,7 @@ def turn_errors(poses, rotations):
 def live(poses):
     """Tell whether Poses have a specific force and a rate each: a dead sensor contradicts none."""
     norm = np.linalg.norm(poses.f, axis=1)
-    return bool(norm.size and np.all(norm > 0) and np.isfinite(poses.w).all() and poses.w.any())
+    return len(norm) > 0 and bool(np.all(norm > 0) and np.isfinite(poses.w).all())
 
 
 def robust(residuals, derivative, start):
