@@ -16,6 +16,7 @@ from calibrated import calibrated_device
 # what a stage may take from, itself and core left out
 ARROWS = {
     "core": set(),
+    "sensors": set(),
     "effects": set(),
     "ingest": set(),
     "segment": {"ingest"},
@@ -77,7 +78,7 @@ def test_every_package_imported_is_declared(repository):
     assert of["all"] == [f"imuloop[{','.join(EXTRAS)}]"]
 
 
-def test_the_package_holds_all_templates_and_schemas(repository):
+def test_the_package_holds_all_templates_schemas_and_tables(repository):
     tool = tomllib.loads((repository / "pyproject.toml").read_text())["tool"]
     library = repository / "workflow/lib/imuloop"
     packed = {
@@ -87,7 +88,7 @@ def test_the_package_holds_all_templates_and_schemas(repository):
         if path.is_file()
     }
     needed = [p for name in ("templates", "schemas") for p in (library / name).resolve().rglob("*")]
-    needed = {path for path in needed if path.is_file()}
+    needed = {path for path in needed if path.is_file()} | {library / "sensors/sensors.yaml"}
     assert needed and needed <= {path.resolve() for path in packed}
 
 

@@ -1,0 +1,274 @@
+"""Loader of the table of sensors, ``sensors.yaml``."""
+
+import re
+from dataclasses import dataclass
+from functools import cache
+from math import isclose, nan, sqrt
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from imuloop.core.errors import ImuloopError, did_you_mean
+from imuloop.core.units import ACCELERATION, ANGULAR_RATE, DEGREE, STANDARD_GRAVITY
+
+TABLE = Path(__file__).with_name("sensors.yaml")
+
+# SI per unit at the end of a key of the table
+_UNITS = {
+    "g": STANDARD_GRAVITY,
+    "mg": STANDARD_GRAVITY * 1e-3,
+    "m_per_s2": 1.0,
+    "deg_per_s": DEGREE,
+    "mdps": DEGREE * 1e-3,
+    "percent": 0.01,
+    "ug_per_sqrt_Hz": STANDARD_GRAVITY * 1e-6,
+    "mdps_per_sqrt_Hz": DEGREE * 1e-3,
+}
+# how the unit of a full scale is written in a config
+_WRITTEN = {"g": "g", "m_per_s2": "m/s^2", "deg_per_s": "deg/s"}
+# full scales this near, as a share, are the same: some sheets write 245 deg/s, some 250
+_SAME_RANGE = 0.03
+# standard deviations in one unit of a tolerance, by its meaning in the sheet
+_DEVIATIONS = {"typical": 1.0, "one_sigma": 1.0, "maximum": 1 / sqrt(3)}
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """Standard deviations of a sensor's parameters about their nominal values.
+
+    Attributes
+    ----------
+    misalignment : float
+        Elements of T off the diagonal, rad.
+    scale_factor : float
+        Scale factors relative to the nominal one, 1.
+    bias : float
+        m/s^2 for an accelerometer, rad/s for a gyroscope.
+    """
+
+    misalignment: float
+    scale_factor: float
+    bias: float
+
+
+# MEMS sensors of which nothing is known
+GENERIC = {
+    "accelerometer": Tolerance(0.02, 0.03, 0.5),
+    "gyroscope": Tolerance(0.02, 0.03, 0.2),
+}
+# Lower limits for every sheet. Sheets describe the part at 25 °C; solder and mounting shift a bias
+# by far more than newer sheets state, and turn a gyroscope chip against the accelerometer's axes.
+FLOOR = {
+    "accelerometer": Tolerance(0.01, 0.01, 0.5),
+    "gyroscope": Tolerance(0.02, 0.01, 0.2),
+}
+
+
+@dataclass(frozen=True)
+class Range:
+    """One range of a sensor.
+
+    Attributes
+    ----------
+    name : str
+        Full scale with its unit, such as ``16 g``.
+    full_scale : float
+        Largest value that the sheet covers, m/s^2 or rad/s.
+    scale : float
+        m/s^2 or rad/s per count.
+    noise_density : float or None
+        Typical white noise, m/s^2/√Hz or rad/s/√Hz; None if not known.
+    """
+
+    name: str
+    full_scale: float
+    scale: float
+    noise_density: float | None
+
+
+@dataclass(frozen=True)
+class SensorFigures:
+    """Figures of one accelerometer or gyroscope, SI.
+
+    Attributes
+    ----------
+    name : str
+        The sensor in messages, such as ``accelerometer of ICM-42688-P``.
+    source, evidence : str
+        Document that gives the figures; ``data sheet`` or ``driver``.
+    ranges : tuple of Range
+        From the smallest full scale to the largest.
+    tolerance : Tolerance
+        See `find_sensor`.
+    """
+
+    name: str
+    source: str
+    evidence: str
+    ranges: tuple[Range, ...]
+    tolerance: Tolerance
+
+    @property
+    def noise_density(self):
+        """Typical white noise, SI per √Hz; None if not known, or if ranges differ."""
+        found = {each.noise_density for each in self.ranges}
+        return found.pop() if len(found) == 1 else None
+
+    def choose_range(self, full_scale=None):
+        """Return one range.
+
+        Parameters
+        ----------
+        full_scale : str or float, optional
+            With a unit, such as ``16 g`` or ``2000 deg/s``, or a number in SI. A sensor with a
+            single range needs none.
+
+        Returns
+        -------
+        Range
+
+        Raises
+        ------
+        ImuloopError
+            If the sensor has no such range, or several and none is given.
+        """
+        if full_scale is None and len(self.ranges) == 1:
+            return self.ranges[0]
+        unit = self.ranges[0].name.partition(" ")[2]
+        wanted = _si(full_scale, ACCELERATION if unit in ACCELERATION else ANGULAR_RATE)
+        for each in self.ranges:
+            if isclose(wanted, each.full_scale, rel_tol=_SAME_RANGE):
+                return each
+        what = "range not given" if full_scale is None else f"'{full_scale}' is not a range"
+        known = ", ".join(each.name for each in self.ranges)
+        raise ImuloopError(f"{self.name}: {what}; use one of {known}")
+
+
+@dataclass(frozen=True)
+class DataSheet:
+    """A sensor of the table; `accelerometer` or `gyroscope` is None where it has none."""
+
+    key: str
+    label: str
+    manufacturer: str
+    accelerometer: SensorFigures | None
+    gyroscope: SensorFigures | None
+
+
+def sensor_names():
+    """Return the keys of all sensors of the table, sorted."""
+    return sorted(_table())
+
+
+def find_sensor(name):
+    """Return the data sheet of a sensor.
+
+    A tolerance becomes a standard deviation as follows. A typical figure counts as one standard
+    deviation. A maximum is the half-width of a rectangular distribution, which has the standard
+    deviation maximum/√3. With both, the larger counts. No standard deviation is below `FLOOR`. A
+    figure that the sheet lacks is taken from `GENERIC`.
+
+    Parameters
+    ----------
+    name : str
+        Key, label or alias; case and punctuation do not matter.
+
+    Returns
+    -------
+    DataSheet
+
+    Raises
+    ------
+    ImuloopError
+        If the table has no such sensor; with the nearest name.
+
+    References
+    ----------
+    JCGM 100:2008, Guide to the expression of uncertainty in measurement, 4.3.7 (rectangular
+    distribution).
+    """
+    table = _table()
+    keys = {
+        _plain(each): key
+        for key, row in table.items()
+        for each in (key, row["label"], *row.get("aliases", ()))
+    }
+    key = keys.get(_plain(name))
+    if key is None:
+        hint = did_you_mean(_plain(name), table) or "; 'imuloop sensors' lists them"
+        raise ImuloopError(f"'{name}' is not a sensor of the table{hint}")
+    row = table[key]
+    parts = [_figures(sensor, row) if sensor in row else None for sensor in GENERIC]
+    return DataSheet(key, row["label"], row["manufacturer"], *parts)
+
+
+def listing():
+    """Return one line of text for each sensor: key, manufacturer, ranges and kind of evidence."""
+    lines = []
+    for sheet in map(find_sensor, sensor_names()):
+        both = [each for each in (sheet.accelerometer, sheet.gyroscope) if each]
+        ranges = ["/".join(r.name.partition(" ")[0] for r in each.ranges) for each in both]
+        units = [each.ranges[0].name.partition(" ")[2] for each in both]
+        spans = ", ".join(map(" ".join, zip(ranges, units, strict=True)))
+        lines.append(f"{sheet.key:<12}{sheet.manufacturer:<20}{both[0].evidence:<12}{spans}")
+    return "\n".join(lines)
+
+
+@cache
+def _table():
+    """Return the table as it is in the file."""
+    return yaml.safe_load(TABLE.read_text(encoding="utf-8"))
+
+
+def _plain(name):
+    """Return a name in lower case without punctuation."""
+    return re.sub(r"[\W_]", "", str(name)).lower()
+
+
+def _si(full_scale, units):
+    """Return a full scale in SI, or nan if it is not a number alone or with one of the units."""
+    found = re.fullmatch(r"±?(\d+\.?\d*) *(\S*)", str(full_scale).strip())
+    return float(found[1]) * ({"": 1.0} | units).get(found[2], nan) if found else nan
+
+
+def _figures(sensor, row):
+    """Return the SensorFigures of the accelerometer or gyroscope in a row of the table."""
+    part = row[sensor]
+    full_scales, to_si, unit = _find(part, "full_scale_{}")
+    counts, per_count, _ = _find(part, "counts_per_{}")
+    steps, step, _ = _find(part, "{}_per_count")
+    scales = np.divide(per_count, counts) if counts else np.multiply(step, steps)
+    density, per_unit, _ = _find(part, "noise_density_{}")
+    noise = None if density is None else np.multiply(density, per_unit)
+    columns = (
+        [f"{each:g} {_WRITTEN[unit]}" for each in full_scales],
+        np.multiply(full_scales, to_si).tolist(),
+        scales.tolist(),
+        np.broadcast_to(noise, len(full_scales)).tolist(),
+    )
+    tolerance = Tolerance(
+        _deviation(part, "cross_axis_{}", sensor, "misalignment"),
+        _deviation(part, "scale_factor_{}", sensor, "scale_factor"),
+        _deviation(part, "zero_offset_{}", sensor, "bias"),
+    )
+    ranges = tuple(Range(*each) for each in zip(*columns, strict=True))
+    name = f"{sensor} of {row['label']}"
+    return SensorFigures(name, part["source"], part["evidence"], ranges, tolerance)
+
+
+def _deviation(part, pattern, sensor, parameter):
+    """Return the standard deviation, SI, of a parameter, by the rule in `find_sensor`."""
+    figures, to_si, _ = _find(part, pattern)
+    if figures is None:
+        return getattr(GENERIC[sensor], parameter)
+    stated = (_DEVIATIONS[meaning] * value * to_si for meaning, value in figures.items())
+    return max(getattr(FLOOR[sensor], parameter), *stated)
+
+
+def _find(part, pattern):
+    """Return value, SI per unit and unit of the key `pattern` with a unit; None if it is absent."""
+    for unit, factor in _UNITS.items():
+        if (key := pattern.format(unit)) in part:
+            return part[key], factor, unit
+    return None, nan, ""
