@@ -24,8 +24,11 @@ EFFECT_FREE = (
 )  # fmt: skip
 WITH_EFFECT = ("temperature", "thermometer_lag", "jump")
 CASES = (*EFFECT_FREE, *WITH_EFFECT, "all")
-# how far from upright a face is put down, and the share of rows that a lossy log has
-FACE, KEPT = 0.01, 0.8
+# few poses, and six faces set by hand: case, number of poses
+FEW = {f"poses_{n}": n for n in (1, 2, 4, 6, 8, 10, 13, 30)} | {"six_faces": 6}
+# how far from upright a face is put down, rad, on a table and by hand, and the share of rows that a
+# lossy log has
+FACE, BY_HAND, KEPT = 0.01, 0.05, 0.8
 # full scale of the gyroscope where it clips, °/s
 RAIL = 250
 CHANNELS = ("ax", "ay", "az", "gx", "gy", "gz")
@@ -133,14 +136,15 @@ def stream(seed, name):
     return np.random.default_rng([seed, *name.encode()])
 
 
-def poses(n, rng, faces=False):
+def poses(n, rng, faces=0.0):
     """Return n attitudes, 50° or more apart, (n,) Rotation.
 
-    All over the sphere in random order, or the six faces of a case again and again.
+    All over the sphere in random order, or, with `faces`, the six faces of a case again and again,
+    each off by that angle, rad.
     """
     up = Rotation.random(rng=rng).apply(sphere(n) + rng.normal(0, 0.05, (n, 3)))
     if faces:
-        up = np.resize([*np.eye(3), *-np.eye(3)], (n, 3)) + rng.normal(0, FACE, (n, 3))
+        up = np.resize([*np.eye(3), *-np.eye(3)], (n, 3)) + rng.normal(0, faces, (n, 3))
     up = up / np.linalg.norm(up, axis=1)[:, None]
     made = []
     for one in up if faces else rng.permutation(up):
@@ -179,8 +183,9 @@ def move(seed, parts, rate):
     """Return the Motion of a session, at `rate` or more."""
     rng = stream(seed, "motion")
     count = rng.integers(12, 41)
-    count = 12 if "twelve_poses" in parts else count
-    attitudes = poses(count, rng, "faces" in parts)
+    count = 12 if "twelve_poses" in parts else FEW.get(parts[0], count)
+    faces = FACE * ("faces" in parts) + BY_HAND * ("six_faces" in parts)
+    attitudes = poses(count, rng, faces)
     turns = (attitudes[:-1].inv() * attitudes[1:]).as_rotvec()
     seconds = np.zeros(2 * count - 1)
     seconds[::2] = rng.uniform(3, 8, count)

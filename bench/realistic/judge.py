@@ -8,8 +8,8 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import imuloop
-from bench.realistic.device import CHANNELS, DEGREE, GRAVITY, record, sphere
-from bench.realistic.plain import fit
+from bench.realistic.device import CHANNELS, DEGREE, FEW, GRAVITY, Sensor, record, sphere
+from bench.realistic.plain import fit, fit_accelerometer, rest_means
 
 SENSORS = ("accelerometer", "gyroscope")
 DIRECTIONS = 60
@@ -86,6 +86,7 @@ def outcome(made, result):
         return [s.corrected(x) if s else x for s, x in zip(plain, (f, w), strict=True)]
 
     others = errors(made, by_plain)
+    few = {} if made.case not in FEW else {"few": by_few(made, log)}
     missing = [s for s, sensor in zip(SENSORS, plain, strict=True) if sensor is None]
     return {
         **{name: getattr(made, name) for name in ("case", "seed", "parts", "effect_free", "rate")},
@@ -102,9 +103,24 @@ def outcome(made, result):
         "no_plain_fit": missing,
         "imuloop": own,
         "plain": others,
+        **few,
         "ratios": {s: None if s in missing else own[s] / others[s] for s in SENSORS},
         "pulls": {s: pulls(getattr(found, s), getattr(made, s)) for s in SENSORS},
     }
+
+
+def by_few(made, log):
+    """Return the errors of other ways to use few poses, as in `errors`.
+
+    As logged; the accelerometer by a plain fit with the data sheet as prior, the gyroscope with the
+    bias of its rests alone. Takes the log, (n, 6).
+    """
+    t = made.columns["t"]
+    force, rate = (rest_means(t, part, made.rests) for part in (log[:, :3], log[:, 3:]))
+    by_prior = fit_accelerometer(force, prior=True)
+    bias = Sensor(np.eye(3), np.ones(3), rate.mean(axis=0))
+    plain = errors(made, lambda f, w, *_: (by_prior.corrected(f), bias.corrected(w)))
+    return {"logged": errors(made, lambda f, w, *_: (f, w)), "plain": plain}
 
 
 def pulls(found, true):

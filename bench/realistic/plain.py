@@ -1,4 +1,7 @@
-"""The plain fit: nine parameters per sensor, equal weights, no effects, given the true rests."""
+"""The plain fit: nine parameters per sensor, equal weights, no effects, given the true rests.
+
+With the data sheet as a prior it fits the accelerometer alone, of however few rests.
+"""
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -7,6 +10,9 @@ from bench.realistic.device import GRAVITY, Sensor
 
 # of the start and the end of a rest that count to the moves: filters and stamps are late, s
 MARGIN = 0.1
+# an accelerometer as its data sheet has it, and its tolerance: T, K, b; error of a mean at rest
+NOMINAL, SHEET = np.repeat([0.0, 1.0, 0.0], 3), np.repeat([0.02, 0.03, 0.5], 3)
+KNOWN = 1e-3
 
 
 def fit(t, force, rate, rests):
@@ -29,8 +35,16 @@ def fit(t, force, rate, rests):
     return accelerometer, fit_gyroscope(t, rate, moves, up, rate[pieces[0]].mean(axis=0))
 
 
-def fit_accelerometer(means):
-    """Return the Sensor that makes the norm of the means at rest, (m, 3), that of gravity."""
+def rest_means(t, values, rests):
+    """Return the mean of values, (n, 3), over each rest, (m, 3)."""
+    return np.array([values[(t > a + MARGIN) & (t < b - MARGIN)].mean(axis=0) for a, b in rests])
+
+
+def fit_accelerometer(means, prior=False):
+    """Return the Sensor that makes the norm of the means at rest, (m, 3), that of gravity.
+
+    With the prior also where it is not determined: its rows stand beside norms known to `KNOWN`.
+    """
 
     def sensor(p):
         T = np.eye(3)
@@ -38,9 +52,10 @@ def fit_accelerometer(means):
         return Sensor(T, p[3:6], p[6:])
 
     def residual(p):
-        return np.linalg.norm(sensor(p).corrected(means), axis=1) - GRAVITY
+        left = np.linalg.norm(sensor(p).corrected(means), axis=1) - GRAVITY
+        return np.append(left / KNOWN, (p - NOMINAL) / SHEET) if prior else left
 
-    return _solved(residual, np.repeat([0.0, 1.0, 0.0], 3), sensor)
+    return _solved(residual, NOMINAL, sensor)
 
 
 def fit_gyroscope(t, rate, moves, up, bias):
