@@ -78,7 +78,10 @@ def judged(seed, case, keep=None):
 def outcome(made, result):
     """Return the judgement of a Result, for JSON."""
     found, warm = result.calibration, "temperature" in made.columns
-    own = errors(made, lambda f, w, t, hot: found.apply_arrays(f, w, t, hot if warm else None))
+    own = errors(
+        made,
+        lambda f, w, t, hot: found.apply_arrays(f, w, t, hot if warm else None, nominal=True),
+    )
     log = np.column_stack([made.columns[name] for name in CHANNELS])
     plain = fit(made.columns["t"], log[:, :3], log[:, 3:], made.rests)
 

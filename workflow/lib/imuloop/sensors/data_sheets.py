@@ -196,7 +196,7 @@ def find_sensor(name):
     }
     key = keys.get(_plain(name))
     if key is None:
-        hint = did_you_mean(_plain(name), table) or "; 'imuloop sensors' lists them"
+        hint = did_you_mean(_plain(name), table) or "; imuloop.sensors.sensor_names() lists them"
         raise ImuloopError(f"'{name}' is not a sensor of the table{hint}")
     row = table[key]
     parts = [_figures(sensor, row) if sensor in row else None for sensor in GENERIC]
