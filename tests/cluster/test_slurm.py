@@ -183,7 +183,8 @@ def take_too_much(repository, profile, folder):
 def test_a_failing_job_is_reported_within_minutes_with_a_log_that_says_why(started):
     ended, reported = started["fail"].result()
     assert 0 <= reported[0][0] - ended[0] < REPORTED
-    assert "segment broken: on purpose" in reported[0][1].read_text()
+    line = "segment broken: an error in the code of imuloop (RuntimeError)"
+    assert line in reported[0][1].read_text()
 
 
 def test_a_cancelled_job_is_reported_within_minutes(started):
