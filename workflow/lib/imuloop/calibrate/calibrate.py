@@ -3,37 +3,19 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, block_diag
 
-from imuloop.calibrate import accelerometer, six_position
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.contradictions import change, changed_at
-from imuloop.calibrate.determined import (
-    NO_DIRECTION,
-    NO_POSE,
-    accelerometer_undetermined,
-    gyroscope_undetermined,
-    known_worse,
-    no_ellipsoid,
-)
-from imuloop.calibrate.gyroscope import NAMES as OF_GYROSCOPE
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.calibrate.least_squares import (
-    NotConverged,
-    condition_number,
-    fit,
-    known_rows,
-    why_no_fit,
-)
 from imuloop.calibrate.poses import gather_poses
-from imuloop.calibrate.raw_units import as_logged, in_raw_units, si_factor
+from imuloop.calibrate.prior import data_sheets
+from imuloop.calibrate.raw_units import prior_content
 from imuloop.calibrate.recording import record
-from imuloop.calibrate.sensor_pair import FORCE, SensorPair
+from imuloop.calibrate.sensor_pair import BASES, FORCE, SensorPair
 from imuloop.core.calibration_faults import sensor_fault
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import (
-    ACCELERATION,
     ANGULAR_RATE,
     CHANNELS,
     OWN_TIME,
@@ -46,18 +28,18 @@ from imuloop.core.samples import (
 )
 from imuloop.core.units import RawUnit
 
-# what a calibration rests on, most first
-METHODS = (
-    *("multi_position", "known_rotation", "six_position", "reference_motion"),
-    *("static", "nominal"),
-)
-# condition number up to which turns determine a gyroscope
-BY_TURNS = 100
-# standard deviations up to which two biases may differ and be one
-SAME = 5.0
 KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")
 # of sessions whose rests are poses in any attitude
 POSED = ("multi_position", "reference_motion")
+# sessions that are fitted together, by what the calibration is called
+GROUPS = {method: (method,) for method in ("six_position", "known_rotation")}
+GROUPS = {"multi_position": POSED} | GROUPS
+# reduced chi square from which on a sensor may have changed amid the recording
+CONTRADICTORY = 9.0
+# standard deviations up to which two biases may differ and be one
+SAME = 5.0
+# why a gyroscope has no fit where the accelerometer has none
+NO_DIRECTION = "the direction of gravity is not known, because the accelerometer is not calibrated"
 
 
 def usable(sessions, *kinds):
@@ -80,15 +62,11 @@ def without_pose(sessions, kind):
     return f"no {kind} session with a pose" + (f": {', '.join(became)}" if became else "")
 
 
-def with_sessions(reason, sessions, six=None):
+def with_sessions(reason, sessions):
     """Return a reason, text or None; for missing poses, also what happened to the sessions.
 
-    Sessions as of `usable`. Where poses were recorded as six faces alone, it is `six`, why these do
-    not calibrate the sensor, if that is given.
+    Sessions as of `usable`.
     """
-    kinds = {session["kind"] for session in sessions.values()}
-    if six and reason == NO_POSE and "six_position" in kinds and "multi_position" not in kinds:
-        return with_sessions(six, sessions)
     for kind in ("multi_position", "six_position"):
         bare = without_pose({}, kind)
         if reason and reason.startswith(bare):
@@ -101,12 +79,12 @@ def read_poses(sessions, kind):
     return gather_poses([table for _, table in usable(sessions, kind)])
 
 
-def read_recording(sessions, longest_rotation):
-    """Return the Recording of the sessions of kinds `POSED`, without poses if there is none.
+def read_recording(sessions, longest_rotation, kinds=POSED):
+    """Return the Recording of the sessions of some kinds, without poses if there is none.
 
     Takes sessions as `usable` does, and the longest rotation, s.
     """
-    chosen = usable(sessions, *POSED)
+    chosen = usable(sessions, *kinds)
     columns = (TIME, *CHANNELS, TEMPERATURE, *OWN_TIME.values())
     samples = [read_columns(session["samples"], columns) for session, _ in chosen]
     rails = [read_metadata(session["samples"]).get("rails", {}) for session, _ in chosen]
@@ -149,154 +127,120 @@ def hashes(sessions):
     return tuple(dict.fromkeys(each for files in found for each in files.values()))
 
 
-def start_pair(recording, noise, gravity, units, settings, given=None, turns=None, bias=None):
-    """Return the SensorPair of a recording, None if it determines no sensor, and reasons.
+def largest_recording(sessions, longest_rotation):
+    """Return the name in `GROUPS` and the Recording of the sessions that have the most poses."""
+    made = {name: read_recording(sessions, longest_rotation, k) for name, k in GROUPS.items()}
+    return max(made.items(), key=lambda each: len(each[1].poses))
+
+
+def start_pair(
+    recording, noise, gravity, units, settings, priors=None, turns=None, bias=None, method=POSED[0]
+):
+    """Return the SensorPair of a recording, None if it holds no data, and reasons.
 
     Parameters
     ----------
     recording, noise, gravity, settings : Recording, NoiseModel, float, CalibrateSettings
-        As of `SensorPair`.
+        As in `SensorPair`.
     units : dict of str to RawUnit
-        Of each sensor.
-    given : SensorCalibration, optional
-        The accelerometer's from elsewhere, where these poses do not determine it.
+        Units of each sensor.
+    priors : dict of str to SensorPrior, optional
+        What is known of each sensor before; by default the data sheet of a generic device.
     turns : KnownTurns, optional
-        What counts beside the rotations of the gyroscope.
-    bias : tuple of two ndarray, optional
-        As of `SensorPair`.
+        Known turns of the gyroscope, in addition to the rotations of the recording.
+    bias, method : optional
+        As in `SensorPair`.
 
     Returns
     -------
     SensorPair or None
-        Its parameters are those of a first fit.
+        Its base parameters are those to start a fit from.
     dict of str to str
-        Why a sensor is not estimated.
+        Why a sensor has no data.
     """
-    poses, largest, reasons = recording.poses, settings.largest_condition, {}
-    # as the data sheet has it
-    base = np.repeat([0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [3, 3, 3, 6, 3, 3])
-    pair = SensorPair(noise, gravity, units, settings, (), base, bias=bias)
-    if turns is not None and len(turns) and bias is None:
-        pair = pair.knowing("gyroscope", *turns.rows())
-    if reason := accelerometer_undetermined(poses, gravity, largest):
-        reason += recording.lost.rests_reason
-    reason = reason or poses.unknown_noise(noise, ACCELERATION)
-    if not reason:
-        base[:FORCE] = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity).start()
-        alone, reason = _estimated(replace(pair, estimated=("accelerometer",)), recording)
-        pair = alone or pair
-    if reason:
-        reasons["accelerometer"] = reason
-        if given is not None:
-            pair.base[:FORCE] = as_logged(given, accelerometer.NAMES)
-            if given.names[:FORCE] == accelerometer.NAMES:
-                factor = si_factor(accelerometer.NAMES, given.raw_unit)
-                own = given.covariance[:FORCE, :FORCE] * np.outer(factor, factor)
-                root = known_rows(own)
-                pair = pair.knowing("accelerometer", root, root @ pair.base[:FORCE])
-            pair = replace(pair, given=given)
-    if not len(poses):
-        reason = NO_POSE
-    elif reason and given is None:
-        reason = NO_DIRECTION
-    else:
-        pair.base[-3:] = poses.w.mean(axis=0) if bias is None else bias[0]
-        reason = poses.unknown_noise(noise, ANGULAR_RATE)
-        reason = reason or gyroscope_undetermined(pair.turns_derivative(recording), largest)
-        if reason:
-            reason += recording.lost.reason
-        else:
-            both = (*pair.estimated, "gyroscope")
-            whole, reason = _estimated(replace(pair, estimated=both), recording)
-            pair = whole or pair
-    if reason:
-        reasons["gyroscope"] = reason
-    return (pair if pair.estimated else None), reasons
+    poses, priors = recording.poses, priors or data_sheets()
+    reasons = {s: poses.unknown_noise(noise, axes) for s, axes in SENSORS.items() if len(poses)}
+    reasons = (
+        {s: why for s, why in reasons.items() if why}
+        if len(poses)
+        else dict.fromkeys(SENSORS, without_pose({}, "multi_position"))
+    )
+    estimated = tuple(s for s in SENSORS if s not in reasons)
+    if not estimated:
+        return None, reasons
+    base = np.concatenate([prior.mean for prior in priors.values()])
+    how = {"priors": priors, "method": method, "bias": bias}
+    pair = SensorPair(noise, gravity, units, settings, estimated, base, **how)
+    for sensor in estimated:
+        pair = pair.knowing(sensor, *priors[sensor].rows())
+    if "accelerometer" in estimated:
+        model = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity)
+        base[:FORCE] = model.start()
+    if "gyroscope" in estimated:
+        base[-3:] = poses.w.mean(axis=0) if bias is None else bias[0]
+        if turns is not None and len(turns):
+            pair = pair.knowing("gyroscope", *turns.rows())
+    return pair, reasons
 
 
-def _estimated(pair, recording):
-    """Return a pair with the parameters of its fit, None if there is none, and why."""
-    sensor = pair.estimated[-1]
-    solution, reason = _valid(pair, recording)
-    if reason:
-        return None, change(sensor, recording.poses, recording.rotations) or reason
-    base = pair.base.copy()
-    base[pair.free] = solution.fit.x
-    return replace(pair, base=base), None
+def calibrate_sensors(
+    recording, noise, gravity, units, settings, priors=None, turns=None, method="multi_position"
+):
+    """Return the calibration of both sensors by the poses of a recording and the turns between.
 
-
-def _valid(pair, recording):
-    """Return the Solution of a pair's fit, None if there is none, and why it is not valid."""
-    sensor = pair.estimated[-1]
-    try:
-        solution = pair.fit(recording)
-    except LinAlgError as error:
-        if sensor == "accelerometer" and isinstance(error, NotConverged):
-            return None, no_ellipsoid(len(recording.poses), "no minimum")
-        return None, why_no_fit(error)
-    if reason := pair.why_invalid(sensor, solution, recording):
-        return solution, reason
-    if fault := sensor_fault(pair.calibrations(solution)[sensor], sensor):
-        return solution, f"the fit gives what no sensor has: {fault}"
-    return solution, None
-
-
-def calibrate_sensors(recording, noise, gravity, units, settings, given=None, turns=None):
-    """Return the calibration of both sensors by a multi-position recording.
-
-    Nominal, with the reason, where it does not determine an accelerometer. A gyroscope has the bias
-    alone, and the reason, where the rotations do not determine the rest; it is nominal where the
-    noise of an axis is not known. Arguments as of `start_pair`; the known turns alone count where
-    the recording does not determine it.
+    A sensor keeps the nominal values, with the reason, where the recording holds none of its data,
+    or data that contradict each other. Arguments as in `start_pair`; `method` is the name that the
+    calibrations carry.
     """
-    poses, bias = recording.poses, None
+    poses, bias, priors = recording.poses, None, priors or data_sheets()
     if settings.gyroscope_bias == "initial_rest" and len(poses):
-        # its error is that of the first rest's mean
+        # its error is the error of the mean over the first rest
         bias = poses.w[0], poses.mean_covariance(noise)[3:, 0, 0]
-    how = given, turns, bias
-    pair, reasons = start_pair(recording, noise, gravity, units, settings, *how)
-    made = pair.calibrations(pair.fit(recording)) if pair else {}
-    return made | not_by_poses(reasons, recording, noise, units, turns)
+    how = noise, gravity, units, settings, priors
+    pair, reasons = start_pair(recording, *how, turns, bias, method)
+    made = {}
+    while pair is not None and pair.estimated:
+        made = pair.calibrations(pair.fit(recording))
+        refused = {s: why for s, c in made.items() if (why := contradiction(s, c, recording))}
+        if not refused:
+            break
+        reasons |= refused
+        if "accelerometer" in refused and "gyroscope" in pair.estimated:
+            reasons.setdefault("gyroscope", NO_DIRECTION)
+        left = tuple(sensor for sensor in pair.estimated if sensor not in reasons)
+        pair, made = replace(pair, estimated=left), {}
+    return made | nominal_sensors(reasons, recording, noise, units, priors)
 
 
-def not_by_poses(reasons, recording, noise, units, turns):
-    """Return the calibrations of the sensors that poses do not calibrate, by the reasons.
+def contradiction(sensor, made, recording):
+    """Return why the data of a sensor contradict each other, or None if they do not.
 
-    Arguments as in `start_pair`, and the reason by sensor. A gyroscope that changed amid the
-    recording has a bias only if it is the same before and after.
+    Takes the SensorCalibration that was fitted to them.
+    """
+    if fault := sensor_fault(made, sensor):
+        return f"the fit gives what no sensor has: {fault}"
+    if (made.reduced_chi2 or 0.0) > CONTRADICTORY:
+        return change(sensor, recording.poses, recording.rotations)
+    return None
+
+
+def nominal_sensors(reasons, recording, noise, units, priors):
+    """Return the calibrations of sensors that have no fit, by the reasons.
+
+    The gyroscope's bias is measured wherever there is a rest, unless it changed amid the recording.
+    Arguments as in `start_pair`, and the reason by sensor.
     """
     made = {}
-    if "accelerometer" in reasons:
-        unit, reason = units["accelerometer"], reasons["accelerometer"]
-        made["accelerometer"] = SensorCalibration.nominal(unit, reason)
-    if "gyroscope" in reasons:
-        unit, reason = units["gyroscope"], reasons["gyroscope"]
-        known, poses = by_turns(turns, unit), recording.poses
-        changed = None if known else changed_at("gyroscope", poses, recording.rotations)
-        time, words = changed or (np.inf, "")
-        reason = reason if words in reason else f"{reason}; {words}"
-        made["gyroscope"] = known or rest_bias(poses, noise, unit, reason, time)
+    for sensor, reason in reasons.items():
+        unit = units[sensor]
+        nominal = SensorCalibration.nominal(unit, reason)
+        if sensor == "gyroscope":
+            poses = recording.poses
+            time, words = changed_at(sensor, poses, recording.rotations) or (np.inf, "")
+            reason = reason if words in reason else f"{reason}; {words}"
+            nominal = rest_bias(poses, noise, unit, reason, time)
+        made[sensor] = replace(nominal, prior=prior_content(priors[sensor], BASES[sensor], unit))
     return made
-
-
-def by_turns(turns, unit):
-    """Return the gyroscope's calibration by KnownTurns alone; None where they do not determine it.
-
-    Its bias is that of the rests in these sessions. Takes the RawUnit of the gyroscope. A
-    `NotConverged` or another LinAlgError if the turns have no fit.
-    """
-    if turns is None or not len(turns):
-        return None
-    rows, z = turns.rows()
-    if not condition_number(rows[:, :9], np.ones(9)) < BY_TURNS:
-        return None
-    rows, of_bias = rows[:, :9], rows[:, 9:]
-    z = z - of_bias @ turns.bias
-    found = fit(lambda x: (rows @ x - z, rows), turns.start()[:9], np.eye(len(z)))
-    # of what the turns themselves let a bias be wrong by
-    bias = np.diag(1 / np.maximum((of_bias**2).sum(axis=0), 1e-12))
-    x, covariance = np.append(found.x, turns.bias), block_diag(found.scaled_covariance, bias)
-    return in_raw_units(unit, OF_GYROSCOPE, x, covariance, method="known_rotation")
 
 
 def rest_bias(poses, noise, unit, reason, changed=np.inf):
@@ -339,67 +283,35 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
     )
 
 
-def calibrate_six_position(poses, noise, gravity, units, settings):
-    """Return the accelerometer's six-position calibration and the gyroscope's bias.
+def calibrate_device(
+    *, device, gravity, sessions, noise, settings, six_path, multi_path, priors=None
+):
+    """Calibrate a device from its sessions, as in `usable`, and its noise.json.
 
-    Poses that are no face are left out. Takes Poses, NoiseModel, gravity, m/s^2, the RawUnit of
-    both sensors, and CalibrateSettings.
+    Writes the six-position and the multi-position calibration; gravity is local, m/s^2. `priors`
+    as in `start_pair`.
     """
-    if not len(poses):
-        reason = without_pose({}, "six_position")
-        return tuple(SensorCalibration.nominal(unit, reason) for unit in units)
-    faces = six_position.find_faces(poses.f, settings.face_tolerance)
-    turns = "six faces do not show misalignment and scale factor of a gyroscope: bias only"
-    rest = rest_bias(poses, noise, units[1], turns)
-    if reason := six_position.untestable_faces(faces):
-        return SensorCalibration.nominal(units[0], reason), rest
-    known = faces != 0
-    means = np.diagonal(poses.mean_covariance(noise)[:3], axis1=1, axis2=2)
-    fit = six_position.fit_six_position(
-        poses.f[known], faces[known], gravity, means[:, known].mean()
+    model, units = NoiseModel.from_json(noise), dict(zip(SENSORS, raw_units(sessions), strict=True))
+    how = model, gravity, units, settings, priors
+    multi, six, turned = (
+        read_recording(sessions, settings.longest_rotation, kinds) for kinds in GROUPS.values()
     )
-    made = in_raw_units(units[0], accelerometer.NAMES, fit.x, fit.covariance, method="six_position")
-    why = None
-    if fault := sensor_fault(made, "accelerometer"):
-        why = f"the fit gives what no sensor has: {fault}"
-    elif beyond := known_worse(fit.covariance[:6, :6], fit.x[3:6]):
-        why = f"six faces show {beyond}: lay the device against a square edge"
-    return (SensorCalibration.nominal(units[0], why) if why else made), rest
-
-
-def best(*candidates):
-    """Return the best calibration: multi-position, six-position, rest, nominal, in that order."""
-    return min(candidates, key=lambda c: METHODS.index(c.method))
-
-
-def calibrate_device(*, device, gravity, sessions, noise, settings, six_path, multi_path):
-    """Calibrate a device from its sessions, as of `usable`, and its noise.json.
-
-    Writes the six-position and the multi-position calibration; gravity is local, m/s^2.
-    """
-    model, units = NoiseModel.from_json(noise), raw_units(sessions)
-    multi = read_recording(sessions, settings.longest_rotation)
-    six, static = (read_poses(sessions, kind) for kind in ("six_position", "static"))
-    largest = settings.largest_condition
-    if not len(six) and accelerometer_undetermined(multi.poses, gravity, largest):
-        # they may be faces
-        six = multi.poses
-    six_sensors = calibrate_six_position(six, model, gravity, units, settings)
-    # the gyroscope needs the direction of gravity, from whichever calibration there is
-    named = dict(zip(SENSORS, units, strict=True))
-    given = six_sensors[0] if six_sensors[0].method != "nominal" else None
-    how = model, gravity, named, settings, given
-    made = calibrate_sensors(multi, *how)
-    if turns := read_turns(sessions, best(made["accelerometer"], six_sensors[0])):
-        made = calibrate_sensors(multi, *how, turns)
-    force, turn = (made[sensor] for sensor in SENSORS)
-    if not len(multi.poses) and len(static) and turn.method != "known_rotation":
-        reason = f"{without_pose({}, 'multi_position')}; bias only"
-        turn = rest_bias(static, model, units[1], reason)
+    method = "multi_position" if len(multi.poses) else "known_rotation"
+    recording = multi if len(multi.poses) else turned
+    six = calibrate_sensors(six, *how, method="six_position")
+    made = calibrate_sensors(recording, *how, method=method)
+    # the direction of gravity, which a known turn starts from
+    known = made if made["accelerometer"].names else six
+    if turns := read_turns(sessions, known["accelerometer"]):
+        made = calibrate_sensors(recording, *how, turns, method=method)
+    static = read_poses(sessions, "static")
+    if not len(recording.poses) and len(static):
+        reason = f"{without_pose(sessions, 'multi_position')}; bias only"
+        made["gyroscope"] = rest_bias(static, model, units["gyroscope"], reason)
     log, sha256 = layout(sessions), hashes(sessions)
-    force = replace(
-        force, not_testable=with_sessions(force.not_testable, sessions, six_sensors[0].not_testable)
-    )
-    for path, sensors in ((six_path, six_sensors), (multi_path, (force, turn))):
-        named = (replace(s, not_testable=with_sessions(s.not_testable, sessions)) for s in sensors)
+    for path, sensors in ((six_path, six), (multi_path, made)):
+        named = (
+            replace(sensors[s], not_testable=with_sessions(sensors[s].not_testable, sessions))
+            for s in SENSORS
+        )
         Calibration(device, gravity, *named, log, sha256=sha256).to_json(path)

@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.linalg import LinAlgError
 from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import least_squares
 
-# steps after which a fit is given up for done, and the first damping where one fails
-_STEPS, _DAMPING = 100, 1e-3
-# share of chi square, by which a derivative errs that leaves out how axes turn with what is fitted
-_INEXACT = 1e-6
+# evaluations after which a fit is given up, and the relative tolerance of its end
+_STEPS, _TOLERANCE = 200, 1e-10
 # singular value over the largest, columns of length one, that rounding alone may leave
 _SMALLEST = 1e-10
 # variance over the largest, of parameters divided by their standard errors, that counts as none
@@ -73,8 +72,8 @@ class Solution:
 def fit(residuals, x0, covariance, prior=None):
     """Minimise ``r(x)ᵀ Σ⁻¹ r(x)``, or ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` with what is known of x.
 
-    Gauss-Newton on the analytic derivative; a step that does not lower chi square is taken again
-    with damping. Parameters are measured by the length of their columns in the derivative.
+    MINPACK's Levenberg-Marquardt on the analytic derivative. Parameters are measured by the length
+    of their columns in the derivative.
 
     Parameters
     ----------
@@ -96,46 +95,42 @@ def fit(residuals, x0, covariance, prior=None):
     numpy.linalg.LinAlgError
         If the covariance is not positive definite or the design is of deficient rank; NotConverged
         where chi square still falls after the last step.
-
-    References
-    ----------
-    Marquardt, "An algorithm for least-squares estimation of nonlinear parameters", J. SIAM 11
-    (1963).
     """
     one_each = np.ndim(covariance) == 1
     root = np.sqrt(covariance) if one_each else np.linalg.cholesky(covariance)
     whiten = np.diag(1 / root) if one_each else np.linalg.inv(root)
-    x, damping = np.array(x0, dtype=float), 0.0
+    last = {}
 
     def evaluate(x):
-        r, jacobian = residuals(x)
-        r, white = whiten @ r, whiten @ jacobian
-        if prior is not None:
-            known, z = prior
-            r, white = np.append(r, known @ x - z), np.concatenate([white, known])
-        return r, white, jacobian, r @ r
+        key = x.tobytes()
+        if key not in last:
+            r, jacobian = residuals(x)
+            r, white = whiten @ r, whiten @ jacobian
+            if prior is not None:
+                known, z = prior
+                r, white = np.append(r, known @ x - z), np.concatenate([white, known])
+            last.clear()
+            last[key] = r, white, jacobian
+        return last[key]
 
-    r, white, jacobian, chi2 = evaluate(x)
-    for _ in range(_STEPS):
-        length = np.linalg.norm(white, axis=0)
-        length[length == 0] = 1.0
-        design = white / length
-        damped = np.concatenate([design, np.sqrt(damping) * np.eye(len(x))])
-        step = np.linalg.lstsq(damped, -np.concatenate([r, np.zeros(len(x))]), rcond=None)[0]
-        # what the step promises of chi square, and what of it moves no parameter visibly
-        promised, visible = np.sum((design @ step) ** 2), 1e-10 * chi2
-        if promised <= visible or np.linalg.norm(step) <= 1e-10 * np.linalg.norm(length * x):
-            x, r = x + step / length, r + design @ step
-            break
-        tried = evaluate(x + step / length)
-        if tried[3] <= chi2 + visible:
-            x, (r, white, jacobian, chi2), damping = x + step / length, tried, damping / 10
-        elif promised <= _INEXACT * chi2:
-            break
-        else:
-            damping = max(10 * damping, _DAMPING)
-    else:
+    x = np.array(x0, dtype=float)
+    if not np.isfinite(evaluate(x)[0]).all():
+        raise LinAlgError("residuals that are not finite")
+    found = least_squares(
+        lambda x: evaluate(x)[0],
+        x,
+        lambda x: evaluate(x)[1],
+        method="lm",
+        x_scale="jac",
+        ftol=_TOLERANCE,
+        xtol=_TOLERANCE,
+        gtol=_TOLERANCE,
+        max_nfev=_STEPS,
+    )
+    if not found.status:
         raise NotConverged(f"the fit does not converge in {_STEPS} steps")
+    x = found.x
+    r, white, jacobian = evaluate(x)
     own = r[: len(jacobian)]
     return FitResult(x, covariance_of(white), float(r @ r), len(r) - len(x), jacobian, own)
 
@@ -191,21 +186,3 @@ def known_rows(covariance):
     size = np.where(size > 0, size, 1.0)
     values, axes = np.linalg.eigh(covariance / np.outer(size, size))
     return axes.T / np.sqrt(np.maximum(values, _CERTAIN * values[-1]))[:, None] / size
-
-
-def condition_number(jacobian, scales):
-    """Return the condition number of a derivative, (n, p), columns in units of `scales`, (p,).
-
-    Infinite where the rank is deficient or the derivative is not finite.
-    """
-    design = np.asarray(jacobian) * scales
-    if design.shape[0] < design.shape[1] or not np.isfinite(design).all():
-        return np.inf
-    values = np.linalg.svd(design, compute_uv=False)
-    return float(values[0] / values[-1]) if values[-1] > 0 else np.inf
-
-
-def too_large(condition, largest):
-    """Return the words for a condition number that is too large; beyond rounding, no digits."""
-    found = f"{condition:.3g}" if condition < 1e9 else "beyond 1e9"
-    return f"condition number {found}, at most {largest:g} allowed"

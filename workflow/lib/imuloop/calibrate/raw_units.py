@@ -6,7 +6,9 @@ from imuloop.core.effect import FittedEffect
 from imuloop.core.model import SensorCalibration
 
 
-def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), reduced_chi2=None):
+def in_raw_units(
+    unit, base, x, covariance, *, method, effects=(), known=(), reduced_chi2=None, prior=None
+):
     """Return the SensorCalibration that parameters in SI as logged stand for, in raw units.
 
     ``K_raw = K s`` and ``b_raw = b / s + offset`` for ``SI = s (raw - offset)``. x, shape (p,), and
@@ -35,7 +37,14 @@ def in_raw_units(unit, base, x, covariance, *, method, effects=(), known=(), red
         effects=(*known, *fitted),
         method=method,
         reduced_chi2=reduced_chi2,
+        prior=None if prior is None else prior_content(prior, base, unit),
     )
+
+
+def prior_content(prior, base, unit):
+    """Return the source of a SensorPrior and its standard deviations by name, in raw units."""
+    std = prior.std / si_factor(base, unit)
+    return {"source": prior.source, "std": dict(zip(base, std.tolist(), strict=True))}
 
 
 def as_logged(calibration, base):

@@ -1,33 +1,25 @@
 """The joint fit of both sensors to rests and the turns between: what is estimated, how well."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import block_diag
 
-from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.accelerometer import AccelerometerModel, SpecificForce
-from imuloop.calibrate.determined import (
-    accelerometer_invalid,
-    accelerometer_undetermined,
-    gyroscope_invalid,
-    gyroscope_undetermined,
-)
 from imuloop.calibrate.gyroscope import AngularRate, GyroscopeModel
 from imuloop.calibrate.least_squares import Solution, chi_square, fit
 from imuloop.calibrate.noise_components import Component, likely_sizes, total
 from imuloop.calibrate.pair_covariance import PairCovariance
 from imuloop.calibrate.pair_model import COUNT, FORCE, PairModel
+from imuloop.calibrate.prior import BASES
 from imuloop.calibrate.raw_units import in_raw_units
 from imuloop.calibrate.recording import OWN
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import Effect, effect_design
-from imuloop.core.model import SensorCalibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 
-# parameters of both base models, the accelerometer's first
-BASES = {"accelerometer": accelerometer.NAMES, "gyroscope": gyroscope.NAMES}
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # kinds of residuals: SI unit, components, and the sensor whose they are
 KINDS = {
@@ -100,14 +92,16 @@ class SensorPair:
     settings : CalibrateSettings
         Settings.
     estimated : tuple of str
-        The sensors whose base parameters the recording determines.
+        The sensors that the recording holds data of.
     base : ndarray, shape (21,)
         All base parameters to start from, SI as logged; those that are not estimated stay.
     known : (ndarray, ndarray)
-        Rows R, (k, 21), and z of what is known of the base parameters: ``R x - z`` has variance
-        one. Those of an accelerometer that is not estimated are fitted with what is known of them.
-    given : SensorCalibration or None
-        The accelerometer's from elsewhere, where it is not estimated.
+        Rows R, (k, 21), and z of what is known of the base parameters, the prior first: ``R x - z``
+        has variance one.
+    priors : dict of str to SensorPrior
+        The prior of each sensor, the rows of which `known` holds.
+    method : str
+        Name of the sessions that the recording is of, which the calibrations carry.
     bias : (ndarray, ndarray) or None
         Bias of the gyroscope and its variance, SI as logged, where it is held.
     quiet : ndarray of bool, shape (m,), or None
@@ -123,7 +117,8 @@ class SensorPair:
     estimated: tuple
     base: np.ndarray
     known: tuple = (np.zeros((0, COUNT)), np.zeros(0))
-    given: SensorCalibration | None = None
+    priors: dict = field(default_factory=dict)
+    method: str = "multi_position"
     bias: tuple | None = None
     quiet: np.ndarray | None = None
     of_rotation: np.ndarray | None = None
@@ -132,8 +127,7 @@ class SensorPair:
     def free(self):
         """Places of the base parameters that are estimated, among all."""
         free = np.zeros(COUNT, dtype=bool)
-        known = self.known[0].any(axis=0)
-        free[:FORCE] = "accelerometer" in self.estimated or known[:FORCE].any()
+        free[:FORCE] = "accelerometer" in self.estimated
         free[FORCE:] = "gyroscope" in self.estimated
         if self.bias is not None:
             free[-3:] = False
@@ -149,6 +143,9 @@ class SensorPair:
     def kinds(self):
         """Kinds of residuals that count, with SI unit and number of components."""
         own = [kind for sensor in self.estimated for kind in OF_SENSOR[sensor]]
+        if "accelerometer" not in self.estimated:
+            # a rotation carries the direction of gravity
+            own.remove("rotation")
         own += VELOCITY if self.quiet is not None else ()
         return {kind: KINDS[kind] for kind in KINDS if kind in own}
 
@@ -201,7 +198,7 @@ class SensorPair:
     def model_at(self, x, recording, effects=()):
         """Return the PairModel of a recording, effects seen with parameters x."""
         own, (free, values) = places(effects), self.all_parameters(x, effects)
-        if "gyroscope" not in self.estimated:
+        if "rotation" not in self.kinds:
             # no move counts
             recording = replace(recording, rotations=recording.rotations.select([]))
         poses, rotations, along = recording.poses, recording.rotations, None
@@ -343,14 +340,18 @@ class SensorPair:
         r, jacobian = model.residuals(x)
         owner = self.kinds_of_rows(recording)[1]
         owners = np.unique(owner)
-        squares, _ = chi_square(r, estimated, jacobian, [owner == each for each in owners])
+        groups = [np.append(owner == each, np.zeros(len(z), dtype=bool)) for each in owners]
+        # the prior takes part in the fit
+        r, jacobian = np.append(r, known @ x - z), np.concatenate([jacobian, known])
+        squares, _ = chi_square(r, block_diag(estimated, np.eye(len(z))), jacobian, groups)
         reduced = [square / dof if dof > 0 else None for square, dof in squares]
         return Solution(tuple(effects), found, dict(zip(owners.tolist(), reduced, strict=True)))
 
     def calibrations(self, solution, covariance=None):
-        """Return the SensorCalibration of each estimated sensor; a given one as it is.
+        """Return the SensorCalibration of each estimated sensor.
 
-        Without a covariance that of the fit, grown with what it leaves unexplained.
+        The covariance is by default the covariance of the fit, scaled by its reduced chi square
+        where that is above one.
         """
         own = places(solution.effects)
         at, x = self.all_parameters(solution.fit.x, solution.effects)
@@ -364,52 +365,13 @@ class SensorPair:
                 BASES[sensor],
                 x[own[sensor]],
                 whole[np.ix_(own[sensor], own[sensor])],
-                method="multi_position",
+                method=self.method,
+                prior=self.priors.get(sensor),
                 effects=[e.effect for e in solution.effects if e.sensor == sensor],
                 reduced_chi2=solution.reduced_chi2.get(sensor),
             )
             for sensor in self.estimated
         }
-
-    def rejection_reason(self, solution, recording):
-        """Return why a fit is invalid for the first sensor for which it is, or None if for none."""
-        reasons = (self.why_invalid(sensor, solution, recording) for sensor in self.estimated)
-        return next(filter(None, reasons), None)
-
-    def why_invalid(self, sensor, solution, recording):
-        """Return why the fit of one sensor is invalid, or None if it is valid."""
-        found, largest = solution.fit, self.settings.largest_condition
-        at = np.flatnonzero(np.isin(self.free, places()[sensor]))
-        rows = self.rows(recording)[1] == list(self.kinds).index(OF_SENSOR[sensor][-1])
-        jacobian = found.jacobian[rows]
-        white = found.white[: len(rows)][rows]
-        if sensor == "accelerometer":
-            jacobian, x = jacobian[:, at], found.x[at]
-            covariance = found.covariance[np.ix_(at[:6], at[:6])]
-            return accelerometer_invalid(jacobian, white, covariance, x, self.gravity, largest)
-        at = at[:9]
-        covariance = found.covariance[np.ix_(at, at)]
-        return gyroscope_invalid(jacobian[:, at], white, covariance, found.x[at[6:]], largest)
-
-    def undetermined(self, sensor, recording, keeps):
-        """Return why the poses of each mask alone do not determine a sensor, text or None.
-
-        Takes the Recording and masks of its n poses, (n,) of bool each.
-        """
-        largest = self.settings.largest_condition
-        if sensor == "accelerometer":
-            poses = (recording.poses.select(keep) for keep in keeps)
-            return [accelerometer_undetermined(p, self.gravity, largest) for p in poses]
-        # the design, but for what the parameters of a part differ by
-        jacobian, first = self.turns_derivative(recording), recording.rotations.first
-        parts = (jacobian[keep[first] & keep[first + 1]] for keep in keeps)
-        return [gyroscope_undetermined(part, largest) for part in parts]
-
-    def turns_derivative(self, recording):
-        """Return the derivative of the rotations' errors at the start of a fit, (m, 2, 12)."""
-        pair = replace(self, estimated=tuple(SENSORS), quiet=None, bias=None)
-        _, jacobian = pair.model_at((), recording).residuals(self.base)
-        return jacobian[4 * len(recording.poses) :, FORCE:].reshape(-1, 2, COUNT - FORCE)
 
 
 def parameters(effects=()):

@@ -21,6 +21,3 @@ class CalibrateSettings:
     longest_rotation: float = setting(
         30.0, "A longer way from one pose to the next is left out of the fit, s", gt=0
     )
-    largest_condition: float = setting(
-        1e4, "Condition number of the design beyond which parameters are undetermined", gt=0
-    )

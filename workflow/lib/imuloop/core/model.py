@@ -42,6 +42,8 @@ OF_ONE_LOG = (
 
 # what a file says of a sensor as it is
 _WORDS = ("method", "not_testable", "reduced_chi2", "verdict")
+# share of its prior standard deviation above which a parameter is the data sheet's
+IMPROVED = 0.7
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,8 @@ class SensorCalibration:
     # the worst in diagnosis.json of the records that the parameters and effects come from; None
     # where it was not diagnosed
     verdict: str | None = None
+    # ``source`` of the prior and its standard deviations ``std`` by name; None if there was no fit
+    prior: dict | None = None
 
     @classmethod
     def nominal(cls, raw_unit, not_testable):
@@ -138,6 +142,15 @@ class SensorCalibration:
     def __repr__(self):
         return f"<SensorCalibration: {self}>"
 
+    @property
+    def unimproved(self):
+        """Names of the parameters that the data did not improve: the prior's, in practice.
+
+        Their standard error is above `IMPROVED` of the prior's.
+        """
+        before, std = (self.prior or {"std": {}})["std"], self.std
+        return tuple(name for name, size in before.items() if std.get(name, size) > IMPROVED * size)
+
     def to_dict(self):
         """Return what the JSON file holds."""
         covariance = np.zeros((0, 0)) if self.covariance is None else self.covariance
@@ -151,6 +164,7 @@ class SensorCalibration:
             "b": self.b,
             "covariance": {"names": list(self.names), "matrix": covariance},
             "effects": [effect.to_dict() for effect in self.effects],
+            **({"prior": self.prior} if self.prior else {}),
         }
 
     @classmethod
@@ -165,6 +179,7 @@ class SensorCalibration:
             names=tuple(content["covariance"]["names"]),
             covariance=np.array(rows, dtype=float).reshape(len(rows), len(rows)),
             effects=tuple(map(FittedEffect.from_dict, content["effects"])),
+            prior=content.get("prior"),
             **{key: content.get(key) for key in _WORDS},
         )
 

@@ -7,16 +7,16 @@ import numpy as np
 # the library of effects joins by being loaded
 import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import (
-    POSED,
-    best,
-    not_by_poses,
+    GROUPS,
+    largest_recording,
+    nominal_sensors,
     read_poses,
-    read_recording,
     start_pair,
     usable,
     with_sessions,
 )
 from imuloop.calibrate.known_rotation import read_turns
+from imuloop.calibrate.prior import data_sheets
 from imuloop.calibrate.recording import Recording
 from imuloop.core.calibration_faults import implausible
 from imuloop.core.files import read_json
@@ -70,6 +70,7 @@ def diagnose_device(
     settings,
     noise_settings,
     search_formulas=None,
+    priors=None,
 ):
     """Return the Diagnosed of a device, by its name.
 
@@ -79,9 +80,9 @@ def diagnose_device(
     `search_formulas` of `imuloop.discover`, where effects are to be looked for that no library has.
     """
     model = NoiseModel.from_json(noise)
-    multi, base = Calibration.from_json(multi_position), calibrated(six_position, multi_position)
-    recording = read_recording(sessions, calibrate_settings.longest_rotation)
-    data = read_static(sessions)
+    method, recording = largest_recording(sessions, calibrate_settings.longest_rotation)
+    stage = six_position if method == "six_position" else multi_position
+    base, data = Calibration.from_json(stage), read_static(sessions)
     records = {s: data.records(s, base, settings.mean_time) for s in SENSORS}
     tests = settings.family * (
         static_tests(records, settings)
@@ -99,7 +100,7 @@ def diagnose_device(
         found, information = still.at_poses(recording.poses.temperature is not None)
     # without a ramp too, which the poses do not have, but which would count as slow noise there
     noise = still.noise
-    units = {sensor: getattr(multi, sensor).raw_unit for sensor in SENSORS}
+    units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
     turns = read_turns(sessions, base.accelerometer)
     pair, reasons = start_pair(
         recording,
@@ -107,14 +108,16 @@ def diagnose_device(
         gravity,
         units,
         replace(calibrate_settings, gyroscope_bias="rests"),
-        base.accelerometer if base.accelerometer.method == "six_position" else None,
+        priors,
         turns,
+        method=method,
     )
     six = {"accelerometer": Calibration.from_json(six_position).accelerometer.not_testable}
     reasons = {s: with_sessions(reason, sessions, six.get(s)) for s, reason in reasons.items()}
     how = recording, settings, tests
     poses = diagnose_poses(pair, reasons, *how, found, information, search_formulas)
-    base = replace(base, **not_by_poses(poses.rejected, recording, noise, units, turns))
+    refused = nominal_sensors(poses.rejected, recording, noise, units, priors or data_sheets())
+    base = replace(base, **refused)
     motion = diagnose_motion(poses.pair, poses.solution, *how, information, search_formulas)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     force = poses.calibrations.get("accelerometer", base.accelerometer)
@@ -132,7 +135,7 @@ def diagnose_device(
     final = with_reference(final, beside)
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, *kinds)]
-        for kinds in (POSED, ("six_position",))
+        for kinds in (GROUPS[method], ("six_position",))
     )
     content = _content(device, poses.contents, still.content, motion.contents)
     if left_out := recording.lost.contradicting:
@@ -153,10 +156,12 @@ def diagnose_device(
     # with the effects of the rotations alone: those at rest may need what is not logged here
     turned = poses.calibrations.get("gyroscope", base.gyroscope)
     _, seen_force = recording.calibrated_force(force)
-    # the six faces are not diagnosed
-    six = poses_table(read_poses(sessions, "six_position"), faces, {})
+    shown = [poses_table(recording.poses, names, residuals)]
+    if method != "six_position":
+        # the six faces are not diagnosed
+        shown.append(poses_table(read_poses(sessions, "six_position"), faces, {}))
     tables = {
-        "poses": joined([poses_table(recording.poses, names, residuals), six]),
+        "poses": joined(shown),
         "moves": moves_table(recording, names, turned, seen_force, residuals),
         "reference": windows_table(beside),
     }
@@ -169,16 +174,6 @@ def _content(device, *records):
     """Return the content of diagnosis.json: by sensor that of each of the `RECORDS`."""
     sensors = {s: {r: c[s] for r, c in zip(RECORDS, records, strict=True)} for s in SENSORS}
     return {"format": FORMAT, "device": device, "sensors": sensors}
-
-
-def calibrated(six_position, multi_position):
-    """Return the calibration of the earlier stages: for each sensor the best one."""
-    six, multi = Calibration.from_json(six_position), Calibration.from_json(multi_position)
-    return replace(
-        multi,
-        accelerometer=best(multi.accelerometer, six.accelerometer),
-        gyroscope=best(multi.gyroscope, six.gyroscope),
-    )
 
 
 def final_calibration(base, found, effects, records, bias_refitted):

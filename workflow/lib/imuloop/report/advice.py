@@ -4,11 +4,11 @@ import re
 
 import numpy as np
 
-from imuloop.calibrate.determined import LEAST_POSES
 from imuloop.core.errors import plural
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE
+from imuloop.diagnose.records.pose_diagnosis import TESTABLE
 from imuloop.effects.discovered import parse
 from imuloop.report.numbers import joined, number
 from imuloop.report.recording import (
@@ -177,7 +177,7 @@ def _short_rests(device):
                     f" {then} were found with window_s {found['window_s']:g} and shortest_rest_s "
                     f"{found['shortest_rest_s']:g}; better, hold"
                 )
-            elif then >= LEAST_POSES:
+            elif then >= TESTABLE:
                 text += (
                     f" With segment: {{window_s: {found['window_s']:g}, shortest_rest_s: "
                     f"{found['shortest_rest_s']:g}}} there are {then}; better, hold"

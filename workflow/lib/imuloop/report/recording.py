@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from imuloop.calibrate.determined import LEAST_POSES
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import WIDE_HOLE, largest_hole
 from imuloop.core.units import HOUR
+from imuloop.diagnose.records.pose_diagnosis import TESTABLE
 from imuloop.noise.record_length import record_seconds
 from imuloop.plan.session import INITIAL_REST_S, POSES
 from imuloop.report.figures.poses import pose_directions
@@ -97,7 +97,7 @@ def first_session(device):
     own = [s for s in device.sessions if s.kind == "multi_position"]
     found = sum(s.poses for s in own)
     # a rejected one has its own line, which asks for the same
-    if any(s.rejected for s in own) or found >= LEAST_POSES:
+    if any(s.rejected for s in own) or found >= TESTABLE:
         return
     gains = []
     for sensor, _, candidates in _plans(device):

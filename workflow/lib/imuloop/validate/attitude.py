@@ -66,12 +66,6 @@ def validate_attitude(device, diagnosed, settings):
         why = poses.contents["gyroscope"].get("why")
         return no_attitude(device, why or "the poses determine no calibration of the gyroscope")
     block = blocks(len(recording.poses), settings)
-    keeps = [block != k for k in range(block.max() + 1)]
-    estimated, undetermined = poses.pair.estimated, poses.pair.undetermined
-    reasons = [why for s in estimated for why in undetermined(s, recording, keeps) if why]
-    if reasons:
-        why = f"with a block of the {len(block)} poses held out: {reasons[0]}"
-        return no_attitude(device, why)
     if poses.choices is None:
         return no_attitude(device, poses.contents["gyroscope"]["why"])
     problem = poses.choices.problem.with_parts(block)
@@ -117,8 +111,6 @@ def held_out_models(diagnosed, problem):
     plain = problem
     if problem.found:
         plain = replace(problem, found=(), information=None, _linearized={}, _columns={})
-    if "accelerometer" not in pair.estimated:
-        given = replace(given, accelerometer=pair.given)
 
     def without(problem, base, held_out):
         return replace(given, **pair.calibrations(problem.fitted(base, held_out)))

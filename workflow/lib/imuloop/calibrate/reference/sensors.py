@@ -9,10 +9,10 @@ from scipy.spatial.transform import Rotation
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.accelerometer import SpecificForce
-from imuloop.calibrate.determined import AXES
 from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix
 from imuloop.calibrate.least_squares import Solution, fit, known_rows
 from imuloop.calibrate.poses import Rotations
+from imuloop.calibrate.prior import GENERIC
 from imuloop.calibrate.raw_units import as_logged, si_factor
 from imuloop.calibrate.recording import OWN
 from imuloop.calibrate.reference.recording import HALF
@@ -165,7 +165,12 @@ class Gyroscope(ReferenceSensor):
     sensor, base = "gyroscope", gyroscope.NAMES
     kinds: ClassVar = {"reference_rotation": ("rad", 3)}
     unpack = staticmethod(gyroscope.unpack)
-    unseen = np.vstack([np.pad(TURN.T / 2 / AXES, ((0, 0), (0, 6))), np.eye(12)[9:]])
+    unseen = np.vstack(
+        [
+            np.pad(TURN.T / 2 / GENERIC["accelerometer"].misalignment, ((0, 0), (0, 6))),
+            np.eye(12)[9:],
+        ]
+    )
 
     @staticmethod
     def windows(recording):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
-from imuloop.calibrate.determined import AXES
+from imuloop.calibrate.prior import GENERIC
 from imuloop.calibrate.raw_units import in_raw_units
 from imuloop.calibrate.reference.sensors import BESIDE, TURN
 from imuloop.diagnose.records.pose_problem import by_effect
@@ -82,7 +82,9 @@ def _written(result, turned):
         covariance[bias, bias] = np.diag(result.variance[:3])
         if turned and sensor.sensor == "gyroscope":
             x[:6] += TURN @ turned[0]
-            covariance[:6, :6] += TURN * (turned[1] - AXES**2) @ TURN.T
+            covariance[:6, :6] += (
+                TURN * (turned[1] - GENERIC["accelerometer"].misalignment ** 2) @ TURN.T
+            )
     made = in_raw_units(
         own.raw_unit,
         sensor.base,

@@ -1,14 +1,13 @@
 """Diagnosis of both sensors at the poses: what their model lacks, and what remains."""
 
-import itertools
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from scipy.linalg import LinAlgError
 
+from imuloop.calibrate.calibrate import NO_DIRECTION
 from imuloop.calibrate.contradictions import change
-from imuloop.calibrate.determined import LEAST_POSES, NO_DIRECTION, beyond_data_sheet
 from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, Kind, OfSensor, SensorPair
 from imuloop.core.errors import plural
@@ -35,6 +34,8 @@ from imuloop.effects.steps import Steps
 # which on what is left of them may be that
 MOVED, MOVED_RESTS = {"pose_rate", "rotation", *VELOCITY}, 0.1
 STILL = "left may be that: wait 3 s after putting it down, or lay it on a table"
+# poses from which a missing effect can be told from the calibration, with a part held out
+TESTABLE = 12
 # held-out error over its floor from which a sensor may have changed amid the recording
 FAR = 3.0
 # probability of an alternative of the noise that a range does not hold
@@ -92,33 +93,6 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
     )
 
 
-def undetermined_held_out(problem):
-    """Return why poses do not determine a sensor with a part held out, text, by such sensor.
-
-    Takes the PoseProblem.
-    """
-    pair, recording, parts = problem.sensor, problem.recording, problem.settings.folds
-    keeps, found = [problem.part_of_pose != k for k in range(problem.parts)], {}
-    for sensor in pair.estimated:
-        reasons = [why for why in pair.undetermined(sensor, recording, keeps) if why]
-        if reasons:
-            found[sensor] = f"with one of {problem.parts} parts held out: {reasons[0]}"
-    n, needed = len(recording.poses), poses_needed(parts)
-    if "accelerometer" in found and n < needed:
-        why = f"{n} poses found, {needed} needed: {LEAST_POSES} have to remain with any of {parts}"
-        found["accelerometer"] = f"{why} parts held out"
-    return found
-
-
-def poses_needed(parts):
-    """Return the fewest poses of which `LEAST_POSES` remain with any of so many parts held out."""
-    return next(
-        n
-        for n in itertools.count(LEAST_POSES)
-        if n - np.bincount(interleaved(n, parts)).max() >= LEAST_POSES
-    )
-
-
 def diagnose_poses(
     pair, reasons, recording, settings, tests, found=(), information=None, search_formulas=None
 ):
@@ -132,28 +106,29 @@ def diagnose_poses(
     if pair is None:
         return PoseResult(contents)
     found = [e for e in found if e.sensor in pair.estimated]
-    problem = pose_problem(pair, recording, settings, tests, found, information)
-    lost = undetermined_held_out(problem)
-    tested = [sensor for sensor in pair.estimated if sensor not in lost]
-    contents |= {sensor: not_testable(why) for sensor, why in lost.items()}
+    problem, tested = (
+        pose_problem(pair, recording, settings, tests, found, information),
+        pair.estimated,
+    )
     try:
-        if reason := problem.rejection_reason(()):
-            return PoseResult(contents | {s: not_testable(reason) for s in tested}, pair)
-        if not tested:
-            return PoseResult(contents, pair, *final_solution(problem, ()))
-        if lost:
-            problem = pose_problem(pair, recording, settings, tests, found, information, tested)
-        parts = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
-        probes = {s: of_poses(problem, s) for s in tested}
-        others = {s: pose_candidates(s, recording, found)[1] for s in tested}
-        result = diagnosed("poses", Choices(problem), parts, others, probes, search_formulas)
+        if len(recording.poses) < TESTABLE:
+            few = f"{plural(len(recording.poses), 'pose')} found, {TESTABLE} needed"
+            why = not_testable(f"calibrated; too few poses to test for missing effects: {few}")
+            contents |= dict.fromkeys(tested, why)
+            result = PoseResult(contents, pair, *final_solution(problem, ()))
+        else:
+            parts = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
+            probes = {s: of_poses(problem, s) for s in tested}
+            others = {s: pose_candidates(s, recording, found)[1] for s in tested}
+            choices = Choices(problem)
+            result = diagnosed("poses", choices, parts, others, probes, search_formulas)
+            result = replace(result, contents=contents | result.contents)
     except LinAlgError as error:
         why = why_no_fit(error)
         return PoseResult(contents | {s: not_testable(why) for s in tested}, pair)
     for effect in (e for e in found if e.sensor in tested):
         entry = untried(effect.name, "added", "found in the static record")
         result.contents[effect.sensor]["candidates"].append(entry)
-    result = replace(result, contents=contents | result.contents)
     rejected = rejections(result, recording)
     if not rejected:
         return result
@@ -166,27 +141,20 @@ def diagnose_poses(
 
 
 def rejections(result, recording):
-    """Return why a sensor's calibrations are none, with the effects that were found, by sensor.
+    """Return why a sensor has no calibration, with the effects that were added, by sensor.
 
-    Where the sensor changed amid the recording, or where a data sheet knows it as well.
+    The sensor changed amid the recording.
     """
-    found = {}
-    for sensor, made in result.calibrations.items():
-        axes = [std for name, std in made.std.items() if name[0] == "T"]
-        scales = [s / abs(made.K[int(name[1])]) for name, s in made.std.items() if name[0] == "K"]
-        beyond = beyond_data_sheet(max(axes, default=0.0), max(scales, default=0.0))
-        why = None
+    rejected = {}
+    for sensor in result.calibrations:
         # what jumps and is corrected leaves little
         left = result.contents[sensor]["residuals"].values()
         if any(not r["after"] <= FAR * r["floor"] for r in left):
-            why = change(sensor, recording.poses, recording.rotations)
-        if beyond:
-            why = why or f"poses and turns show {beyond}: they contradict each other"
-        if why:
-            found[sensor] = why
-    if "accelerometer" in found and "gyroscope" in result.calibrations:
-        found["gyroscope"] = NO_DIRECTION
-    return found
+            if why := change(sensor, recording.poses, recording.rotations):
+                rejected[sensor] = why
+    if "accelerometer" in rejected and "gyroscope" in result.calibrations:
+        rejected["gyroscope"] = NO_DIRECTION
+    return rejected
 
 
 def diagnosed(record, choices, parts, others, probes, search_formulas):

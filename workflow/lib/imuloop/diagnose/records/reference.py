@@ -146,7 +146,9 @@ class ReferenceProblem(PoseProblem):
         """
         if base and (reason := self.within(base)):
             return reason
-        return None if held_out else super().rejection_reason(base)
+        if held_out:
+            return None
+        return self.sensor.rejection_reason(self.linearized(base).solution, self.recording)
 
     def within(self, base):
         """Return why a reference in few sessions does not tell the sensor from itself, or None."""

@@ -1,0 +1,60 @@
+"""What is known of a device before its data: a Gaussian over the parameters of both sensors."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.sensors import GENERIC
+
+# parameters of both base models
+BASES = {"accelerometer": accelerometer.NAMES, "gyroscope": gyroscope.NAMES}
+# prior standard deviations from nominal beyond which a parameter is reported
+FAR_OFF = 4.0
+DATA_SHEET = "data sheet"
+
+
+@dataclass(frozen=True)
+class SensorPrior:
+    """The prior of one sensor, ``x ~ N(mean, covariance)``, SI as logged.
+
+    Attributes
+    ----------
+    source : str
+        ``data sheet``, or the file that it comes from.
+    mean : ndarray, shape (p,)
+        Expected parameters, in the order of `BASES`.
+    covariance : ndarray, shape (p, p)
+        Their covariance.
+    """
+
+    source: str
+    mean: np.ndarray
+    covariance: np.ndarray
+
+    @classmethod
+    def data_sheet(cls, sensor, tolerance=None):
+        """Return the prior of a sensor with a `Tolerance`, `GENERIC` by default."""
+        names, given = BASES[sensor], tolerance or GENERIC[sensor]
+        each = {"T": given.misalignment, "K": given.scale_factor, "b": given.bias}
+        std = np.array([each[name[0]] for name in names])
+        mean = np.array([float(name[0] == "K") for name in names])
+        return cls(DATA_SHEET, mean, np.diag(std**2))
+
+    @property
+    def std(self):
+        """Standard deviations, shape (p,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    def rows(self):
+        """Return rows R, (p, p), and z with ``R x - z`` of variance one, ``Rᵀ R`` the precision."""
+        size = self.std
+        root = np.linalg.cholesky(self.covariance / np.outer(size, size))
+        rows = np.linalg.inv(root) / size
+        return rows, rows @ self.mean
+
+
+def data_sheets(tolerances=None):
+    """Return the SensorPrior of both sensors by name; `tolerances` by sensor, where known."""
+    tolerances = tolerances or {}
+    return {sensor: SensorPrior.data_sheet(sensor, tolerances.get(sensor)) for sensor in BASES}
