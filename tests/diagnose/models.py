@@ -35,6 +35,7 @@ def shapes_of(sensor, *effects):
 def problem_of(pair, recording, shapes=None, parts=10, **more):
     """Return a PoseProblem, parts interleaved, in which these shapes are looked for."""
     part_of_pose = interleaved(len(recording.poses), parts)
+    more = {"base_rows": pair.prior_rows()} | more
     return PoseProblem(pair, recording, shapes or {}, DiagnoseSettings(), 1, part_of_pose, **more)
 
 

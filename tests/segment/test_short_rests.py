@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from calibrate.devices import planned
-from imuloop.calibrate.determined import LEAST_POSES
+from imuloop.diagnose.records.pose_diagnosis import TESTABLE
 from imuloop.segment.segment import ENOUGH, segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -44,4 +44,4 @@ def test_a_session_of_long_rests_needs_none():
 
 
 def test_enough_attitudes_are_those_that_a_calibration_needs():
-    assert ENOUGH == LEAST_POSES
+    assert ENOUGH == TESTABLE

@@ -38,7 +38,7 @@ SHORTER = ((1, 0.5), (0.5, 0.5), (0.5, 0.25), (0.25, 0.25))
 # attitudes that are worth another setting, and a part of the most that is as good
 WORTHWHILE, ALMOST = 1.2, 0.95
 # attitudes that determine an accelerometer's nine parameters, with one for a check
-ENOUGH = 10
+ENOUGH = 12
 # a calibration this much less certain, by its expected error, is too dear for steady rests
 DEAREST = 2.0
 # expected error with rests in the hand, of that without, below which they are worth it
