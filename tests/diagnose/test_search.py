@@ -126,7 +126,7 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     noise = held_out_covariance(about.alternatives[0][1], about.jacobian, problem.row_parts)
     # the prior's rows come last
     measured = problem.part_of_row >= 0
-    own = (problem.rows[0] == 0).any(axis=1)[measured]
+    own = (problem.rows[0] == 0).any(axis=1)
     others = (problem.part_of_row == 0)[measured] & ~own
     still = (problem.of_kind("gravity_norm") | problem.of_kind("pose_rate"))[measured]
     for effects in ((), SENSITIVE):
