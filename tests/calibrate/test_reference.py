@@ -5,11 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from imuloop.calibrate.determined import AXES
 from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401
 from calibrate.devices import slopes
-from imuloop.calibrate.determined import AXES
 from imuloop.calibrate.reference.recording import ReferenceLog, ReferenceRecording
 from imuloop.calibrate.reference.sensors import TURN, Accelerometer, Gyroscope, started
 from imuloop.calibrate.reference.tails import spread

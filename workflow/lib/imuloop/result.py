@@ -399,6 +399,8 @@ def _basis(sensor):
             values = zip(getattr(sensor, symbol), names, strict=True)
             found = ", ".join(with_sigma(value, std[name]) for value, name in values)
             text += f"; {word} {symbol} {found}{unit}"
+    if sensor.unimproved:
+        text += f"; {sensor.prior['source']}: {', '.join(sensor.unimproved)}"
     return text
 
 

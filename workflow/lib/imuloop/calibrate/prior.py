@@ -9,8 +9,6 @@ from imuloop.sensors import GENERIC
 
 # parameters of both base models
 BASES = {"accelerometer": accelerometer.NAMES, "gyroscope": gyroscope.NAMES}
-# prior standard deviations from nominal beyond which a parameter is reported
-FAR_OFF = 4.0
 DATA_SHEET = "data sheet"
 
 

@@ -42,9 +42,13 @@ def in_raw_units(
 
 
 def prior_content(prior, base, unit):
-    """Return the source of a SensorPrior and its standard deviations by name, in raw units."""
-    std = prior.std / si_factor(base, unit)
-    return {"source": prior.source, "std": dict(zip(base, std.tolist(), strict=True))}
+    """Return source, mean and standard deviations of a SensorPrior by name, in raw units."""
+    factor = si_factor(base, unit)
+    offset = np.array([unit.offset if name[0] == "b" else 0.0 for name in base])
+    each = {"mean": prior.mean / factor + offset, "std": prior.std / factor}
+    return {"source": prior.source} | {
+        key: dict(zip(base, values.tolist(), strict=True)) for key, values in each.items()
+    }
 
 
 def as_logged(calibration, base):

@@ -54,6 +54,12 @@ def plural(count, noun, ending="s"):
     return f"{count} {noun}{'' if count == 1 else ending}"
 
 
+def joined(words):
+    """Return words as a list in a sentence: a, b and c."""
+    *first, last = words or [""]
+    return f"{', '.join(first)} and {last}" if first else last
+
+
 def did_you_mean(name, known, cutoff=0.6):
     """Return the end of a message that names the nearest of the known names; empty without one.
 

@@ -14,6 +14,7 @@ from imuloop.core.effect import OUTPUT, Channels, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
 from imuloop.core.pieces import apply_file
+from imuloop.core.prior_remarks import remarks
 from imuloop.core.samples import (
     CHANNELS,
     METADATA_KEY,
@@ -44,6 +45,8 @@ OF_ONE_LOG = (
 _WORDS = ("method", "not_testable", "reduced_chi2", "verdict")
 # share of its prior standard deviation above which a parameter is the data sheet's
 IMPROVED = 0.7
+# prior standard deviations from the prior's mean beyond which a parameter is reported
+FAR_OFF = 4.0
 
 
 @dataclass(frozen=True)
@@ -64,7 +67,7 @@ class SensorCalibration:
     # the worst in diagnosis.json of the records that the parameters and effects come from; None
     # where it was not diagnosed
     verdict: str | None = None
-    # ``source`` of the prior and its standard deviations ``std`` by name; None if there was no fit
+    # ``source`` of the prior, its ``mean`` and ``std`` of each parameter by name; None without one
     prior: dict | None = None
 
     @classmethod
@@ -111,7 +114,7 @@ class SensorCalibration:
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
 
     def parameters(self, sensor):
-        """Return name, value, standard error (nan if not estimated) and unit of each parameter.
+        """Return name, value, standard error (nan without one), unit and source of parameters.
 
         `sensor` is its name, which its data do not hold.
         """
@@ -126,11 +129,21 @@ class SensorCalibration:
             (f"K{i}", k, "1" if raw == si else f"{si} per {raw}") for i, k in enumerate(self.K)
         ]
         rows += [(f"b{i}", b, raw) for i, b in enumerate(self.b)]
-        rows = [(name, float(value), std.get(name, np.nan), unit) for name, value, unit in rows]
+        prior, before = self.unimproved, (self.prior or {}).get("source", "data sheet")
+        rows = [
+            (
+                n,
+                float(v),
+                std.get(n, np.nan),
+                unit,
+                "data" if n in std and n not in prior else before,
+            )
+            for n, v, unit in rows
+        ]
         for fitted in self.effects:
             units = fitted.effect.units(sensor)
             rows += [
-                (f"{fitted.name}.{name}", value, fitted.std.get(name, np.nan), units[name])
+                (f"{fitted.name}.{name}", value, fitted.std.get(name, np.nan), units[name], "data")
                 for name, value in fitted.values.items()
             ]
         return rows
@@ -144,12 +157,22 @@ class SensorCalibration:
 
     @property
     def unimproved(self):
-        """Names of the parameters that the data did not improve: the prior's, in practice.
+        """Names of the parameters that the data hardly improved: they are the prior's.
 
         Their standard error is above `IMPROVED` of the prior's.
         """
         before, std = (self.prior or {"std": {}})["std"], self.std
         return tuple(name for name, size in before.items() if std.get(name, size) > IMPROVED * size)
+
+    @property
+    def far_off(self):
+        """Prior standard deviations from the prior's mean, by parameter, beyond `FAR_OFF`."""
+        if not self.prior:
+            return {}
+        std, mean = self.prior["std"], self.prior["mean"]
+        own = {n: getattr(self, n[0])[tuple(int(i) for i in n[1:])] for n in std}
+        sizes = {name: float(abs(own[name] - mean[name]) / std[name]) for name in std}
+        return {name: size for name, size in sizes.items() if size > FAR_OFF}
 
     def to_dict(self):
         """Return what the JSON file holds."""
@@ -224,11 +247,13 @@ class Calibration:
         Returns
         -------
         DataFrame
-            A row per parameter: `sensor`, `parameter`, `value`, `std` and `unit`; `std` is the
-            standard error, nan for a value of the data sheet.
+            A row per parameter: `sensor`, `parameter`, `value`, `std`, `unit` and `source`; `std`
+            is the standard error, nan if there was no fit; `source` is ``data`` or, of a parameter
+            that the data hardly improved, ``data sheet`` or the file of the prior.
         """
         rows = [(s, *row) for s in SENSORS for row in getattr(self, s).parameters(s)]
-        return pd.DataFrame(rows, columns=["sensor", "parameter", "value", "std", "unit"])
+        columns = ["sensor", "parameter", "value", "std", "unit", "source"]
+        return pd.DataFrame(rows, columns=columns)
 
     def __repr__(self):
         sensors = "; ".join(f"{name} {getattr(self, name)}" for name in SENSORS)
@@ -242,7 +267,7 @@ class Calibration:
         return f"<p>{escape(repr(self))}</p>\n{table.to_html(index=False)}"
 
     def limits(self, *sensors):
-        """Return one line per sensor, or for both, that is not fully calibrated or explained.
+        """Return lines on each sensor, or on both, that is not fully calibrated or explained.
 
         And on effects of the calibrated log alone, as a step: they are not in the next one.
         """
@@ -253,6 +278,7 @@ class Calibration:
                 lines.append(f"{name}: {sensor.method} ({sensor.not_testable})")
             if sensor.unexplained:
                 lines.append(f"{name}: unexplained ({UNEXPLAINED})")
+            lines += [f"{name}: {remark}" for remark in remarks(name, sensor)]
             for effect in (e for e in sensor.effects if not e.effect.lasting):
                 lines.append(f"{name}: {effect.name} {OF_ONE_LOG}")
         return lines

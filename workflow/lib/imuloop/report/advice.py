@@ -4,13 +4,13 @@ import re
 
 import numpy as np
 
-from imuloop.core.errors import plural
+from imuloop.core.errors import joined, plural
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE
 from imuloop.diagnose.records.pose_diagnosis import TESTABLE
 from imuloop.effects.discovered import parse
-from imuloop.report.numbers import joined, number
+from imuloop.report.numbers import number
 from imuloop.report.recording import (
     best_recording,
     enough,

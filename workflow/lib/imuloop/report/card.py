@@ -1,8 +1,9 @@
 """A device in three parts: what was found, what correcting it gains, what is left."""
 
-from imuloop.core.errors import plural
+from imuloop.core.errors import joined, plural
+from imuloop.core.prior_remarks import remarks
 from imuloop.core.samples import SENSORS
-from imuloop.report.numbers import joined, number
+from imuloop.report.numbers import number
 from imuloop.report.units import RESIDUAL
 from imuloop.report.verdict import (
     ABOVE,
@@ -26,19 +27,25 @@ from imuloop.report.verdict import (
 WORTH_SAYING = 1.1
 
 
-def card(diagnosis, loop):
+def card(diagnosis, loop, calibration):
     """Return what is said of a device first, in the same order for every device.
 
     ``found``, which undeclared effects, by sensor; ``gain``, the errors that fell, with both ends;
     ``left``, pairs of a verdict and what it is about, with the floor of the noise; ``untested``,
-    with the turns that were left out. `loop` are the errors of `loop_errors`.
+    with the turns that were left out and the remarks on the prior. `loop` are the errors of
+    `loop_errors`; takes the final Calibration, None without one.
     """
     left_out = contradicting(block_of(diagnosis, "gyroscope"))
+    of_prior = "".join(
+        f" {name.capitalize()}: {remark[:1].lower()}{remark[1:]}"
+        for name in SENSORS
+        for remark in (remarks(name, getattr(calibration, name)) if calibration else ())
+    )
     return {
         "found": _found(diagnosis),
         "gain": " ".join(_path(error) for error in told(loop)),
         "left": _left(diagnosis, loop),
-        "untested": f"{_untested(diagnosis)}{left_out}".strip(),
+        "untested": f"{_untested(diagnosis)}{left_out}{of_prior}".strip(),
     }
 
 

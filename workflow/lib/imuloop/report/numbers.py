@@ -130,12 +130,6 @@ def interval_text(interval, factor=1.0):
     return f"{number(low, digits)} to {number(high, digits)}"
 
 
-def joined(words):
-    """Return words as a list in a sentence: a, b and c."""
-    *first, last = words or [""]
-    return f"{', '.join(first)} and {last}" if first else last
-
-
 def text_of(value):
     """Return a figure of a result file in a few words, whatever its form."""
     if value is None:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.core.errors import joined
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import WIDE_HOLE, largest_hole
 from imuloop.core.units import HOUR
@@ -9,7 +10,7 @@ from imuloop.diagnose.records.pose_diagnosis import TESTABLE
 from imuloop.noise.record_length import record_seconds
 from imuloop.plan.session import INITIAL_REST_S, POSES
 from imuloop.report.figures.poses import pose_directions
-from imuloop.report.numbers import duration, joined, number, percent
+from imuloop.report.numbers import duration, number, percent
 from imuloop.report.results import SENSORS, XYZ
 from imuloop.report.units import MILLIRADIAN, data_sheet, quantities
 from imuloop.report.verdict import ABOVE, block_of

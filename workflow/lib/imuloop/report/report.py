@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 from markupsafe import Markup
 
-from imuloop.core.errors import plural
+from imuloop.core.errors import joined, plural
 from imuloop.core.files import plain, read_json, replaced
 from imuloop.noise.filters import RANGE
 from imuloop.report.card import headline
@@ -15,7 +15,6 @@ from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.drawing import write_svg
 from imuloop.report.figures.family import control_charts
 from imuloop.report.figures.loop import loop_picture, reach
-from imuloop.report.numbers import joined
 from imuloop.report.page import write_page
 from imuloop.report.tables import comparison as tables
 from imuloop.report.tables import family as of_type

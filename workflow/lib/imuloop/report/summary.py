@@ -65,7 +65,7 @@ def summarise(device, steps=()):
             for sensor in SENSORS
         },
         "answers": answers(device.diagnosis),
-        "card": card(device.diagnosis, loop),
+        "card": card(device.diagnosis, loop, final),
         "calibrated": bool(final and final.measured),
         "loop": loop,
         "advised": bool(steps),

@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.special import chdtr
 
-from imuloop.core.errors import plural
+from imuloop.core.errors import joined, plural
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.verdict import TESTED
-from imuloop.report.numbers import joined, missing, number, p_text, percent
+from imuloop.report.numbers import missing, number, p_text, percent
 from imuloop.report.units import RESIDUAL
 
 # verdicts from the best news to none

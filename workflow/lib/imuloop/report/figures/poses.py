@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from imuloop.core.errors import plural
+from imuloop.core.errors import joined, plural
 from imuloop.core.samples import ACCELERATION
 from imuloop.core.sphere import direction_words, largest_hole
 from imuloop.report.figures.drawing import (
@@ -16,7 +16,7 @@ from imuloop.report.figures.drawing import (
     entitle,
     write_csv,
 )
-from imuloop.report.numbers import joined, number
+from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
 
 MARKS = {"multi_position": ("o", BLUE), "six_position": ("s", ORANGE)}

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from imuloop.core.errors import plural
+from imuloop.core.errors import joined, plural
 from imuloop.report.figures.arms import ellipse
 from imuloop.report.figures.drawing import (
     AXES,
@@ -19,7 +19,7 @@ from imuloop.report.figures.drawing import (
 )
 from imuloop.report.figures.residuals import elapsed
 from imuloop.report.figures.time_series import clock
-from imuloop.report.numbers import duration, joined, number
+from imuloop.report.numbers import duration, number
 from imuloop.report.results import XYZ
 from imuloop.report.tables.table import Table
 from imuloop.report.units import RESIDUAL

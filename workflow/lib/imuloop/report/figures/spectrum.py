@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from imuloop.core.errors import joined
 from imuloop.report.figures.drawing import AXES, GRID, Picture, fill, write_csv
-from imuloop.report.numbers import coefficient_text, joined, number, percent, with_unit
+from imuloop.report.numbers import coefficient_text, number, percent, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
 

@@ -41,8 +41,8 @@ def parameter_table(device, sensor):
         f"{sensor.capitalize()}: parameters, value ± 1 σ",
         ("Parameter", "Unit", *(METHODS[m] for m in methods)),
         rows,
-        "Misalignment ij: how much of axis j shows on axis i. Not listed: not determined by these "
-        "data. Reduced χ² near 1: as good as the noise allows.",
+        "Misalignment ij: how much of axis j shows on axis i. A value marked “data sheet” was "
+        "hardly improved by these data. Reduced χ² near 1: as good as the noise allows.",
         sortable=True,
     )
 
@@ -72,7 +72,8 @@ def _cells(sensor, bias):
     for words, name, display, value, sigma in found:
         text = NOT_ESTIMATED
         if name in estimated:
-            text = Sized(with_sigma(value, sigma, display.factor), value)
+            mark = f", {sensor.prior['source']}" if name in sensor.unimproved else ""
+            text = Sized(with_sigma(value, sigma, display.factor) + mark, value)
         elif name[0] == "T" and estimated & {"T01", "K0"}:
             text = BY_DEFINITION
         cells[words, display.unit] = text

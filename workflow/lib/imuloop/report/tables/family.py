@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from itertools import permutations
 
-from imuloop.core.errors import plural
-from imuloop.report.numbers import joined, number, probability, with_sigma
+from imuloop.core.errors import joined, plural
+from imuloop.report.numbers import number, probability, with_sigma
 from imuloop.report.results import SENSORS, XYZ
 from imuloop.report.tables.calibration import BIAS
 from imuloop.report.tables.comparison import NOISE
