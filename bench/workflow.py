@@ -277,7 +277,7 @@ def timed(folder, count, cores, rows):
         subprocess.run(["rm", "-rf", work / "first" / path], check=True)
     write_config(work, count + 1)
     run("one device added", WHOLE, 1)
-    write_config(work, count + 1, face_tolerance=21)
+    write_config(work, count + 1, longest_rotation=31)
     run("one default changed", DEFAULT, len(range(0, count + 1, FOLLOWS)))
     with open(repository / "scripts/export.py", "a") as file:
         file.write("\nEDITED = True\n")
@@ -350,14 +350,14 @@ def copy_finished(folder, count):
                 (records / named).write_text(text.replace(source, name))
 
 
-def write_config(work, count, face_tolerance=20):
+def write_config(work, count, longest_rotation=30):
     """Write the config of so many devices; one of ten has no setting of its own."""
     devices = {}
     for i in range(count):
         files = {k: {"kind": k, "file": f"../data/{device(i)}_{k}.csv"} for k in KINDS}
-        own = {"calibrate": {"face_tolerance": 20}} if i % FOLLOWS else {}
+        own = {"calibrate": {"longest_rotation": 30}} if i % FOLLOWS else {}
         devices[device(i)] = {"sessions": files, **own}
-    config = {"defaults": {"calibrate": {"face_tolerance": face_tolerance}}, "devices": devices}
+    config = {"defaults": {"calibrate": {"longest_rotation": longest_rotation}}, "devices": devices}
     (work / "config.yaml").write_text(yaml.safe_dump(config, sort_keys=False))
 
 

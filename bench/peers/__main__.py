@@ -1,4 +1,4 @@
-"""Allan curves and six faces beside the packages of the registry: `make bench`."""
+"""Allan curves beside the packages of the registry: `make bench`."""
 
 import argparse
 import os
@@ -9,17 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.peers.calls import CURVES, FACES, GRAVITY, LENGTH, RATE, averaging_factors
+from bench.peers.calls import CURVES, RATE, averaging_factors
 from bench.tables import REPOSITORY, publish, table
-from imuloop.calibrate.six_position import decompose
-from imuloop.simulate.truth import example_truth
 
 # every so many averaging times are computed in extended precision
 EVERY = 10
 # SI, white noise and random walk of accelerometer and gyroscope
 N, K = (1e-3, 1e-4), (2e-5, 2e-6)
-# simulated sessions; degrees that a face is off, about both axes that lie in it; m/s^2 a sample
-SESSIONS, TILT, NOISE = 50, 1.0, 0.02
 # freed memory stays with the process: else page faults of temporaries count, or not, by chance
 ENVIRONMENT = {
     "OPENBLAS_NUM_THREADS": "1",
@@ -85,39 +81,6 @@ def curves(n, environment, rounds):
     return table((size, "processor time, s", "largest relative difference"), rows)
 
 
-def sessions():
-    """Return sessions whose faces are a little off, (k, 9 × LENGTH, 6), and the true parameters."""
-    rng, sensor = np.random.default_rng(1), example_truth().accelerometer
-    inverse = np.linalg.inv(sensor.T @ np.diag(sensor.K))
-    up = np.concatenate([np.kron(np.eye(3), [[1], [-1]]), np.eye(3)])
-    # the turns only fill their place: they do not enter what is compared
-    turning = np.repeat(np.concatenate([np.zeros((6, 3)), -60 * np.eye(3)]), LENGTH, axis=0)
-    made = []
-    for _ in range(SESSIONS):
-        off = np.cross(rng.normal(0, np.radians(TILT), (len(up), 3)), up)
-        direction = (up + off) / np.linalg.norm(up + off, axis=1, keepdims=True)
-        raw = np.repeat(GRAVITY * direction @ inverse.T + sensor.b, LENGTH, axis=0)
-        made.append(np.column_stack([raw + rng.normal(0, NOISE, raw.shape), turning]))
-    return np.array(made), np.concatenate([sensor.T[np.triu_indices(3, 1)], sensor.K, sensor.b])
-
-
-def faces(environment, rounds):
-    """Return the table of the six-position calibrations."""
-    given, truth = sessions()
-    rows = []
-    for peer, took, made in contend(FACES, {"sessions": given}, environment, rounds):
-        if took is None:
-            rows.append((peer, f"failed: {made}", *"–––"))
-            continue
-        fitted = np.array([decompose(one[:, :3], one[:, 3])[0] for one in made])
-        misalignment, scale, bias = np.split(fitted - truth, [3, 6], axis=-1)
-        rms = [np.sqrt(np.mean(x**2)) for x in (scale / truth[3:6], bias, misalignment)]
-        errors = f"{rms[0]:.3%}", f"{rms[1]:.2g}", f"{np.degrees(rms[2]):.2g}"
-        rows.append((peer, f"{1e3 * took:.2f}", *errors))
-    head = ("", "processor time, ms", "scale factor", "bias, m/s²", "misalignment, °")
-    return table(head, rows)
-
-
 def main():
     parser = argparse.ArgumentParser(prog="python -m bench.peers", description=__doc__)
     parser.add_argument("--sizes", default="100000,1000000,3060000", help="samples, with commas")
@@ -132,11 +95,6 @@ def main():
         "imuloop with intervals, which the others do not give. Differences are those to extended "
         f"precision, at every {EVERY}th τ. Freed memory stays with each process, which favours "
         "the peers.",
-        "## Six faces",
-        faces(*how),
-        f"Errors are rms over {SESSIONS} simulated sessions, faces off by {TILT:g}° about each "
-        f"axis, {LENGTH} samples each. imuloop gives a covariance too, imucal, of three turns of "
-        "known angle, a gyroscope and its g-sensitivity.",
     )
     publish("peers", "Beside other packages", "\n\n".join(text))
 

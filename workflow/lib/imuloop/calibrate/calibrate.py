@@ -7,6 +7,7 @@ import numpy as np
 from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.contradictions import change, changed_at
 from imuloop.calibrate.known_rotation import read_turns
+from imuloop.calibrate.least_squares import fit
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.prior import data_sheets
 from imuloop.calibrate.raw_units import prior_content
@@ -36,6 +37,8 @@ GROUPS = {method: (method,) for method in ("six_position", "known_rotation")}
 GROUPS = {"multi_position": POSED} | GROUPS
 # reduced chi square from which on a sensor may have changed amid the recording
 CONTRADICTORY = 9.0
+# rough error of the norm of a mean at rest, by which the start of a fit is found, m/s^2
+START = 0.01
 # standard deviations up to which two biases may differ and be one
 SAME = 5.0
 # why a gyroscope has no fit where the accelerometer has none
@@ -174,8 +177,10 @@ def start_pair(
     for sensor in estimated:
         pair = pair.knowing(sensor, *priors[sensor].rows())
     if "accelerometer" in estimated:
+        # the variance components are estimated where the data lead, however far from the prior
         model = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity)
-        base[:FORCE] = model.start()
+        prior, variance = priors["accelerometer"].rows(), np.full(len(poses), START**2)
+        base[:FORCE] = fit(model.residuals, base[:FORCE], variance, prior).x
     if "gyroscope" in estimated:
         base[-3:] = poses.w.mean(axis=0) if bias is None else bias[0]
         if turns is not None and len(turns):

@@ -15,9 +15,6 @@ class CalibrateSettings:
         "rests",
         "From all rests together with the other parameters, or held at the mean of the first",
     )
-    face_tolerance: float = setting(
-        20.0, "A pose is a face if specific force lies this near to an axis, degrees", gt=0, lt=45
-    )
     longest_rotation: float = setting(
         30.0, "A longer way from one pose to the next is left out of the fit, s", gt=0
     )
