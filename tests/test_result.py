@@ -152,11 +152,11 @@ def test_a_calibration_is_shown_in_a_line_and_as_a_table(result):
         rows = [re.findall("<td>(.*?)</td>", row, re.S) for row in html.split("<tr>")]
         rows = {tuple(row[:2]): row[2:] for row in rows if row}
         assert {*rows} == {*table.index}
-        for name, (value, std, unit) in rows.items():
+        for name, (value, std, unit, source) in rows.items():
             expected = table.loc[name]
             assert float(std) == pytest.approx(expected["std"], rel=0.06)
             assert float(value) == pytest.approx(expected["value"], abs=expected["std"])
-            assert unescape(unit) == expected["unit"]
+            assert unescape(unit) == expected["unit"] and source == expected["source"]
 
 
 def test_names_in_html_are_text(result):

@@ -28,10 +28,11 @@ def calibrated_by(f, error=1e-4, noise=UNKNOWN_NOISE):
 
 
 @pytest.mark.parametrize("truth", [TRUTH, np.repeat([0.0, 1.0, 0.0], 3)])
-def test_exact_poses_give_the_truth_exactly(truth):
+def test_exact_poses_give_the_truth(truth):
     found = calibrated_by(poses_at(spread(), truth))
     x = np.concatenate([found.T[np.triu_indices(3, 1)], found.K, found.b])
-    np.testing.assert_allclose(x, truth, atol=1e-10)
+    # but for the pull of the prior
+    assert np.all(np.abs(x - truth) < 1e-3 * np.array([*found.std.values()]))
 
 
 def test_poses_without_noise_weigh_no_more_than_their_residual():
@@ -44,31 +45,28 @@ def test_poses_without_noise_weigh_no_more_than_their_residual():
 
 
 @pytest.mark.parametrize(
-    ("directions", "reason"),
+    ("directions", "of_data_sheet"),
     [
-        (spread(9), "9 poses found, at least 10 needed"),
-        (spread(9)[:1], "1 pose found, at least 10 needed"),
-        (spread(40) * [1, 1, 0.01], "scale factor to 7.5 %, a data sheet to 0.02 rad and 3 %"),
-        (spread(40) * [1, 1, 1e-3], "do not determine 9 parameters: condition number"),
-        (np.tile([[0, 0, 1], [0, 0, -1]], (10, 1)), "do not determine 9 parameters"),
-        (spread(40) * [1, 1, 0], "condition number beyond 1e9, at most 10000 allowed"),
+        (spread(9)[:1], "T01 T02 T12 K0 K1 K2 b0 b1"),
+        (spread(40) * [1, 1, 0], "T02 T12 K2 b2"),
+        (spread(40) * [1, 1, 1e-3], "T02 T12 K2"),
+        (np.tile([[0, 0, 1], [0, 0, -1]], (10, 1)), "T01 T02 T12 K0 K1 b0 b1"),
+        (spread(12), ""),
     ],
 )
-def test_poses_that_determine_too_little_are_refused_with_the_reason(directions, reason):
-    noise = known_noise(example_truth())
-    found = calibrated_by(poses_at(directions), noise=noise)
-    assert found.method == "nominal" and reason in found.not_testable
-    known = calibrated_by(poses_at(spread(12)), noise=noise)
-    assert known.not_testable is None
+def test_what_poses_do_not_determine_is_the_data_sheets(directions, of_data_sheet):
+    found = calibrated_by(poses_at(directions), noise=known_noise(example_truth()))
+    assert found.method == "multi_position" and found.not_testable is None
+    assert found.unimproved == tuple(of_data_sheet.split())
 
 
 @pytest.mark.parametrize("unit", [1.0, 9.8])
-def test_poses_that_lie_on_no_ellipsoid_are_refused(unit):
+def test_poses_that_contradict_each_other_are_refused(unit):
     f = poses_at(spread())
     midway, in_turn = (
         f + 5.0 * offset[:, None] for offset in (np.arange(30) > 15, np.arange(30) % 2)
     )
-    reasons = "", "the accelerometer changed at about 157.5 s", "lies on no ellipsoid"
+    reasons = "", "the accelerometer changed at about 157.5 s", "its poses contradict each other"
     for made, reason in zip((f, midway, in_turn), reasons, strict=True):
         found = calibrated_by(made / unit, 1e-4 / unit)
         assert reason in (found.not_testable or "")

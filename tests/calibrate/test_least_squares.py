@@ -65,9 +65,9 @@ def test_a_fit_that_ends_before_its_minimum_is_none_and_says_so():
         value = np.exp(-x[0]) * np.ones(3)
         return value, -value[:, None]
 
-    with pytest.raises(NotConverged, match="does not converge in 100 steps") as raised:
+    with pytest.raises(NotConverged, match="does not converge in 200 steps") as raised:
         fit(residuals, [0.0], np.eye(3))
-    assert why_no_fit(raised.value) == "the fit does not converge in 100 steps"
+    assert why_no_fit(raised.value) == "the fit does not converge in 200 steps"
     assert why_no_fit(np.linalg.LinAlgError("singular")) == SINGULAR
 
 

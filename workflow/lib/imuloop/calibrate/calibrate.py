@@ -3,16 +3,16 @@
 from dataclasses import replace
 
 import numpy as np
+from scipy.linalg import LinAlgError, block_diag
 
-from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.contradictions import change, changed_at
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.calibrate.least_squares import fit
+from imuloop.calibrate.least_squares import NotConverged, fit, why_no_fit
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.prior import data_sheets
 from imuloop.calibrate.raw_units import prior_content
 from imuloop.calibrate.recording import record
-from imuloop.calibrate.sensor_pair import BASES, FORCE, SensorPair
+from imuloop.calibrate.sensor_pair import BASES, SensorPair, places
 from imuloop.core.calibration_faults import sensor_fault
 from imuloop.core.model import Calibration, SensorCalibration
 from imuloop.core.noise_model import NoiseModel
@@ -37,12 +37,14 @@ GROUPS = {method: (method,) for method in ("six_position", "known_rotation")}
 GROUPS = {"multi_position": POSED} | GROUPS
 # reduced chi square from which on a sensor may have changed amid the recording
 CONTRADICTORY = 9.0
-# rough error of the norm of a mean at rest, by which the start of a fit is found, m/s^2
-START = 0.01
+# rough errors of each kind of residual, SI, by which the start of a fit is found
+START = {"gravity_norm": 1e-3, "pose_rate": 1e-3, "rotation": 0.01}
+# their root mean square, over these errors, beyond which the data contradict each other
+MISFIT = 10.0
 # standard deviations up to which two biases may differ and be one
 SAME = 5.0
 # why a gyroscope has no fit where the accelerometer has none
-NO_DIRECTION = "the direction of gravity is not known, because the accelerometer is not calibrated"
+NO_DIRECTION = "direction of gravity not known: the accelerometer has no calibration"
 
 
 def usable(sessions, *kinds):
@@ -174,18 +176,31 @@ def start_pair(
     base = np.concatenate([prior.mean for prior in priors.values()])
     how = {"priors": priors, "method": method, "bias": bias}
     pair = SensorPair(noise, gravity, units, settings, estimated, base, **how)
-    for sensor in estimated:
-        pair = pair.knowing(sensor, *priors[sensor].rows())
-    if "accelerometer" in estimated:
-        # the variance components are estimated where the data lead, however far from the prior
-        model = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity)
-        prior, variance = priors["accelerometer"].rows(), np.full(len(poses), START**2)
-        base[:FORCE] = fit(model.residuals, base[:FORCE], variance, prior).x
     if "gyroscope" in estimated:
         base[-3:] = poses.w.mean(axis=0) if bias is None else bias[0]
-        if turns is not None and len(turns):
-            pair = pair.knowing("gyroscope", *turns.rows())
-    return pair, reasons
+    known = _knowing(pair, priors, turns)
+    # the variance components are estimated where the data lead, however far from the prior
+    model, kinds = pair.model_at(base[pair.free], recording), pair.kinds_of_rows(recording)[0]
+    variance = np.array([START[kind] ** 2 for kind in kinds.tolist()])
+    try:
+        rough = fit(model.residuals, base[pair.free], variance, known.prior_rows())
+    except NotConverged:
+        return known, reasons
+    if np.mean(rough.white**2) > MISFIT**2:
+        return known, reasons
+    base[pair.free] = rough.x
+    each = places()
+    wide = {sensor: prior.widened(base[each[sensor]]) for sensor, prior in priors.items()}
+    return _knowing(pair, wide, turns), reasons
+
+
+def _knowing(pair, priors, turns):
+    """Return a SensorPair with the rows of the priors of its sensors and of known turns."""
+    for sensor in pair.estimated:
+        pair = pair.knowing(sensor, *priors[sensor].rows())
+    if turns is not None and len(turns) and "gyroscope" in pair.estimated:
+        pair = pair.knowing("gyroscope", *turns.rows())
+    return pair
 
 
 def calibrate_sensors(
@@ -205,8 +220,12 @@ def calibrate_sensors(
     pair, reasons = start_pair(recording, *how, turns, bias, method)
     made = {}
     while pair is not None and pair.estimated:
-        made = pair.calibrations(pair.fit(recording))
-        refused = {s: why for s, c in made.items() if (why := contradiction(s, c, recording))}
+        try:
+            solution = pair.fit(recording)
+        except LinAlgError as error:
+            refused = without_fit(pair, recording, error)
+        else:
+            made, refused = pair.calibrations(solution), contradictions(pair, solution, recording)
         if not refused:
             break
         reasons |= refused
@@ -217,16 +236,42 @@ def calibrate_sensors(
     return made | nominal_sensors(reasons, recording, noise, units, priors)
 
 
-def contradiction(sensor, made, recording):
-    """Return why the data of a sensor contradict each other, or None if they do not.
+def without_fit(pair, recording, error):
+    """Return why sensors have no fit, by sensor: those that changed, or else the last one.
 
-    Takes the SensorCalibration that was fitted to them.
+    Takes the SensorPair, its Recording and the LinAlgError of the fit.
     """
-    if fault := sensor_fault(made, sensor):
-        return f"the fit gives what no sensor has: {fault}"
-    if (made.reduced_chi2 or 0.0) > CONTRADICTORY:
-        return change(sensor, recording.poses, recording.rotations)
-    return None
+    changes = {s: change(s, recording.poses, recording.rotations) for s in pair.estimated}
+    changes = {sensor: why for sensor, why in changes.items() if why}
+    return changes or {pair.estimated[-1]: why_no_fit(error)}
+
+
+def contradictions(pair, solution, recording):
+    """Return why the data of a sensor contradict each other, text, by such sensors.
+
+    They do if the sensor changed amid the recording, if the fit gives what no sensor has, or if its
+    residuals r are larger than the prior alone lets expect: ``|r|² > tr(J P₀ Jᵀ)``. Takes the
+    SensorPair, the Solution of its fit and the Recording.
+    """
+    found, owner = {}, pair.kinds_of_rows(recording)[1]
+    r, jacobian = pair.model(solution, recording).residuals(solution.fit.x)
+    prior = block_diag(*(p.covariance for p in pair.priors.values()))[np.ix_(pair.free, pair.free)]
+    expected = np.einsum("np,pq,nq->n", jacobian[:, : len(prior)], prior, jacobian[:, : len(prior)])
+    for sensor, made in pair.calibrations(solution).items():
+        rows, why = owner == sensor, None
+        if fault := sensor_fault(made, sensor):
+            why = f"the fit gives what no sensor has: {fault}"
+        elif np.sum(r[rows] ** 2) > np.sum(expected[rows]):
+            what = "poses" if sensor == "accelerometer" else "turns"
+            why = (
+                f"its {what} contradict each other by more than the data sheet's tolerance; were "
+                "samples clipped or wrapped around, did scale, offset or axes change midway?"
+            )
+        if why or (made.reduced_chi2 or 0.0) > CONTRADICTORY:
+            why = change(sensor, recording.poses, recording.rotations) or why
+        if why:
+            found[sensor] = why
+    return found
 
 
 def nominal_sensors(reasons, recording, noise, units, priors):

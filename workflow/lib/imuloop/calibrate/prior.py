@@ -1,10 +1,11 @@
 """What is known of a device before its data: a Gaussian over the parameters of both sensors."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from imuloop.calibrate import accelerometer, gyroscope
+from imuloop.core.model import FAR_OFF
 from imuloop.sensors import GENERIC
 
 # parameters of both base models
@@ -43,6 +44,15 @@ class SensorPrior:
     def std(self):
         """Standard deviations, shape (p,)."""
         return np.sqrt(np.diag(self.covariance))
+
+    def widened(self, x):
+        """Return the same, wider where parameters x, (p,), are beyond `FAR_OFF`: as wide as they.
+
+        Data that contradict the data sheet so clearly are of another unit, range or board.
+        """
+        far = np.abs(x - self.mean)
+        factor = np.where(far > FAR_OFF * self.std, far / self.std, 1.0)
+        return replace(self, covariance=self.covariance * np.outer(factor, factor))
 
     def rows(self):
         """Return rows R, (p, p), and z with ``R x - z`` of variance one, ``Rᵀ R`` the precision."""
