@@ -112,8 +112,7 @@ def diagnose_device(
         turns,
         method=method,
     )
-    six = {"accelerometer": Calibration.from_json(six_position).accelerometer.not_testable}
-    reasons = {s: with_sessions(reason, sessions, six.get(s)) for s, reason in reasons.items()}
+    reasons = {s: with_sessions(reason, sessions) for s, reason in reasons.items()}
     how = recording, settings, tests
     poses = diagnose_poses(pair, reasons, *how, found, information, search_formulas)
     refused = nominal_sensors(poses.rejected, recording, noise, units, priors or data_sheets())
