@@ -21,7 +21,7 @@ ARROWS = {
     "ingest": set(),
     "segment": {"ingest"},
     "noise": {"effects", "ingest", "segment"},
-    "calibrate": {"ingest", "segment"},
+    "calibrate": {"ingest", "segment", "sensors"},
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
     "family": {"effects", "calibrate"},
     "discover": {"effects", "calibrate", "diagnose"},

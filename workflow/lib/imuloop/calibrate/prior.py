@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.sensors import GENERIC
+from imuloop.sensors import GENERIC, Tolerance
 
 # parameters of both base models
 BASES = {"accelerometer": accelerometer.NAMES, "gyroscope": gyroscope.NAMES}
@@ -55,6 +55,9 @@ class SensorPrior:
 
 
 def data_sheets(tolerances=None):
-    """Return the SensorPrior of both sensors by name; `tolerances` by sensor, where known."""
-    tolerances = tolerances or {}
-    return {sensor: SensorPrior.data_sheet(sensor, tolerances.get(sensor)) for sensor in BASES}
+    """Return the SensorPrior of both sensors by name.
+
+    `tolerances` by sensor, the fields of a `Tolerance`, where they are known.
+    """
+    known = {sensor: Tolerance(**each) for sensor, each in (tolerances or {}).items()}
+    return {sensor: SensorPrior.data_sheet(sensor, known.get(sensor)) for sensor in BASES}
