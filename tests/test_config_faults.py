@@ -51,7 +51,7 @@ SESSION = """
     format: imu_tk
     file: format imu_tk is read from acceleration and angular_rate, given log
     units: {acceleration: count}
-    units.acceleration: 'count' needs the device's nominal.acceleration
+    units.acceleration: 'count' needs the device's nominal.acceleration.scale (increments: × rate), or the name of the sensor and its range
     columns: {acceleration: acc}
     columns.acceleration: 'acc' is not a list of three columns x, y, z
     time_range: [5, 1]
@@ -59,7 +59,7 @@ SESSION = """
     time_range: ['2021-09-20T10:00', null]
     time_range: '2021-09-20T10:00' is a date, but the log's stamps are not; give seconds
     kind: static, file: counts.csv
-    file: acceleration in counts needs nominal.acceleration.scale (increments: × rate)
+    file: acceleration in counts needs nominal.acceleration.scale (increments: × rate), or the name of the sensor and its range
     time_range: [12:30:00, 50000]
     time_range.0: 12:30:00 is 45000 to YAML; write '12:30:00' with quotes, or 45000
     kind: known_rotation, file: poses.csv, sections: [{axis: x, start: 0, end: 1}]
@@ -106,6 +106,24 @@ DEVICE = """
     gravity.hight: unknown key; did you mean 'height'?
     calibrate: {gyroscope_bias: rest}
     calibrate.gyroscope_bias: 'rest' is not a source of the bias; did you mean 'rests'?
+    sensor: icm42688q
+    sensor: 'icm42688q' is not a sensor of the table; did you mean 'icm42688p'?
+    sensor: gyrometer
+    sensor: 'gyrometer' is not a sensor of the table; imuloop sensors lists them
+    range: {acceleration: 16 g}
+    range: needs the device's sensor
+    sensor: icm42688p, range: {acceleration: 16 deg/s}
+    range.acceleration: accelerometer of ICM-42688-P: '16 deg/s' is not a range; use one of 2 g, 4 g, 8 g, 16 g
+    sensor: fxos8700, range: {angular_rate: 250 deg/s}
+    range.angular_rate: FXOS8700 has no gyroscope
+    sensor: icm42688p, units: {acceleration: count}
+    units.acceleration: 'count' needs the device's range.acceleration, one of 2 g, 4 g, 8 g, 16 g
+    nominal: {acceleration: {offset: 32768}}
+    nominal.acceleration.scale: missing; offset needs it
+    nominal: {acceleration: {tolerance: {scale_factor: 3}}}
+    nominal.acceleration.tolerance.scale_factor: 3 is greater than the maximum of 0.5
+    nominal: {acceleration: {tolerance: {bias: 0}}}
+    nominal.acceleration.tolerance.bias: 0 is less than or equal to the minimum of 0
     label: on
     label: on is true to YAML; write 'on' with quotes, or true
 """

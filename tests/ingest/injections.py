@@ -79,6 +79,7 @@ REBUILT, NOT_REBUILT = {"clock.rebuilt": True}, {"clock.rebuilt": False}
 NS, US = {"units": {"time": "ns"}}, {"units": {"time": "us"}}
 IN_DEGREES = {"units": {"angular_rate": "deg/s"}}
 FULL_SCALE = "full scale was {} the one that {} is for"
+SCALE = "nominal.angular_rate.scale or range.angular_rate"
 NO_FAULT_OF_VALUES = {
     "faults.stuck": lambda found: not any(f["stretches"] for f in found.values()),
     "faults.clipped_at": lambda found: not any(f["rows"] for f in found.values()),
@@ -220,7 +221,7 @@ UNITS = [
         (RATE, 2, {}, FULL_SCALE.format("1/2 of", "the logger's scale")),
         (RATE, 1 / 4, {}, FULL_SCALE.format("4 times", "the logger's scale")),
         ("t", 2, {}, "or the log's rate is off by as much"),
-        (RATE, 1e3, counts(2e-3), FULL_SCALE.format("1/2 of", "nominal.angular_rate.scale")),
+        (RATE, 1e3, counts(2e-3), FULL_SCALE.format("1/2 of", SCALE)),
         (RATE, 1e3, counts(1e-3 / DEGREE),
          "nominal.angular_rate.scale is in rad/s per count, and looks like deg/s")]],
     Injection("a rate that is 14 % too large", "poses", scaled(RATE, 1.14),

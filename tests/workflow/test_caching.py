@@ -105,6 +105,16 @@ def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, 
     assert planned(checkout, folder, written) == expected
 
 
+def test_a_figure_of_the_sensor_reruns_what_uses_it(folder, checkout, written):
+    """A tolerance is of the calibration; a range, with its full scale, of reading the logs."""
+    bias = {"angular_rate": {"tolerance": {"bias": 0.1}}}
+    named = {"sensor": "icm42688p", "range": {"acceleration": "16 g"}}
+    written["devices"]["posed"]["nominal"] = bias
+    written["devices"]["resting"] |= named
+    expected = jobs("posed", "calibrate") | jobs("resting", "noise", *SESSIONS["resting"]) | REPORT
+    assert planned(checkout, folder, written) == expected
+
+
 def test_an_edited_module_reruns_the_stages_that_import_it(finished, checkout):
     module = checkout / "workflow/lib/imuloop/diagnose/verdict.py"
     with edited(module, f"{module.read_text()}\nEXTRA = 1\n"):

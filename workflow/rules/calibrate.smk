@@ -20,7 +20,7 @@ rule calibrate:
         mem_mb=by_size(700, 0),
         runtime=by_size(5, 0),
     params:
-        device=settings("gravity", "calibrate"),
+        device=settings("gravity", "calibrate", "tolerances"),
         code=code("calibrate.py"),
     script:
         "../../scripts/calibrate.py"

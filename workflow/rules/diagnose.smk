@@ -28,7 +28,7 @@ rule diagnose:
         mem_mb=by_size(1200, 2500, static=300, reference_motion=1100),
         runtime=by_size(10, 10),
     params:
-        device=settings("gravity", "noise", "calibrate", "diagnose"),
+        device=settings("gravity", "noise", "calibrate", "diagnose", "tolerances"),
         code=code("diagnose.py"),
     script:
         "../../scripts/diagnose.py"

@@ -21,6 +21,7 @@ from imuloop.ingest.formats import PAIR
 from imuloop.ingest.spellings import UNITS
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.settings import SegmentSettings
+from imuloop.sensors import LARGEST
 
 STAGES = {
     "segment": SegmentSettings,
@@ -125,8 +126,8 @@ def check_declared(given, known):
     for name in given:
         if name not in known:
             raise ImuloopError(f"'{name}' cannot be declared of a log{nearest(name, known)}")
-    for name in ("units", "columns", "nominal"):
-        quantities = PAIR if name == "nominal" else UNITS
+    for name in ("units", "columns", "range", "nominal"):
+        quantities = PAIR if name in ("range", "nominal") else UNITS
         for quantity in _mapping(name, given.get(name) or {}):
             # columns are checked with the log
             if name != "columns" and quantity not in quantities:
@@ -134,9 +135,18 @@ def check_declared(given, known):
                     f"{name}: '{quantity}' is not a quantity{nearest(str(quantity), quantities)}"
                 )
     for quantity, counts in (given.get("nominal") or {}).items():
+        known = ("scale", "offset", "tolerance")
         for name in _mapping(f"nominal.{quantity}", counts):
-            if name not in ("scale", "offset"):
-                raise ImuloopError(f"nominal.{quantity}: '{name}' is neither scale nor offset")
+            if name not in known:
+                raise ImuloopError(f"nominal.{quantity}: '{name}' is unknown{nearest(name, known)}")
+        where, largest = f"nominal.{quantity}.tolerance", vars(LARGEST)
+        for name, value in _mapping(where, counts.get("tolerance") or {}).items():
+            if name not in largest:
+                raise ImuloopError(f"{where}: '{name}' is unknown{nearest(name, largest)}")
+            if not (_is_number(value) and 0 < value <= largest[name]):
+                raise ImuloopError(
+                    f"{where}.{name}: {value!r} is not a number above 0 and up to {largest[name]:g}"
+                )
     rate = given.get("rate")
     if rate is not None and not (_is_number(rate) and 0 < rate < np.inf):
         raise ImuloopError(f"rate: {rate!r} is not a number of samples per second above 0")

@@ -24,9 +24,11 @@ class Device:
     kinds: Mapping  # kind of each session by its name
     label: str = ""  # name in the report
     gravity: float = 9.80665  # local, m/s^2
-    # as in the config
+    # as `imuloop.sensors.device_figures` returns them
     nominal: Mapping = field(default_factory=dict)
     full_scale: Mapping = field(default_factory=dict)
+    tolerances: Mapping = field(default_factory=dict)
+    data_sheet: Mapping = field(default_factory=dict)
     # settings of the stages that are not their defaults
     segment: Mapping = field(default_factory=dict)
     noise: Mapping = field(default_factory=dict)
@@ -134,6 +136,7 @@ def noise(device):
 def calibrate(device):
     """Write six_position.json and multi_position.json."""
     from imuloop.calibrate.calibrate import calibrate_device
+    from imuloop.calibrate.prior import data_sheets
     from imuloop.calibrate.settings import CalibrateSettings
 
     calibrate_device(
@@ -144,12 +147,14 @@ def calibrate(device):
         settings=CalibrateSettings(**device.calibrate),
         six_path=device.file("six_position.json"),
         multi_path=device.file("multi_position.json"),
+        priors=data_sheets(device.tolerances),
     )
 
 
 def diagnose(device):
     """Write diagnosis, calibration, attitude, poses, moves, windows, corrected Allan curves."""
     from imuloop.calibrate.calibrate import with_sessions
+    from imuloop.calibrate.prior import data_sheets
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
     from imuloop.core.tables import write_sessions, write_table
@@ -173,6 +178,7 @@ def diagnose(device):
         settings=settings,
         noise_settings=NoiseSettings(**device.noise),
         search_formulas=search_formulas,
+        priors=data_sheets(device.tolerances),
     )
     diagnosis = found.content | {"next_recording": next_recording(found)}
     attitude, series = validate_attitude(device.name, found, settings)
@@ -239,7 +245,8 @@ def report_device(device):
     from imuloop.report.section import write_section
 
     write_section(
-        *(device.name, device.label or device.name, device.folder, device.kinds, device.prior)
+        *(device.name, device.label or device.name, device.folder, device.kinds, device.prior),
+        data_sheet=device.data_sheet,
     )
 
 

@@ -10,6 +10,7 @@ from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.sources import file_name
+from imuloop.sensors import device_figures
 
 # of all logs of a device, where a session does not say otherwise
 OF_LOGS = ("columns", "units", "format", "rate")
@@ -98,7 +99,7 @@ def _session_name(path, session, taken):
 def resolve(config):
     """Return every device of a config without faults, with all keys, as the stages need them.
 
-    By device: ``label``, ``gravity`` (m/s^2), ``full_scale``, ``nominal``, the stages' settings,
+    By device: ``label``, ``gravity`` (m/s^2), those of `device_figures`, the stages' settings,
     ``type``, ``serial``, ``date`` and ``prior``, None where not given, and ``sessions`` with
     ``kind``, ``format``, ``sources`` (by role: ``log``, or ``acceleration`` and ``angular_rate``;
     ``pps`` and ``reference`` in files of their own), ``columns``, ``units``, ``rate`` (Hz),
@@ -117,11 +118,15 @@ def _device(name, device):
         "label": device.get("label", name),
         **{key: device.get(key) for key in ("type", "serial", "date", "prior")},
         "gravity": float(gravity),
-        "full_scale": device.get("full_scale", {}),
-        "nominal": device.get("nominal", {}),
+        **known_figures(device),
         **{stage: device.get(stage) or {} for stage in STAGES},
         "sessions": {key: _session(session) for key, session in device["sessions"].items()},
     }
+
+
+def known_figures(device):
+    """Return the `device_figures` of a device with its keys."""
+    return device_figures(*(device.get(k) for k in ("sensor", "range", "nominal", "full_scale")))
 
 
 def _session(session):

@@ -13,14 +13,16 @@ from typing import get_args, get_origin
 import yaml
 from pydantic import Tag, ValidationError
 
-from imuloop.config import OF_LOGS, merged_devices, without_dates
+from imuloop.config import OF_LOGS, known_figures, merged_devices, without_dates
 from imuloop.config_model import BRANCH, CALLED, Config
 from imuloop.config_text import key_lines, yaml_faults
-from imuloop.core.errors import nearest, one_line
+from imuloop.core.errors import ImuloopError, nearest, one_line
+from imuloop.core.units import needed_by_counts
 from imuloop.family import LEAST_OTHERS
 from imuloop.file_faults import file_faults, marks_faults, path_fault, reference_faults
 from imuloop.ingest.spellings import UNITS, stated_unit
 from imuloop.ingest.stamps import is_iso
+from imuloop.sensors import PARTS, find_sensor
 
 # what a value is not, by its kind; of all others a mapping of keys
 _KINDS = {"float": "a number", "int": "a whole number", "string": "text", "null": "null"}
@@ -32,6 +34,8 @@ _LIMITS = {
     "less_than": ("greater than or equal to the maximum of", "lt"),
     "less_than_equal": ("greater than the maximum of", "le"),
 }
+# keys of a device that `_sensor_faults` looks at
+OF_SENSOR = ("sensor", "range", "nominal")
 _CHOICES = {"kind": "kind of session", "gyroscope_bias": "source of the bias"}
 
 
@@ -227,6 +231,14 @@ def _meaning_faults(config, wrong, replicas):
         if name in ("figures", "types"):
             text = f"'{name}' is reserved for results of several devices; name it otherwise"
             yield ("devices", name), text
+        nominal = None
+        places = {key[2:3] for key in wrong if key[:2] == ("devices", name)}
+        places |= {key[1:2] for key in wrong if key[:1] == ("defaults",)}
+        if isinstance(device, dict) and not places & {(key,) for key in OF_SENSOR}:
+            faults = list(_sensor_faults(device))
+            for key, text in faults:
+                yield _declared(config, ("devices", name, *key)), text
+            nominal = None if faults else known_figures(device)["nominal"]
         sessions = device.get("sessions") if isinstance(device, dict) else None
         for session, content in sessions.items() if isinstance(sessions, dict) else ():
             key = ("devices", name, "sessions", session)
@@ -241,9 +253,8 @@ def _meaning_faults(config, wrong, replicas):
             if "units" in sound:
                 units = sound["units"].items()
                 sound["units"] = {q: unit for q, unit in units if ("units", q) not in bad}
-            whole = not below and not any("nominal" in each for each in wrong)
             faults = [*_missing_keys(session, content)]
-            faults += _session_faults(session, sound, device, replicas, whole)
+            faults += _session_faults(session, sound, nominal, replicas, whole=not below)
             for part, text in faults:
                 yield _declared(config, (*key, *part)), text
 
@@ -263,6 +274,27 @@ def _prior_fault(name, devices):
     return None
 
 
+def _sensor_faults(device):
+    """Yield (key below the device, text) for its sensor, ranges and scales of counts."""
+    sensor, ranges = device.get("sensor"), device.get("range") or {}
+    if sensor is None and ranges:
+        yield ("range",), "needs the device's sensor"
+    elif sensor is not None:
+        try:
+            sheet = find_sensor(sensor)
+        except ImuloopError as error:
+            yield ("sensor",), str(error)
+            return
+        for quantity, wanted in ranges.items():
+            try:
+                sheet.choose_range(quantity, wanted)
+            except ImuloopError as error:
+                yield ("range", quantity), str(error)
+    for quantity, counts in (device.get("nominal") or {}).items():
+        if sensor is None and "offset" in counts and "scale" not in counts:
+            yield ("nominal", quantity, "scale"), "missing; offset needs it"
+
+
 def _missing_keys(name, session):
     """Yield (key below the session, text) for what a session needs because of its other keys."""
     needed = ["reference"] if session.get("kind") == "reference_motion" else []
@@ -277,15 +309,20 @@ def _missing_keys(name, session):
             yield ("sections", at, "angle"), "missing; give an angle or a rate"
 
 
-def _session_faults(name, session, device, replicas, whole):
-    """Yield (key below the session, text) for the sound keys of a session; `whole` if all are."""
+def _session_faults(name, session, nominal, replicas, whole):
+    """Yield (key below the session, text) for the sound keys of a session; `whole` if all are.
+
+    `nominal` are the device's scales of counts, None where they are faulty.
+    """
     if name == "exports":
         yield (), "'exports' is reserved for a folder of results; name the session otherwise"
-    nominal = device.get("nominal") if isinstance(device.get("nominal"), dict) else {}
-    for quantity in ("acceleration", "angular_rate"):
-        if session.get("units", {}).get(quantity) == "count" and quantity not in nominal:
+    whole = whole and nominal is not None
+    for quantity in PARTS if nominal is not None else ():
+        scales = nominal.get(quantity, {})
+        if session.get("units", {}).get(quantity) == "count" and "scale" not in scales:
             whole = False
-            yield ("units", quantity), f"'count' needs the device's nominal.{quantity}"
+            needed = needed_by_counts(quantity, scales)
+            yield ("units", quantity), f"'count' needs the device's {needed}"
     text = "time_range" in session and _time_range_fault(session["time_range"])
     if text:
         yield ("time_range",), text

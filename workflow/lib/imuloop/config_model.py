@@ -17,6 +17,7 @@ from imuloop.ingest.formats import FORMATS
 from imuloop.ingest.spellings import SENSORS, UNITS
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.settings import SegmentSettings
+from imuloop.sensors import LARGEST
 
 # patterns of a text, and what one that fits is called
 NAME = "^[A-Za-z][A-Za-z0-9_-]{0,63}$"
@@ -174,11 +175,11 @@ class Units(Keys):
     time: Literal[*UNITS["time"], "ISO 8601"] = Field("s", description="Of the stamps")
     acceleration: Literal[UNITS["acceleration"]] = Field(
         "m/s^2",
-        description="count needs nominal; m/s, mm/s are increments",
+        description="count needs nominal or sensor; m/s, mm/s are increments",
     )
     angular_rate: Literal[UNITS["angular_rate"]] = Field(
         "rad/s",
-        description="count needs nominal; rad, mrad, deg are increments",
+        description="count needs nominal or sensor; rad, mrad, deg are increments",
     )
     temperature: Literal[UNITS["temperature"]] = Field("degC", description="Of the temperature")
     interval: Literal[UNITS["interval"]] = Field("s", description="Of the interval")
@@ -279,19 +280,38 @@ class FullScale(Keys):
     angular_rate: Positive = Field(None, description="rad/s")
 
 
+class Tolerance(Keys):
+    """Standard deviations of the prior."""
+
+    misalignment: Positive = Field(None, le=LARGEST.misalignment, description="rad")
+    scale_factor: Positive = Field(None, le=LARGEST.scale_factor, description="As a share")
+    bias: Positive = Field(None, le=LARGEST.bias, description="m/s^2 or rad/s")
+
+
 class Count(Keys):
     """SI = (raw - offset) * scale."""
 
     scale: Number = Field(
-        ge=SCALE_OF_COUNTS[0], le=SCALE_OF_COUNTS[1], description="m/s^2 or rad/s per count"
+        None, ge=SCALE_OF_COUNTS[0], le=SCALE_OF_COUNTS[1], description="m/s^2 or rad/s per count"
     )
     offset: Number = Field(
         0.0, ge=-MOST_COUNT_OFFSET, le=MOST_COUNT_OFFSET, description="Raw value that is zero"
     )
+    tolerance: Tolerance = None
+
+
+FullScaleName = either(string=Text, float=Positive)
+
+
+class Range(Keys):
+    """Range of the sensor, where it has several."""
+
+    acceleration: FullScaleName = Field(None, description="Such as 16 g")
+    angular_rate: FullScaleName = Field(None, description="Such as 2000 deg/s")
 
 
 class Nominal(Keys):
-    """Of raw counts, from the data sheet."""
+    """Scales and tolerances, before those of the sensor."""
 
     acceleration: Count = None
     angular_rate: Count = None
@@ -316,6 +336,8 @@ class Device(Keys):
         STANDARD_GRAVITY, description="Local gravity, m/s^2, or computed for a place"
     )
     full_scale: FullScale = None
+    sensor: Text = Field(None, description="Name; `imuloop sensors` lists them")
+    range: Range = None
     nominal: Nominal = None
     format: Format = None
     columns: Columns = None

@@ -7,11 +7,10 @@ from pathlib import Path
 
 from imuloop.config import is_stored, sources
 from imuloop.core.errors import ImuloopError, RejectedLog, nearest
-from imuloop.core.units import raw_unit
 from imuloop.ingest import delimited
 from imuloop.ingest.convert import Counts, si_batches
 from imuloop.ingest.formats import find_format
-from imuloop.ingest.ingest import used_units
+from imuloop.ingest.ingest import used_raw_units, used_units
 from imuloop.ingest.pps import read_marks
 from imuloop.ingest.raw_log import absent_sensor
 from imuloop.ingest.reference import read_series
@@ -207,8 +206,7 @@ def _fitting_fault(session, nominal, log):
     """Return why units or range do not fit a log's first rows, or None."""
     try:
         units, _ = used_units(log, session.get("units") or {})
-        sensors = ("acceleration", "angular_rate")
-        raw_units = {q: raw_unit(q, units[q], nominal.get(q)) for q in sensors}
+        raw_units = used_raw_units(log, units, nominal)
         declared = {key: session.get(key) for key in ("rate", "time_range")}
         if session.get("pps"):
             # dates are the marks', not the stamps'

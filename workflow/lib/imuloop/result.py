@@ -40,8 +40,12 @@ from imuloop.core.places import PYTHON, read_in
 from imuloop.core.samples import SENSORS, read_samples
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest.formats import PAIR
+from imuloop.sensors import device_figures
 
 KINDS = ("multi_position", "six_position", "static")
+# what can be declared of a log, and of the sensor
+OF_LOGS = ("units", "columns", "format", "rate")
+OF_SENSOR = ("sensor", "range", "nominal")
 # what `calibrate` takes for a log
 Log = str | Path | pd.DataFrame | tuple | Mapping
 # columns of a result that is printed
@@ -104,6 +108,7 @@ class Result:
         chain.report_device(self.device)
         sessions = {n: {"kind": k, "log": self.logs[n]} for n, k in self.device.kinds.items()}
         config = {"gravity": self.device.gravity, "sessions": sessions}
+        config["data_sheet"] = self.device.data_sheet
         repository = Path(imuloop.__file__).parents[3]
         made_by = provenance(imuloop.__version__, repository, command, config)
         write_report([folder], made_by, path, folder / "comparison.csv")
@@ -140,7 +145,9 @@ class Result:
         from imuloop.report.composed import words
         from imuloop.report.verdict import blocks, sentence
 
-        title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²:"
+        title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²"
+        named = self.device.data_sheet.get("sensor")
+        title += f", sensor {named}:" if named else ":"
         lines = [title, *self.failures, *self.notes]
         lines += [f"  {s}, calibration: {_basis(getattr(self.calibration, s))}" for s in SENSORS]
         places = {}
@@ -215,6 +222,8 @@ def calibrate(
     gravity: float | Mapping = STANDARD_GRAVITY,
     units: Mapping | None = None,
     columns: Mapping | None = None,
+    sensor: str | None = None,
+    range: Mapping | None = None,
     nominal: Mapping | None = None,
     rate: float | None = None,
     format: str | None = None,
@@ -243,7 +252,7 @@ def calibrate(
         Of the device at rest, and of its six faces up and down in turn.
     gravity : float or mapping
         Local gravity, m/s^2, or ``latitude``, degrees, and ``height``, m, to compute it from.
-    units, columns, nominal, rate, format : optional
+    units, columns, sensor, range, nominal, rate, format : optional
         Of all logs, as in the config; what is not given is found from a log, units else SI.
     name, label : str
         Name of the device, and that in the report.
@@ -279,7 +288,7 @@ def calibrate(
         raise ImuloopError(f"{folder}: a file, where a folder for the results is asked for")
     check_settings(settings or {})
     declared = {"format": format, "rate": rate, "columns": columns or {}, "units": units or {}}
-    check_declared(declared | {"nominal": nominal}, [*declared, "nominal"])
+    figures = _figures(declared | {"sensor": sensor, "range": range, "nominal": nominal})
     tables = any(isinstance(x, (*FILE, pd.DataFrame)) for x in (acceleration, angular_rate))
     if acceleration is None:
         poses = _several(t)
@@ -304,7 +313,7 @@ def calibrate(
         {session: session.rpartition("_")[0] for session in logs},
         label=label,
         gravity=gravity_of(gravity),
-        nominal=dict(nominal or {}),
+        **figures,
         threads=threads,
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
@@ -360,7 +369,8 @@ def read(log, **declared) -> pd.DataFrame:
     log : path-like, DataFrame or tuple of arrays
         As of `calibrate`.
     **declared
-        ``units``, ``columns``, ``format``, ``rate``, ``nominal``, as of `calibrate`.
+        ``units``, ``columns``, ``format``, ``rate``, ``sensor``, ``range``, ``nominal``, as of
+        `calibrate`.
 
     Raises
     ------
@@ -372,18 +382,23 @@ def read(log, **declared) -> pd.DataFrame:
     ImuloopWarning
         For each thing to look at in the log.
     """
-    check_declared(declared, ("units", "columns", "format", "rate", "nominal"))
+    figures = _figures(declared)
     log = log_of(log, declared.get("columns"))
-    declared = {key: value for key, value in declared.items() if value is not None}
-    nominal = declared.pop("nominal", {})
+    kept = {k: v for k, v in declared.items() if v is not None and k not in OF_SENSOR}
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        device = chain.Device("log", Path(folder), {"log": None}, nominal=nominal)
-        failures, notes = _ingested(device, "log", log, declared)
+        device = chain.Device("log", Path(folder), {"log": None}, **figures)
+        failures, notes = _ingested(device, "log", log, kept)
         for failure in failures:
             raise ImuloopError(failure)
         for text in notes:
             warnings.warn(text, ImuloopWarning, stacklevel=2)
         return read_samples(device.sessions["log"]["samples"])
+
+
+def _figures(declared):
+    """Return the `device_figures` of what is declared; an ImuloopError if that cannot be."""
+    check_declared(declared, (*OF_LOGS, *OF_SENSOR))
+    return device_figures(*map(declared.get, OF_SENSOR))
 
 
 def _basis(sensor):

@@ -6,7 +6,7 @@ import numpy as np
 
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.core.model import FAR_OFF
-from imuloop.sensors import GENERIC
+from imuloop.sensors import GENERIC, Tolerance
 
 # parameters of both base models
 BASES = {"accelerometer": accelerometer.NAMES, "gyroscope": gyroscope.NAMES}
@@ -63,6 +63,9 @@ class SensorPrior:
 
 
 def data_sheets(tolerances=None):
-    """Return the SensorPrior of both sensors by name; `tolerances` by sensor, where known."""
-    tolerances = tolerances or {}
-    return {sensor: SensorPrior.data_sheet(sensor, tolerances.get(sensor)) for sensor in BASES}
+    """Return the SensorPrior of both sensors by name.
+
+    `tolerances` by sensor, the fields of a `Tolerance`, where they are known.
+    """
+    known = {sensor: Tolerance(**each) for sensor, each in (tolerances or {}).items()}
+    return {sensor: SensorPrior.data_sheet(sensor, known.get(sensor)) for sensor in BASES}

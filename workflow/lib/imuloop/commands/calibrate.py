@@ -124,15 +124,16 @@ def made(arguments, folder):
             if path.suffix == ".parquet" and path.is_file() and is_samples(path):
                 raise ImuloopError(f"{path}: samples of a run; give the raw log they were made of")
         logs[kind or arguments.kind].append(log_or_two)
-    what, nominal = declared(arguments)
     with warnings.catch_warnings():
         # of numbers at their limits; failures and notes are in the result
         warnings.simplefilter("ignore")
         yield calibrate(
             logs.pop("multi_position"),
             **logs,
-            **what,
-            nominal=nominal,
+            **declared(arguments),
+            sensor=arguments.sensor,
+            range=arguments.range,
+            nominal=dict(arguments.counts),
             gravity=local_gravity(arguments, STANDARD_GRAVITY),
             label=arguments.label or files_of(arguments.logs[0][1])[0].stem,
             folder=folder,

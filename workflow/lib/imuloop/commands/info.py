@@ -20,6 +20,7 @@ from imuloop.report.tables.calibration import parameter_table
 from imuloop.report.tables.candidates import constants_text
 from imuloop.report.tables.data import quality_figures
 from imuloop.report.tables.diagnosis import parameter_rows
+from imuloop.report.tables.noise import coefficient_words
 from imuloop.report.units import COEFFICIENTS, RESIDUAL, quantities
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, WORDS
 
@@ -102,8 +103,8 @@ def calibration_lines(calibration):
     return lines
 
 
-def noise_lines(content):
-    """Return noise coefficients in units of data sheets."""
+def noise_lines(content, data_sheet=None):
+    """Return noise coefficients in units of data sheets; ``data_sheet`` as of `device_figures`."""
     rate = content.get("rate_hz")
     at = f", at {number(rate, 5)} Hz" if rate else ""
     lines = [f"noise of {content['device']}{at}, from {', '.join(content.get('sessions', []))}"]
@@ -115,7 +116,7 @@ def noise_lines(content):
         for key in COEFFICIENTS:
             display = known[key].sheet[0]
             cells = [coefficient_text(getattr(noise[a], key), display.factor) for a in axes]
-            rows.append((known[key].words, *cells, display.unit))
+            rows.append((coefficient_words(sensor, key, data_sheet or {}), *cells, display.unit))
         for key in ("gauss_markov", "sinusoid"):
             counts = [len(getattr(noise[a], key)) for a in axes]
             if any(counts):

@@ -11,6 +11,7 @@ from imuloop.commands.lines import say
 from imuloop.commands.raw_log import (
     LOG,
     add_arguments,
+    figures_of,
     files_of,
     log_of,
     log_samples,
@@ -57,6 +58,7 @@ def add(commands, **how):
 def run(arguments):
     """Print the noise of a log, and write it for other tools."""
     log, folder = arguments.log, arguments.output
+    data_sheet = figures_of(arguments)["data_sheet"]
     if folder:
         refuse_overwriting([folder], files_of(log))
     with tempfile.TemporaryDirectory(prefix="imuloop-") as temporary:
@@ -73,7 +75,8 @@ def run(arguments):
     found = estimate_noise(name_of(log), [session], NoiseSettings(), views=False)
     if found.rate_hz is None:
         raise ImuloopError(f"{paths_of(log)}: {'; '.join(found.notes)}")
-    say(*noise_lines(found.to_dict()), *(f"warning: {w}" for w in quality.get("warnings", ())))
+    say(*noise_lines(found.to_dict(), data_sheet))
+    say(*(f"warning: {w}" for w in quality.get("warnings", ())))
     if folder:
         folder.mkdir(parents=True, exist_ok=True)
         say(*(f"wrote {path}" for path in written(folder, name_of(log), found)))

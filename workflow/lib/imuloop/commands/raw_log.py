@@ -8,15 +8,15 @@ from pathlib import Path
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
 from imuloop.core.samples import read_metadata
-from imuloop.core.units import MOST_COUNT_OFFSET, SCALE_OF_COUNTS
+from imuloop.core.units import ACCELERATION, ANGULAR_RATE, MOST_COUNT_OFFSET, SCALE_OF_COUNTS
 from imuloop.ingest.formats import PAIR, guess_format, no_log
 from imuloop.ingest.ingest import Declared, ingest
 from imuloop.ingest.spellings import UNITS
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
+from imuloop.sensors import PARTS, device_figures
 
 QUANTITIES = ("time", "acceleration", "angular_rate", "temperature", "interval")
-SENSORS = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 
 
 # how a log is given
@@ -54,8 +54,8 @@ def columns(text):
     """Return quantity and columns of an argument ``acceleration=fx,fy,fz``, as in the config."""
     quantity, _, names = text.partition("=")
     found = [int(name) if name.isdecimal() else name for name in names.split(",")]
-    counts = {"time": (1, 2), **dict.fromkeys(SENSORS, (1, 3))}.get(quantity, (1,))
-    of_one = [f"{q}.{sensor}" for q in ("time", "interval") for sensor in SENSORS]
+    counts = {"time": (1, 2), **dict.fromkeys(PARTS, (1, 3))}.get(quantity, (1,))
+    of_one = [f"{q}.{sensor}" for q in ("time", "interval") for sensor in PARTS]
     known = quantity in (*QUANTITIES, *of_one)
     if not known or not all(map(str, found)) or len(found) not in counts:
         raise argparse.ArgumentTypeError(
@@ -74,9 +74,22 @@ def counts(text):
     except ValueError:
         scale = 0.0
     least, most = SCALE_OF_COUNTS
-    if quantity not in SENSORS or not (least <= scale <= most and abs(offset) <= MOST_COUNT_OFFSET):
+    if quantity not in PARTS or not (least <= scale <= most and abs(offset) <= MOST_COUNT_OFFSET):
         raise argparse.ArgumentTypeError(f"{text} is not acceleration=SCALE,OFFSET (SI a count)")
     return quantity, {"scale": scale, "offset": offset}
+
+
+def ranges(text):
+    """Return the quantity, by the unit, and each range of an argument ``16 g,2000 deg/s``."""
+    found = {}
+    for part in text.split(","):
+        unit = part.strip().lstrip("±.0123456789 ")
+        for quantity, units in (("acceleration", ACCELERATION), ("angular_rate", ANGULAR_RATE)):
+            if unit in units:
+                found[quantity] = part.strip()
+    if len(found) < len(text.split(",")):
+        raise argparse.ArgumentTypeError(f"{text} is not RANGE,RANGE with units: 16 g,2000 deg/s")
+    return found
 
 
 def between(low, high, count=1):
@@ -125,13 +138,31 @@ def add_arguments(command):
         help="SI units a count and count of zero, for acceleration and angular_rate",
     )
     group.add_argument(
+        "--sensor",
+        metavar="NAME",
+        help="of those that imuloop sensors lists: counts, full scale, tolerances and noise of its "
+        "data sheet",
+    )
+    group.add_argument(
+        "--range",
+        type=ranges,
+        default={},
+        metavar="RANGE,RANGE",
+        help="of the sensor, where it has several: '16 g,2000 deg/s'",
+    )
+    group.add_argument(
         "--rate", type=between(1e-6, 1e9), metavar="HZ", help="where the log has no time column"
     )
     group.add_argument("--format", help="default: from the file's name and first bytes")
 
 
+def figures_of(arguments):
+    """Return the `device_figures` of the sensor that the arguments name."""
+    return device_figures(arguments.sensor, arguments.range, dict(arguments.counts))
+
+
 def declared(arguments, calibration=None, layout=None):
-    """Return what the arguments declare of a log, as of `ingest`, and the nominal scales.
+    """Return what the arguments declare of a log, as of `ingest`, without the scales of counts.
 
     Where they say nothing, the raw units are those of the calibration, if one is given, and the
     rest is as the `layout` of the log that it is from has it.
@@ -143,23 +174,24 @@ def declared(arguments, calibration=None, layout=None):
         "time": arguments.time_unit,
         "temperature": arguments.temperature_unit,
     }
-    units, nominal = {q: unit for q, unit in units.items() if unit}, dict(arguments.counts)
-    if nominal:
-        units = dict.fromkeys(nominal, "count") | units
-    if calibration:
-        own = {q: getattr(calibration, sensor).raw_unit for q, sensor in SENSORS.items()}
-        # those in SI are what a log is in that says nothing, and increments do
-        scaled = {q: unit.name for q, unit in own.items() if unit.scale != 1}
-        units = scaled | layout.get("units", {}) | units
-        given = {q: {"scale": unit.scale, "offset": unit.offset} for q, unit in own.items()}
-        nominal = given | nominal
+    units = {q: unit for q, unit in units.items() if unit}
+    units = dict.fromkeys(dict(arguments.counts), "count") | units
+    # those in SI are what a log is in that says nothing, and increments do
+    own = raw_units(calibration).items()
+    units = {q: u.name for q, u in own if u.scale != 1} | layout.get("units", {}) | units
     what = {"format": arguments.format or layout.get("format"), "units": units}
     given = {}
     for quantity, names in arguments.columns:
         quantity, _, sensor = quantity.partition(".")
         given[quantity] = {**given.get(quantity, {}), sensor: names} if sensor else names
     what["columns"] = layout.get("columns", {}) | given
-    return what | {"rate": arguments.rate or layout.get("rate")}, nominal
+    return what | {"rate": arguments.rate or layout.get("rate")}
+
+
+def raw_units(calibration=None):
+    """Return the RawUnit of each sensor of a calibration, if one is given, by its quantity."""
+    parts = PARTS.items() if calibration else ()
+    return {quantity: getattr(calibration, sensor).raw_unit for quantity, sensor in parts}
 
 
 def log_samples(log, arguments, folder, calibration=None):
@@ -175,10 +207,14 @@ def log_samples(log, arguments, folder, calibration=None):
         beside = log.with_name("quality.json")
         return log, read_json(beside) if beside.is_file() else {}
     samples, quality = folder / "samples.parquet", folder / "quality.json"
-    known = calibration.log if calibration else {}
+    known, figures = calibration.log if calibration else {}, figures_of(arguments)
+    nominal = figures["nominal"]
+    for quantity, unit in raw_units(calibration).items():
+        own = {"scale": unit.scale, "offset": unit.offset}
+        nominal[quantity] = own | nominal.get(quantity, {})
+    full_scale = known.get("full_scale", {}) | figures["full_scale"]
 
     def read(layout=None):
-        what, nominal = declared(arguments, calibration, layout)
         ingest(
             device=calibration.device if calibration else "log",
             session=name_of(log),
@@ -187,7 +223,11 @@ def log_samples(log, arguments, folder, calibration=None):
             paths=paths,
             samples_path=samples,
             quality_path=quality,
-            declared=Declared(nominal=nominal, full_scale=known.get("full_scale", {}), **what),
+            declared=Declared(
+                nominal=nominal,
+                full_scale=full_scale,
+                **declared(arguments, calibration, layout),
+            ),
         )
         return samples, read_json(quality)
 

@@ -26,7 +26,8 @@ _VALUE = "|".join(
 )
 _QUANTITY = "acceleration|angular_rate|time|temperature|interval"
 _KEY = re.compile(
-    rf"(?<![\w.-])(?:(columns|units|nominal)\.({_QUANTITY})(?:\.(\w+))?|(rate)(?= in Hz|: \d))"
+    rf"(?<![\w.-])(?:(columns|units|nominal|range)\.({_QUANTITY})(?:\.(\w+))?"
+    r"|(rate)(?= in Hz|: \d))"
     rf"(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format): (?=\w)"
 )
 # keys that only a config has
@@ -70,6 +71,8 @@ def _option(key, quantity, part, rate, value, form):
     if key == "units":
         option = f"--{quantity.replace('_', '-')}-unit"
         return f"{option} {value}" if value else option
+    if key == "range":
+        return "--range"
     if key == "columns" and part:
         quantity = f"{quantity}.{part}"
     option = {"columns": "--columns", "nominal": "--counts"}[key]

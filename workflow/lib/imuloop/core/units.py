@@ -57,6 +57,13 @@ class RawUnit:
         return np.asarray(value, dtype=float) / self.scale + self.offset
 
 
+def needed_by_counts(quantity, nominal=None):
+    """Return the keys that give counts a scale; `nominal` may hold the ``ranges`` of a sensor."""
+    if ranges := (nominal or {}).get("ranges"):
+        return f"range.{quantity}, one of {', '.join(ranges)}"
+    return f"nominal.{quantity}.scale (increments: × rate), or the name of the sensor and its range"
+
+
 def raw_unit(quantity, name, nominal=None):
     """Return the raw unit of acceleration or angular_rate by its name.
 
@@ -64,10 +71,8 @@ def raw_unit(quantity, name, nominal=None):
     their rate in SI. Raises an ImuloopError for an unknown unit.
     """
     if name == "count":
-        if not nominal:
-            raise ImuloopError(
-                f"{quantity} in counts needs nominal.{quantity}.scale (increments: × rate)"
-            )
+        if "scale" not in (nominal or {}):
+            raise ImuloopError(f"{quantity} in counts needs {needed_by_counts(quantity, nominal)}")
         return RawUnit("count", float(nominal["scale"]), float(nominal.get("offset", 0.0)))
     if name in INCREMENTS[quantity]:
         return RawUnit(_SI[quantity], 1.0)

@@ -147,8 +147,7 @@ def ingest(
         except RejectedLog as error:
             log, rejected = RawLog(), error
         units, doubts = used_units(log, declared.units)
-        nominal = log.nominal | declared.nominal
-        raw_units = {q: raw_unit(q, units[q], nominal.get(q)) for q in SENSORS}
+        raw_units = used_raw_units(log, units, declared.nominal)
         source = declared.sources or {role: {"path": str(p)} for role, p in files.items()}
         origin = _origin(device, session, kind, units, raw_units, log_format, source)
         origin |= {"sha256": _hashes(paths), "simulated": log.simulated}
@@ -388,6 +387,15 @@ def _rewrite(path, dropped, known=None):
                 first += len(table)
                 writer.write_table(table.filter(keep), row_group_size=ROW_GROUP)
             writer.add_key_value_metadata({METADATA_KEY: json.dumps(metadata).encode()})
+
+
+def used_raw_units(log, units, nominal):
+    """Return the RawUnit of each sensor by its quantity.
+
+    Takes the name of each unit, and the declared scales of counts, which go before the log's.
+    """
+    scales = {q: log.nominal.get(q, {}) | nominal.get(q, {}) for q in SENSORS}
+    return {q: raw_unit(q, units[q], scales[q]) for q in SENSORS}
 
 
 def used_units(log, declared):

@@ -150,7 +150,8 @@ def _summed_factors(quantity, unit, rate):
 
 def _full_scales(quantity, unit):
     """Return the factors between full scales, and the words on each."""
-    where = f"nominal.{quantity}.scale" if unit.name == "count" else "the logger's scale"
+    where = f"nominal.{quantity}.scale or range.{quantity}"
+    where = where if unit.name == "count" else "the logger's scale"
     words = {n: f"1/{n} of" for n in FULL_SCALES} | {1 / n: f"{n} times" for n in FULL_SCALES}
     return [
         (factor, f"the sensor's full scale was {text} the one that {where} is for")

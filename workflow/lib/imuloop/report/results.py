@@ -79,6 +79,7 @@ class DeviceResults:
     moves: pd.DataFrame = field(default_factory=pd.DataFrame)
     reference: pd.DataFrame = field(default_factory=pd.DataFrame)
     prior: str | None = None  # that it asks for
+    data_sheet: dict = field(default_factory=dict)  # as of `imuloop.sensors.device_figures`
 
     @property
     def calibration_file(self):
@@ -127,10 +128,10 @@ def of_axes(values, sensor):
     return [(axis, values.get(c)) for axis, c in zip(XYZ, SENSORS[sensor], strict=True)]
 
 
-def read_device(name, label, folder, sessions, prior=None):
+def read_device(name, label, folder, sessions, prior=None, data_sheet=None):
     """Return the results of a device in ``results/<device>``; kind of each session by its name.
 
-    And the prior that it asks for.
+    And the prior that it asks for, and its data sheet.
     """
     folder = Path(folder)
     spectra = pd.read_parquet(folder / "spectra.parquet")
@@ -146,6 +147,7 @@ def read_device(name, label, folder, sessions, prior=None):
             for table in ("poses", "moves", "reference")
         ),
         prior,
+        data_sheet or {},
     )
 
 

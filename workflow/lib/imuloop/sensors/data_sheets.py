@@ -12,6 +12,8 @@ import yaml
 from imuloop.core.errors import ImuloopError, did_you_mean
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, DEGREE, STANDARD_GRAVITY
 
+# sensor of each quantity
+PARTS = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 TABLE = Path(__file__).with_name("sensors.yaml")
 
 # SI per unit at the end of a key of the table
@@ -63,6 +65,8 @@ FLOOR = {
     "accelerometer": Tolerance(0.01, 0.01, 0.5),
     "gyroscope": Tolerance(0.02, 0.01, 0.2),
 }
+# no sensor is worse; a larger one is in another unit
+LARGEST = Tolerance(0.5, 0.5, 100.0)
 
 
 @dataclass(frozen=True)
@@ -155,6 +159,13 @@ class DataSheet:
     accelerometer: SensorFigures | None
     gyroscope: SensorFigures | None
 
+    def choose_range(self, quantity, full_scale=None):
+        """Return the `Range` of acceleration or angular_rate, as `SensorFigures.choose_range`."""
+        figures = getattr(self, PARTS[quantity])
+        if figures is None:
+            raise ImuloopError(f"{self.label} has no {PARTS[quantity]}")
+        return figures.choose_range(full_scale)
+
 
 def sensor_names():
     """Return the keys of all sensors of the table, sorted."""
@@ -196,7 +207,7 @@ def find_sensor(name):
     }
     key = keys.get(_plain(name))
     if key is None:
-        hint = did_you_mean(_plain(name), table) or "; imuloop.sensors.sensor_names() lists them"
+        hint = did_you_mean(_plain(name), table) or "; imuloop sensors lists them"
         raise ImuloopError(f"'{name}' is not a sensor of the table{hint}")
     row = table[key]
     parts = [_figures(sensor, row) if sensor in row else None for sensor in GENERIC]

@@ -12,13 +12,22 @@ NOTE = (
 )
 
 
+def coefficient_words(sensor, key, data_sheet):
+    """Return a coefficient in words; of white noise with the figure of the data sheet, if any."""
+    quantity = quantities(sensor)[key]
+    typical = data_sheet.get("noise", {}).get(sensor) if key == "N" else None
+    if typical is None:
+        return quantity.words
+    return f"{quantity.words}; data sheet {quantity.sheet[0].size(typical, 2)} (typical)"
+
+
 def coefficient_table(device, sensor):
     """Return a sensor's noise coefficients, a column per axis, in units of data sheets."""
     axes, known, rows = of_axes(device.axes, sensor), quantities(sensor), []
     for key in COEFFICIENTS:
         unit = known[key].sheet[0]
         cells = (coefficient_text(getattr(noise, key), unit.factor) for _, noise in axes)
-        rows.append((known[key].words, unit.unit, *cells))
+        rows.append((coefficient_words(sensor, key, device.data_sheet), unit.unit, *cells))
     for key, name in (("tc", "gauss_markov"), ("frequency", "sinusoid")):
         found = [[getattr(p, key) for p in getattr(noise, name)] for _, noise in axes]
         if any(found):

@@ -1,0 +1,46 @@
+"""``imuloop sensors``: the table of sensors, or the figures of one of them."""
+
+from imuloop.commands.lines import aligned, say
+from imuloop.report.units import MILLIRADIAN, PERCENT, data_sheet, quantities
+from imuloop.sensors import PARTS, find_sensor, listing
+
+EXAMPLE = """examples:
+  imuloop sensors
+  imuloop sensors icm42688p"""
+
+
+def add(commands, **how):
+    """Add the command and its arguments."""
+    command = commands.add_parser(
+        "sensors", help="list the sensors whose data sheet is known", epilog=EXAMPLE, **how
+    )
+    command.add_argument("name", nargs="?", help="one of them, for its figures")
+    command.set_defaults(run=run)
+
+
+def run(arguments):
+    """Print the table of sensors, or the figures of one."""
+    name = arguments.name
+    say(*(sheet_lines(find_sensor(name)) if name else listing().splitlines()))
+
+
+def sheet_lines(sheet):
+    """Return the figures of a `DataSheet` in lines for people."""
+    lines = [f"{sheet.label}, {sheet.manufacturer}"]
+    for quantity, sensor in PARTS.items():
+        if not (figures := getattr(sheet, sensor)):
+            continue
+        si = {"acceleration": "m/s^2", "angular_rate": "rad/s"}[quantity]
+        white, std = quantities(sensor)["N"].sheet[0], figures.tolerance
+        lines.append(f"{sensor}: {figures.evidence}, {figures.source}")
+        rows = [("range", f"{si} per count", f"white noise, {white.unit}")]
+        for each in figures.ranges:
+            rows.append((each.name, f"{each.scale:.6g}", white.size(each.noise_density)))
+        lines += aligned(rows)
+        prior = (
+            f"scale factor {PERCENT.text(std.scale_factor)}",
+            f"misalignment {MILLIRADIAN.text(std.misalignment)}",
+            f"bias {data_sheet(si).text(std.bias)}",
+        )
+        lines.append(f"  standard deviations of the prior: {', '.join(prior)}")
+    return lines
