@@ -17,8 +17,13 @@ from imuloop.config import OF_LOGS, merged_devices, without_dates
 from imuloop.config_model import BRANCH, CALLED, Config
 from imuloop.config_text import key_lines, yaml_faults
 from imuloop.core.errors import nearest, one_line
-from imuloop.family import LEAST_OTHERS
-from imuloop.file_faults import file_faults, marks_faults, path_fault, reference_faults
+from imuloop.file_faults import (
+    file_faults,
+    marks_faults,
+    path_fault,
+    prior_fault,
+    reference_faults,
+)
 from imuloop.ingest.spellings import UNITS, stated_unit
 from imuloop.ingest.stamps import is_iso
 
@@ -222,7 +227,8 @@ def _meaning_faults(config, wrong, replicas):
         return
     merged = merged_devices(config)
     for name, device in merged.items():
-        if text := _prior_fault(name, merged):
+        prior = device.get("prior") if isinstance(device, dict) else None
+        if isinstance(prior, str) and (text := prior_fault(prior)):
             yield _declared(config, ("devices", name, "prior")), text
         if name in ("figures", "types"):
             text = f"'{name}' is reserved for results of several devices; name it otherwise"
@@ -246,21 +252,6 @@ def _meaning_faults(config, wrong, replicas):
             faults += _session_faults(session, sound, device, replicas, whole)
             for part, text in faults:
                 yield _declared(config, (*key, *part)), text
-
-
-def _prior_fault(name, devices):
-    """Return why a device cannot have the prior that it asks for, or None."""
-    device = devices.get(name)
-    if not isinstance(device, dict) or device.get("prior") != "family":
-        return None
-    types = {key: d.get("type") for key, d in devices.items() if isinstance(d, dict)}
-    own = types.pop(name)
-    if own is None:
-        return "'family' needs the device's type"
-    count = sum(other == own for other in types.values())
-    if count < LEAST_OTHERS:
-        return f"'family' needs {LEAST_OTHERS} other devices of the type; {count} name it"
-    return None
 
 
 def _missing_keys(name, session):

@@ -27,7 +27,7 @@ _VALUE = "|".join(
 _QUANTITY = "acceleration|angular_rate|time|temperature|interval"
 _KEY = re.compile(
     rf"(?<![\w.-])(?:(columns|units|nominal)\.({_QUANTITY})(?:\.(\w+))?|(rate)(?= in Hz|: \d))"
-    rf"(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format): (?=\w)"
+    rf"(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format|prior): (?=[\w./])"
 )
 # keys that only a config has
 _NO_OPTION = re.compile(r"(?<![\w.])(?:time_range|full_scale)\b(?! \(only)")
@@ -64,7 +64,7 @@ def for_reader(text):
 
 def _option(key, quantity, part, rate, value, form):
     if form:
-        return "--format "
+        return f"--{form} "
     if rate:
         return f"--rate {value}" if value else "--rate"
     if key == "units":
@@ -78,7 +78,7 @@ def _option(key, quantity, part, rate, value, form):
 
 def _argument(key, quantity, part, rate, value, form):
     if form:
-        return "format="
+        return f"{form}="
     if value is None or re.fullmatch(r"[\d.e+-]+", value):
         value = value or "…"
     elif value.startswith("["):

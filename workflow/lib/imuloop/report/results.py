@@ -78,12 +78,6 @@ class DeviceResults:
     poses: pd.DataFrame = field(default_factory=pd.DataFrame)
     moves: pd.DataFrame = field(default_factory=pd.DataFrame)
     reference: pd.DataFrame = field(default_factory=pd.DataFrame)
-    prior: str | None = None  # that it asks for
-
-    @property
-    def calibration_file(self):
-        """The name of the file with the calibration to use."""
-        return "family_calibration.json" if self.prior else "calibration.json"
 
     @property
     def simulated(self):
@@ -127,11 +121,8 @@ def of_axes(values, sensor):
     return [(axis, values.get(c)) for axis, c in zip(XYZ, SENSORS[sensor], strict=True)]
 
 
-def read_device(name, label, folder, sessions, prior=None):
-    """Return the results of a device in ``results/<device>``; kind of each session by its name.
-
-    And the prior that it asks for.
-    """
+def read_device(name, label, folder, sessions):
+    """Return the results of a device in ``results/<device>``; kind of each session by its name."""
     folder = Path(folder)
     spectra = pd.read_parquet(folder / "spectra.parquet")
     return DeviceResults(
@@ -145,7 +136,6 @@ def read_device(name, label, folder, sessions, prior=None):
             pd.read_parquet(folder / f"{table}.parquet")
             for table in ("poses", "moves", "reference")
         ),
-        prior,
     )
 
 

@@ -22,14 +22,13 @@ from imuloop.report.tables import calibration, candidates, data, diagnosis, nois
 from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence
 
 
-def write_section(name, label, folder, sessions, prior=None):
+def write_section(name, label, folder, sessions):
     """Write a device's section, its page, its row of the comparison and its figures.
 
-    Takes name and label as in the config, the folder ``results/<device>``, the kind of each session
-    by its name, and the prior that the device asks for. The label is shown as it is, never as
-    markup.
+    Takes name and label as in the config, the folder ``results/<device>`` and the kind of each
+    session by its name. The label is shown as it is, never as markup.
     """
-    device = read_device(name, label, folder, sessions, prior)
+    device = read_device(name, label, folder, sessions)
     if device.figures.exists():
         shutil.rmtree(device.figures)
     device.figures.mkdir(parents=True)
