@@ -11,7 +11,7 @@ from referencing import Registry, Resource
 
 SCHEMAS = Path(__file__).resolve().parents[1] / "workflow/schemas"
 # these are a calibration each
-ALSO = dict.fromkeys(("six_position", "multi_position", "family_calibration"), "calibration")
+ALSO = dict.fromkeys(("six_position", "multi_position"), "calibration")
 
 
 def fault(path):

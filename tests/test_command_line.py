@@ -344,6 +344,27 @@ def test_a_log_that_shows_nothing_gives_no_calibration(tmp_path, capsys):
     assert not (tmp_path / "out").exists()
 
 
+def test_a_prior_is_a_file(device, tmp_path, capsys):
+    log, kept = tmp_path / "rest.csv", tmp_path / "earlier"
+    brief().to_csv(log, index=False)
+    kept.mkdir()
+    for name in ("calibration.json", "noise.json"):
+        (kept / name).write_bytes((device / name).read_bytes())
+    file, none = kept / "calibration.json", kept / "none.json"
+    command = ["calibrate", log, "-o", tmp_path / "out", "--prior"]
+    assert main([*map(str, command), str(file)]) == 0
+    made = json.loads((tmp_path / "out/calibration.json").read_text())
+    assert {made[s]["prior"]["source"] for s in ("accelerometer", "gyroscope")} == {str(file)}
+    capsys.readouterr()
+    for each in (command, ["report", log, "-o", tmp_path / "r.html", "--prior"]):
+        line = one_line_error([*each, none], capsys).strip()
+        assert line == f"imuloop: --prior {none}: there is no such file"
+    wrong = kept / "noise.json"
+    line = one_line_error([*command, wrong], capsys).strip()
+    assert line == f"imuloop: --prior {wrong}: neither a calibration.json nor a family.json"
+    refused(["calibrate", log, "-o", kept, "--prior", file], kept, capsys)
+
+
 def test_the_gravity_that_was_used_is_printed(device, tmp_path, capsys):
     calibration, log = str(device / "calibration.json"), str(tmp_path / "rest.csv")
     brief().to_csv(log, index=False)

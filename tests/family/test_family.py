@@ -1,5 +1,7 @@
 """results/family.json: what it holds of a type."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -68,8 +70,14 @@ def test_a_parameter_that_few_determined_is_left_out():
     zero, one = dict.fromkeys(EVERY, 0.0), dict.fromkeys(EVERY, 1e-3)
     unknown = one | {"gyroscope.K0": 0.0}
     members = [*members[:2], member("e", zero, unknown), member("f", zero, unknown)]
+    # nor do data that hardly made the error of the prior smaller
+    own = members[0].calibration
+    prior = {"source": "data sheet", "std": {"K1": 1.2 * own.gyroscope.std["K1"]}}
+    own = replace(own, gyroscope=replace(own.gyroscope, prior=prior))
+    members[0] = replace(members[0], calibration=own)
     found = of_type(members)["parameters"]
-    assert "gyroscope.K0" not in found and found["gyroscope.K1"]["devices"] == "d0 d1 e f".split()
+    assert "gyroscope.K0" not in found and found["gyroscope.K2"]["devices"] == "d0 d1 e f".split()
+    assert found["gyroscope.K1"]["devices"] == "d1 e f".split()
 
 
 def test_an_effect_of_one_device_is_not_that_of_the_type():

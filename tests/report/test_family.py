@@ -1,4 +1,4 @@
-"""The part of the report on devices of one type: tables, control charts, what a prior changed."""
+"""The part of the report on devices of one type: tables and control charts."""
 
 import json
 import shutil
@@ -11,10 +11,8 @@ from family.members import EVERY, Family
 from imuloop.family.family import write_family
 from imuloop.report.figures.family import FEWEST, control_charts, production
 from imuloop.report.report import write_report
-from imuloop.report.section import write_section
-from imuloop.report.tables.family import family_tables, finding, prior_tables
+from imuloop.report.tables.family import family_tables, finding
 from report.build import PROVENANCE
-from report.plausible_results import DEVICES
 from soundness import Page
 
 COUNT = 12
@@ -36,7 +34,7 @@ def family():
 
 @pytest.fixture(scope="module")
 def folder(family, results, tmp_path_factory):
-    """Return a report of all of them; the last one has the prior of the others."""
+    """Return a report of all of them."""
     folder = tmp_path_factory.mktemp("family") / "results"
     for name in family.names:
         (folder / name).mkdir(parents=True)
@@ -45,8 +43,6 @@ def folder(family, results, tmp_path_factory):
         summary = json.loads(text) | {"label": f"<b>{name}"}
         (folder / name / "summary.json").write_text(json.dumps(summary))
     members = family.members(serial=100.0 - np.arange(COUNT), date=[None] * COUNT)
-    last = members[-1]
-    members[-1] = type(last)(**vars(last) | {"with_prior": members[0].calibration})
     write_family(folder / "family.json", {"chip": members})
     given = [folder / name for name in family.names]
     paths = folder / "report.html", folder / "comparison.csv", folder / "family.json"
@@ -71,9 +67,7 @@ def test_the_page_is_sound_and_leads_there(folder):
     captions = [e["text"] for e in page.all("caption")]
     for caption in ("Mean and spread of 12 devices", "Devices that stand out"):
         assert caption in captions
-    # that of the device with a prior is the one to use
-    links = [e["href"] for e in page.all("a")]
-    assert f"d{COUNT - 1}/family_calibration.json" in links and "d0/calibration.json" in links
+    assert "d0/calibration.json" in [e["href"] for e in page.all("a")]
 
 
 def test_a_report_without_types_has_no_part_of_them(results):
@@ -98,12 +92,6 @@ def test_who_stands_out_is_named_with_the_chance_of_a_false_alarm(found, family,
     assert len(spread) == 39 and spread["Accelerometer, bias x"][-1] == "1"
 
 
-def test_a_prior_is_shown_with_what_it_changed(found, labels):
-    (table,) = prior_tables(found, labels)
-    assert table.caption == f"<b>d{COUNT - 1}: what the prior of the type changed"
-    assert len(table.rows) == 21 and all("—" not in cell for row in table.rows for cell in row)
-
-
 def test_a_control_chart_has_the_order_of_the_serial_numbers(found, labels, folder, tmp_path):
     assert next(iter(production(found, labels))) == f"d{COUNT - 1}"
     charts = control_charts("chip", found, labels, tmp_path)
@@ -123,18 +111,8 @@ def test_days_and_labels_stand_below_where_there_are_no_numbers(found, labels):
     assert production(found | {"order": order}, labels) == labels
 
 
-def test_the_part_of_a_device_names_the_calibration_to_use(results, tmp_path):
-    folder = shutil.copytree(results / "board", tmp_path / "board")
-    shutil.copy(folder / "calibration.json", folder / "family_calibration.json")
-    label, kinds = DEVICES["board"]
-    for prior, name in ((None, "calibration"), ("family", "family_calibration")):
-        write_section("board", label, folder, kinds, prior)
-        text = (folder / "section.html").read_text(encoding="utf-8")
-        assert f"apply results/board/{name}.json LOG" in text
-
-
 def test_without_a_parameter_in_common_nothing_is_compared(found, labels):
-    bare = found | {"tests": 0, "parameters": {}, "odd": [], "effects": [], "priors": {}}
+    bare = found | {"tests": 0, "parameters": {}, "odd": [], "effects": []}
     assert finding(bare, labels) == "No three devices have a parameter in common."
     assert family_tables(bare, labels) == []
 

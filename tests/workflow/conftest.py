@@ -3,9 +3,11 @@
 import shutil
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import yaml
 
+from family.test_prior import ERROR, estimated
 from imuloop.simulate.simulate import simulate_session, write_log
 from imuloop.simulate.truth import example_truth
 from workflow.run import snakemake
@@ -29,7 +31,7 @@ CONFIG = {
             },
         },
         # one of its logs is faulty
-        "resting": RESTING | {"sessions": RESTING["sessions"] | FACES},
+        "resting": RESTING | {"prior": "earlier.json", "sessions": RESTING["sessions"] | FACES},
     },
 }
 # columns of a sensor's folder of EuRoC
@@ -84,6 +86,8 @@ def finished(checkout, logs, truth, tmp_path_factory):
     faces = faces.assign(t=(1e9 * faces["t"]).round().astype(int))
     faces.rename(columns={"t": "#timestamp [ns]"}).to_csv(folder / "faces/data.csv", index=False)
     write_log(folder / "rest.parquet", logs["static"], {})
+    earlier = estimated("resting", np.zeros(len(ERROR)))
+    earlier.to_json(folder / "earlier.json")
     (folder / "broken.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "0,0,0,9.8,0,0,nan\n" * 50)
     (folder / "config.yaml").write_text(yaml.safe_dump(CONFIG, sort_keys=False))
     return folder, snakemake(checkout, folder, target=None)

@@ -11,6 +11,8 @@ from contextlib import contextmanager
 import pytest
 import yaml
 
+from imuloop.core.files import read_json
+from imuloop.core.samples import SENSORS
 from workflow.conftest import CONFIG
 from workflow.run import command, snakemake
 
@@ -93,6 +95,18 @@ def test_a_key_and_a_log_rerun_what_depends_on_them_and_a_new_device_is_an_entry
     expected = jobs("posed", "noise") | jobs("resting", "noise", "faces")
     expected |= jobs("new", "noise", "rest") | REPORT
     assert planned(checkout, folder, written) == expected
+
+
+def test_a_prior_reruns_the_calibration_of_its_device(folder, checkout):
+    """The file is as large as the one before and older."""
+    made = read_json(folder / "results/resting/calibration.json")
+    assert {made[sensor]["prior"]["source"] for sensor in SENSORS} == {"earlier.json"}
+    earlier = folder / "earlier.json"
+    text = earlier.read_text()
+    earlier.write_text(text.replace('"gravity": 9.80665', '"gravity": 9.80655'))
+    assert earlier.read_text() != text
+    os.utime(earlier, (0, 0))
+    assert planned(checkout, folder) == jobs("resting", "calibrate") | REPORT
 
 
 def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, written):

@@ -3,6 +3,7 @@ rule calibrate:
         samples=each_session("samples.parquet"),
         segments=each_session("segments.parquet"),
         noise="results/{device}/noise.json",
+        prior=prior_file,
     output:
         six_position="results/{device}/six_position.json",
         multi_position="results/{device}/multi_position.json",
@@ -20,7 +21,8 @@ rule calibrate:
         mem_mb=by_size(700, 0),
         runtime=by_size(5, 0),
     params:
-        device=settings("gravity", "calibrate", "tolerances"),
+        device=settings("gravity", "calibrate", "prior", "tolerances"),
+        prior=prior_digest,
         code=code("calibrate.py"),
     script:
         "../../scripts/calibrate.py"

@@ -41,9 +41,8 @@ if workflow.is_main_process:
     end_with(config_faults(config, CONFIG_FILES, replicas=REPLICAS, mirror=mirror))
 
 DEVICES = resolve(config)
-# devices of each type that is compared, and devices that are completed by the others of theirs
+# devices of each type that is compared
 TYPES = {kind: names for kind, names in by_type(DEVICES).items() if len(names) >= LEAST}
-WITH_PRIOR = [name for name, device in DEVICES.items() if device["prior"]]
 ORDER = {name: number for number, name in enumerate(DEVICES)}
 NAME = r"[A-Za-z][A-Za-z0-9_-]*"
 CACHE = config.get("cache", "data/cache")
@@ -94,18 +93,6 @@ def in_order(wildcards):
     return -ORDER[wildcards.device]
 
 
-def others_of_type(wildcards):
-    """Return the other devices of the type of a job's device."""
-    names = TYPES.get(device_of(wildcards)["type"], ())
-    return [name for name in names if name != wildcards.device]
-
-
-def calibration_to_use(wildcards):
-    """Return the calibration of a job's device, with the prior where it asks for one."""
-    of_prior = "family_" if device_of(wildcards)["prior"] else ""
-    return f"results/{wildcards.device}/{of_prior}calibration.json"
-
-
 def settings(*keys):
     """Return a function: name and settings of a job's device, kinds of its sessions or its session."""
 
@@ -154,6 +141,17 @@ def logs(wildcards):
     inside = [Path(path) for path in files_inside(wildcards)]
     found = [path for path in [*files, *inside] if path.is_file()]
     return log_digests(found, ".snakemake/imuloop/logs.json")
+
+
+def prior_file(wildcards):
+    """Return the file of the prior of a job's device, in a list; empty if it names none."""
+    prior = device_of(wildcards)["prior"]
+    return [prior["file"]] if prior else []
+
+
+def prior_digest(wildcards):
+    """Return the SHA-256 of that file: one that an older file replaced is read again."""
+    return log_digests(prior_file(wildcards), ".snakemake/imuloop/logs.json")
 
 
 def threads_by_size(wildcards, input):

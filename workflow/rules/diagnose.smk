@@ -3,6 +3,7 @@ rule diagnose:
         samples=each_session("samples.parquet"),
         segments=each_session("segments.parquet"),
         noise="results/{device}/noise.json",
+        prior=prior_file,
         six_position="results/{device}/six_position.json",
         multi_position="results/{device}/multi_position.json",
     output:
@@ -28,7 +29,8 @@ rule diagnose:
         mem_mb=by_size(1200, 2500, static=300, reference_motion=1100),
         runtime=by_size(10, 10),
     params:
-        device=settings("gravity", "noise", "calibrate", "diagnose", "tolerances"),
+        device=settings("gravity", "noise", "calibrate", "diagnose", "prior", "tolerances"),
+        prior=prior_digest,
         code=code("diagnose.py"),
     script:
         "../../scripts/diagnose.py"

@@ -4,7 +4,7 @@ EXPORTS = sorted(f"export/{path.name}" for path in (TEMPLATES / "export").iterdi
 
 rule export:
     input:
-        calibration=calibration_to_use,
+        calibration="results/{device}/calibration.json",
         noise="results/{device}/noise.json",
         diagnosis="results/{device}/diagnosis.json",
         quality=each_session("quality.json"),
@@ -26,7 +26,7 @@ rule export:
         mem_mb=by_size(600, 0),
         runtime=by_size(5, 0),
     params:
-        device=settings("label", "prior"),
+        device=settings("label"),
         code=code("export.py"),
         templates=templates(*EXPORTS),
     script:

@@ -46,7 +46,7 @@ rule report_device:
         mem_mb=by_size(850, 600),
         runtime=by_size(5, 2),
     params:
-        device=settings("label", "prior", "data_sheet"),
+        device=settings("label", "data_sheet"),
         code=code("report_device.py"),
         templates=templates("section.html.j2", "table.html.j2", "device.html.j2", *PAGE),
     script:

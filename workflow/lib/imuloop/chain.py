@@ -34,17 +34,12 @@ class Device:
     noise: Mapping = field(default_factory=dict)
     calibrate: Mapping = field(default_factory=dict)
     diagnose: Mapping = field(default_factory=dict)
-    prior: str | None = None  # whether the other devices of its type are one, ``family``
+    prior: Mapping = field(default_factory=dict)  # file, and type, of `read_priors`
     threads: int = 1  # how many may work at once; changes nothing in a result
 
     def file(self, name):
         """Return the path of one of the device's results."""
         return Path(self.folder) / name
-
-    @property
-    def calibration(self):
-        """The path of the calibration to use: with the prior, where one is asked for."""
-        return self.file("family_calibration.json" if self.prior else "calibration.json")
 
     @property
     def sessions(self):
@@ -136,7 +131,6 @@ def noise(device):
 def calibrate(device):
     """Write six_position.json and multi_position.json."""
     from imuloop.calibrate.calibrate import calibrate_device
-    from imuloop.calibrate.prior import data_sheets
     from imuloop.calibrate.settings import CalibrateSettings
 
     calibrate_device(
@@ -145,16 +139,26 @@ def calibrate(device):
         sessions=device.sessions,
         noise=device.file("noise.json"),
         settings=CalibrateSettings(**device.calibrate),
+        priors=_priors(device),
         six_path=device.file("six_position.json"),
         multi_path=device.file("multi_position.json"),
-        priors=data_sheets(device.tolerances),
     )
+
+
+def _priors(device):
+    """Return the SensorPrior of both sensors, by the device's file if it names one."""
+    from imuloop.calibrate.prior import data_sheets
+    from imuloop.family.prior import read_priors
+
+    sheets = data_sheets(device.tolerances)
+    if device.prior:
+        return read_priors(sheets, device=device.name, sessions=device.sessions, **device.prior)
+    return sheets
 
 
 def diagnose(device):
     """Write diagnosis, calibration, attitude, poses, moves, windows, corrected Allan curves."""
     from imuloop.calibrate.calibrate import with_sessions
-    from imuloop.calibrate.prior import data_sheets
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
     from imuloop.core.tables import write_sessions, write_table
@@ -178,7 +182,7 @@ def diagnose(device):
         settings=settings,
         noise_settings=NoiseSettings(**device.noise),
         search_formulas=search_formulas,
-        priors=data_sheets(device.tolerances),
+        priors=_priors(device),
     )
     diagnosis = found.content | {"next_recording": next_recording(found)}
     attitude, series = validate_attitude(device.name, found, settings)
@@ -204,29 +208,6 @@ def allan(device):
         write_table(files["allan"], joined(parts))
 
 
-def family_prior(device, others):
-    """Write family_calibration.json: the calibration completed by the other devices of its type.
-
-    Takes their folders. Without a prior it is the device's calibration, with the reason.
-    """
-    from imuloop.calibrate.calibrate import read_recording
-    from imuloop.calibrate.settings import CalibrateSettings
-    from imuloop.core.model import Calibration
-    from imuloop.core.noise_model import NoiseModel
-    from imuloop.family.prior import Prior, with_prior, without_prior
-
-    settings = CalibrateSettings(**device.calibrate)
-    own = Calibration.from_json(device.file("calibration.json"))
-    prior = Prior.of([Calibration.from_json(Path(o, "calibration.json")) for o in others])
-    recording = read_recording(device.sessions, settings.longest_rotation)
-    noise = NoiseModel.from_json(device.file("noise.json"))
-    try:
-        found = with_prior(own, prior, recording, noise, settings)
-    except ImuloopError as reason:
-        found = without_prior(own, reason)
-    found.to_json(device.calibration)
-
-
 def export(device):
     """Write the folder of other tools' files and exports.json, the list of them."""
     from imuloop.export.export import export_files, read_exported, write_exports
@@ -234,7 +215,7 @@ def export(device):
     qualities = [files["quality"] for files in device.sessions.values()]
     exported = read_exported(
         *(device.name, device.label or device.name),
-        *(device.calibration, device.file("noise.json"), qualities),
+        *(device.file("calibration.json"), device.file("noise.json"), qualities),
         device.file("diagnosis.json"),
     )
     write_exports(device.file("exports"), export_files(exported))
@@ -245,7 +226,7 @@ def report_device(device):
     from imuloop.report.section import write_section
 
     write_section(
-        *(device.name, device.label or device.name, device.folder, device.kinds, device.prior),
+        *(device.name, device.label or device.name, device.folder, device.kinds),
         data_sheet=device.data_sheet,
     )
 

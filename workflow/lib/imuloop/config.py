@@ -100,10 +100,11 @@ def resolve(config):
     """Return every device of a config without faults, with all keys, as the stages need them.
 
     By device: ``label``, ``gravity`` (m/s^2), those of `device_figures`, the stages' settings,
-    ``type``, ``serial``, ``date`` and ``prior``, None where not given, and ``sessions`` with
-    ``kind``, ``format``, ``sources`` (by role: ``log``, or ``acceleration`` and ``angular_rate``;
-    ``pps`` and ``reference`` in files of their own), ``columns``, ``units``, ``rate`` (Hz),
-    ``time_range``, ``pps``, ``reference``, ``known_rotation``.
+    ``type``, ``serial`` and ``date``, None where not given, ``prior`` with ``file`` and ``type``,
+    empty where not given, and ``sessions`` with ``kind``, ``format``, ``sources`` (by role:
+    ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` and ``reference`` in files of their
+    own), ``columns``, ``units``, ``rate`` (Hz), ``time_range``, ``pps``, ``reference``,
+    ``known_rotation``.
     """
     return {
         name: _device(name, each) for name, each in merged_devices(without_dates(config)).items()
@@ -111,12 +112,13 @@ def resolve(config):
 
 
 def _device(name, device):
-    gravity = device.get("gravity", STANDARD_GRAVITY)
+    gravity, prior = device.get("gravity", STANDARD_GRAVITY), device.get("prior")
     if isinstance(gravity, dict):
         gravity = normal_gravity(gravity["latitude"], gravity["height"])
     return {
         "label": device.get("label", name),
-        **{key: device.get(key) for key in ("type", "serial", "date", "prior")},
+        **{key: device.get(key) for key in ("type", "serial", "date")},
+        "prior": {"file": prior, "type": device.get("type")} if prior else {},
         "gravity": float(gravity),
         **known_figures(device),
         **{stage: device.get(stage) or {} for stage in STAGES},

@@ -18,8 +18,13 @@ from imuloop.config_model import BRANCH, CALLED, Config
 from imuloop.config_text import key_lines, yaml_faults
 from imuloop.core.errors import ImuloopError, nearest, one_line
 from imuloop.core.units import needed_by_counts
-from imuloop.family import LEAST_OTHERS
-from imuloop.file_faults import file_faults, marks_faults, path_fault, reference_faults
+from imuloop.file_faults import (
+    file_faults,
+    marks_faults,
+    path_fault,
+    prior_fault,
+    reference_faults,
+)
 from imuloop.ingest.spellings import UNITS, stated_unit
 from imuloop.ingest.stamps import is_iso
 from imuloop.sensors import PARTS, find_sensor
@@ -226,7 +231,8 @@ def _meaning_faults(config, wrong, replicas):
         return
     merged = merged_devices(config)
     for name, device in merged.items():
-        if text := _prior_fault(name, merged):
+        prior = device.get("prior") if isinstance(device, dict) else None
+        if isinstance(prior, str) and (text := prior_fault(prior)):
             yield _declared(config, ("devices", name, "prior")), text
         if name in ("figures", "types"):
             text = f"'{name}' is reserved for results of several devices; name it otherwise"
@@ -257,21 +263,6 @@ def _meaning_faults(config, wrong, replicas):
             faults += _session_faults(session, sound, nominal, replicas, whole=not below)
             for part, text in faults:
                 yield _declared(config, (*key, *part)), text
-
-
-def _prior_fault(name, devices):
-    """Return why a device cannot have the prior that it asks for, or None."""
-    device = devices.get(name)
-    if not isinstance(device, dict) or device.get("prior") != "family":
-        return None
-    types = {key: d.get("type") for key, d in devices.items() if isinstance(d, dict)}
-    own = types.pop(name)
-    if own is None:
-        return "'family' needs the device's type"
-    count = sum(other == own for other in types.values())
-    if count < LEAST_OTHERS:
-        return f"'family' needs {LEAST_OTHERS} other devices of the type; {count} name it"
-    return None
 
 
 def _sensor_faults(device):

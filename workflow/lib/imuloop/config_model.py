@@ -328,9 +328,10 @@ class Device(Keys):
     date: Annotated[str, AfterValidator(_day)] = Field(
         None, description="Day, for trends within the type"
     )
-    prior: Literal["family"] = Field(
+    prior: Annotated[Text, Field(max_length=1000)] = Field(
         None,
-        description="Four or more other devices of its type complete what its data lack",
+        description="In place of the data sheet: an earlier calibration.json of the device, or a "
+        "family.json of its type",
     )
     gravity: either(float=Annotated[Number, Field(ge=9.7, le=9.9)], keys=Place) = Field(
         STANDARD_GRAVITY, description="Local gravity, m/s^2, or computed for a place"

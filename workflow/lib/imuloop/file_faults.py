@@ -33,6 +33,18 @@ def path_fault(path):
     return None
 
 
+def prior_fault(path):
+    """Return what is wrong with the file of a prior, as far as it can be seen before the run."""
+    if text := path_fault(path):
+        return text
+    if Path(os.path.normpath(path)).parts[:1] == ("results",):
+        return f"{path} is a result of this workflow; copy it to another folder"
+    try:
+        return None if Path(path).is_file() else _missing(path, {})
+    except OSError as error:
+        return f"cannot be read: {error.strerror}"
+
+
 def marks_faults(marks, replicas):
     """Yield what is wrong with 1PPS marks, as far as it can be seen without the log."""
     if "file" not in marks:

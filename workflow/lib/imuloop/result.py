@@ -107,8 +107,12 @@ class Result:
         chain.export(self.device)
         chain.report_device(self.device)
         sessions = {n: {"kind": k, "log": self.logs[n]} for n, k in self.device.kinds.items()}
-        config = {"gravity": self.device.gravity, "sessions": sessions}
-        config["data_sheet"] = self.device.data_sheet
+        config = {
+            "gravity": self.device.gravity,
+            "prior": self.device.prior.get("file"),
+            "sessions": sessions,
+            "data_sheet": self.device.data_sheet,
+        }
         repository = Path(imuloop.__file__).parents[3]
         made_by = provenance(imuloop.__version__, repository, command, config)
         write_report([folder], made_by, path, folder / "comparison.csv")
@@ -227,6 +231,7 @@ def calibrate(
     nominal: Mapping | None = None,
     rate: float | None = None,
     format: str | None = None,
+    prior: str | Path | None = None,
     name: str = "device",
     label: str = "",
     settings: Mapping | None = None,
@@ -254,6 +259,8 @@ def calibrate(
         Local gravity, m/s^2, or ``latitude``, degrees, and ``height``, m, to compute it from.
     units, columns, sensor, range, nominal, rate, format : optional
         Of all logs, as in the config; what is not given is found from a log, units else SI.
+    prior : path-like, optional
+        An earlier calibration.json of the device, or a family.json of its type.
     name, label : str
         Name of the device, and that in the report.
     settings : mapping, optional
@@ -287,6 +294,8 @@ def calibrate(
     if folder and Path(folder).is_file():
         raise ImuloopError(f"{folder}: a file, where a folder for the results is asked for")
     check_settings(settings or {})
+    if prior is not None and not (isinstance(prior, FILE) and Path(prior).is_file()):
+        raise ImuloopError(f"prior: {prior}: there is no such file")
     declared = {"format": format, "rate": rate, "columns": columns or {}, "units": units or {}}
     figures = _figures(declared | {"sensor": sensor, "range": range, "nominal": nominal})
     tables = any(isinstance(x, (*FILE, pd.DataFrame)) for x in (acceleration, angular_rate))
@@ -307,6 +316,8 @@ def calibrate(
         for i, log in enumerate(each)
     }
     kept = folder or tempfile.TemporaryDirectory(prefix="imuloop-")
+    if prior and folder:
+        refuse_overwriting([folder], [prior])
     device = chain.Device(
         name,
         Path(folder or kept.name),
@@ -314,6 +325,7 @@ def calibrate(
         label=label,
         gravity=gravity_of(gravity),
         **figures,
+        prior={"file": str(prior)} if prior else {},
         threads=threads,
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )

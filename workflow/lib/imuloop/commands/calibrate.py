@@ -55,6 +55,12 @@ def add_logs(command):
     )
     command.add_argument("--label", help="name in the report; default: that of the first log")
     add_gravity(command, f"{STANDARD_GRAVITY}, whose error is one of scale")
+    command.add_argument(
+        "--prior",
+        type=Path,
+        metavar="FILE",
+        help="an earlier calibration.json of the device, or a family.json of its type",
+    )
     add_arguments(command)
 
 
@@ -105,7 +111,7 @@ def kept_in(folder, option, arguments, more=()):
     for path in logs:
         if not path.exists():
             raise ImuloopError(f"{path}: there is no such file")
-    refuse_overwriting([*more, folder], logs)
+    refuse_overwriting([*more, folder], [*logs, *filter(None, [arguments.prior])])
     for name, mark in (("figures", "section.html"), ("exports", "exports.json")):
         if (folder / name).exists() and not (folder / mark).exists():
             raise ImuloopError(
@@ -135,6 +141,7 @@ def made(arguments, folder):
             range=arguments.range,
             nominal=dict(arguments.counts),
             gravity=local_gravity(arguments, STANDARD_GRAVITY),
+            prior=arguments.prior,
             label=arguments.label or files_of(arguments.logs[0][1])[0].stem,
             folder=folder,
             progress=sys.stderr.isatty(),

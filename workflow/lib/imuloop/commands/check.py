@@ -28,13 +28,14 @@ from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, read_metadata, read_samples
+from imuloop.effects.turn_on_bias import TURN_ON
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 from imuloop.report.numbers import number, p_text, with_sigma
 from imuloop.report.units import MILLIRADIAN, RESIDUAL, data_sheet
 from imuloop.report.verdict import RESIDUAL_WORDS
-from imuloop.validate.drift import TURN_ON, check_drift
+from imuloop.validate.drift import check_drift
 from imuloop.validate.new_bias import update_biases
 
 # exit status of a device that has drifted

@@ -28,7 +28,7 @@ _QUANTITY = "acceleration|angular_rate|time|temperature|interval"
 _KEY = re.compile(
     rf"(?<![\w.-])(?:(columns|units|nominal|range)\.({_QUANTITY})(?:\.(\w+))?"
     r"|(rate)(?= in Hz|: \d))"
-    rf"(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format): (?=\w)"
+    rf"(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format|prior): (?=[\w./])"
 )
 # keys that only a config has
 _NO_OPTION = re.compile(r"(?<![\w.])(?:time_range|full_scale)\b(?! \(only)")
@@ -65,7 +65,7 @@ def for_reader(text):
 
 def _option(key, quantity, part, rate, value, form):
     if form:
-        return "--format "
+        return f"--{form} "
     if rate:
         return f"--rate {value}" if value else "--rate"
     if key == "units":
@@ -81,7 +81,7 @@ def _option(key, quantity, part, rate, value, form):
 
 def _argument(key, quantity, part, rate, value, form):
     if form:
-        return "format="
+        return f"{form}="
     if value is None or re.fullmatch(r"[\d.e+-]+", value):
         value = value or "…"
     elif value.startswith("["):

@@ -6,7 +6,13 @@ import numpy as np
 from scipy.special import chdtri
 
 from imuloop.core.effect import Effect
+from imuloop.core.units import DEGREE, STANDARD_GRAVITY
 from imuloop.effects.axes import on_each_axis, per_axis
+
+# standard deviation of a MEMS bias from one switching on to the next, m/s^2 and rad/s: 20 mg and
+# 0.5 deg/s. Bias repeatability in the data sheets that give one (ADIS16448, ADIS16460), and the
+# whole initial offset of current phone-grade parts (ICM-42688-P, BMI270)
+TURN_ON = {"accelerometer": 20e-3 * STANDARD_GRAVITY, "gyroscope": 0.5 * DEGREE}
 
 
 @dataclass(frozen=True)
@@ -56,3 +62,15 @@ class TurnOnBias(Effect):
         std = np.vstack([-others.sum(axis=0), others]).std(axis=0, ddof=1)
         dof = self.runs - 1
         return std, np.outer(np.sqrt(dof / chdtri(dof, [0.025, 0.975])), std)
+
+
+def turn_on_std(calibration, sensor):
+    """Return the standard deviation of the three biases from one switching on to the next, SI.
+
+    From the power cycles of a SensorCalibration, or from data sheets, `TURN_ON`, if it has no
+    `turn_on_bias`. Takes the name of its sensor.
+    """
+    for fitted in calibration.effects:
+        if isinstance(fitted.effect, TurnOnBias):
+            return tuple(fitted.effect.repeatability(fitted.values)[0].tolist())
+    return (TURN_ON[sensor],) * 3

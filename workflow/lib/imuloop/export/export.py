@@ -91,7 +91,6 @@ def read_exported(device, label, calibration, noise, quality, diagnosis=None):
         tuple(content["notes"]),
         (min(map(min, spans)), max(map(max, spans))) if spans else None,
         beside,
-        Path(calibration).name,
         tuple(s for s in SENSORS if s in held or getattr(found, s).measured),
     )
 

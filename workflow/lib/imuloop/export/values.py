@@ -32,7 +32,6 @@ class Exported:
     temperature_range: tuple[float, float] | None = None  # of the logs, degC, if known
     # parameters, SI, of the effects found beside a reference, by sensor and name
     beside: dict = field(default_factory=dict)
-    calibration_file: str = "calibration.json"  # where the calibration lies, in the folder above
     sensors: tuple[str, ...] = tuple(SENSORS)  # those that the logs hold
 
     def sensor(self, name):
@@ -80,7 +79,6 @@ def values(exported):
         "model": MODEL,
         "gravity": float(calibration.gravity),
         "measured": calibration.measured,
-        "calibration_file": exported.calibration_file,
         "limits": calibration.limits(*exported.sensors),
         "ids": calibration.log.get("sensor_ids", {}),
         "rate": exported.rate_hz and float(exported.rate_hz),

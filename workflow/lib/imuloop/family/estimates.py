@@ -56,7 +56,9 @@ def of_calibrations(calibrations):
 
 
 def _error(sensor, name):
-    """Return the standard error of a parameter, SI as logged; nan where it was not estimated."""
+    """Return the standard error of a parameter, SI as logged; nan where no data determined it."""
+    if name in sensor.unimproved:
+        return np.nan
     return sensor.std.get(name, np.nan) * si_factor((name,), sensor.raw_unit)[0]
 
 

@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import chi2
 
+# a calibration may hold any effect of the library
+import imuloop.effects  # noqa: F401
 from imuloop.core.files import read_json, write_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
@@ -15,7 +17,6 @@ from imuloop.core.samples import SENSORS
 from imuloop.family import LEAST
 from imuloop.family.estimates import of_calibrations, of_noise
 from imuloop.family.odd import deviations, trend
-from imuloop.family.prior import Prior
 from imuloop.family.random_effects import fit, spread_interval
 
 # version of the JSON file
@@ -30,17 +31,16 @@ ORDERS = ("serial", "date")
 
 @dataclass(frozen=True)
 class Member:
-    """A device of a type: its results without a prior, and with one where that is asked for."""
+    """A device of a type, and its results."""
 
     name: str
     calibration: Calibration
     noise: NoiseModel
     tried: dict  # p-value of each effect that was, and whether it was added; see `tried_effects`
     order: dict = field(default_factory=dict)  # serial number, date as a day's number
-    with_prior: Calibration | None = None
 
 
-def read_member(folder, serial=None, date=None, prior=None):
+def read_member(folder, serial=None, date=None):
     """Return the Member that lies in a folder of results; the rest as of the config."""
     folder = Path(folder)
     day = datetime.date.fromisoformat(date).toordinal() if date else None
@@ -50,7 +50,6 @@ def read_member(folder, serial=None, date=None, prior=None):
         NoiseModel.from_json(folder / "noise.json"),
         tried_effects(read_json(folder / "diagnosis.json")),
         {"serial": serial, "date": day},
-        Calibration.from_json(folder / "family_calibration.json") if prior else None,
     )
 
 
@@ -102,7 +101,6 @@ def of_type(members):
         "parameters": parameters,
         "odd": sorted(odd, key=lambda each: each["p_value"]),
         "effects": effects(members),
-        "priors": {m.name: p for m in members if m.with_prior and (p := of_prior(m, members))},
     }
 
 
@@ -169,24 +167,3 @@ def effects(members):
     for one, p in zip(found, holm([one["p_value"] for one in found]).tolist(), strict=True):
         one["p_value"] = p
     return sorted(found, key=lambda one: (one["p_value"], -len(one["added"])))
-
-
-def of_prior(member, members):
-    """Return what the prior of the others changed in one device, by parameter, SI.
-
-    Empty where too few others determine a parameter.
-    """
-    others = [m.calibration for m in members if m is not member]
-    prior = Prior.of(others)
-    own, changed = (of_calibrations([c]) for c in (member.calibration, member.with_prior))
-    found = {}
-    for a, b, mean, variance in zip(own, changed, prior.mean, prior.variance, strict=True):
-        if b.known[0] and np.isfinite(variance):
-            is_scale = a.name.partition(".")[2][0] == "K"
-            found[a.name] = {
-                "unit": a.unit,
-                **{"own": a.values[0], "own_std": a.std[0]},
-                **{"prior": mean - is_scale, "prior_std": np.sqrt(variance)},
-                **{"value": b.values[0], "std": b.std[0]},
-            }
-    return found

@@ -1,191 +1,164 @@
-"""A prior from the other devices of a type, for one that has too little data of its own."""
-
-from dataclasses import dataclass, replace
+"""The prior of a device from a file: an earlier calibration of it, or the family of its type."""
 
 import numpy as np
-from scipy.linalg import LinAlgError
 
 # a calibration may hold any effect of the library
 import imuloop.effects  # noqa: F401
-from imuloop.calibrate.least_squares import known_rows, why_no_fit
+from imuloop.calibrate.calibrate import hashes, layout
+from imuloop.calibrate.prior import BASES, DATA_SHEET, SensorPrior
 from imuloop.calibrate.raw_units import as_logged, si_factor
-from imuloop.calibrate.sensor_pair import BASES, SensorPair, places
-from imuloop.core.errors import ImuloopError
-from imuloop.core.samples import CHANNELS, SENSORS
+from imuloop.core.errors import ImuloopError, nearest
+from imuloop.core.files import read_json
+from imuloop.core.model import Calibration
+from imuloop.effects.turn_on_bias import turn_on_std
 from imuloop.family import LEAST_OTHERS
-from imuloop.family.estimates import of_calibrations
 from imuloop.family.random_effects import fit
 
-# methods whose data are not the poses of the fit
-ELSEWHERE = ("six_position", "known_rotation")
+# eigenvalue of a correlation matrix below which it is singular
+_SMALLEST = 1e-13
 
 
-@dataclass(frozen=True)
-class Prior:
-    """What the other devices of a type let expect of one more, parameter by parameter.
+def read_priors(sheets, file, device, sessions, type=None):
+    """Return the SensorPrior of both sensors that a file gives, by sensor.
 
-    Of the 21 base parameters, in the order of `imuloop.calibrate.sensor_pair.parameters`, SI as
-    logged; a variance is infinite where too few devices determined the parameter.
-    """
-
-    mean: np.ndarray
-    variance: np.ndarray
-
-    @classmethod
-    def of(cls, calibrations):
-        """Return the prior from the Calibrations of the others, each made without a prior.
-
-        Normal with the mean μ and the variance of a new device, ``τ² + var(μ)``, as wide as
-        Student's t with n - 1 degrees of freedom is: times ``(n - 1)/(n - 3)``.
-
-        References
-        ----------
-        J. Higgins, S. Thompson, D. Spiegelhalter, "A re-evaluation of random-effects
-        meta-analysis", J. R. Stat. Soc. A 172 (2009), 137, section 5.
-        """
-        mean, variance = [], []
-        for each in of_calibrations(calibrations):
-            own, nominal = each.known, each.name.partition(".")[2][0] == "K"
-            if own.sum() < LEAST_OTHERS:
-                mean.append(np.nan)
-                variance.append(np.inf)
-                continue
-            found = fit(each.values[own], each.std[own] ** 2)
-            mean.append(found.beta[0, 0] + nominal)
-            wide = found.dof[0] / (found.dof[0] - 2)
-            variance.append((found.variance[0] + found.covariance[0, 0, 0]) * wide)
-        return cls(np.array(mean), np.array(variance))
-
-    def of_sensor(self, sensor):
-        """Return mean and variance of one sensor's parameters."""
-        own = places()[sensor]
-        return self.mean[own], self.variance[own]
-
-
-def with_prior(own, prior, recording=None, noise=None, settings=None):
-    """Return a Calibration with the prior of its type.
-
-    Information adds. A sensor's own estimate is weighed against the prior by both covariances.
-    Where the poses of the recording do not determine a sensor by themselves, both are fitted to
-    them anew, beside the prior, which makes up what they lack. That they lack it is still said.
+    A parameter that the file does not know keeps the data sheet's tolerance.
 
     Parameters
     ----------
-    own : Calibration
-        By the device's own data.
-    prior : Prior
-        From other devices alone.
-    recording, noise, settings : Recording, NoiseModel, CalibrateSettings, optional
-        The device's own poses; without them the estimates alone count.
+    sheets : dict of str to SensorPrior
+        The data sheet's.
+    file : path-like
+        calibration.json of the device by earlier logs, or family.json of its type.
+    device : str
+        Name of the device. A family counts without the device of that name.
+    sessions : dict
+        Sessions that are calibrated, as in `imuloop.calibrate.calibrate.usable`.
+    type : str, optional
+        Type of the device; needed where the family.json holds several.
+
+    Raises
+    ------
+    ImuloopError
+        If the file gives no prior for this device.
     """
-    if not np.isfinite(prior.variance).any():
-        raise ImuloopError(
-            f"no prior: fewer than {LEAST_OTHERS} other devices of its type are calibrated"
-        )
-    made = {s: weighed(getattr(own, s), s, *prior.of_sensor(s)) for s in SENSORS}
-    lacking = any({*BASES[s]} - {*getattr(own, s).names} for s in SENSORS)
-    fits = recording is not None and len(recording.poses) and np.isfinite(prior.variance).all()
-    if lacking and fits and not own.effects and not recording.poses.unknown_noise(noise, CHANNELS):
-        made = fitted(own, made, prior, recording, noise, settings)
-    for sensor, found in made.items():
-        before = getattr(own, sensor)
-        why = before.not_testable
-        if why and found.method == "family":
-            why += "; completed by the other devices of its type"
-        made[sensor] = replace(found, not_testable=why, verdict=before.verdict)
-    return replace(own, **made)
-
-
-def without_prior(own, reason):
-    """Return a device's calibration with the reason why it has no prior."""
-    sensors = {s: getattr(own, s) for s in SENSORS}
-    why = {s: "; ".join(filter(None, (c.not_testable, str(reason)))) for s, c in sensors.items()}
-    return replace(own, **{s: replace(c, not_testable=why[s]) for s, c in sensors.items()})
-
-
-def weighed(own, sensor, mean, variance):
-    """Return a SensorCalibration with a prior of its base parameters.
-
-    ``x + C Hᵀ (H C Hᵀ + V)⁻¹ (m - H x)`` with the estimate x and its covariance C, effects
-    included, of which H takes those that the prior m, V knows. What was not estimated is the prior.
-    """
-    base, known = BASES[sensor], np.isfinite(variance)
-    names = tuple(n for n, k in zip(base, known, strict=True) if k or n in own.names)
-    names += tuple(n for n in own.names if n not in base)
-    factor = si_factor(names, own.raw_unit)
-    values = dict(zip(base, as_logged(own, base), strict=True))
-    values |= {f"{e.name}.{p}": v for e in own.effects for p, v in e.values.items()}
-    x, C = np.array([values[n] for n in names]), np.zeros((len(names),) * 2)
-    at = [names.index(n) for n in own.names]
-    if at:
-        C[np.ix_(at, at)] = own.covariance * np.outer(factor[at], factor[at])
-    new = [i for i, n in enumerate(names) if n not in own.names]
-    expected = dict(zip(base, zip(mean, variance, strict=True), strict=True))
-    for i in new:
-        x[i], C[i, i] = expected[names[i]]
-    both = [i for i, n in enumerate(names) if n in own.names and n in base and known[base.index(n)]]
-    m, v = np.array([expected[names[i]] for i in both]).reshape(-1, 2).T
-    gain = np.linalg.solve(C[np.ix_(both, both)] + np.diag(v), C[both]).T
-    x, C = x + gain @ (m - x[both]), C - gain @ C[both]
-    return _changed(own, names, x, (C + C.T) / 2, "family" if new else own.method)
-
-
-def _changed(own, names, x, covariance, method):
-    """Return a SensorCalibration with other values, SI as logged, of some parameters."""
-    values = dict(zip(names, x.tolist(), strict=True))
-    std = dict(zip(names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
-    T, K, b, unit = own.T.copy(), own.K.copy(), own.b.copy(), own.raw_unit
-    for name in (n for n in names if "." not in n):
-        i = int(name[1])
-        if name[0] == "T":
-            T[i, int(name[2])] = values[name]
-        elif name[0] == "K":
-            K[i] = values[name] * unit.scale
-        else:
-            b[i] = unit.from_si(values[name])
-    effects = tuple(
-        replace(
-            e,
-            values={p: values.get(f"{e.name}.{p}", v) for p, v in e.values.items()},
-            std={p: std.get(f"{e.name}.{p}", s) for p, s in e.std.items()},
-        )
-        for e in own.effects
-    )
-    factor = si_factor(names, unit)
-    return replace(
-        own,
-        T=T,
-        K=K,
-        b=b,
-        names=names,
-        covariance=covariance / np.outer(factor, factor),
-        effects=effects,
-        method=method,
-    )
-
-
-def fitted(own, made, prior, recording, noise, settings):
-    """Return both sensors fitted to poses with rows of what is known beside them.
-
-    That is the prior; of a sensor that other sessions determine, `made`, the two together.
-    """
-    known = {}
-    for sensor in SENSORS:
-        mean, variance = prior.of_sensor(sensor)
-        known[sensor] = mean, np.diag(variance)
-        if getattr(own, sensor).method in ELSEWHERE:
-            given = made[sensor]
-            factor = si_factor(given.names, given.raw_unit)
-            covariance = given.covariance * np.outer(factor, factor)
-            known[sensor] = as_logged(given, BASES[sensor]), covariance
-    base = np.concatenate([mean for mean, _ in known.values()])
-    units = {s: getattr(own, s).raw_unit for s in SENSORS}
-    pair = SensorPair(noise, own.gravity, units, settings, tuple(SENSORS), base)
-    for sensor, (mean, covariance) in known.items():
-        rows = known_rows(covariance)
-        pair = pair.knowing(sensor, rows, rows @ mean)
     try:
-        solution = pair.fit(recording)
-    except LinAlgError as error:
-        raise ImuloopError(f"with the prior of its type: {why_no_fit(error)}") from error
-    return {s: replace(f, method="family") for s, f in pair.calibrations(solution).items()}
+        content = read_json(file)
+        if isinstance(content, dict) and "types" in content:
+            priors = _of_family(sheets, _members(content, type), device, str(file))
+        elif isinstance(content, dict) and "accelerometer" in content:
+            calibration = Calibration.from_json(file)
+            _refuse_other_logs(calibration, sessions)
+            priors = of_calibration(sheets, calibration, str(file))
+        else:
+            raise ImuloopError("neither a calibration.json nor a family.json")
+    except OSError as error:
+        raise ImuloopError(f"prior: {file}: cannot be read: {error.strerror}") from error
+    except ImuloopError as error:
+        why = str(error).removeprefix(f"{file}: ")
+        raise ImuloopError(f"prior: {file}: {why}") from error
+    return priors
+
+
+def of_calibration(sheets, calibration, source):
+    """Return the SensorPrior of both sensors by a Calibration from earlier logs of the device.
+
+    Mean and covariance of its base parameters. The variance of a bias also has the scatter from one
+    switching on to the next.
+    """
+    if not calibration.measured:
+        raise ImuloopError("nothing was measured there")
+    priors = dict(sheets)
+    for sensor, sheet in sheets.items():
+        earlier, base = getattr(calibration, sensor), BASES[sensor]
+        known = [k for k, name in enumerate(base) if name in earlier.names]
+        if not known:
+            continue
+        rows = [earlier.names.index(base[k]) for k in known]
+        mean, covariance = sheet.mean.copy(), sheet.covariance.copy()
+        factor = si_factor([base[k] for k in known], earlier.raw_unit)
+        mean[known] = as_logged(earlier, base)[known]
+        found = earlier.covariance[np.ix_(rows, rows)] * np.outer(factor, factor)
+        covariance[np.ix_(known, known)] = found
+        scatter = np.append(np.zeros(len(base) - 3), np.square(turn_on_std(earlier, sensor)))
+        covariance[known, known] += scatter[known]
+        priors[sensor] = SensorPrior(source, mean, covariance)
+        size = priors[sensor].std
+        if not size.all() or np.linalg.eigvalsh(covariance / np.outer(size, size))[0] < _SMALLEST:
+            raise ImuloopError(f"{sensor}: the covariance is singular")
+    return priors
+
+
+def _refuse_other_logs(calibration, sessions):
+    """Raise an ImuloopError if a calibration is from these logs themselves, or from other axes.
+
+    Of a static session only the noise counts, not the parameters: it may be in both.
+    """
+    turned = {name: each for name, each in sessions.items() if each["kind"] != "static"}
+    if {*hashes(turned)} & {*calibration.sha256}:
+        raise ImuloopError(
+            "the calibration is from one of these logs (the same SHA-256), which would count "
+            "twice: leave out that log, or the prior"
+        )
+    earlier, now = (each.get("columns", {}) for each in (calibration.log, layout(sessions)))
+    for quantity in ("acceleration", "angular_rate"):
+        axes = [each.get(quantity) for each in (earlier, now)]
+        names = [[str(name).lstrip("-") for name in each or ()] for each in axes]
+        if axes[0] != axes[1] and sorted(names[0]) == sorted(names[1]):
+            before, after = (", ".join(map(str, each)) for each in axes)
+            raise ImuloopError(
+                f"its axes are others: columns.{quantity} was [{before}] and is [{after}]; name "
+                "the columns as there"
+            )
+
+
+def _members(content, type):
+    """Return the parameters of a type, content of family.json."""
+    types = content["types"] if isinstance(content["types"], dict) else {}
+    if type is None and len(types) == 1:
+        (type,) = types
+    if type is None:
+        raise ImuloopError(f"of which type, {' or '.join(types)}? In a config name the device's")
+    if type not in types:
+        raise ImuloopError(f"there is no type '{type}'{nearest(type, types)}")
+    return types[type]
+
+
+def _of_family(sheets, found, device, source):
+    """Return the SensorPrior of both sensors by the other devices of a type.
+
+    Normal with the mean μ and the variance of a new device, ``τ² + var(μ)``, as wide as Student's t
+    with n - 1 degrees of freedom is: times ``(n - 1)/(n - 3)``.
+
+    References
+    ----------
+    J. Higgins, S. Thompson, D. Spiegelhalter, "A re-evaluation of random-effects meta-analysis",
+    J. R. Stat. Soc. A 172 (2009), 137, section 5.
+    """
+    priors = {}
+    for sensor, sheet in sheets.items():
+        mean, variance, known = sheet.mean.copy(), np.diag(sheet.covariance).copy(), False
+        for k, name in enumerate(BASES[sensor]):
+            y, std = _others(found, f"{sensor}.{name}", device)
+            if len(y) >= LEAST_OTHERS:
+                each, known = fit(y, std**2), True
+                mean[k] = each.beta[0, 0] + (name[0] == "K")
+                wide = each.dof[0] / (each.dof[0] - 2)
+                variance[k] = (each.variance[0] + each.covariance[0, 0, 0]) * wide
+        priors[sensor] = SensorPrior(source if known else DATA_SHEET, mean, np.diag(variance))
+    if all(prior.source == DATA_SHEET for prior in priors.values()):
+        raise ImuloopError(f"fewer than {LEAST_OTHERS} other devices determined any parameter")
+    return priors
+
+
+def _others(found, name, device):
+    """Return value and standard error of a parameter of each other device, (n,) each."""
+    try:
+        one = found["parameters"].get(name, {"devices": (), "values": (), "std": ()})
+        pairs = zip(one["devices"], one["values"], one["std"], strict=True)
+        rows = np.array([(y, std) for other, y, std in pairs if other != device], dtype=float)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ImuloopError(f"damaged: {name}: {error!r}") from error
+    y, std = rows.reshape(-1, 2).T
+    if not (np.isfinite(rows).all() and (std > 0).all()):
+        raise ImuloopError(f"damaged: {name} has a value that is no number, or no standard error")
+    return y, std

@@ -89,7 +89,6 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
         allan=allan,
         intervals=intervals,
         families=families,
-        priors={name for found in types.values() for name in found["priors"]},
         styles=[figures.line_style(i) for i in range(len(devices))],
         comparison=comparison,
         facts={k: v for k, v in provenance.items() if not isinstance(v, Mapping)},
@@ -113,7 +112,6 @@ def _family(name, found, labels, drawings):
         "name": name,
         "finding": of_type.finding(found, labels),
         "tables": of_type.family_tables(found, labels),
-        "priors": of_type.prior_tables(found, labels),
         "charts": control_charts(name, found, labels, drawings),
     }
 

@@ -78,13 +78,7 @@ class DeviceResults:
     poses: pd.DataFrame = field(default_factory=pd.DataFrame)
     moves: pd.DataFrame = field(default_factory=pd.DataFrame)
     reference: pd.DataFrame = field(default_factory=pd.DataFrame)
-    prior: str | None = None  # that it asks for
     data_sheet: dict = field(default_factory=dict)  # as of `imuloop.sensors.device_figures`
-
-    @property
-    def calibration_file(self):
-        """The name of the file with the calibration to use."""
-        return "family_calibration.json" if self.prior else "calibration.json"
 
     @property
     def simulated(self):
@@ -128,10 +122,10 @@ def of_axes(values, sensor):
     return [(axis, values.get(c)) for axis, c in zip(XYZ, SENSORS[sensor], strict=True)]
 
 
-def read_device(name, label, folder, sessions, prior=None, data_sheet=None):
+def read_device(name, label, folder, sessions, data_sheet=None):
     """Return the results of a device in ``results/<device>``; kind of each session by its name.
 
-    And the prior that it asks for, and its data sheet.
+    And its data sheet, as in `imuloop.sensors.device_figures`.
     """
     folder = Path(folder)
     spectra = pd.read_parquet(folder / "spectra.parquet")
@@ -146,7 +140,6 @@ def read_device(name, label, folder, sessions, prior=None, data_sheet=None):
             pd.read_parquet(folder / f"{table}.parquet")
             for table in ("poses", "moves", "reference")
         ),
-        prior,
         data_sheet or {},
     )
 

@@ -22,14 +22,14 @@ from imuloop.report.tables import calibration, candidates, data, diagnosis, nois
 from imuloop.report.verdict import ABOVE, PARTS, WORDS, blocks, sentence
 
 
-def write_section(name, label, folder, sessions, prior=None, data_sheet=None):
+def write_section(name, label, folder, sessions, data_sheet=None):
     """Write a device's section, its page, its row of the comparison and its figures.
 
     Takes name and label as in the config, the folder ``results/<device>``, the kind of each session
-    by its name, the prior that the device asks for, and its ``data_sheet`` as of `device_figures`.
-    The label is shown as it is, never as markup.
+    by its name, and the device's ``data_sheet`` as of `device_figures`. The label is shown as it
+    is, never as markup.
     """
-    device = read_device(name, label, folder, sessions, prior, data_sheet)
+    device = read_device(name, label, folder, sessions, data_sheet)
     if device.figures.exists():
         shutil.rmtree(device.figures)
     device.figures.mkdir(parents=True)

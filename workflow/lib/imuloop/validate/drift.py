@@ -10,8 +10,7 @@ from imuloop.calibrate.least_squares import chi_square
 from imuloop.core.errors import ImuloopError
 from imuloop.core.p_values import holm
 from imuloop.core.samples import SENSORS
-from imuloop.core.units import DEGREE, STANDARD_GRAVITY
-from imuloop.effects.turn_on_bias import TurnOnBias
+from imuloop.effects.turn_on_bias import turn_on_std
 from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
 
 # level at which a misfit of the new log widens the errors
@@ -19,10 +18,6 @@ MISFIT = 0.01
 # degrees of freedom below which nothing is left to judge a misfit by
 LEAST_DOF = 0.5
 SCALES = ("K0", "K1", "K2")
-# standard deviation of a MEMS bias from one switching on to the next, m/s^2 and rad/s: 20 mg and
-# 0.5 deg/s. Bias repeatability in the data sheets that give one (ADIS16448, ADIS16460), and the
-# whole initial offset of current phone-grade parts (ICM-42688-P, BMI270)
-TURN_ON = {"accelerometer": 20e-3 * STANDARD_GRAVITY, "gyroscope": 0.5 * DEGREE}
 
 
 @dataclass(frozen=True)
@@ -149,8 +144,10 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     if not len(recording.poses):
         raise ImuloopError("the log holds no rest: nothing can be tested")
     recording, gravity = recording.of_new_power_cycles(), gravity or calibration.gravity
-    turn_on = dict(zip(SENSORS, turn_on or (None, None), strict=True))
-    allowed = {name: _turn_on(calibration, name, turn_on[name]) for name in SENSORS}
+    if turn_on:
+        allowed = {name: (float(std),) * 3 for name, std in zip(SENSORS, turn_on, strict=True)}
+    else:
+        allowed = {name: turn_on_std(getattr(calibration, name), name) for name in SENSORS}
     try:
         residuals = DriftResiduals.of(calibration, recording, noise, gravity)
         if not residuals.tested:
@@ -164,18 +161,6 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
         ) from error
     rotations = 0 if recording.rotations is None else len(recording.rotations)
     return Drift(calibration.device, level, len(recording.poses), rotations, sensors)
-
-
-def _turn_on(calibration, sensor, given):
-    """Return the standard deviation of the three biases from one switching on to the next, SI.
-
-    It is given, or from the calibration's own power cycles, or from data sheets.
-    """
-    if given is None:
-        for each in getattr(calibration, sensor).effects:
-            if isinstance(each.effect, TurnOnBias):
-                return tuple(each.effect.repeatability(each.values)[0].tolist())
-    return (float(TURN_ON[sensor] if given is None else given),) * 3
 
 
 def _test(residuals, turn_on, level):

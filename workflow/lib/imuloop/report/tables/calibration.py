@@ -15,7 +15,6 @@ METHOD_WORDS = {
     "reference_motion": "motion beside a reference",
     "known_rotation": "turns of known angles",
     "static": "rests only: bias alone",
-    "family": "own data and the other devices of the type",
     "nominal": "data sheet, nothing estimated",
 }
 NOT_ESTIMATED, BY_DEFINITION = "not estimated", "0 (by definition)"

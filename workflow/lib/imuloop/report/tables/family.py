@@ -1,4 +1,4 @@
-"""Devices of one type: mean and spread of each parameter, who stands out, what a prior changed."""
+"""Devices of one type: mean and spread of each parameter, and who stands out."""
 
 from dataclasses import dataclass
 from itertools import permutations
@@ -185,20 +185,3 @@ def effect_table(found, labels):
         "effect may be that of the type that no device shows by itself."
     )
     return Table("Effects of the type", columns, rows, note, sortable=True) if rows else None
-
-
-def prior_tables(found, labels):
-    """Return of each device that has a prior what it changed."""
-    return [_prior_table(labels[name], each) for name, each in found["priors"].items()]
-
-
-def _prior_table(label, changed):
-    rows = []
-    for name, (kind, words) in named().items():
-        if one := changed.get(name):
-            pairs = (("own", "own_std"), ("prior", "prior_std"), ("value", "std"))
-            cells = [kind.value(*(one[key] for key in pair)) for pair in pairs]
-            rows.append((words.capitalize(), kind.display.unit, *cells))
-    columns = ("Parameter", "Unit", "Own data", "Other devices", "With the prior")
-    note = "Value ± 1 σ. Of the other devices it is what one more of the type is expected to have."
-    return Table(f"{label}: what the prior of the type changed", columns, rows, note)
