@@ -147,7 +147,7 @@ def test_a_calibration_is_as_good_as_the_plain_fit(tmp_path, case):
 
 # within 0.6 degrees, and within 6
 @pytest.mark.parametrize("tilt", [0.01, 0.1])
-def test_six_faces_once_each_calibrate_where_a_data_sheet_knows_less(tmp_path, monkeypatch, tilt):
+def test_six_faces_once_each_calibrate(tmp_path, monkeypatch, tilt):
     monkeypatch.setattr(device, "FACE", tilt)
     made = record(FEW, "faces")
     rests = made.rests[:6]
@@ -157,11 +157,6 @@ def test_six_faces_once_each_calibrate_where_a_data_sheet_knows_less(tmp_path, m
     made.write(tmp_path / "log.csv")
     with hurried("imu"):
         result = imuloop.calibrate(tmp_path / "log.csv", name="imu", progress=False)
-    found = result.calibration.accelerometer
-    if tilt == 0.1:
-        assert found.method == "nominal"
-        return
-    assert found.method == "six_position"
     raw = errors(made, lambda f, w, *_: (f, w))["accelerometer"]
     assert outcome(made, result)["imuloop"]["accelerometer"] < raw / 2
 

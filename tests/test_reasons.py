@@ -47,8 +47,8 @@ def in_g():
 
 
 REASONS = {
-    "poses": (three_faces, "multi_position", "3 poses found, at least 10 needed"),
-    "faces": (three_faces, "six_position", "3 of 6 faces found; missing: -x, -y, -z"),
+    "poses": (three_faces, "multi_position", "3 poses found, 12 needed"),
+    "faces": (three_faces, "six_position", "3 poses found, 12 needed"),
     "a rejected log": (in_g, "multi_position", "taken as m/s^2, it looks like g"),
 }
 

@@ -11,6 +11,7 @@ from imuloop.calibrate.undersampling import PARTS
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_metadata, read_samples
 from imuloop.core.tables import write_table
 from imuloop.diagnose.records.motion import knocks
+from imuloop.diagnose.records.pose_diagnosis import too_few
 from imuloop.ingest.ingest import ingest
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
@@ -77,11 +78,11 @@ def test_turns_lost_to_gaps_are_counted_and_named():
     left = log[~lost].reset_index(drop=True)
     longest = round(left[TIME].diff().max() * 100) - 1
     _, fitted, made = of_log(left)
-    assert len(made.rotations) == 3
-    assert fitted.not_testable == (
-        "3 rotations between poses found, at least 5 needed for the 9 parameters of misalignment "
-        f"and scale factor; {len(middle)} of {len(moves)} turns lost up to {longest} samples in a "
-        "row and are left out"
+    assert len(made.rotations) == 3 and fitted.method == "multi_position"
+    assert too_few(made)["gyroscope"] == (
+        "calibrated; too few turns to test for missing effects: 3 turns between poses, 6 needed; "
+        f"{len(middle)} of {len(moves)} turns lost up to {longest} samples in a row and are left "
+        "out"
     )
 
 
@@ -157,9 +158,8 @@ def test_of_turns_that_are_all_beyond_the_range_the_reason_says_so(limit, tmp_pa
     log[list(ANGULAR_RATE)] = log[list(ANGULAR_RATE)].clip(-limit, limit)
     _, turn, made = calibrated_from_file(log, tmp_path)
     assert len(made.rotations) < 5
-    assert "choose a wider range or turn more slowly" in turn.not_testable
+    assert "choose a wider range or turn more slowly" in too_few(made)["gyroscope"]
     # the rests still know the bias
-    assert turn.method == "static"
     np.testing.assert_allclose(turn.b, TRUTH.gyroscope.b, atol=1e-4)
 
 

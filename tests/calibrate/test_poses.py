@@ -182,8 +182,7 @@ def test_an_axis_without_noise_is_a_reason_and_no_failure(axis, own, variance, w
     factor = np.where(np.arange(6) == axis, variance, 1.0)
     poses = replace(made.poses, variance=made.poses.variance * factor)
     noise = NoiseModel("d", {**known.axes, CHANNELS[axis]: own})
-    good, _ = calibrated(made, known, TRUTH.gravity)
-    force, turn = calibrated(replace(made, poses=poses), noise, TRUTH.gravity, good)
+    force, turn = calibrated(replace(made, poses=poses), noise, TRUTH.gravity)
     reason = f"{CHANNELS[axis]} {what}: its noise is not known"
     for sensor, silent in ((force, axis < 3), (turn, axis >= 3)):
         expected = ("nominal", reason) if silent else ("multi_position", None)

@@ -8,7 +8,6 @@ from scipy.optimize import least_squares
 from calibrate.devices import (
     ACCELERATION_UNIT,
     calibrated,
-    difference,
     known_noise,
     noiseless,
     planned,
@@ -97,36 +96,6 @@ def test_intervals_cover_the_truth_and_the_mean_of_the_bias_over_the_rests(seeds
         assert own.mean() > 0.95 - 4 * np.sqrt(0.95 * 0.05 / own.size), kind
 
 
-@seeds(6, 40)
-def test_a_given_accelerometer_counts_as_far_as_it_is_known(seeds):
-    size = np.repeat([3e-3, 5e-3, 0.05], 3)
-    rng, true = np.random.default_rng(0), true_parameters(FEW)[:9]
-    pulls, errors = [], []
-    for seed in range(seeds):
-        made = recording(FEW, seed)
-        x = true + size * rng.standard_normal(9)
-        turns = []
-        for covariance in (np.diag(size**2), None):
-            given = known_accelerometer(x, covariance)
-            force, turn = calibrated(made, NOISE, TRUTH.gravity, given)
-            assert "9 poses found, at least 10 needed" in force.not_testable
-            if covariance is None and turn.method == "static":
-                # what is wrong and taken for exact may leave no fit
-                assert "contradict each other" in turn.not_testable
-                continue
-            assert turn.method == "multi_position" and turn.names == gyroscope.NAMES
-            turns.append(turn)
-        pulls.append(scores(turns[0], TRUTH.gyroscope, gyroscope.NAMES))
-        own = [difference(t, TRUTH.gyroscope, gyroscope.NAMES[:9]) for t in turns]
-        errors += [own] if len(own) == 2 else []
-    assert len(errors) >= 0.9 * seeds
-    # three standard errors, as if those of a device were one
-    assert np.mean(np.square(pulls)) < 1 + 3 * np.sqrt(2 / seeds)
-    known, exact = np.sqrt(np.mean(np.square(errors), axis=(0, 2)))
-    # rotations show its errors, unless it is taken for exact
-    assert known < 0.8 * exact
-
-
 def test_known_turns_add_their_information():
     made, true = recording(TRUTH, 1), true_parameters(TRUTH)[9:]
     T, K, b = gyroscope.unpack(true)
@@ -162,16 +131,6 @@ def test_a_bias_that_is_held_stays_at_the_first_rest():
     np.testing.assert_allclose([turn.std[f"b{k}"] for k in range(3)], expected)
     assert not turn.covariance[:9, 9:].any()
     assert force.method == turn.method == "multi_position"
-
-
-def test_too_few_rotations_leave_the_bias_alone():
-    made = recording(TRUTH, 3)
-    few = made.select(np.arange(len(made.poses)) < 4)
-    _, fitted = calibrated(few, NOISE, TRUTH.gravity, known_accelerometer())
-    assert fitted.method == "static"
-    assert "3 rotations between poses found, at least 5 needed" in fitted.not_testable
-    assert fitted.names == ("b0", "b1", "b2")
-    np.testing.assert_allclose(fitted.b, TRUTH.gyroscope.b, atol=5 * max(fitted.std.values()))
 
 
 def plain(made, gravity):

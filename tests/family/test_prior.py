@@ -144,7 +144,7 @@ def test_an_earlier_calibration_keeps_axes_and_scale_and_the_bias_is_measured_ag
     earlier.to_json(tmp_path / "earlier.json")
     true[BIAS] += [TURN_ON["accelerometer"]] * 3 + [-TURN_ON["gyroscope"]] * 3
     file = str(tmp_path / "earlier.json")
-    made, priors = recorded(true, 4, 2), read_priors(file, "d", session(tmp_path))
+    made, priors = recorded(true, 4, 2), read_priors(data_sheets(), file, "d", session(tmp_path))
     found = calibration(made, priors)
     away = values(found) - true
     assert (np.abs(away[~BIAS]) < 4 * ERROR[~BIAS]).all()
@@ -248,7 +248,7 @@ def test_a_file_that_gives_no_prior_is_one_line(wrong, tmp_path):
     how = dict(how)
     type = how.pop("type", None)
     with pytest.raises(ImuloopError) as error:
-        read_priors(path, "d", session(tmp_path, **how), type)
+        read_priors(data_sheets(), path, "d", session(tmp_path, **how), type)
     line = str(error.value)
     assert line.startswith(f"prior: {path}: ") and "\n" not in line and said in line
     assert line.count(str(path)) == 1

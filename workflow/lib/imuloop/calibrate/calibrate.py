@@ -164,12 +164,11 @@ def start_pair(
         Why a sensor has no data.
     """
     poses, priors = recording.poses, priors or data_sheets()
-    reasons = {s: poses.unknown_noise(noise, axes) for s, axes in SENSORS.items() if len(poses)}
-    reasons = (
-        {s: why for s, why in reasons.items() if why}
-        if len(poses)
-        else dict.fromkeys(SENSORS, without_pose({}, "multi_position"))
-    )
+    if not len(poses):
+        why = without_pose({}, "multi_position") + recording.lost.rests_reason
+        return None, dict.fromkeys(SENSORS, why)
+    reasons = {s: poses.unknown_noise(noise, axes) for s, axes in SENSORS.items()}
+    reasons = {sensor: why for sensor, why in reasons.items() if why}
     estimated = tuple(s for s in SENSORS if s not in reasons)
     if not estimated:
         return None, reasons

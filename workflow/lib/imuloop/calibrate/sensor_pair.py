@@ -202,6 +202,9 @@ class SensorPair:
             # no move counts
             recording = replace(recording, rotations=recording.rotations.select([]))
         poses, rotations, along = recording.poses, recording.rotations, None
+        if "accelerometer" not in self.estimated:
+            # nor a direction of gravity, which a dead accelerometer does not have
+            poses = replace(poses, f=np.tile([0.0, 0.0, self.gravity], (len(poses), 1)))
         of_force, of_turn = (values[at] for at in own.values())
         force, turn = SpecificForce.functions(of_force), AngularRate.functions(of_turn)
         # what takes values as logged to the sensor's own output, and to what it sees of the other

@@ -11,6 +11,7 @@ from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.segments import STATIC
 from imuloop.core.sphere import WIDE_HOLE, direction_words, largest_hole
+from imuloop.diagnose.records.pose_diagnosis import TESTABLE
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
@@ -26,8 +27,8 @@ class Progress:
     Its length, s; the upward direction in each pose on body axes, (n, 3); the standard error of
     each parameter by sensor, in its own unit, and the worst of scale factor, relative, and
     misalignment, rad, infinite while there is none; what to do next, empty where nothing is left;
-    whether all are as good as asked for, though a wide hole, in which an effect could hide, may be
-    left.
+    whether all are as good as asked for and the poses enough to test for missing effects, though a
+    wide hole, in which an effect could hide, may be left.
     """
 
     duration_s: float
@@ -67,8 +68,8 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
     up = sensors["accelerometer"].aligned(recording.poses.f)
     up /= np.linalg.norm(up, axis=1, keepdims=True)
     hole, angle = largest_hole(up)
-    covered = np.degrees(angle) < WIDE_HOLE
-    if not covered or worst["accelerometer"] > within:
+    covered, enough = np.degrees(angle) < WIDE_HOLE, len(up) >= TESTABLE
+    if not covered or not enough or worst["accelerometer"] > within:
         text = f"turn it until {direction_words(hole)} is up, and let go for {REST_S:.0f} s"
     elif worst["gyroscope"] > within:
         of_turn = relative["gyroscope"]
@@ -77,7 +78,9 @@ def progress(samples, gravity, units, noise=None, within=2e-3):
     else:
         text = ""
     std = {name: sensor.std for name, sensor in sensors.items() if relative[name]}
-    return Progress(early.duration_s, up, std, worst, text, max(worst.values()) <= within)
+    return Progress(
+        early.duration_s, up, std, worst, text, enough and max(worst.values()) <= within
+    )
 
 
 def rest_noise(samples):

@@ -36,6 +36,8 @@ MOVED, MOVED_RESTS = {"pose_rate", "rotation", *VELOCITY}, 0.1
 STILL = "left may be that: wait 3 s after putting it down, or lay it on a table"
 # poses from which a missing effect can be told from the calibration, with a part held out
 TESTABLE = 12
+# turns between poses from which an effect of the gyroscope can be told
+TESTABLE_TURNS = 6
 # held-out error over its floor from which a sensor may have changed amid the recording
 FAR = 3.0
 # probability of an alternative of the noise that a range does not hold
@@ -106,15 +108,12 @@ def diagnose_poses(
     if pair is None:
         return PoseResult(contents)
     found = [e for e in found if e.sensor in pair.estimated]
-    problem, tested = (
-        pose_problem(pair, recording, settings, tests, found, information),
-        pair.estimated,
-    )
+    few = too_few(recording)
+    contents |= {s: not_testable(few[s]) for s in pair.estimated if s in few}
+    tested = [sensor for sensor in pair.estimated if sensor not in few]
+    problem = pose_problem(pair, recording, settings, tests, found, information, tested)
     try:
-        if len(recording.poses) < TESTABLE:
-            few = f"{plural(len(recording.poses), 'pose')} found, {TESTABLE} needed"
-            why = not_testable(f"calibrated; too few poses to test for missing effects: {few}")
-            contents |= dict.fromkeys(tested, why)
+        if not tested:
             result = PoseResult(contents, pair, *final_solution(problem, ()))
         else:
             parts = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
@@ -138,6 +137,20 @@ def diagnose_poses(
     alone, how = replace(pair, estimated=("accelerometer",)), (recording, settings, tests)
     again = diagnose_poses(alone, reasons | rejected, *how, found, information, search_formulas)
     return replace(again, rejected=rejected | again.rejected)
+
+
+def too_few(recording):
+    """Return why poses and turns are too few to test a sensor, text, by such sensors."""
+    poses, turns, lost = len(recording.poses), len(recording.rotations), recording.lost
+    start = "calibrated; too few"
+    if poses < TESTABLE:
+        few = f"{start} poses to test for missing effects: {plural(poses, 'pose')} found, "
+        few += f"{TESTABLE} needed"
+        return {"accelerometer": few + lost.rests_reason, "gyroscope": few + lost.reason}
+    if turns < TESTABLE_TURNS:
+        few = f"{start} turns to test for missing effects: {plural(turns, 'turn')} between poses, "
+        return {"gyroscope": f"{few}{TESTABLE_TURNS} needed{lost.reason}"}
+    return {}
 
 
 def rejections(result, recording):
