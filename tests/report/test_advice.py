@@ -184,13 +184,13 @@ def test_a_first_session_is_as_long_as_the_readme_says(good, first, repository):
     assert "50\u202fs at rest" in step and "about 40 rests" in step
 
 
-@pytest.mark.parametrize("count", [0, 9, 10])
+@pytest.mark.parametrize("count", [0, 11, 12])
 def test_a_session_of_few_poses_is_no_first_session(good, count):
     # without a rest there is no noise, and without noise nothing is planned
     path, up = good().sessions[0].samples_path, fibonacci_lattice(40)[:count]
     moved = session("walk", "multi_position", path, up)
     steps = next_steps(good(sessions=(moved,), noise={}, diagnosis={}))
-    assert steps[0].startswith("Record a multi_position session") == (count < 10)
+    assert steps[0].startswith("Record a multi_position session") == (count < 12)
     assert not any("Nothing needed" in step for step in steps)
 
 

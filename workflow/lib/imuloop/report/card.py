@@ -27,7 +27,7 @@ from imuloop.report.verdict import (
 WORTH_SAYING = 1.1
 
 
-def card(diagnosis, loop, calibration):
+def card(diagnosis, loop, calibration=None):
     """Return what is said of a device first, in the same order for every device.
 
     ``found``, which undeclared effects, by sensor; ``gain``, the errors that fell, with both ends;
@@ -83,7 +83,8 @@ def headline(summaries):
     verdicts = every - {"not_testable"}
     named = summaries[0]["label"] if len(summaries) == 1 else plural(len(summaries), "device")
     if not verdicts:
-        return f"{named}: nothing could be tested"
+        calibrated = "calibrated; " if all(s.get("calibrated") for s in summaries) else ""
+        return f"{named}: {calibrated}nothing could be tested"
     worst = max(verdicts, key=rank)
     words = {"consistent": "nothing is missing", "explained": "what was missing is small"}
     tested = ", where it could be tested" if every > verdicts else ""

@@ -94,7 +94,7 @@ def _drops(device, name=None, least=MATTERS):
 
 
 def first_session(device):
-    """Yield that no multi_position session holds enough poses, and what one would give."""
+    """Yield that no multi_position session has enough poses to test, and what one would give."""
     own = [s for s in device.sessions if s.kind == "multi_position"]
     found = sum(s.poses for s in own)
     # a rejected one has its own line, which asks for the same
@@ -112,7 +112,7 @@ def first_session(device):
         f"Record a multi_position session: {duration(INITIAL_REST_S, 2)} at rest, then "
         f"about {POSES} rests of a few seconds in attitudes spread over the sphere, turned by hand "
         "between them."
-        f"{expected} Without it misalignment and the gyroscope's scale factor stay unknown.",
+        f"{expected} Effects that the model lacks show from {TESTABLE} poses on.",
     )
 
 
