@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
-from calibrate.devices import known_noise, recording
+from calibrate.devices import at_rest, known_noise, recording
 from diagnose.models import diagnosed, fitted_pair, of_sensor, pair_of, problem_of, shapes_of
 from imuloop.calibrate.least_squares import SINGULAR
 from imuloop.calibrate.noise_components import SizeLikelihood
@@ -19,7 +19,7 @@ from imuloop.core.noise_model import Coefficient
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, too_few
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import WarmUp
@@ -101,6 +101,12 @@ def test_few_poses_calibrate_and_enough_of_them_are_tested(poses, testable):
             assert content["why"] == (
                 f"calibrated; too few poses to test for missing effects: {few}"
             )
+
+
+def test_six_faces_three_times_are_too_few_attitudes():
+    faces = np.tile(np.vstack([np.eye(3), -np.eye(3)]), (3, 1))
+    for why in too_few(at_rest(TRUTH.gravity * faces)).values():
+        assert why.endswith("18 poses found, 12 needed in 10 attitudes, not 6")
 
 
 def test_a_fit_that_its_weights_do_not_allow_is_not_testable(sensitive, monkeypatch):

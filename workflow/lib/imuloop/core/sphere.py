@@ -33,6 +33,18 @@ def largest_hole(directions):
     return grid[worst], float(np.arccos(np.clip(nearest[worst], -1, 1)))
 
 
+def count_attitudes(vectors, apart):
+    """Return how many directions of vectors, (n, 3), lie farther than an angle, rad, from others.
+
+    In the order given; each that lies farther from all counted before is one more.
+    """
+    counted = np.empty((0, 3))
+    for u in vectors / np.linalg.norm(vectors, axis=1, keepdims=True):
+        if not np.any(counted @ u >= np.cos(apart)):
+            counted = np.vstack([counted, u])
+    return len(counted)
+
+
 def direction_words(vector):
     """Return a direction in words: the axes it leans on, as ``+x −z``."""
     signs = zip(vector, "xyz", strict=True)

@@ -16,6 +16,7 @@ import numpy as np
 
 from imuloop.core.rotation import exponential, matrix, prefix_product
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, sums_over
+from imuloop.core.sphere import count_attitudes
 from imuloop.core.stretches import stretches_of
 from imuloop.ingest.thinning import EvenSubsample, means
 
@@ -163,7 +164,7 @@ class Stops:
         return {
             "share": self.still / self.windows,
             "force": [float(size[order][np.searchsorted(share, q)]) for q in (0.05, 0.5, 0.95)],
-            "attitudes": _attitudes(u),
+            "attitudes": count_attitudes(u, APART),
             "turned": float(apart.max()),
             "turn_ratio": turn_ratio,
             "jump_m_s2": jump if jump > UNTURNED * angle / scale * size.max() else 0.0,
@@ -217,12 +218,3 @@ def _changes(rate, turning):
     """
     white = (np.diff(rate, axis=2) ** 2).mean(axis=2).sum(axis=0) / rate.shape[2]
     return np.column_stack([(np.diff(turning, axis=1) ** 2).sum(axis=0), white[1:]])
-
-
-def _attitudes(u):
-    """Return how many of the directions differ by more than `APART`."""
-    held = u[:1]
-    for each in u[1:]:
-        if (held @ each).max() < np.cos(APART):
-            held = np.concatenate([held, each[None]])
-    return len(held)

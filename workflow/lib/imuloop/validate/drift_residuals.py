@@ -9,7 +9,7 @@ from imuloop.calibrate.calibrated_pair import CalibratedPair
 from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.sensor_pair import KINDS
 from imuloop.core.samples import SENSORS
-from imuloop.core.units import DEGREE
+from imuloop.core.sphere import count_attitudes
 
 # condition number, each parameter in units of what the log shows of it, beyond which a set of
 # parameters is called undetermined, as in the calibration
@@ -17,6 +17,8 @@ LARGEST_CONDITION = 100.0
 # a parameter that the new log shows so many times worse than the old one is not tested
 WORST = 10.0
 BIASES = ("b0", "b1", "b2")
+# angle between two attitudes, rad
+APART = 0.35
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,7 @@ class DriftResiduals:
         """Return in words what the log holds for a sensor."""
         rests = f"{len(self.recording.poses)} rest(s)"
         if sensor == "accelerometer":
-            return f"{rests} in {_attitudes(self.recording.poses.f)} attitude(s)"
+            return f"{rests} in {count_attitudes(self.recording.poses.f, APART)} attitude(s)"
         turns = np.count_nonzero(self.kinds == "rotation") // KINDS["rotation"][1]
         return f"{rests} and {turns} turn(s) between them"
 
@@ -116,15 +118,6 @@ class DriftResiduals:
             for kind, (unit, _) in KINDS.items()
             if (at := (self.kinds == kind) & (self.owners == sensor)).any()
         }
-
-
-def _attitudes(f):
-    """Return the number of attitudes that differ by more than 20 degrees from those before."""
-    found = []
-    for u in f / np.linalg.norm(f, axis=1, keepdims=True):
-        if all(u @ v < np.cos(20 * DEGREE) for v in found):
-            found.append(u)
-    return len(found)
 
 
 def testable(residuals, sensor, jacobian):

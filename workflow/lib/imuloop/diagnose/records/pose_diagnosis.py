@@ -12,6 +12,7 @@ from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, Kind, OfSensor, SensorPair
 from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
+from imuloop.core.sphere import count_attitudes
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import (
@@ -36,6 +37,8 @@ MOVED, MOVED_RESTS = {"pose_rate", "rotation", *VELOCITY}, 0.1
 STILL = "left may be that: wait 3 s after putting it down, or lay it on a table"
 # poses from which a missing effect can be told from the calibration, with a part held out
 TESTABLE = 12
+# attitudes among them: nine parameters and a check; rad between two of them
+ATTITUDES, APART = 10, 0.17
 # turns between poses from which an effect of the gyroscope can be told
 TESTABLE_TURNS = 6
 # held-out error over its floor from which a sensor may have changed amid the recording
@@ -142,10 +145,12 @@ def diagnose_poses(
 def too_few(recording):
     """Return why poses and turns are too few to test a sensor, text, by such sensors."""
     poses, turns, lost = len(recording.poses), len(recording.rotations), recording.lost
-    start = "calibrated; too few"
-    if poses < TESTABLE:
+    start, count = "calibrated; too few", count_attitudes(recording.poses.f, APART)
+    if poses < TESTABLE or count < ATTITUDES:
         few = f"{start} poses to test for missing effects: {plural(poses, 'pose')} found, "
         few += f"{TESTABLE} needed"
+        if poses >= TESTABLE:
+            few += f" in {ATTITUDES} attitudes, not {count}"
         return {"accelerometer": few + lost.rests_reason, "gyroscope": few + lost.reason}
     if turns < TESTABLE_TURNS:
         few = f"{start} turns to test for missing effects: {plural(turns, 'turn')} between poses, "
