@@ -3,7 +3,6 @@
 import argparse
 from pathlib import Path
 
-from bench.study import reference
 from bench.study.cases import LIMITS, all_cases
 from bench.study.devices import PLANS
 from bench.study.run import run
@@ -18,7 +17,7 @@ def main():
     parser.add_argument("--first", type=int, default=0, help="seed of the first device")
     parser.add_argument("--controls", type=int, default=40, help="controls of each plan")
     parser.add_argument("--effects", help="names, with commas; control, two and outside are names")
-    parser.add_argument("--records", help="poses, static_record, motion; or reference alone")
+    parser.add_argument("--records", help="poses, static_record, motion")
     parser.add_argument("--sensors", help="accelerometer or gyroscope")
     parser.add_argument("--plan", choices=PLANS, default=PLANS[0], help="devices of poses")
     parser.add_argument("--limits", type=float, default=LIMITS, help="size in detection limits")
@@ -29,25 +28,19 @@ def main():
     if options.table and not options.keep:
         parser.error("--table needs --keep")
     how = {"workers": options.workers, "keep": options.keep, "make": not options.table}
-    if options.records == "reference":
-        outcomes = reference.run(options.first, options.seeds, **how)
-        text, name = reference.document(outcomes, options.first), "study_reference"
-    else:
-        cases = [
-            case
-            for case in all_cases(options.plan, options.limits)
-            if (not options.records or case.record in options.records.split(","))
-            and (not options.sensors or case.sensor in (*options.sensors.split(","), ""))
-            and (
-                not options.effects
-                or {case.kind, "+".join(case.names)} & set(options.effects.split(","))
-            )
-        ]
-        by_case = run(cases, options.first, options.seeds, options.controls, **how)
-        outcomes = [made for each in by_case.values() for made in each]
-        text, name = document(by_case, options.first), "study"
-    made_of = ", ".join(sorted({made["commit"] for made in outcomes}))
-    publish(name, "Simulated study of the diagnosis", text, made_of)
+    cases = [
+        case
+        for case in all_cases(options.plan, options.limits)
+        if (not options.records or case.record in options.records.split(","))
+        and (not options.sensors or case.sensor in (*options.sensors.split(","), ""))
+        and (
+            not options.effects
+            or {case.kind, "+".join(case.names)} & set(options.effects.split(","))
+        )
+    ]
+    by_case = run(cases, options.first, options.seeds, options.controls, **how)
+    made_of = ", ".join(sorted({made["commit"] for each in by_case.values() for made in each}))
+    publish("study", "Simulated study of the diagnosis", document(by_case, options.first), made_of)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,7 @@ class Column:
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
     limit, price, after_temperature = np.inf, 0.0, False
-    together, moved, hidden_by, kind = Effect.together, Effect.moved, Effect.hidden_by, Effect.kind
+    together, moved, kind = Effect.together, Effect.moved, Effect.kind
 
 
 @dataclass(frozen=True)

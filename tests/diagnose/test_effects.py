@@ -70,7 +70,7 @@ def test_every_name_of_the_contract_is_an_effect_of_its_sensor(sensor):
 @pytest.mark.parametrize("effect", LIBRARY.values(), ids=LIBRARY.keys())
 def test_an_effect_says_what_a_report_tells(effect):
     assert "Leaves" in effect.__doc__ and effect.equation and effect.reference
-    assert set(effect.records) <= {"poses", "static_record", "motion", "reference"}
+    assert set(effect.records) <= {"poses", "static_record", "motion"}
     assert effect.records
     for sensor in effect.sensors:
         units = effect().units(sensor)

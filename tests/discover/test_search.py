@@ -10,7 +10,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from bench.study import reference as beside
 from bench.study.chain import diagnosis_of
 from bench.study.devices import motion_device, poses_device, record_device
 from imuloop.core.errors import ImuloopError
@@ -131,20 +130,6 @@ def test_in_motion_a_formula_takes_the_place_of_what_stood_for_it():
     assert abs(found.values["c0z"] - 0.02) < 4 * found.std["c0z"]
     # the other sensor's words are of the same moves
     assert diagnosis["sensors"]["gyroscope"]["motion"]["verdict"] == "explained"
-
-
-@pytest.mark.study
-def test_beside_a_reference_a_formula_is_found_in_sessions_that_it_was_not_fitted_to():
-    def change(columns):
-        return columns | {"gz": columns["gz"] + 2e-3 * columns["gx"] * columns["ay"]}
-
-    found, _, calibration = beside.diagnosed(
-        beside.base(SEED), SEED, limits=False, log_change=change, sessions=3
-    )
-    block = found["sensors"]["gyroscope"]["reference"]
-    assert block["discovered"]["formula"] == "z: wx*fy" and block["verdict"] == "explained"
-    (effect,) = calibration.gyroscope.effects
-    assert abs(effect.values["c0z"] - 2e-3) < 4 * effect.std["c0z"]
 
 
 @pytest.mark.study

@@ -8,13 +8,12 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from bench.study.reference import DECLARED
+from beside import DECLARED, PLACE, QUATERNION, written
+from beside import ingested as ingested_files
 from imuloop.core.samples import read_columns
-from imuloop.ingest.ingest import Declared, ingest
 from imuloop.ingest.reference import read_series
 from imuloop.simulate.reference import Beside, simulate_beside
 
-QUATERNION, PLACE = (DECLARED["columns"][name] for name in ("orientation", "position"))
 SEED = 12160
 
 
@@ -25,19 +24,13 @@ def sound():
 
 def made(folder, truth=None, declared=None, log=lambda x: x, reference=lambda x: x):
     pair = simulate_beside(truth, SEED) if truth else sound()
-    paths = []
-    for name, columns, harm in zip(("log", "reference"), pair, (log, reference), strict=True):
-        paths.append(folder / f"{name}.parquet")
-        pd.DataFrame(harm(columns)).to_parquet(paths[-1], index=False)
-    sources = {"log": {"path": "log.parquet"}, "reference": {"path": "reference.parquet"}}
+    paths = written(folder, "s", (log(pair[0]), reference(pair[1])))
+    sources = {"log": {"path": paths[0].name}, "reference": {"path": paths[1].name}}
     return ingested(folder, paths, DECLARED | (declared or {}), sources=sources)
 
 
 def ingested(folder, paths, reference, **more):
-    results = {f"{k}_path": folder / f"{k}.out" for k in ("samples", "quality")}
-    session = {"device": "d", "session": "s", "kind": "reference_motion", "paths": paths}
-    declared = Declared(columns={"time": "t"}, reference=reference, **more)
-    ingest(**session, declared=declared, **results)
+    results = ingested_files(folder, "s", paths, reference, **more)
     quality = json.loads(results["quality_path"].read_text())
     return quality, read_columns(results["samples_path"])
 

@@ -1,7 +1,5 @@
 """BROAD, published as synchronised: an offset in time that nobody declared, in one trial alone."""
 
-from unittest.mock import patch
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -90,22 +88,24 @@ def test_windows_are_those_of_the_diagnosis(device):
 def test_what_two_trials_show_of_the_set_up_is_not_taken_for_the_sensor(recordings, tmp_path):
     """Protects trials that the fit never saw: K 2 % off and a gyroscope turned by 1 % were written.
 
-    Trial 6 shows the arm and trial 18 the offset, and neither passed alone.
+    Trial 6 shows the arm and trial 18 the offset.
     """
     names = ("06_undisturbed_fast_rotation_A", "18_undisturbed_fast_translation_with_breaks_B")
-    with patch("imuloop.discover.search.search_formulas", return_value=None):
-        device = diagnosed(tmp_path, [recordings(f"{name}.mat") for name in names])
+    device = diagnosed(tmp_path, [recordings(f"{name}.mat") for name in names])
     _, effects = found(device, "accelerometer")
     assert set(effects) == {"time_offset", "lever_arm"}
     _, effects = found(device, "gyroscope")
     assert list(effects) == ["time_offset"]
     # three other trials say 4.17
     assert effects["time_offset"]["parameters"]["dt"] == pytest.approx(-0.00415, abs=1.5e-4)
-    calibration = Calibration.from_json(device.file("calibration.json"))
-    for sensor in (calibration.accelerometer, calibration.gyroscope):
-        np.testing.assert_array_equal(sensor.T, np.eye(3))
-        np.testing.assert_array_equal(sensor.K, 1.0)
-        assert "in fewer than three sessions" in sensor.not_testable
+    poses, final = (
+        Calibration.from_json(device.file(f"{name}.json"))
+        for name in ("multi_position", "calibration")
+    )
+    for sensor in ("accelerometer", "gyroscope"):
+        before, after = getattr(poses, sensor), getattr(final, sensor)
+        np.testing.assert_allclose(after.T, before.T, atol=1e-9)
+        np.testing.assert_allclose(after.K, before.K, atol=1e-9)
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +122,7 @@ def test_offset_lowers_the_error_of_a_filter_on_other_trials(three, recordings):
     logs = [loadmat(recordings(f"{name}.mat")) for name in names]
     errors = np.array([vqf_offset.before_and_after(log, dt) for log in logs])
     # degrees, as docs/reproduce.md has them
-    np.testing.assert_allclose(errors.mean(axis=0), [0.703, 0.595, 0.500, 1.349], atol=2e-3)
+    np.testing.assert_allclose(errors.mean(axis=0), [0.703, 0.593, 0.500, 1.347], atol=2e-3)
     assert (errors[:, 1:] < errors[:, :1]).sum(axis=0).tolist() == [7, 8, 0]
 
 
@@ -130,11 +130,11 @@ def test_each_trial_is_predicted_by_the_others(three):
     block, effects = found(three, "gyroscope")
     assert list(effects) == ["time_offset"]
     # degrees, as the README has them
-    for key, size in {"before": 1.10, "after": 0.240, "floor": 0.0153}.items():
+    for key, size in {"before": 1.19, "after": 0.295, "floor": 0.0153}.items():
         printed = np.degrees(block["residuals"]["reference_rotation"][key])
         assert printed == pytest.approx(size, rel=5e-3)
     windows = pd.read_parquet(three.file("reference.parquet"))
     windows = windows[windows["residual"] == "reference_rotation"]
-    for (_, of), most in zip(windows.groupby("session"), (0.40, 0.20, 0.35), strict=True):
+    for (_, of), most in zip(windows.groupby("session"), (0.50, 0.20, 0.25), strict=True):
         before, after = (of[f"reference_rotation_{k}"] for k in ("before", "after"))
         assert (after**2).mean() <= most**2 * (before**2).mean()

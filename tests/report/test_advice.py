@@ -166,7 +166,7 @@ def test_what_both_sensors_leave_beside_a_reference_is_one_step(good):
         residual = sizes | {"chi2_before": 900.0, "chi2_after": 400.0}
         content["sensors"][sensor]["reference"] = {
             "verdict": "unexplained",
-            "sessions": 3,
+            "set_up": {},
             "residuals": {name: residual},
             **{k: [] for k in ("effects", "candidates", "confounded", "correlates")},
         }

@@ -88,7 +88,7 @@ class Effect:
     reference: ClassVar[str]  # where it is described
     # channels without which it cannot be seen: ``temperature``, ``power_cycle`` (more than one)
     needs: ClassVar[tuple[str, ...]] = ()
-    # data in which it is looked for: ``poses``, ``static_record``, ``motion``, ``reference``
+    # data in which it is looked for: ``poses``, ``static_record``, ``motion``
     records: ClassVar[tuple[str, ...]] = ("poses", "static_record")
     # why poses and static records cannot show it, if so; then it is tried in its `records` only
     unobservable: ClassVar[str | None] = None
@@ -104,8 +104,6 @@ class Effect:
     # by how much the logarithm of its p-value has to be below that of shapes which do without
     # a constant that this one has
     price: ClassVar[float] = 0.0
-    # effects without which it can look like none, as they without it
-    hidden_by: ClassVar[tuple[str, ...]] = ()
     # least and largest value of a constant, where not any number will do
     bounds: ClassVar[dict[str, tuple[float, float]]] = {"tau": (1e-3, 1e7)}
 

@@ -8,8 +8,8 @@ def candidates(sensor, record, channels):
     """Return the shapes of each effect to try on a sensor, by type, and why others are not.
 
     Of the others status and reason by type; `channels` is what effects see in the record, which is
-    'poses' or 'static_record'. Effects of the other two, 'motion' and 'reference', are not tried
-    here: `records.motion.candidates_in_motion` and `records.reference.shapes_beside` add them.
+    'poses' or 'static_record'. Effects of 'motion' are not tried here:
+    `records.motion.candidates_in_motion` adds them.
     """
     available, others, cycle = {}, {}, channels.power_cycle
     several = cycle is not None and cycle.any()

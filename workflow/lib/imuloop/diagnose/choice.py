@@ -45,9 +45,8 @@ class Choice:
 class Choices:
     """The searches of all data of a problem and without some parts, and what each adds."""
 
-    def __init__(self, problem, effects_of=None):
-        """Of a problem, its effects those of other Choices where these are given."""
-        self.problem, self._effects_of = problem, effects_of
+    def __init__(self, problem):
+        self.problem = problem
         self._searches, self._choices, self._errors = {}, {}, {}
 
     def search(self, held_out=frozenset()):
@@ -91,8 +90,6 @@ class Choices:
         then everything is tested again, until nothing passes. What then no longer lowers it beside
         all others is removed. Constants of what stays are then fitted between those of the shapes.
         """
-        if self._effects_of:
-            return self._effects_of.choice(held_out)
         if held_out not in self._choices:
             self._choices[held_out] = self._choice(held_out)
         return self._choices[held_out]
@@ -138,8 +135,7 @@ class Choices:
             failed[kinds if len(kinds) > 1 else kinds[0]] = ratio
         # errors of another effect can hide that one lowers them
         for first in (search.trial(base, kind) for kind in failed if type(kind) is not tuple):
-            banned = {k for k in failed if getattr(k, "name", None) not in first.effect.hidden_by}
-            if more := search.best((*base, *first.effects), banned):
+            if more := search.best((*base, *first.effects), failed):
                 both = replace(first, effects=(*first.effects, *more.effects))
                 wide, _ = self._extended_if_errors_fall(base, both, held_out)
                 if wide:
@@ -170,32 +166,15 @@ class Choices:
         part_of_row, errors = self.problem.part_of_row[rows][known], [e[known] for e in errors]
         before, after = (e[:, [trial.axis]] for e in errors)
         scale = np.broadcast_to(self.problem.error_scale, len(self.problem.part_of_row))
-        scale = scale[rows][known, None]
-        ratio = self.ratio(part_of_row, before / scale, after / scale)
-        if ratio[1] >= 1 and errors[0].shape[1] > 1:
+        scale, settings = scale[rows][known, None], self.problem.settings
+        interval = ratio(part_of_row, before / scale, after / scale, settings)
+        if interval[1] >= 1 and errors[0].shape[1] > 1:
             size = np.sqrt((errors[0] ** 2).mean(axis=0))
-            of_all = self.ratio(part_of_row, *(e / np.where(size > 0, size, 1.0) for e in errors))
+            sized = (e / np.where(size > 0, size, 1.0) for e in errors)
+            of_all = ratio(part_of_row, *sized, settings)
             if of_all[1] < 1:
                 return ErrorChange(residual_kind, *errors, of_all)
-        return ErrorChange(residual_kind, before, after, ratio)
-
-    def ratio(self, part_of_row, before, after):
-        """Return the interval of `ratio_interval`, a part that weighs most cut into several.
-
-        A part in which the prediction changes several times as much as in others, as the first
-        one does with a warm-up, is cut into as many: a draw without it would show nothing.
-        """
-        change = ((before - after) ** 2).sum(axis=1)
-        number, last, parts = np.empty(len(part_of_row)), 0, np.unique(part_of_row)
-        for k in parts:
-            rows = part_of_row == k
-            own = change[rows]
-            # rounding shall not decide
-            count = max(1, int(len(parts) * own.sum() / max(change.sum(), 1e-300) + 1e-6))
-            share = (np.cumsum(own) - own / 2) / max(own.sum(), 1e-300)
-            number[rows] = last + np.minimum((count * share + 1e-6).astype(int), count - 1)
-            last += count
-        return ratio_interval(number, before, after, self.problem.settings)
+        return ErrorChange(residual_kind, before, after, interval)
 
     def nested(self, held_out):
         """Return the effects that the search without some parts adds.
@@ -204,6 +183,25 @@ class Choices:
         effects, whatever a part of the data would add.
         """
         return self.choice(held_out).base if self.choice().base else ()
+
+
+def ratio(part_of_row, before, after, settings):
+    """Return the interval of `ratio_interval`, a part that weighs most cut into several.
+
+    A part in which the prediction changes several times as much as in others, as the first
+    one does with a warm-up, is cut into as many: a draw without it would show nothing.
+    """
+    change = ((before - after) ** 2).sum(axis=1)
+    number, last, parts = np.empty(len(part_of_row)), 0, np.unique(part_of_row)
+    for k in parts:
+        rows = part_of_row == k
+        own = change[rows]
+        # rounding shall not decide
+        count = max(1, int(len(parts) * own.sum() / max(change.sum(), 1e-300) + 1e-6))
+        share = (np.cumsum(own) - own / 2) / max(own.sum(), 1e-300)
+        number[rows] = last + np.minimum((count * share + 1e-6).astype(int), count - 1)
+        last += count
+    return ratio_interval(number, before, after, settings)
 
 
 def ratio_interval(part_of_row, before, after, settings):

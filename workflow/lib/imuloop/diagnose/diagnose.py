@@ -25,13 +25,9 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.motion import diagnose_motion
-from imuloop.diagnose.records.one_solution import with_reference
 from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnose_poses, pose_candidates
 from imuloop.diagnose.records.pose_tables import moves_table, poses_table
-from imuloop.diagnose.records.reference import (
-    diagnose_references,
-    windows_table,
-)
+from imuloop.diagnose.records.reference import diagnose_reference
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.diagnose.verdict import not_testable, of_calibration
@@ -130,8 +126,7 @@ def diagnose_device(
         final[sensor] = final_calibration(*given, bias_refitted)
     final = replace(base, **final | motion.calibrations)
     final = with_validity_ranges(final, poses.calibrations, recording, records, still.effects)
-    beside = diagnose_references(sessions, noise, gravity, settings, tests, final, search_formulas)
-    final = with_reference(final, beside)
+    beside, windows = diagnose_reference(sessions, noise, gravity, settings, tests, final)
     names, faces = (
         [name for name, session in sessions.items() if usable({name: session}, *kinds)]
         for kinds in (GROUPS[method], ("six_position",))
@@ -143,7 +138,7 @@ def diagnose_device(
         turned = content["sensors"]["gyroscope"]["poses"]
         turned["contradicting"] = [dict(zip(keys, turn, strict=True)) for turn in turns_of]
     for sensor, own in content["sensors"].items():
-        own |= {"reference": beside[sensor].content} if beside else {}
+        own |= {"reference": beside[sensor]} if beside else {}
         calibration = getattr(final, sensor)
         if why := implausible(calibration, sensor):
             good = [part for part, c in own.items() if c["verdict"] in ("consistent", "explained")]
@@ -162,7 +157,7 @@ def diagnose_device(
     tables = {
         "poses": joined(shown),
         "moves": moves_table(recording, names, turned, seen_force, residuals),
-        "reference": windows_table(beside),
+        "reference": windows,
     }
     in_motion = (motion.pair, motion.solution) if motion.solution else ()
     of_poses = poses, recording, names

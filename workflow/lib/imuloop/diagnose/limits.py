@@ -1,7 +1,4 @@
-"""Detection limits: the sizes that would have been found, and kept, with the wanted power.
-
-Those of a reference's set-up: `records.set_up`.
-"""
+"""Detection limits: the sizes that would have been found, and kept, with the wanted power."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property, partial

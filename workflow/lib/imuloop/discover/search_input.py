@@ -81,32 +81,14 @@ def of_poses(problem, base, sensor):
     held = np.flatnonzero(part_of_pose >= 0)
     part_of_pose[held] = np.arange(len(held)) * min(parts, len(held)) // len(held)
     problem = problem.with_parts(part_of_pose)
-    return _of_problem(problem, base, sensor, channels, vectors, scalars, kinds, of_pair=True)
-
-
-def of_reference(problem, base, sensor):
-    """Return the SearchInput of a ReferenceProblem, which is of one sensor."""
-    windows, log = problem.sensor.windows(problem.recording), problem.recording.logs[0]
-    pair = (log.f, log.w) if sensor == "accelerometer" else (log.w, log.f)
-    channels = Channels(log.t, *pair, log.temperature)
-    # an axis of the reference's world, on those of the body
-    up = np.nan_to_num(windows.of_logs("attitude", windows.first)[:, 2])
-    missing = any(own.temperature is None for own in windows.logs)
-    warmth = None if missing else windows.of_logs("temperature", windows.first)
-    what = scalars_of(up, warmth), problem.sensor.kinds
-    return _of_problem(problem, base, sensor, channels, "fw", *what, of_pair=False)
-
-
-def _of_problem(problem, base, sensor, channels, vectors, scalars, kinds, of_pair):
-    """Return the SearchInput of a PoseProblem of both sensors, or of one beside a reference."""
 
     def added(effect):
-        return problem.added(OfSensor(effect, sensor) if of_pair else effect)[:, 0]
+        return problem.added(OfSensor(effect, sensor))[:, 0]
 
     space = space_of(sensor, channels, added, vectors)
     each = {kind: (problem.of_kind(kind), problem.components(kind)) for kind in kinds}
     rows = rows_of(problem, base)
-    return SearchInput(problem, rows, space, problem.row_parts, each, scalars, of_pair)
+    return SearchInput(problem, rows, space, problem.row_parts, each, scalars, of_pair=True)
 
 
 def rows_of(problem, base=()):
@@ -214,4 +196,4 @@ def scalars_of(directions, temperature):
     return np.column_stack([order, np.sign(order), u, *products, *warmth])
 
 
-INPUTS = dict(poses=of_poses, static_record=of_static, motion=of_poses, reference=of_reference)
+INPUTS = dict(poses=of_poses, static_record=of_static, motion=of_poses)

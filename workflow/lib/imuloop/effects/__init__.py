@@ -6,11 +6,11 @@ from pkgutil import iter_modules
 from imuloop.core.effect import Effect
 
 # order of results alone: an effect that is not named here stands after these
-_ORDER = """anisoinertia asymmetry bias_drift bias_temperature bias_temperature_rate clock_drift
-    cross_coupling cubic vibration_rectification discovered earth_rate g2_sensitivity g_sensitivity
-    gauss_markov gyro_axis_delay lever_arm quadratic ramp rate_sensitivity reorientation
-    scale_asymmetry scale_nonlinearity scale_temperature sinusoid size_effect steps
-    thermal_hysteresis time_offset turn_on_bias warm_up""".split()
+_ORDER = """anisoinertia asymmetry bias_drift bias_temperature bias_temperature_rate cross_coupling
+    cubic vibration_rectification discovered earth_rate g2_sensitivity g_sensitivity gauss_markov
+    gyro_axis_delay lever_arm quadratic ramp rate_sensitivity reorientation scale_asymmetry
+    scale_nonlinearity scale_temperature sinusoid steps thermal_hysteresis time_offset turn_on_bias
+    warm_up""".split()
 
 for _module in iter_modules(__path__):
     import_module(f"{__name__}.{_module.name}")

@@ -1,6 +1,4 @@
-"""Late time stamps: of a sensor, of one axis, or of a clock that runs fast or slow."""
-
-from dataclasses import dataclass
+"""Late time stamps: of a sensor, or of one axis."""
 
 import numpy as np
 
@@ -20,12 +18,6 @@ def own_change(channels, seconds):
 
 
 @in_pieces
-def drifting_change(channels, gained, middle):
-    """Return the same until `gained` seconds per second from the `middle`, s, later, (n, 3)."""
-    return secant(channels.t, channels.output, gained * (channels.t - middle), channels.step)
-
-
-@in_pieces
 def other_slope(channels):
     """Return the rate of change of the other sensor's output, shape (n, 3)."""
     return slope(channels.t, channels.other)
@@ -42,15 +34,14 @@ class TimeOffset(Effect):
     The other sensor's stamps are the clock: two sensors show what one is late by after the other,
     and a difference of their low-pass filters is the same. Leaves: velocity at the end of a move,
     ``Δt g`` for each radian turned about the horizontal, 15 mm/s per ms for a quarter turn. From
-    rest to rest attitudes have all arrived: the angle turned is the same. Beside a reference, its
-    clock is the clock, of both sensors.
+    rest to rest attitudes have all arrived: the angle turned is the same.
     """
 
     name = "time_offset"
     parameters = {"dt": "s"}
     equation = "e = y(t) - y(t - Δt)"
     reference = "Furgale et al., IROS 2013, temporal calibration"
-    records = ("motion", "reference")
+    records = ("motion",)
     unobservable = "a shift in time changes nothing at rest, nor the angle from rest to rest"
     limit = LATEST
     reach = REACH + LATEST
@@ -89,43 +80,5 @@ class GyroAxisDelay(Effect):
         for axis, late in enumerate(values):
             design[:, axis, axis] = -channels.remembered(own_change, float(late))[:, axis]
         return design
-
-    design_at = design
-
-
-@dataclass(frozen=True)
-class ClockDrift(Effect):
-    """``e = y(t) - y(t - d (t - t_m))``: the sensor's clock gains d seconds per second.
-
-    t_m is the middle of the log: what is late there is `time_offset`. Leaves beside a reference: an
-    offset in time that grows; 50 ppm are 9 ms after three minutes.
-    """
-
-    middle: float = 0.0  # t_m, s
-
-    name = "clock_drift"
-    sensors = ("gyroscope",)
-    parameters = {"d": "1"}
-    equation = "e = y(t) - y(t - d (t - t_m))"
-    reference = "Furgale et al., IROS 2013, temporal calibration"
-    records = ("reference",)
-    unobservable = "only a reference has another clock"
-    # crystals are good to some 100 ppm, RC oscillators to 1 %
-    limit = 0.02
-    reach = REACH + LATEST
-    # late at one end and early at the other, neither alone lowers the error of all parts
-    hidden_by = ("time_offset",)
-
-    clamped = unclamped
-
-    @classmethod
-    def shapes(cls, channels):
-        """Return the shape of a log: its middle."""
-        return (cls(float(channels.t[0] + channels.t[-1]) / 2),)
-
-    def design(self, channels, values=(0.0,)):
-        """Return the rate of change times the time, m/s^2 or rad/s, shape (n, 3, 1)."""
-        change = channels.remembered(drifting_change, -float(values[0]), self.middle)
-        return (change * (channels.t - self.middle)[:, None])[:, :, None]
 
     design_at = design

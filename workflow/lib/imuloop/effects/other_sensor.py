@@ -1,8 +1,5 @@
 """Cross-sensitivity of one sensor to the quantity that the other measures."""
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 
 from imuloop.core.effect import Effect
@@ -101,7 +98,6 @@ class RateSensitivity(Effect):
         return row_by_row(channels.other)
 
 
-@dataclass(frozen=True)
 class LeverArm(Effect):
     """``e_i = (dw/dt × r_i + w × (w × r_i))_i``: axis i sits at r_i, not at the origin.
 
@@ -109,50 +105,24 @@ class LeverArm(Effect):
     origin is where the accelerometer's z axis sits, and r_x and r_y are from there.
     Leaves: velocity at the end of a move, as the angle turned and as the square of the rate; 1 cm
     at 5 rad/s gives 0.25 m/s². Nothing at rest. Imitated by: `rate_sensitivity`, a little.
-
-    From a `marker` whose position a reference gives the common arm is seen: all axes sit at r.
     """
-
-    marker: int = 0  # 1: from a reference's marker
 
     name = "lever_arm"
     sensors = ("accelerometer",)
+    parameters = {f"r{i}{j}": "m" for i in "xy" for j in AXES}
     equation = "e_i = (dw/dt × r_i + w × (w × r_i))_i, r_z = 0"
     reference = "Titterton and Weston, Strapdown Inertial Navigation Technology, size effect"
-    records = ("motion", "reference")
+    records = ("motion",)
     unobservable = "it acts only while the device turns, and residuals are taken at rest"
     limit = 0.1  # of what is called one sensor
-    bounds: ClassVar = {"marker": (0, 1)}
     reach = REACH
-    # the equation of an arm from the marker
-    of_place = "e = dw/dt × r + w × (w × r)"
-
-    @property
-    def parameters(self):
-        """Names and units: of the arm from the marker, or of those of x and y."""
-        return {f"r{i}{j}": "m" for i in ([""] if self.marker else "xy") for j in AXES}
 
     def design(self, channels):
-        """Return the derivative with respect to the arms of x and y, shape (n, 3, 6 or 3)."""
+        """Return the derivative with respect to the arms of x and y, shape (n, 3, 6)."""
         w, change = channels.other, channels.remembered(other_slope)
         # (dw/dt × r + w × (w × r))_i = Σ_j A_ij r_j
         A = w[:, :, None] * w[:, None] - (w**2).sum(axis=1)[:, None, None] * np.eye(3)
         A = A + np.cross(change[:, None], np.eye(3)).swapaxes(1, 2)
-        if self.marker:
-            return A
         design = np.zeros((len(w), 3, 6))
         design[:, 0, :3], design[:, 1, 3:] = A[:, 0], A[:, 1]
         return design
-
-
-class SizeEffect(LeverArm):
-    """``e_i = (dw/dt × r_i + w × (w × r_i))_i``: axis i sits at r_i from the z axis.
-
-    It is the `lever_arm` of the moves between rests, and that in a calibration. Beside a reference
-    `lever_arm` is the arm from the marker, to the z axis where both are there.
-    """
-
-    name = "size_effect"
-    equation = "that of `lever_arm`"
-    records = ("reference",)
-    unobservable = None  # elsewhere `lever_arm` says it

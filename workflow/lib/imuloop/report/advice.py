@@ -99,7 +99,7 @@ def what_next(block):
         return structure
     probe, moves = leading(block), block.get("moves", {})
     spoiled = moves.get("left_out", 0) > MANY * moves.get("all", 0)
-    look = _LOOK_BESIDE if "sessions" in block else _LOOK
+    look = _LOOK_BESIDE if "set_up" in block else _LOOK
     return _NEXT.get(probe["name"] if probe else "knock" if spoiled else None, look)
 
 

@@ -8,7 +8,6 @@ from imuloop.report.figures.composed import composed_pictures
 from imuloop.report.figures.correlates import correlate_pictures
 from imuloop.report.figures.loop import device_loop
 from imuloop.report.figures.poses import pose_picture
-from imuloop.report.figures.reference import reference_pictures
 from imuloop.report.figures.residuals import residual_pictures
 from imuloop.report.figures.spectrum import density_pictures
 from imuloop.report.figures.time_series import session_pictures
@@ -19,9 +18,9 @@ def _residuals(device, sensor, part, block):
     found = composed_pictures(device, sensor, block)
     if part == "static_record":
         return found
-    if part == "reference":
-        return reference_pictures(device, sensor, block) + found
-    return residual_pictures(device, sensor, block) + arm_pictures(device, block) + found
+    if part == "motion":
+        found = arm_pictures(device, block) + found
+    return residual_pictures(device, sensor, block) + found
 
 
 def _corrected(device, sensor, part, block):

@@ -13,7 +13,6 @@ from imuloop.report import composed
 from imuloop.report.advice import next_steps, what_next
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.drawing import Picture, write_svg
-from imuloop.report.figures.reference import duration_table
 from imuloop.report.page import write, write_page
 from imuloop.report.pictures import OF_RECORD, OF_SESSION, pictures
 from imuloop.report.results import SENSORS, read_device
@@ -99,7 +98,7 @@ def diagnosis_part(device, sensor, part, block):
     tables = [diagnosis.steps_table(sensor, part, block)]
     tables += [diagnosis.effect_table(sensor, part, e) for e in block["effects"]]
     if part == "reference":
-        tables.append(duration_table(block))
+        tables.append(diagnosis.set_up_table(sensor, block))
     elif part == "static_record":
         tables.append(noise.noise_change_table(sensor, block))
     return {

@@ -75,10 +75,6 @@ SLOW_AT_REST = (
     " Held out it is more than a quarter above its floor: it takes more flicker or random walk "
     "than was estimated, within their intervals."
 )
-# sessions with a reference from which on whole ones are held out
-WHOLE = 3
-# of the set-up of a reference, not of the sensor
-BESIDE = ("time_offset", "clock_drift", "lever_arm")
 # share of the floor that its range is worth naming from
 WIDE = 0.1
 # probability of naming one of them by chance, and the share of the residual that is worth naming
@@ -302,7 +298,7 @@ def sentence(sensor, block):
         "explained": f"explained by {effects}",
         "partly_explained": f"partly explained by {effects}, "
         + ("something is still missing" if lacking(block) else "not in every part of the data")
-        + (", in the sensor or the reference" if "sessions" in block else ""),
+        + (", in the sensor or the reference" if "set_up" in block else ""),
         "unexplained": f"unexplained, {_tried(sensor, block)}",
     }[verdict]
     text = f"{words}: {RESIDUAL_WORDS[name]}, {change(residual, bool(effects))}"
@@ -328,8 +324,8 @@ def sentence(sensor, block):
         text += SLOW_AT_REST if "bias" in block["residuals"] else SLOW_NOISE
     text += f" {undersampled(block)[1]}".rstrip()
     text += contradicting(block)
-    if block.get("sessions", WHOLE) < WHOLE:
-        text += _within(block)
+    if len(block.get("set_up", ())) == 1:
+        text += " Held out were parts of one session, not sessions."
     if spoiled := block.get("moves", {}).get("left_out"):
         of = plural(block["moves"]["all"], "move")
         why = "a knock between two samples, lost samples, a tilt at the rest beside it or clipping"
@@ -340,19 +336,6 @@ def sentence(sensor, block):
             f" Reduced χ² of the {RESIDUAL_WORDS[name]} is {number(chi2)}, far below 1, "
             f"which its own noise at rest would not leave ({p_text(p)}): the data were corrected "
             "or filtered before they were logged, and say little of the sensor."
-        )
-    return text
-
-
-def _within(block):
-    """Return what it means that a reference was there in fewer sessions than can be held out."""
-    own = [effect_words(e["name"]) for e in block["effects"] if e["name"] not in BESIDE]
-    text = " Held out were parts of a session, not a session: what the reference gets wrong in one "
-    text += f"attitude it gets wrong there again; {WHOLE} sessions would tell."
-    if own:
-        verb = "is" if len(own) == 1 else "are"
-        text += (
-            f" {joined(own)} {verb} seen within a session only, and left out of the calibration."
         )
     return text
 

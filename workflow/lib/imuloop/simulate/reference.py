@@ -21,18 +21,17 @@ WHITE = {"gyroscope": 1e-4, "accelerometer": 1e-3}
 class Beside:
     """What a device has that its data sheet does not say, and how good its reference is; SI.
 
-    `dt` and `drift` are by sensor and as of the effects time_offset and clock_drift, `arm` from
-    marker to sensor, (3,), or to each of its axes, (3, 3), `G` the gyroscope's sensitivity to
-    specific force, T and K of both sensors.
+    `dt`, by sensor, and `drift` are time_offset and clock_drift, `arm` is from marker to sensor,
+    T, K and b those of both sensors; a b that is not given is drawn.
     """
 
     duration_s: float = 120.0
     dt: dict = field(default_factory=dict)
     drift: float = 0.0
-    arm: np.ndarray | tuple = (0.0, 0.0, 0.0)
-    G: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
+    arm: tuple = (0.0, 0.0, 0.0)
     T: dict = field(default_factory=dict)
     K: dict = field(default_factory=dict)
+    b: dict = field(default_factory=dict)
     attitude_noise: float = np.radians(0.2)
     place_noise: float = 1e-3
     lost: float = 0.03
@@ -73,9 +72,7 @@ def simulate_beside(truth, seed):
     attitude = Rotation.from_quat(q, scalar_first=True)
     pushed = CubicSpline(t, place)(t, 2) + np.array([0, 0, truth.gravity])
     change, force = np.gradient(rate, t, axis=0), attitude.inv().apply(pushed)
-    for axis, arm in enumerate(np.broadcast_to(truth.arm, (3, 3))):
-        turned = np.cross(change, arm) + np.cross(rate, np.cross(rate, arm))
-        force[:, axis] += turned[:, axis]
+    force = force + np.cross(change, truth.arm) + np.cross(rate, np.cross(rate, truth.arm))
     log = {"t": np.arange(0, truth.duration_s, 1 / RATE)}
     middle = log["t"][-1] / 2
     true = {"accelerometer": force, "gyroscope": rate}
@@ -85,10 +82,8 @@ def simulate_beside(truth, seed):
             at = at + truth.drift * (log["t"] - middle)
         x = CubicSpline(t, true[sensor])(at)
         y = x @ np.linalg.inv(truth.T.get(sensor, np.eye(3))).T
-        if sensor == "gyroscope":
-            y = y + CubicSpline(t, force)(at) @ truth.G.T
         bias = rng.normal(0, 0.02 if sensor == "accelerometer" else 0.003, 3)
-        y = y / truth.K.get(sensor, np.ones(3)) + bias
+        y = y / truth.K.get(sensor, np.ones(3)) + truth.b.get(sensor, bias)
         y = y + rng.normal(0, WHITE[sensor] * np.sqrt(RATE), y.shape)
         log |= {f"{names}{axis}": v for axis, v in zip("xyz", y.T, strict=True)}
     at = np.arange(0, truth.duration_s, 1 / REFERENCE_RATE)

@@ -216,22 +216,21 @@ def fitted_effects(result):
     return [every[e.sensor, e.effect] for e in result.choices.choice().base]
 
 
-def judged_residuals(choices, kinds, errors, sensors=(), before=None):
+def judged_residuals(choices, kinds, errors, sensors=()):
     """Return verdict and residuals of a PoseProblem, and what is left of them, pose by pose.
 
     Of some kinds of residual: the contract's fields, and the columns of `residual_columns`. Before
-    is without the effects of some sensors, of all if none is named, or, if given, as other Choices
-    of the same rows have it. `errors` are those held out with all effects.
+    is without the effects of some sensors, of all if none is named. `errors` are those held out
+    with all effects.
     """
     problem, added = choices.problem, choices.choice().base
     pair, settings = problem.sensor, problem.settings
     others = tuple(e for e in added if sensors and e.sensor not in sensors)
-    start = before or choices
-    more = len(others) < len(added) or start is not choices
-    plain = start.following(kinds_of(others)) if more else errors
+    more = len(others) < len(added)
+    plain = choices.following(kinds_of(others)) if more else errors
     predicted = np.isfinite(plain) & np.isfinite(errors)
     errors = [np.where(predicted, each, np.nan) for each in (plain, errors)]
-    base = start.problem.linearized(others if more else added)
+    base = problem.linearized(others if more else added)
     final = problem.linearized(added)
     groups, both = [problem.of_kind(kind) for kind in kinds], []
     for about, own in zip((base, final), errors, strict=True):

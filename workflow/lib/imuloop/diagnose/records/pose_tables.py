@@ -14,8 +14,6 @@ COMPONENTS = {
     "rotation": "12",
     "velocity_vertical": "",
     "velocity_horizontal": "12",
-    "reference_rotation": "xyz",
-    "reference_force": "xyz",
 }
 
 
@@ -34,10 +32,9 @@ _OF_MOVE = (
     "knock_m_s", *_VELOCITY,
 )  # fmt: skip
 POSES = _PLACE | dict.fromkeys(_OF_POSE, float)
-REFERENCE = {"session": object, "residual": object, "start_s": float, "end_s": float}
-REFERENCE |= dict.fromkeys(
-    (*_of_residual("reference_rotation"), *_of_residual("reference_force")), float
-)
+_OF_WINDOW = ("reference_rotation", "reference_force")
+REFERENCE = _PLACE | {"residual": object}
+REFERENCE |= {f"{kind}_{key}": float for kind in _OF_WINDOW for key in ("before", "after", "floor")}
 MOVES = _PLACE | dict.fromkeys(_OF_MOVE, float)
 
 

@@ -60,13 +60,13 @@ def loop_errors(device):
         block = known.get((sensor, part), UNTESTED)
         for name in dict.fromkeys([quoted(sensor, block)[0], *residual_names(sensor, block)[:1]]):
             if name:
-                logged = _as_logged(device, name, block)
+                logged = _as_logged(device, name)
                 what = WHAT[name].format(sensor)
                 found.append(_of_residual(what, block["residuals"][name], block, logged))
     return found
 
 
-def _as_logged(device, name, block):
+def _as_logged(device, name):
     """Return the error as logged, SI, root mean square, in place of a residual; None if unknown."""
     if name == "rotation":
         attitude = read_json(device.folder / "attitude.json")
@@ -79,9 +79,6 @@ def _as_logged(device, name, block):
     elif name == "pose_rate":
         table = device.poses[np.isfinite(device.poses["pose_rate_after"])]
         return np.sqrt(np.mean((table[list(ANGULAR_RATE)] ** 2).sum(axis=1)))
-    elif name == "reference_rotation":
-        [second] = (e for e in block["by_duration"] if e["seconds"] == 1)
-        return second["logged"]["rotation"]
     return None
 
 

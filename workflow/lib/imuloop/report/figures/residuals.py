@@ -17,9 +17,12 @@ SHORT_WORDS = {
     "rotation": "direction error",
     "velocity_vertical": "vertical",
     "velocity_horizontal": "horizontal",
+    "reference_rotation": "rotation over 1 s",
+    "reference_force": "specific force",
 }
-# residuals of a move
+# residuals of a move, and of a window beside a reference
 OF_MOVES = ("rotation", "velocity_vertical", "velocity_horizontal")
+OF_WINDOWS = ("reference_rotation", "reference_force")
 # cosine of the angle within which a turn is about one axis, 30 degrees
 ABOUT = 0.87
 MIXED = "mixed"
@@ -33,6 +36,7 @@ def residual_pictures(device, sensor, block):
     found = []
     for name in block["residuals"]:
         table = device.moves if name in OF_MOVES else device.poses
+        table = device.reference if name in OF_WINDOWS else table
         # poses on six faces are not diagnosed
         table = table[np.isfinite(table[f"{name}_after"])]
         found.append(_picture(device, sensor, name, table, block))
@@ -65,6 +69,8 @@ def against(name, table):
             "speed_deg_s": ("greatest speed, °/s", speed),
             "axis": ("about axis", np.array([TURN_AXES.index(turn_axis(u)) for u in axes])),
         }
+    if name in OF_WINDOWS:
+        return found
     force = table[list(ACCELERATION)].to_numpy()
     for axis, values in zip(XYZ, (force / np.linalg.norm(force, axis=1)[:, None]).T, strict=True):
         found[f"up_{axis}"] = f"{axis} of “up”, 1", values
@@ -130,8 +136,9 @@ def _picture(device, sensor, name, table, block):
     for key, (_, x) in panels.items():
         columns[key] = [TURN_AXES[v] for v in x] if key == "axis" else x
     several, words = len(sessions) > 1, RESIDUAL_WORDS[name]
+    thing = "turn" if name in OF_MOVES else "window" if name in OF_WINDOWS else "pose"
     things = [
-        f"{'turn' if name in OF_MOVES else 'pose'} {i}" + f" of {session}" * several
+        f"{thing} {i}" + f" of {session}" * several
         for session, i in zip(table["session"], table["pose"], strict=True)
     ]
     said = [
@@ -140,6 +147,7 @@ def _picture(device, sensor, name, table, block):
     ]
 
     def plot(areas):
+        areas = np.atleast_1d(areas)
         for area, (key, (label, x)) in zip(areas, panels.items(), strict=True):
             # over time the floor of each; elsewhere it would jump from mark to mark
             first = area is areas[0]

@@ -12,7 +12,6 @@ METHODS = {"six_position": "Six-position", "multi_position": "Multi-position", "
 METHOD_WORDS = {
     "multi_position": "poses in many attitudes",
     "six_position": "six faces",
-    "reference_motion": "motion beside a reference",
     "known_rotation": "turns of known angles",
     "static": "rests only: bias alone",
     "nominal": "data sheet, nothing estimated",

@@ -20,7 +20,6 @@ CONSTANTS = {
     "half_width": ("w", "K"),
     "frequency": ("f", "Hz"),
     "tc": ("Tc", "s"),
-    "middle": ("t_m", "s"),
 }
 # best first
 UNTRIED = ("not_observable", "not_available")
@@ -90,7 +89,7 @@ def constants_text(constants):
         if name == "times":
             parts.append(f"{plural(len(value), 'step')}, {', '.join(map(duration, value[:3]))}")
             parts[-1] += ", …" * (len(value) > 3)
-        elif name not in ("sessions", "spans", "marker"):
+        elif name not in ("sessions", "spans"):
             symbol, unit = CONSTANTS.get(name, (name.replace("_", " "), ""))
             text = str(value) if isinstance(value, (int, str)) else text_of(value)
             parts.append(f"{symbol} {with_unit(text, unit) if unit else text}")

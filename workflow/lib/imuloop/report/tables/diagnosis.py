@@ -3,7 +3,6 @@
 import re
 
 from imuloop.core.effect import Effect
-from imuloop.effects.delays import TimeOffset
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.report.numbers import (
     NO_NUMBER,
@@ -17,6 +16,9 @@ from imuloop.report.tables.candidates import constants_text
 from imuloop.report.tables.table import Table
 from imuloop.report.units import RESIDUAL, data_sheet
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS
+
+# what the parameters of a reference's set-up mean
+BESIDE = "What is stamped t was there at t + dt by the reference's clock; r is from its marker."
 
 
 def steps_table(sensor, part, block):
@@ -71,10 +73,8 @@ def effect_table(sensor, part, effect):
             label = f"over power cycles, {axis}: 1 σ, 95 % interval {ends}"
             rows.append((label, shown.size(value), shown.unit))
     note = f"{known.equation} ({known.reference})." if known else ""
-    if effect["constants"].get("marker"):
-        note = note.replace(known.equation, known.of_place)
-    elif part == "reference" and effect["name"] == TimeOffset.name:
-        note += " What is stamped t was there at t + dt by the reference's clock."
+    if part == "reference":
+        note = BESIDE
     if constants := constants_text(effect["constants"]):
         note = f"{note} Of the shapes that were tried this one is best: {constants}.".strip()
     return Table(
@@ -83,6 +83,16 @@ def effect_table(sensor, part, effect):
         rows,
         note,
     )
+
+
+def set_up_table(sensor, block):
+    """Return bias and mounting of each session beside a reference; None without any."""
+    found = block.get("set_up", {}).items()
+    each = ((name, parameter_rows(own | {"constants": {}})) for name, own in found)
+    rows = [(f"{name}, {row[0]}", *row[1:]) for name, rows in each for row in rows]
+    note = "b is the bias as logged, m the rotation vector from the body to the reference's."
+    heads = ("Parameter", "Value ± 1 σ", "Unit")
+    return rows and Table(f"{sensor.capitalize()}, sessions beside a reference", heads, rows, note)
 
 
 def _place(name, effect):
