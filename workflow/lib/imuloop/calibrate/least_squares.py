@@ -9,6 +9,8 @@ from scipy.optimize import least_squares
 
 # evaluations after which a fit is given up, and the relative tolerance of its end
 _STEPS, _TOLERANCE = 200, 1e-10
+# degrees of freedom from which on the reduced chi square tells something
+LEAST_DOF = 10
 # singular value over the largest, columns of length one, that rounding alone may leave
 _SMALLEST = 1e-10
 # variance over the largest, of parameters divided by their standard errors, that counts as none
@@ -33,22 +35,22 @@ def why_no_fit(error):
 class FitResult:
     """Result of a generalised least-squares fit of p parameters to n residuals.
 
-    The covariance is ``(Jᵀ Σ⁻¹ J)⁻¹``, from the predicted covariance Σ of the residuals alone, χ²
-    ``rᵀ Σ⁻¹ r``; the derivative J, (n, p), is not whitened, the residuals are, (n,), each given
-    those before it.
+    The covariance is ``C = (Jᵀ Σ⁻¹ J + Rᵀ R)⁻¹``, from the predicted covariance Σ of the residuals
+    and the rows R of the prior; χ² is ``rᵀ Σ⁻¹ r``, its degrees of freedom ``n - p + tr(R C Rᵀ)``.
+    The derivative J, (n, p), is not whitened, the residuals are, (n,), each given those before it.
     """
 
     x: np.ndarray
     covariance: np.ndarray
     chi2: float
-    dof: int
+    dof: float
     jacobian: np.ndarray
     white: np.ndarray
 
     @property
     def reduced_chi2(self):
-        """Chi square per degree of freedom; not a number without any."""
-        return self.chi2 / self.dof if self.dof > 0 else np.nan
+        """Chi square per degree of freedom; not a number below `LEAST_DOF`, where it is chance."""
+        return self.chi2 / self.dof if self.dof >= LEAST_DOF else np.nan
 
     @property
     def scaled_covariance(self):
@@ -84,7 +86,7 @@ def fit(residuals, x0, covariance, prior=None):
     covariance : array_like, shape (n, n) or (n,)
         Covariance Σ of the residuals, positive definite, or the variances of independent ones.
     prior : (ndarray, ndarray), optional
-        R, shape (k, p), and z, shape (k,), from other data; χ² and degrees of freedom count it too.
+        R, shape (k, p), and z, shape (k,), from other data.
 
     Returns
     -------
@@ -131,8 +133,11 @@ def fit(residuals, x0, covariance, prior=None):
         raise NotConverged(f"the fit does not converge in {_STEPS} steps")
     x = found.x
     r, white, jacobian = evaluate(x)
-    own = r[: len(jacobian)]
-    return FitResult(x, covariance_of(white), float(r @ r), len(r) - len(x), jacobian, own)
+    left, covariance = r[: len(jacobian)], covariance_of(white)
+    # the prior determines parts of the parameters: of so many the data determine none
+    held = 0.0 if prior is None else np.sum(prior[0] @ covariance * prior[0])
+    dof = float(len(left) - len(x) + held)
+    return FitResult(x, covariance, float(left @ left), dof, jacobian, left)
 
 
 def chi_square(values, covariance, jacobian, groups):
