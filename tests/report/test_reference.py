@@ -20,6 +20,7 @@ ARM = {
     "units": dict.fromkeys(("rx", "ry", "rz"), "m"),
 }
 SET_UP = {
+    "constants": {},
     "parameters": {"bx": 0.0980665, "mx": 0.1},
     "std": {"bx": 0.00980665, "mx": 0.001},
     "units": {"bx": "m/s^2", "mx": "rad"},

@@ -26,7 +26,7 @@ rule diagnose:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=by_size(1200, 2500, static=300, reference_motion=1100),
+        mem_mb=by_size(1200, 2500, static=300),
         runtime=by_size(10, 10),
     params:
         device=settings("gravity", "noise", "calibrate", "diagnose", "prior", "tolerances"),

@@ -5,6 +5,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc, chdtri, chndtrinc
 
 from imuloop.calibrate.reference import LEAST_WINDOWS, fit_set_up, read_reference, windows_of
+from imuloop.core.effect import OUTPUT
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.choice import ratio
@@ -30,6 +31,7 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     if not windows:
         return content, *tables
     found, (log, *others), folds = fit_set_up(windows, noise), windows[0].logs, settings.folds
+    tests += settings.family * sum(len(w.effects) for w in windows)
     # whole sessions are held out, of one stretches of time
     parts = found.of_windows(lambda w: w.session if others else folds * w.first // len(log.t))
     for w in windows:
@@ -46,15 +48,13 @@ def _judged(found, w, parts, settings, tests):
     """Return the contract's fields of the sensor of some Windows, and columns of what is left."""
     rows = found.of_windows(lambda each: np.full(len(each.session), each is w))
     after, scale = found.errors(parts)[rows, None], np.sqrt(found.variance[rows, None])
-    effects, candidates, added = [], [], []
-    tests += settings.family * sum(len(each.effects) for each in found.windows)
-    chance = settings.significance / tests
+    effects, candidates, added, chance = [], [], [], settings.significance / tests
     for name, units in w.effects.items():
         at = w.shared[[[*w.units].index(name) for name in units]].tolist()
         own, before = found.covariance[np.ix_(at, at)], found.errors(parts, at)[rows, None]
         interval = ratio(parts[rows], before / scale, after / scale, settings)
         p_value = chdtrc(len(at), found.x[at] @ np.linalg.solve(own, found.x[at]))
-        entry = {"name": name, "constants": {}, "p_value": float(p_value), "residual": w.kind}
+        entry = {"name": name, "p_value": float(p_value), "residual": w.kind}
         entry |= _parameters(units, found.x[at], own) | {"heldout_after": size(_norm(after))}
         passed = p_value < chance and interval[1] < 1
         if passed:
@@ -72,8 +72,8 @@ def _judged(found, w, parts, settings, tests):
     columns[f"{w.kind}_floor"] = _norm(floor)[:, 0]
     for key, without in (("before", added), ("after", [])):
         held, fitted = (found.errors(p, without)[rows] for p in (parts, np.full_like(parts, -1)))
-        dof, chi2 = len(floor) - len(w.shared) - w.places.size, ((fitted / floor) ** 2).sum()
-        dof = max(dof, 1)
+        dof = max(len(floor) - len(w.shared) - w.places.size, 1)
+        chi2 = ((fitted / floor) ** 2).sum()
         residual |= {key: size(_norm(held)), f"chi2_{key}": float(chi2 / dof)}
         columns[f"{w.kind}_{key}"] = _norm(held)[:, 0]
         share = settings.significance / RESIDUALS / settings.family
@@ -85,8 +85,8 @@ def _judged(found, w, parts, settings, tests):
 
 def _of_sessions(found, w, logs, calibration):
     """Return bias b, SI as logged, and mounting of each session, a rotation vector m, rad."""
-    content, units = {}, dict.fromkeys(("bx", "by", "bz"), "m/s^2" if w.unit[0] == "m" else "rad/s")
-    units |= dict.fromkeys(("mx", "my", "mz"), "rad")
+    names, units = ("bx", "by", "bz", "mx", "my", "mz"), [OUTPUT[w.sensor]] * 3 + ["rad"] * 3
+    content, units = {}, dict(zip(names, units, strict=True))
     back = np.linalg.inv(calibration.T * calibration.K / calibration.raw_unit.scale)
     for (name, log), at in zip(logs.items(), w.places[:, :6], strict=True):
         bias = calibration.raw_unit.to_si(calibration.b) + back @ found.x[at[:3]]
@@ -98,10 +98,9 @@ def _of_sessions(found, w, logs, calibration):
 
 def _parameters(units, values, covariance):
     """Return the contract's fields of parameters."""
-    both = {"parameters": values, "std": np.sqrt(np.diag(covariance))}
-    return {k: dict(zip(units, v.tolist(), strict=True)) for k, v in both.items()} | {
-        "units": units
-    }
+    found = {"parameters": values, "std": np.sqrt(np.diag(covariance))}
+    found = {k: dict(zip(units, v.tolist(), strict=True)) for k, v in found.items()}
+    return found | {"units": units, "constants": {}}
 
 
 def _norm(errors):

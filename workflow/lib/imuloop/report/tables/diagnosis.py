@@ -88,8 +88,7 @@ def effect_table(sensor, part, effect):
 def set_up_table(sensor, block):
     """Return bias and mounting of each session beside a reference; None without any."""
     found = block.get("set_up", {}).items()
-    each = ((name, parameter_rows(own | {"constants": {}})) for name, own in found)
-    rows = [(f"{name}, {row[0]}", *row[1:]) for name, rows in each for row in rows]
+    rows = [(f"{n}, {row[0]}", *row[1:]) for n, own in found for row in parameter_rows(own)]
     note = "b is the bias as logged, m the rotation vector from the body to the reference's."
     heads = ("Parameter", "Value ± 1 σ", "Unit")
     return rows and Table(f"{sensor.capitalize()}, sessions beside a reference", heads, rows, note)
