@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from imuloop.calibrate.calibrate import NO_DIRECTION
+from imuloop.calibrate.calibrate import NO_DIRECTION, contradictions
 from imuloop.calibrate.contradictions import change
 from imuloop.calibrate.least_squares import Solution, why_no_fit
 from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, Kind, OfSensor, SensorPair
@@ -161,9 +161,11 @@ def too_few(recording):
 def rejections(result, recording):
     """Return why a sensor has no calibration, with the effects that were added, by sensor.
 
-    The sensor changed amid the recording.
+    Its data contradict each other, or it changed amid the recording.
     """
     rejected = {}
+    if result.solution is not None:
+        rejected = contradictions(result.pair, result.solution, recording)
     for sensor in result.calibrations:
         # what jumps and is corrected leaves little
         left = result.contents[sensor]["residuals"].values()
