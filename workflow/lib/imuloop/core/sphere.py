@@ -36,10 +36,11 @@ def largest_hole(directions):
 def count_attitudes(vectors, apart):
     """Return how many directions of vectors, (n, 3), lie farther than an angle, rad, from others.
 
-    In the order given; each that lies farther from all counted before is one more.
+    In the order given; each that lies farther from all counted before is one more. A vector
+    without a direction, zero or not a number, does not count.
     """
-    counted = np.empty((0, 3))
-    for u in vectors / np.linalg.norm(vectors, axis=1, keepdims=True):
+    counted, sizes = np.empty((0, 3)), np.linalg.norm(vectors, axis=1)
+    for u in vectors[sizes > 0] / sizes[sizes > 0, None]:
         if not np.any(counted @ u >= np.cos(apart)):
             counted = np.vstack([counted, u])
     return len(counted)
