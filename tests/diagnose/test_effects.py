@@ -131,9 +131,7 @@ def at(channels, rows):
     return replace(channels, **{name: values[name][rows] for name in names})
 
 
-FORMULAS = ("x: fy^2*T; z: abs_wx*fz", *(f"y: {f}*fx" for f in ("R", "t", "s5", "vz", "qx")))
 EVERY = [shape for name, e in Effect.library.items() for shape in (e.shapes(log()) or (e(),))]
-EVERY += [find_effect("discovered")(formula, "accelerometer") for formula in FORMULAS]
 # of the means of a static record alone
 WITHOUT_DESIGN = ("gauss_markov", "sinusoid")
 

@@ -21,7 +21,6 @@ from export.devices import (
 )
 from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.core.samples import CHANNELS, SENSORS
-from imuloop.effects.discovered import Discovered
 from imuloop.export.c_code import CARRIED
 
 # reads raw values of both sensors and the temperature, writes calibrated ones, as doubles
@@ -88,24 +87,9 @@ def held_arms():
     return turning_device(board, effects)
 
 
-def formulas():
-    """Return a device each of whose sensors has a formula, one term of it held to a range."""
-    board = warm_device()
-    for name, text in (
-        ("accelerometer", "x: fy^2*fz; x: abs_fx*T; z: fx^3"),
-        ("gyroscope", "z: wx*fy; y: T^2; x: abs_wz"),
-    ):
-        effect = Discovered(text, name, 21.0)
-        values = dict(zip(effect.parameters, (2e-5, -3e-4, 1e-5), strict=True))
-        one = FittedEffect(effect, values, {}, {next(iter(values)): (-40.0, 60.0)})
-        board = with_sensor(board, name, effects=(*board.sensor(name).effects, one))
-    return board
-
-
 @pytest.mark.parametrize(
     "board",
     [
-        formulas(),
         device(),
         warm_device(),
         narrow_device(),
@@ -113,7 +97,7 @@ def formulas():
         turning_device(),
         held_arms(),
     ],
-    ids=["formulas", "no temperature", "free", "held", "held in part", "turning", "turning, held"],
+    ids=["no temperature", "free", "held", "held in part", "turning", "turning, held"],
 )
 def test_it_computes_what_the_calibration_does(board, calibrated):
     table = (
@@ -132,12 +116,6 @@ def test_effects_with_a_memory_are_left_out_and_said(calibrated):
     applied = carried(board, CARRIED).apply(table)[list(CHANNELS)]
     np.testing.assert_allclose(calibrated(board, table), applied, rtol=0, atol=1e-14 * 40)
     assert "Not carried of the gyroscope: bias_temperature_rate" in C_HEADER.text(board)
-
-
-def test_a_formula_with_a_memory_is_left_out_and_said():
-    effect = FittedEffect(Discovered("x: s10; x: fy^2", "gyroscope"), {"c0x": 1.0, "c1x": 1.0}, {})
-    text = C_HEADER.text(warm_device(gyroscope=(effect,)))
-    assert "Not carried of the gyroscope: discovered" in text and "/* discovered" not in text
 
 
 @pytest.mark.parametrize("label", [HOSTILE, "*/ int x; /*", "/*/", "*??/", "a // b \\"])

@@ -1,7 +1,6 @@
 """The effects of a sensor as C: what the function of a header subtracts."""
 
 from imuloop.effects.axes import AXES
-from imuloop.effects.discovered import Discovered
 from imuloop.export.text import number
 from imuloop.export.values import BIAS
 
@@ -21,16 +20,7 @@ def needs_rate(sensor):
 
 def subtracted(sensor):
     """Return (fitted effect, [(axis, expression)]) of what C can compute without a past."""
-    # what a formula is given
-    letters = {"accelerometer": set("fT"), "gyroscope": set("fwT")}[sensor["name"]]
-    found = []
-    for fitted in sensor["effects"]:
-        if fitted.name in CARRIED:
-            found.append((fitted, _effect(fitted)))
-        elif fitted.name == Discovered.name:
-            if not fitted.effect.timed and fitted.effect.letters <= letters:
-                found.append((fitted, _formula(fitted)))
-    return found
+    return [(fitted, _effect(fitted)) for fitted in sensor["effects"] if fitted.name in CARRIED]
 
 
 def _effect(fitted):
@@ -49,21 +39,6 @@ def _effect(fitted):
             axis = column
             factors = [_held(fitted, name, f"{_warmer(fitted)} * o[{axis}]")]
         found.append((axis, " * ".join([number(fitted.values[name]), *factors])))
-    return found
-
-
-def _formula(fitted):
-    """Return axis and expression of each term of a formula of outputs and temperature."""
-    found = []
-    for (axis, factors), name in zip(fitted.effect.terms, fitted.effect.parameters, strict=True):
-        texts = []
-        for letter, power, absolute in factors:
-            own = (letter[0] == "f") == (fitted.effect.sensor == "accelerometer")
-            channel = "o" if own else "f"
-            text = _warmer(fitted) if letter == "T" else f"{channel}[{AXES.index(letter[1])}]"
-            texts += [f"({text} < 0 ? -{text} : {text})" if absolute else text] * power
-        product = _held(fitted, name, " * ".join(texts))
-        found.append((axis, f"{number(fitted.values[name])} * {product}"))
     return found
 
 

@@ -32,7 +32,6 @@ RESIDUAL_WORDS = {
 }
 # effects whose words are not their names with spaces
 EFFECT_WORDS = {
-    "discovered": "a formula of no known cause",
     "bias_temperature": "bias over temperature",
     "bias_temperature_rate": "bias over the rate of temperature",
     "g_sensitivity": "g-sensitivity",

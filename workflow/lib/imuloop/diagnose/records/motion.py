@@ -78,14 +78,12 @@ def candidates_in_motion(known):
     return found
 
 
-def diagnose_motion(
-    pair, solution, recording, settings, tests, information=None, search_formulas=None
-):
+def diagnose_motion(pair, solution, recording, settings, tests, information=None):
     """Return the PoseResult of a device in motion; calibrations where motion shows an effect.
 
     Takes the SensorPair and its Solution at the poses, effects included, None where these determine
     none; the number of tests of the other records, which share the significance; `information` of
-    PoseProblem, and `search_formulas` as of `content.searched_beyond`.
+    PoseProblem.
     """
     if solution is None or set(pair.estimated) != set(SENSORS):
         return untestable("the poses do not determine both sensors")
@@ -128,7 +126,7 @@ def diagnose_motion(
     # the same moves judge both
     parts, probes = {tuple(SENSORS): VELOCITY}, dict.fromkeys(SENSORS, of_moves(problem, knock))
     try:
-        result = diagnosed("motion", Choices(problem), parts, {}, probes, search_formulas)
+        result = diagnosed(Choices(problem), parts, {}, probes)
     except LinAlgError as error:
         return untestable(why_no_fit(error), columns)
     result.contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))

@@ -15,13 +15,7 @@ from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.content import (
-    residual_entry,
-    search_content,
-    searched_beyond,
-    size_of,
-    untried,
-)
+from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.probes import of_poses
@@ -98,14 +92,11 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
     )
 
 
-def diagnose_poses(
-    pair, reasons, recording, settings, tests, found=(), information=None, search_formulas=None
-):
+def diagnose_poses(pair, reasons, recording, settings, tests, found=(), information=None):
     """Return the PoseResult of a device.
 
     Takes what `calibrate.calibrate.start_pair` gives, the Recording, DiagnoseSettings, the number
-    of tests that share the significance, and `found` and `information` of PoseProblem;
-    `search_formulas` as of `content.searched_beyond`.
+    of tests that share the significance, and `found` and `information` of PoseProblem.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
     if pair is None:
@@ -123,7 +114,7 @@ def diagnose_poses(
             probes = {s: of_poses(problem, s) for s in tested}
             others = {s: pose_candidates(s, recording, found)[1] for s in tested}
             choices = Choices(problem)
-            result = diagnosed("poses", choices, parts, others, probes, search_formulas)
+            result = diagnosed(choices, parts, others, probes)
             result = replace(result, contents=contents | result.contents)
     except LinAlgError as error:
         why = why_no_fit(error)
@@ -138,7 +129,7 @@ def diagnose_poses(
         lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
         return PoseResult(contents | lost, pair, rejected=rejected)
     alone, how = replace(pair, estimated=("accelerometer",)), (recording, settings, tests)
-    again = diagnose_poses(alone, reasons | rejected, *how, found, information, search_formulas)
+    again = diagnose_poses(alone, reasons | rejected, *how, found, information)
     return replace(again, rejected=rejected | again.rejected)
 
 
@@ -175,26 +166,17 @@ def rejections(result, recording):
     return rejected
 
 
-def diagnosed(record, choices, parts, others, probes, search_formulas):
+def diagnosed(choices, parts, others, probes):
     """Return the PoseResult of a record that can be tested, of the sensors that are.
 
     `parts` are kinds of residuals by the sensors, a tuple, that they judge; `others` and `probes`
-    by sensor as of `search_content`, `search_formulas` as of `searched_beyond`.
+    by sensor as of `search_content`.
     """
     result, contents = judged(choices, parts), {}
     fitted = fitted_effects(result)
     for sensor, own in result.contents.items():
         why_not = others.get(sensor, {})
         contents[sensor] = own | search_content(choices, fitted, why_not, probes[sensor], sensor)
-    more, sensor = searched_beyond(search_formulas, record, contents, choices)
-    if more:
-        result = judged(more.choices, parts)
-        for each, content in contents.items():
-            content |= result.contents[each]
-        base, content = more.choices.choice().base, contents[sensor]
-        fitted = zip(fitted_effects(result), base, strict=True)
-        own = [effect for effect, of in fitted if of.sensor == sensor]
-        content |= more.joined(content["effects"], content["candidates"], own)
     return replace(result, contents=contents, pair=choices.problem.sensor, choices=choices)
 
 

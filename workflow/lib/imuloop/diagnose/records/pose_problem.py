@@ -34,8 +34,6 @@ class Linearized:
     # what the noise may be, from what was estimated of it to what the residuals make of it:
     # logarithm of the probability beforehand and covariance, (N, N)
     alternatives: list
-    # what is known of the noise, covariance, (N, N), and the Components whose size is not
-    noise: tuple
     evidence: Evidence  # of the values
     noise_with: object  # callable: takes residuals, gives their Hypotheses
 
@@ -230,10 +228,7 @@ class PoseProblem:
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
         evidence = Evidence([rows], prior, design, least=1.0, as_estimated_mask=np.array(PATH) == 0)
-        noise = covariance, components
-        return Linearized(
-            solution, model, values, jacobian, alternatives, noise, evidence, noise_with
-        )
+        return Linearized(solution, model, values, jacobian, alternatives, evidence, noise_with)
 
     def _known_base(self):
         """Return what other records say of the base parameters, rows R as above."""
