@@ -29,6 +29,7 @@ DESIGNED = [
 
 def fitted(name, kind):
     settings = {"steps": {"times": (20.0,)}}
+    settings["product"] = {"formula": "θ f_x w_y", "axis": "z", "sensor": kind}
     effect = Effect.library[name](**settings.get(name, {}))
     rng = np.random.default_rng(len(name))
     return FittedEffect(effect, dict.fromkeys(effect.parameters, 1e-3 * rng.uniform(1, 2)), {})

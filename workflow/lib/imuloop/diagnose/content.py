@@ -36,7 +36,7 @@ def search_content(choices, fitted, others, probes, sensor):
             *(_candidate(sensor, choices, kind) for kind in kinds),
             *(untried(cls.name, *reason) for cls, reason in others.items()),
         ],
-        "confounded": imitated(choices.search(), kinds),
+        "confounded": imitated(choices.search(), [k for k in kinds if not k.is_formula]),
         "correlates": correlates(choices.search(), choice.base, probes),
     }
 

@@ -1,6 +1,7 @@
 """The effects of a sensor as C: what the function of a header subtracts."""
 
 from imuloop.effects.axes import AXES
+from imuloop.effects.products import OUTPUTS, Product
 from imuloop.export.text import number
 from imuloop.export.values import BIAS
 
@@ -10,12 +11,16 @@ MATRICES = {
     "rate_sensitivity": "w[{1}]",
     "lever_arm": "imu_calibration_arm(w, dw, {0}, {1})",
 }
-CARRIED = (BIAS, "scale_temperature", *MATRICES)
+CARRIED = (BIAS, "scale_temperature", Product.name, *MATRICES)
 
 
 def needs_rate(sensor):
     """Return whether the function of a sensor takes the angular rate and its change."""
-    return any(fitted.name in ("lever_arm", "rate_sensitivity") for fitted in sensor["effects"])
+    of_rate = {"lever_arm", "rate_sensitivity"}
+    return sensor["name"] == "accelerometer" and any(
+        fitted.name in of_rate or (fitted.name == Product.name and "w" in fitted.effect.formula)
+        for fitted in sensor["effects"]
+    )
 
 
 def subtracted(sensor):
@@ -26,6 +31,8 @@ def subtracted(sensor):
 def _effect(fitted):
     """Return axis and expression of each parameter times what it multiplies."""
     found = []
+    if fitted.name == Product.name:
+        return [_product(fitted)]
     for k, name in enumerate(fitted.effect.parameters):
         row, column = divmod(k, 3)
         if fitted.name in MATRICES:
@@ -40,6 +47,17 @@ def _effect(fitted):
             factors = [_held(fitted, name, f"{_warmer(fitted)} * o[{axis}]")]
         found.append((axis, " * ".join([number(fitted.values[name]), *factors])))
     return found
+
+
+def _product(fitted):
+    """Return axis and expression of a product of outputs and temperature."""
+    (name,), texts = fitted.effect.parameters, []
+    for factor in fitted.effect.factors:
+        letter = "o" if factor[0] == OUTPUTS[fitted.effect.sensor] else factor[0]
+        of_output = factor != "θ" and f"{letter}[{AXES.index(factor[2])}]"
+        texts.append(of_output or _warmer(fitted))
+    product = _held(fitted, name, " * ".join(texts))
+    return AXES.index(fitted.effect.axis), f"{number(fitted.values[name])} * {product}"
 
 
 def _held(fitted, name, expression):

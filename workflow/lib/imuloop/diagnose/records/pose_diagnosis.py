@@ -22,8 +22,10 @@ from imuloop.diagnose.records.probes import of_poses
 from imuloop.diagnose.records.scan import pose_step
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.search import kinds_of
-from imuloop.diagnose.verdict import RESIDUALS, judge, not_testable, verdict
+from imuloop.diagnose.verdict import RESIDUALS, judge, leaves, not_testable, verdict
+from imuloop.effects.products import Product, products
 from imuloop.effects.steps import Steps
+from imuloop.effects.temperature import LEAST_SPAN, span, whole_degrees
 
 # kinds of residuals that a device leaves which does not lie still, and the share of its rests from
 # which on what is left of them may be that
@@ -114,7 +116,7 @@ def diagnose_poses(pair, reasons, recording, settings, tests, found=(), informat
             probes = {s: of_poses(problem, s) for s in tested}
             others = {s: pose_candidates(s, recording, found)[1] for s in tested}
             choices = Choices(problem)
-            result = diagnosed(choices, parts, others, probes)
+            result = diagnosed(choices, parts, others, probes, partial(pose_products, recording))
             result = replace(result, contents=contents | result.contents)
     except LinAlgError as error:
         why = why_no_fit(error)
@@ -166,13 +168,27 @@ def rejections(result, recording):
     return rejected
 
 
-def diagnosed(choices, parts, others, probes):
+def pose_products(recording, sensor):
+    """Return the products that poses and rotations can show: at rest nothing turns."""
+    channels = recording.pose_channels(sensor, lambda y: y, recording.poses.f)
+    reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None
+    return products(sensor, "f" if sensor == "accelerometer" else "wf", reference)
+
+
+def diagnosed(choices, parts, others, probes, formulas):
     """Return the PoseResult of a record that can be tested, of the sensors that are.
 
     `parts` are kinds of residuals by the sensors, a tuple, that they judge; `others` and `probes`
-    by sensor as of `search_content`.
+    by sensor as of `search_content`. `formulas` gives the products of a sensor, which are tried
+    where effects with a cause leave it above its floor.
     """
-    result, contents = judged(choices, parts), {}
+    result, contents, more = judged(choices, parts), {}, {}
+    for sensor in (s for s, content in result.contents.items() if leaves(content)):
+        if own := formulas(sensor):
+            more[Kind(Product, sensor)] = tuple(OfSensor(shape, sensor) for shape in own)
+    if more:
+        choices = Choices(choices.problem.with_formulas(more))
+        result = judged(choices, parts)
     fitted = fitted_effects(result)
     for sensor, own in result.contents.items():
         why_not = others.get(sensor, {})

@@ -79,7 +79,8 @@ class PoseProblem:
         known = self.base_rows[1]
         if self.information is None:
             return {}, known
-        shapes = (s for own in self.shapes.values() for s in own)
+        # of formulas static records, in few attitudes, say nothing
+        shapes = (s for kind, own in self.shapes.items() for s in own if not kind.is_formula)
         effects = (*self.found, *(s for s in shapes if "temperature" in s.needs and not s.timed))
         if not effects:
             return {}, known
@@ -246,6 +247,14 @@ class PoseProblem:
         shapes = self.shapes.get(effect.kind, ())
         self.enter(shapes if effect in shapes else (effect,))
         return self._columns[effect]
+
+    def with_formulas(self, formulas):
+        """Return the problem with more shapes, by kind, that are tried after all others."""
+        count = self.tests + self.settings.family * len(formulas)
+        problem = replace(self, shapes=self.shapes | formulas, tests=count)
+        # what was linearised before finds them there
+        problem.enter([shape for shapes in formulas.values() for shape in shapes])
+        return problem
 
     def enter(self, effects):
         """Find what several effects add, many at once: what they have in common is found once."""
