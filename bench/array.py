@@ -57,9 +57,6 @@ def main():
                 for record, part in parts.items():
                     of = recording, device.name, sensor, record
                     print(*of, part["verdict"], *(effect["name"] for effect in part["effects"]))
-                    if search := part.get("discovered"):
-                        found = (search[k] for k in ("status", "searched", "chance", "formula"))
-                        print(*of, "beyond the library:", *found)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,6 @@ ARROWS = {
     "calibrate": {"ingest", "segment", "sensors"},
     "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
     "family": {"effects", "calibrate"},
-    "discover": {"effects", "calibrate", "diagnose"},
     "validate": {"effects", "calibrate", "diagnose"},
     "plan": {"segment", "noise", "calibrate", "diagnose"},
     "simulate": {"effects"},

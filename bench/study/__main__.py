@@ -16,7 +16,7 @@ def main():
     parser.add_argument("--seeds", type=int, default=10, help="devices of each case")
     parser.add_argument("--first", type=int, default=0, help="seed of the first device")
     parser.add_argument("--controls", type=int, default=40, help="controls of each plan")
-    parser.add_argument("--effects", help="names, with commas; control, two and outside are names")
+    parser.add_argument("--effects", help="names, or kinds of cases, with commas")
     parser.add_argument("--records", help="poses, static_record, motion")
     parser.add_argument("--sensors", help="accelerometer or gyroscope")
     parser.add_argument("--plan", choices=PLANS, default=PLANS[0], help="devices of poses")

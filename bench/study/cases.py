@@ -43,7 +43,7 @@ TIMES, FORETELLS = (3.0, 100.0), 3.0
 class Case:
     """One kind of device."""
 
-    kind: str  # 'control', 'effect', 'two' or 'outside'
+    kind: str  # 'control', 'effect', 'two', 'product' or 'outside'
     record: str  # 'poses', 'static_record' or 'motion': which device it is, see `devices`
     sensor: str = ""  # that is changed; empty for a control
     names: tuple = ()  # what is put into it
@@ -76,6 +76,10 @@ def all_cases(plan="usual", limits=LIMITS):
             and "motion" in effect.records
             and "poses" not in effect.records
         ]
+    cases += [
+        Case("product", "poses", sensor, (formula,))
+        for formula, (sensor, *_) in physics.PRODUCTS.items()
+    ]
     cases.append(Case("two", "poses", "accelerometer", ("quadratic", "bias_drift")))
     cases.append(Case("two", "poses", "gyroscope", ("g_sensitivity", "bias_temperature")))
     return [replace(case, plan=plan, limits=limits) for case in cases]
@@ -102,6 +106,13 @@ def injected(case, seed, control):
             size /= np.sqrt(3)
         extra = physics.harmonic(case.sensor, degree, size, rng)
         return (Injected(case.sensor, "harmonic", {"size": size}, extra=extra),)
+    if case.kind == "product":
+        (formula,), sign = case.names, rng.choice([-1.0, 1.0])
+        if not (limit := control["products"].get(formula)):
+            return None
+        size = float(sign * case.limits * limit)
+        values, extra = {f"c{physics.PRODUCTS[formula][1]}": size}, physics.product(formula, size)
+        return (Injected(case.sensor, "product", values, limits=case.limits, extra=extra),)
     made = []
     for name in case.names:
         if name == "gauss_markov":

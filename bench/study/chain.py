@@ -1,15 +1,18 @@
 """From the truth of a device to its diagnosis: the stages see its logs and nothing else."""
 
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from unittest.mock import patch
 
 import numpy as np
 
+from bench.study.physics import PRODUCTS
 from imuloop import chain
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.calibrate import raw_units, read_recording, start_pair
+from imuloop.calibrate.sensor_pair import Kind, OfSensor
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
 from imuloop.core.files import read_json
@@ -17,12 +20,17 @@ from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.likeness import SHARE, share_on_axes
+from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.records.motion import untestable
-from imuloop.diagnose.records.pose_diagnosis import pose_problem
+from imuloop.diagnose.records.pose_diagnosis import pose_problem, pose_products
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.effects.products import Product
 from imuloop.simulate.simulate import log_metadata, simulate_session, write_log
 from imuloop.validate.attitude import no_attitude
 
+# tests of a device that share the significance, as the library has about; power of a limit
+TESTS, POWER = 30, 0.9
 # what takes longest, and is asked of devices without effects alone
 LIMITS = "imuloop.diagnose.content.detection_limits"
 # nothing that a study judges
@@ -90,19 +98,65 @@ def likeness(truth, sessions, folder):
     By sensor and effect, the information of its parameters with ones on the diagonal, (q, q): zeros
     elsewhere where each parameter leaves a pattern square to those of the others.
     """
-    settings = CalibrateSettings()
-    recording = read_recording(sessions, settings.longest_rotation)
-    units = dict(zip(SENSORS, raw_units(sessions), strict=True))
-    noise = NoiseModel.from_json(folder / "noise.json")
-    pair, _ = start_pair(recording, noise, truth.gravity, units, settings)
-    if pair is None:
+    if (problem := _problem(truth, sessions, folder)) is None:
         return {}
-    search = Choices(pose_problem(pair, recording, DiagnoseSettings(), 1)).search()
-    found = {}
+    search, found = Choices(problem).search(), {}
     for kind in (*search.problem.shapes, *search.problem.scans):
         if trial := search.trial((), kind):
             _, _, covariance = search.beside((), trial.effect)
             information = np.linalg.inv(covariance)
             size = np.sqrt(np.diag(information))
             found[kind.sensor, kind.name] = information / np.outer(size, size)
+    return found
+
+
+def _problem(truth, sessions, folder):
+    """Return the PoseProblem of a device; None where poses determine no sensor."""
+    settings = CalibrateSettings()
+    recording = read_recording(sessions, settings.longest_rotation)
+    units = dict(zip(SENSORS, raw_units(sessions), strict=True))
+    noise = NoiseModel.from_json(folder / "noise.json")
+    pair, _ = start_pair(recording, noise, truth.gravity, units, settings)
+    return pair and pose_problem(pair, recording, DiagnoseSettings(), TESTS)
+
+
+def _with_products(problem):
+    """Return the problem with the products of both sensors, and these by sensor."""
+    each = {sensor: pose_products(problem.recording, sensor) for sensor in SENSORS}
+    formulas = {
+        Kind(Product, sensor): tuple(OfSensor(one, sensor) for one in own)
+        for sensor, own in each.items()
+    }
+    return problem.with_formulas(formulas), each
+
+
+def product_limits(truth, sessions, folder):
+    """Return the detection limit of each of `physics.PRODUCTS`, SI, by formula."""
+    if (problem := _problem(truth, sessions, folder)) is None:
+        return {}
+    (problem, each), found = _with_products(problem), {}
+    search = Choices(problem).search()
+    for formula, (sensor, axis, _) in PRODUCTS.items():
+        for one in (p for p in each[sensor] if (p.formula, p.axis) == (formula, axis)):
+            trial = search.test((), OfSensor(one, sensor))
+            trial = trial and replace(trial, tries=np.log(len(each[sensor])))
+            limits = detection_limits(search, (), trial, POWER) if trial else {}
+            found |= dict.fromkeys([formula], *limits.values())
+    return found
+
+
+def alike_products(formula, truth, sessions, folder):
+    """Return the products that a device cannot tell from one of `physics.PRODUCTS`.
+
+    The share of its pattern that each takes, where a diagnosis would call them twins, by formula
+    and axis.
+    """
+    problem, each = _with_products(_problem(truth, sessions, folder))
+    sensor, axis, _ = PRODUCTS[formula]
+    training_fit, found = Choices(problem).search().training_fit(()), {}
+    true = next(p for p in each[sensor] if (p.formula, p.axis) == (formula, axis))
+    for one in each[sensor]:
+        share = share_on_axes(training_fit, OfSensor(true, sensor), OfSensor(one, sensor))
+        if share >= SHARE:
+            found[one.formula, one.axis] = share
     return found

@@ -144,6 +144,26 @@ EFFECTS = {
 }
 
 
+# no effect of the library: sensor, axis and what its coefficient multiplies, by formula
+PRODUCTS = {
+    "f_y² f_z": ("accelerometer", "x", lambda now: now.output[:, 1] ** 2 * now.output[:, 2]),
+    "f_x f_y f_z": ("accelerometer", "x", lambda now: now.output.prod(axis=1)),
+    "θ f_x": ("accelerometer", "y", lambda now: (now.temperature - 29.0) * now.output[:, 0]),
+    "w_x f_y": ("gyroscope", "z", lambda now: now.output[:, 0] * now.other[:, 1]),
+    "w_x w_z f_y": (
+        "gyroscope",
+        "x",
+        lambda now: now.output[:, 0] * now.output[:, 2] * now.other[:, 1],
+    ),
+}
+
+
+def product(formula, size):
+    """Return a function of `Channels`: one of `PRODUCTS` with its coefficient, SI."""
+    _, axis, values = PRODUCTS[formula]
+    return lambda now: np.outer(size * values(now), np.eye(3)["xyz".index(axis)])
+
+
 def harmonic(sensor, degree, size, seed):
     """Return a function of `Channels`: a pattern of attitude of one degree, outside the library.
 

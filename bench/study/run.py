@@ -5,10 +5,16 @@ import time
 from dataclasses import asdict
 
 from bench.study.cases import injected
-from bench.study.chain import base_pulls, diagnosis_of, likeness
+from bench.study.chain import (
+    alike_products,
+    base_pulls,
+    diagnosis_of,
+    likeness,
+    product_limits,
+)
 from bench.study.devices import DEVICES, in_shape, with_effects
 from bench.study.keep import kept
-from bench.study.score import fitted
+from bench.study.score import fitted, is_true
 from bench.tables import commit
 
 
@@ -64,7 +70,8 @@ def made_control(record, plan, seed, limits, made_of):
     start = time.process_time()
 
     def also(*device):
-        return {"likeness": likeness(*device), "base_pulls": base_pulls(*device)}
+        found = {"likeness": likeness(*device), "base_pulls": base_pulls(*device)}
+        return found | {"products": product_limits(*device) if limits and record == "poses" else {}}
 
     moving = record == "motion"
     diagnosis, more = diagnosis_of(DEVICES[record](plan), seed, also, limits, moving)
@@ -87,14 +94,26 @@ def made_device(case, seed, control, made_of):
     if effects is not None:
         truth = with_effects(DEVICES[case.record](case.plan), effects)
         moving = case.record == "motion"
-        found = diagnosis_of(truth, seed, base_pulls, limits=False, motion=moving)
-        made["diagnosis"], made["base_pulls"] = found
+
+        def also(*device):
+            alike = alike_products(case.names[0], *device) if case.kind == "product" else {}
+            return base_pulls(*device), alike
+
+        found = diagnosis_of(truth, seed, also, limits=False, motion=moving)
+        made["diagnosis"], (made["base_pulls"], made["alike"]) = found
         made["injected"] = [
             {k: v for k, v in asdict(e).items() if k not in ("extra", "noise")} for e in effects
         ]
         made["found"] = [
-            {**found, "expected": in_shape(truth, seed, effect, found, record)}
+            {**found, "expected": _expected(case, truth, seed, effect, found, record)}
             for effect in effects
             for record, found in fitted(made["diagnosis"], case.sensor, case.record, effect.name)
         ]
     return made | {"seconds": time.process_time() - start}
+
+
+def _expected(case, truth, seed, effect, found, record):
+    """Return the values of an injected effect in the shape that was found; {} of none."""
+    if case.kind == "product":
+        return effect.values if is_true(case, found) else {}
+    return in_shape(truth, seed, effect, found, record)

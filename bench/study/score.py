@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from bench.study.physics import PRODUCTS
 from imuloop.diagnose.settings import DiagnoseSettings
 
 # what a record at rest calls an effect that the poses know by another name
@@ -47,6 +48,29 @@ def twin(part, name, others):
     return next((other for of, other in pairs if of == name and other in others), None)
 
 
+def is_true(case, effect):
+    """Return whether a product that was found is the one that was put in."""
+    sensor, axis, _ = PRODUCTS[case.names[0]]
+    found = effect["constants"]
+    return (found["sensor"], found["axis"], found["formula"]) == (sensor, axis, case.names[0])
+
+
+def _judge_product(case, outcome, every):
+    """Return what `judge` does of a device with a product."""
+    part = outcome["diagnosis"]["sensors"][case.sensor][case.record]
+    found = [e["constants"] for e in part["effects"] if e["name"] == "product"]
+    alike = [one["formula"] for one in found if (one["formula"], one["axis"]) in outcome["alike"]]
+    right = [*case.names] if any(is_true(case, {"constants": one}) for one in found) else []
+    return {
+        "verdict": part["verdict"],
+        "named": [one["formula"] for one in found],
+        "right": right,
+        "twins": {} if right or not alike else {case.names[0]: alike[0]},
+        "missed": [] if right or alike else [*case.names],
+        "more": [one for one in every if not alike or one[::2] != (case.sensor, "product")],
+    }
+
+
 def judge(case, outcome):
     """Return what a diagnosis made of a device.
 
@@ -56,6 +80,8 @@ def judge(case, outcome):
     every = named(outcome["diagnosis"])
     if case.kind == "control":
         return {"more": every}
+    if case.kind == "product":
+        return _judge_product(case, outcome, every)
     part = outcome["diagnosis"]["sensors"][case.sensor][case.record]
     here = [
         name for sensor, record, name in every if (sensor, record) == (case.sensor, case.record)

@@ -27,12 +27,9 @@ DESIGNED = [
 ]
 
 
-# each kind of factor that a search composes
-FORMULA = "x: fy*wz; x: qz; y: s10*fx; y: R; z: vx*fy; z: t*T"
-
-
 def fitted(name, kind):
-    settings = {"discovered": {"formula": FORMULA, "sensor": kind}, "steps": {"times": (20.0,)}}
+    settings = {"steps": {"times": (20.0,)}}
+    settings["product"] = {"formula": "θ f_x w_y", "axis": "z", "sensor": kind}
     effect = Effect.library[name](**settings.get(name, {}))
     rng = np.random.default_rng(len(name))
     return FittedEffect(effect, dict.fromkeys(effect.parameters, 1e-3 * rng.uniform(1, 2)), {})

@@ -22,7 +22,7 @@ class Column:
     number: int = 0
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
-    limit, price, after_temperature = np.inf, 0.0, False
+    limit, price, after_temperature, is_formula = np.inf, 0.0, False, False
     together, moved, kind = Effect.together, Effect.moved, Effect.kind
 
 

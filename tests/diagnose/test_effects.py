@@ -20,7 +20,7 @@ from imuloop.simulate.truth import example_truth
 from property.strategies import G
 
 BOTH = """bias_temperature scale_temperature bias_temperature_rate thermal_hysteresis warm_up
-    bias_drift time_offset turn_on_bias gauss_markov sinusoid steps ramp"""
+    bias_drift time_offset turn_on_bias gauss_markov sinusoid steps ramp product"""
 CONTRACT = {
     "accelerometer": f"""{BOTH} quadratic cubic asymmetry cross_coupling reorientation
         vibration_rectification lever_arm rate_sensitivity""",
@@ -131,9 +131,13 @@ def at(channels, rows):
     return replace(channels, **{name: values[name][rows] for name in names})
 
 
-FORMULAS = ("x: fy^2*T; z: abs_wx*fz", *(f"y: {f}*fx" for f in ("R", "t", "s5", "vz", "qx")))
+FORMULAS = (
+    ("w_x f_y", "z", "gyroscope"),
+    ("θ f_x²", "y", "accelerometer"),
+    ("f_y w_z²", "x", "accelerometer"),
+)
 EVERY = [shape for name, e in Effect.library.items() for shape in (e.shapes(log()) or (e(),))]
-EVERY += [find_effect("discovered")(formula, "accelerometer") for formula in FORMULAS]
+EVERY += [find_effect("product")(*formula) for formula in FORMULAS]
 # of the means of a static record alone
 WITHOUT_DESIGN = ("gauss_markov", "sinusoid")
 

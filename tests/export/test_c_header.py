@@ -21,8 +21,8 @@ from export.devices import (
 )
 from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.core.samples import CHANNELS, SENSORS
-from imuloop.effects.discovered import Discovered
-from imuloop.export.c_code import CARRIED
+from imuloop.effects.products import Product
+from imuloop.export.c_code import CARRIED, needs_rate
 
 # reads raw values of both sensors and the temperature, writes calibrated ones, as doubles
 PROGRAM = """
@@ -51,7 +51,9 @@ def calibrated(tmp_path):
 
     def run(board, table):
         (tmp_path / C_HEADER.file).write_text(C_HEADER.text(board), encoding="utf-8")
-        turning = {"lever_arm", "rate_sensitivity"} & {e.name for e in board.calibration.effects}
+        turning = needs_rate(
+            {"name": "accelerometer", "effects": board.calibration.accelerometer.effects}
+        )
         program = PROGRAM.replace("RATES", "in + 7, in + 10," if turning else "")
         (tmp_path / "main.c").write_text(program.replace("NAME", board.device.replace("-", "_")))
         command = [compiler, *FLAGS, "main.c", "-o", "main"]
@@ -88,24 +90,27 @@ def held_arms():
     return turning_device(board, effects)
 
 
-def formulas():
-    """Return a device each of whose sensors has a formula, one term of it held to a range."""
+def products(formula="f_y² f_z"):
+    """Return a device each of whose sensors has products, one of them held to a range."""
     board = warm_device()
-    for name, text in (
-        ("accelerometer", "x: fy^2*fz; x: abs_fx*T; z: fx^3"),
-        ("gyroscope", "z: wx*fy; y: T^2; x: abs_wz"),
+    for name, each in (
+        ("accelerometer", ((formula, "x"), ("θ f_x", "y"))),
+        ("gyroscope", (("w_x f_y", "z"), ("θ w_x w_z", "x"), ("f_z³", "y"))),
     ):
-        effect = Discovered(text, name, 21.0)
-        values = dict(zip(effect.parameters, (2e-5, -3e-4, 1e-5), strict=True))
-        one = FittedEffect(effect, values, {}, {next(iter(values)): (-40.0, 60.0)})
-        board = with_sensor(board, name, effects=(*board.sensor(name).effects, one))
+        found = [
+            FittedEffect(Product(*one, name, 21.0), {f"c{one[1]}": 2e-5 * (k + 1)}, {})
+            for k, one in enumerate(each)
+        ]
+        found[0] = replace(found[0], ranges={f"c{each[0][1]}": (-40.0, 60.0)})
+        board = with_sensor(board, name, effects=(*board.sensor(name).effects, *found))
     return board
 
 
 @pytest.mark.parametrize(
     "board",
     [
-        formulas(),
+        products(),
+        products("f_x w_y w_z"),
         device(),
         warm_device(),
         narrow_device(),
@@ -113,7 +118,16 @@ def formulas():
         turning_device(),
         held_arms(),
     ],
-    ids=["formulas", "no temperature", "free", "held", "held in part", "turning", "turning, held"],
+    ids=[
+        "products",
+        "of the rate",
+        "no temperature",
+        "free",
+        "held",
+        "held in part",
+        "turning",
+        "turning, held",
+    ],
 )
 def test_it_computes_what_the_calibration_does(board, calibrated):
     table = (
@@ -132,12 +146,6 @@ def test_effects_with_a_memory_are_left_out_and_said(calibrated):
     applied = carried(board, CARRIED).apply(table)[list(CHANNELS)]
     np.testing.assert_allclose(calibrated(board, table), applied, rtol=0, atol=1e-14 * 40)
     assert "Not carried of the gyroscope: bias_temperature_rate" in C_HEADER.text(board)
-
-
-def test_a_formula_with_a_memory_is_left_out_and_said():
-    effect = FittedEffect(Discovered("x: s10; x: fy^2", "gyroscope"), {"c0x": 1.0, "c1x": 1.0}, {})
-    text = C_HEADER.text(warm_device(gyroscope=(effect,)))
-    assert "Not carried of the gyroscope: discovered" in text and "/* discovered" not in text
 
 
 @pytest.mark.parametrize("label", [HOSTILE, "*/ int x; /*", "/*/", "*??/", "a // b \\"])

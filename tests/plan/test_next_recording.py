@@ -1,7 +1,6 @@
 """What a next recording is expected to do is what it does: simulated, added and fitted again."""
 
 from dataclasses import replace
-from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -192,9 +191,8 @@ def diagnosed(request):
         _, given, _ = attitude.validate_attitude.call_args.args
         return calibration, given.calibration
 
-    with patch("imuloop.discover.search.search_formulas", return_value=None):
-        device = replace(truth, sessions=kept)
-        found, (calibration, given) = diagnosis_of(device, 3, read, limits=False, motion=True)
+    device = replace(truth, sessions=kept)
+    found, (calibration, given) = diagnosis_of(device, 3, read, limits=False, motion=True)
     checked = DriftResiduals.of(calibration, new_log, NOISE, calibration.gravity).old
     return found["next_recording"], calibration, given, checked, request.param
 

@@ -53,7 +53,7 @@ def made():
 @pytest.mark.parametrize("effect", Effect.library.values(), ids=Effect.library.keys())
 def test_any_effect_of_the_library_lowers_chi_square(made, effect):
     if "poses" not in effect.records:
-        # what is not looked for in poses says so, and that is all it does; a formula is searched,
+        # what is not looked for in poses says so, and that is all it does
         # and of axes that sit apart `lever_arm` says it
         assert effect.unobservable or effect.records in ((), ("static_record",), ("reference",))
         return

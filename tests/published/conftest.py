@@ -22,7 +22,6 @@ DEVICES += [
     pytest.param(name, marks=pytest.mark.study)
     for name in ("mpu9150_2", "mpu9150_3", "thermal_chamber")
 ]
-BEYOND = "imuloop.discover.search.search_formulas"
 # of which the error of the vertical is tested, too
 WHOLE = "xsens_mti"
 
@@ -41,8 +40,7 @@ class Measured:
                 pytest.skip(f"{reason}; data/README.md says what it is")
             made = ingested(device, folder)
             if device == WHOLE:
-                # nor are formulas asked for, which test_discover.py looks for by itself
-                with patch(LIMITS, return_value={}), patch(BEYOND, return_value=None):
+                with patch(LIMITS, return_value={}):
                     through(made)
             else:
                 verdicts(made)

@@ -233,26 +233,6 @@ def test_what_is_unexplained_is_said_with_its_floor(first):
         assert ("horizontal rate of the Earth" in step) == earth
 
 
-def test_structure_that_a_search_finds_comes_first_with_what_it_goes_with(first):
-    """As of a gyroscope whose scale changed on the way: before a recording that lowers a σ."""
-    found = {"status": "structure", "formula": "x: wx*t; y: wy*t; z: wz*t"}
-    found["residuals"] = {"rotation": {"ratio": 0.54, "ratio_ci95": [0.39, 0.71]}}
-
-    def told(**more):
-        block = above("rotation", "rad", 1.4e-3, 1e-3) | more
-        return first(diagnosis=diagnosis(weight=5.0, gyroscope=block))
-
-    assert "would lower" in told()
-    step = told(discovered=found)
-    assert "structure in it, x: wx*t, …, that takes the held-out error to 0.54" in step
-    assert "It goes with time: something changed on the way" in step and "time_range" in step
-    step = told(discovered=found | {"formula": "y: fx^2*abs_fz"})
-    assert "x^2*abs_fz, that" in step and "It goes with specific force. Add attitudes" in step
-    # what may be chance is no structure
-    found["residuals"]["rotation"]["ratio_ci95"][1] = 1.01
-    assert "would lower" in told(discovered=found)
-
-
 def test_values_at_the_end_of_the_range_come_first(good, first):
     hard = session("hard", "static", good().sessions[0].samples_path, clipped={"ax": 12, "gz": 0})
     assert first(more=[hard]).startswith("Session hard: 12 samples of ax lie at the end")

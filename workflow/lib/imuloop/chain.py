@@ -164,7 +164,6 @@ def diagnose(device):
     from imuloop.core.tables import write_sessions, write_table
     from imuloop.diagnose.diagnose import diagnose_device
     from imuloop.diagnose.settings import DiagnoseSettings
-    from imuloop.discover.search import search_formulas
     from imuloop.noise.allan import allan_table
     from imuloop.noise.settings import NoiseSettings
     from imuloop.plan.next_recording import next_recording
@@ -181,7 +180,6 @@ def diagnose(device):
         calibrate_settings=CalibrateSettings(**device.calibrate),
         settings=settings,
         noise_settings=NoiseSettings(**device.noise),
-        search_formulas=search_formulas,
         priors=_priors(device),
     )
     diagnosis = found.content | {"next_recording": next_recording(found)}

@@ -146,7 +146,6 @@ class Result:
         return _unpickled, (self.device, self.logs, self.failures, self.notes, files)
 
     def __str__(self):
-        from imuloop.report.composed import words
         from imuloop.report.verdict import blocks, sentence
 
         title = f"{self.device.label or self.device.name}, gravity {self.device.gravity:.6g} m/s²"
@@ -156,7 +155,7 @@ class Result:
         lines += [f"  {s}, calibration: {_basis(getattr(self.calibration, s))}" for s in SENSORS]
         places = {}
         for sensor, part, block in blocks(self.diagnosis):
-            text = sentence(sensor, block) + words(block)
+            text = sentence(sensor, block)
             places.setdefault(text, []).append(f"{sensor}, {part.replace('_', ' ')}")
         lines += [f"  {'; '.join(where)}: {text}" for text, where in places.items()]
         wrapped = (textwrap.wrap(line, WIDTH, subsequent_indent="    ") for line in lines)

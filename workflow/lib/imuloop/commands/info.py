@@ -13,7 +13,6 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, Samples, read_metadata
 from imuloop.ingest.formats import no_log
 from imuloop.ingest.json_lines import holds_log
-from imuloop.report import composed
 from imuloop.report.numbers import coefficient_text, number, p_text, text_of, with_unit
 from imuloop.report.results import XYZ, DeviceResults
 from imuloop.report.tables.calibration import parameter_table
@@ -134,7 +133,6 @@ def verdict_lines(content):
             continue
         why = f": {block['why']}" if block.get("why") else ""
         lines.append(f"{sensor}, {words}: {WORDS[block['verdict']]}{why}")
-        lines += [f"  {found.strip()}"] if (found := composed.words(block)) else []
         for effect in block["effects"]:
             lines.append(f"  added {effect['name']}, {p_text(effect.get('p_value'))}")
         for name, r in block["residuals"].items():

@@ -101,6 +101,8 @@ class Effect:
     # how far about a point it looks, s; what it remembers besides is in `Channels.past`
     reach: ClassVar[float] = 0.0
     lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
+    # whether it is one of many formulas without a cause: all others come before it
+    is_formula: ClassVar[bool] = False
     # by how much the logarithm of its p-value has to be below that of shapes which do without
     # a constant that this one has
     price: ClassVar[float] = 0.0

@@ -6,7 +6,7 @@ from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import holder, imitated, twin
 from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.residuals import size
-from imuloop.diagnose.verdict import above_floor, leaves, why_not_shown
+from imuloop.diagnose.verdict import above_floor, why_not_shown
 
 
 def search_content(choices, fitted, others, probes, sensor):
@@ -36,25 +36,9 @@ def search_content(choices, fitted, others, probes, sensor):
             *(_candidate(sensor, choices, kind) for kind in kinds),
             *(untried(cls.name, *reason) for cls, reason in others.items()),
         ],
-        "confounded": imitated(choices.search(), kinds),
+        "confounded": imitated(choices.search(), [k for k in kinds if not k.is_formula]),
         "correlates": correlates(choices.search(), choice.base, probes),
     }
-
-
-def searched_beyond(search_formulas, record, contents, choices):
-    """Return a FormulaSearch that names a formula in a record, and its sensor; None without one.
-
-    `search_formulas` is that of `imuloop.discover`, None where nothing is to be looked for. What an
-    accelerometer lacks turns the direction by which a gyroscope is judged: where the first sensor
-    of `contents` has structure, the next is not searched.
-    """
-    for sensor, content in contents.items() if search_formulas else ():
-        more = search_formulas(record, sensor, choices) if leaves(content) else None
-        if more:
-            content["discovered"] = more.content
-            if more.content["status"] != "nothing":
-                return (more, sensor) if more.choices else (None, None)
-    return None, None
 
 
 def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chosen):

@@ -65,15 +65,13 @@ def diagnose_device(
     calibrate_settings,
     settings,
     noise_settings,
-    search_formulas=None,
     priors=None,
 ):
     """Return the Diagnosed of a device, by its name.
 
     Takes local gravity, m/s^2, ``kind``, ``samples`` and ``segments`` (paths) of each session by
     name, paths of the results of the stages before, and settings: of the calibration, repeated with
-    effects, of the diagnosis, and of the noise stage, repeated without them. `search_formulas` is
-    `search_formulas` of `imuloop.discover`, where effects are to be looked for that no library has.
+    effects, of the diagnosis, and of the noise stage, repeated without them.
     """
     model = NoiseModel.from_json(noise)
     method, recording = largest_recording(sessions, calibrate_settings.longest_rotation)
@@ -88,7 +86,7 @@ def diagnose_device(
     # a rest of the poses' own log is one attitude and a start, and they judge for themselves
     still = diagnose_static(
         *(data, records, base, model, read_json(noise)["curve_fit"]),
-        *(settings, noise_settings, tests, search_formulas),
+        *(settings, noise_settings, tests),
     )
     has_static_session = "static" in data.kinds.values()
     found, information = (), None
@@ -110,10 +108,10 @@ def diagnose_device(
     )
     reasons = {sensor: with_sessions(reason, sessions) for sensor, reason in reasons.items()}
     how = recording, settings, tests
-    poses = diagnose_poses(pair, reasons, *how, found, information, search_formulas)
+    poses = diagnose_poses(pair, reasons, *how, found, information)
     refused = nominal_sensors(poses.rejected, recording, noise, units, priors or data_sheets())
     base = replace(base, **refused)
-    motion = diagnose_motion(poses.pair, poses.solution, *how, information, search_formulas)
+    motion = diagnose_motion(poses.pair, poses.solution, *how, information)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
     force = poses.calibrations.get("accelerometer", base.accelerometer)
     by_new_force = "accelerometer" in poses.calibrations and force.effects

@@ -181,9 +181,14 @@ class Search:
 
         What time or the past of a temperature explains the temperature itself explains first, where
         it does so at least half as clearly: it is a cause that is logged. Where none passes and the
-        noise is known to be smaller than what is left, the best pair.
+        noise is known to be smaller than what is left, the best pair; then formulas.
         """
         kinds = [kind for kind in (*self.problem.shapes, *self.problem.scans) if kind not in banned]
+        named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
+        best = self._best_of(base, named) or self.best_pair(base, banned)
+        return best or self._best_of(base, formulas)
+
+    def _best_of(self, base, kinds):
         trials = [self.trial(base, kind, hopeful=True) for kind in kinds]
         passing = [
             t for t in trials if t and not t.impossible and t.log_p < self.threshold(len(base))
@@ -194,7 +199,7 @@ class Search:
             warm = [t for t in passing if t.log_p < clear and _of_temperature(t.effect)]
             passing = warm or passing
             best = min(passing, key=lambda t: round(t.log_p, 6))
-        return self._first_alike(base, best, passing) if best else self.best_pair(base, banned)
+        return self._first_alike(base, best, passing) if best else None
 
     def _first_alike(self, base, best, passing):
         """Return the first trial that does all that the best does: a bias in one attitude."""
@@ -224,6 +229,7 @@ class Search:
         if training_fit.evidence.axes > 1 or not self._above(base):
             return []
         kinds = [c for c in self.problem.shapes if c not in used and np.isinf(c.limit)]
+        kinds = [c for c in kinds if not c.is_formula]
         shapes = [s for kind in kinds for s in self.problem.shapes[kind]]
         (alone,) = training_fit.fits(base, [(shape,) for shape in shapes])
         seen = [k for k, fit in enumerate(alone) if fit]

@@ -1,7 +1,7 @@
 """The effects of a sensor as C: what the function of a header subtracts."""
 
 from imuloop.effects.axes import AXES
-from imuloop.effects.discovered import Discovered
+from imuloop.effects.products import OUTPUTS, Product
 from imuloop.export.text import number
 from imuloop.export.values import BIAS
 
@@ -11,31 +11,28 @@ MATRICES = {
     "rate_sensitivity": "w[{1}]",
     "lever_arm": "imu_calibration_arm(w, dw, {0}, {1})",
 }
-CARRIED = (BIAS, "scale_temperature", *MATRICES)
+CARRIED = (BIAS, "scale_temperature", Product.name, *MATRICES)
 
 
 def needs_rate(sensor):
     """Return whether the function of a sensor takes the angular rate and its change."""
-    return any(fitted.name in ("lever_arm", "rate_sensitivity") for fitted in sensor["effects"])
+    of_rate = {"lever_arm", "rate_sensitivity"}
+    return sensor["name"] == "accelerometer" and any(
+        fitted.name in of_rate or (fitted.name == Product.name and "w" in fitted.effect.formula)
+        for fitted in sensor["effects"]
+    )
 
 
 def subtracted(sensor):
     """Return (fitted effect, [(axis, expression)]) of what C can compute without a past."""
-    # what a formula is given
-    letters = {"accelerometer": set("fT"), "gyroscope": set("fwT")}[sensor["name"]]
-    found = []
-    for fitted in sensor["effects"]:
-        if fitted.name in CARRIED:
-            found.append((fitted, _effect(fitted)))
-        elif fitted.name == Discovered.name:
-            if not fitted.effect.timed and fitted.effect.letters <= letters:
-                found.append((fitted, _formula(fitted)))
-    return found
+    return [(fitted, _effect(fitted)) for fitted in sensor["effects"] if fitted.name in CARRIED]
 
 
 def _effect(fitted):
     """Return axis and expression of each parameter times what it multiplies."""
     found = []
+    if fitted.name == Product.name:
+        return [_product(fitted)]
     for k, name in enumerate(fitted.effect.parameters):
         row, column = divmod(k, 3)
         if fitted.name in MATRICES:
@@ -52,19 +49,15 @@ def _effect(fitted):
     return found
 
 
-def _formula(fitted):
-    """Return axis and expression of each term of a formula of outputs and temperature."""
-    found = []
-    for (axis, factors), name in zip(fitted.effect.terms, fitted.effect.parameters, strict=True):
-        texts = []
-        for letter, power, absolute in factors:
-            own = (letter[0] == "f") == (fitted.effect.sensor == "accelerometer")
-            channel = "o" if own else "f"
-            text = _warmer(fitted) if letter == "T" else f"{channel}[{AXES.index(letter[1])}]"
-            texts += [f"({text} < 0 ? -{text} : {text})" if absolute else text] * power
-        product = _held(fitted, name, " * ".join(texts))
-        found.append((axis, f"{number(fitted.values[name])} * {product}"))
-    return found
+def _product(fitted):
+    """Return axis and expression of a product of outputs and temperature."""
+    (name,), texts = fitted.effect.parameters, []
+    for factor in fitted.effect.factors:
+        letter = "o" if factor[0] == OUTPUTS[fitted.effect.sensor] else factor[0]
+        of_output = factor != "θ" and f"{letter}[{AXES.index(factor[2])}]"
+        texts.append(of_output or _warmer(fitted))
+    product = _held(fitted, name, " * ".join(texts))
+    return AXES.index(fitted.effect.axis), f"{number(fitted.values[name])} * {product}"
 
 
 def _held(fitted, name, expression):

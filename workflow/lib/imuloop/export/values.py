@@ -163,6 +163,7 @@ def left_out(sensor, name):
         constants = asdict(fitted.effect).items()
         words = [f"{fitted.name}: {fitted.effect.equation}", f"largest parameter {sizes}"]
         words += [f"{key} = {c:g}" for key, c in constants if isinstance(c, (int, float))]
+        words += [f"{key} {c}" for key, c in constants if isinstance(c, str)]
         found.append((fitted.name, "; ".join(words)))
     return found
 

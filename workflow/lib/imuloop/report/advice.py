@@ -9,7 +9,6 @@ from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import TEMPERATURE, TIME
 from imuloop.core.units import DEGREE
 from imuloop.diagnose.records.pose_diagnosis import TESTABLE
-from imuloop.effects.discovered import parse
 from imuloop.report.numbers import number
 from imuloop.report.recording import (
     best_recording,
@@ -70,18 +69,6 @@ _NEXT = {
     "rotation_speed": "Turn at varied speeds, in both senses about every axis, and check the full "
     "scale and the rate of the log.",
 }
-# and about structure that a search finds in it, by a factor of its formula: what it goes with
-_STRUCTURE = {
-    "t": "time: something changed on the way, at once or slowly. Look when, in range, rate, supply "
-    "or mounting, and use what was recorded before or after it alone, by time_range.",
-    "T": f"temperature. {_NEXT['temperature']}",
-    "R": f"the rate of the temperature. {_NEXT['temperature_rate']}",
-    "s": f"the time since the last turn. {_NEXT['previous_pose']}",
-    "v": f"the turn before. {_NEXT['previous_pose']}",
-    "q": f"vibration. {_NEXT['pose_variance']}",
-    "w": f"angular rate. {_NEXT['rotation_speed']}",
-    "f": f"specific force. {_ATTITUDE}",
-}
 _LOOK = (
     "Nothing that it was compared with explains much of it: look in the pictures for poses or "
     "times that stand out."
@@ -95,27 +82,10 @@ _LOOK_BESIDE = (
 
 def what_next(block):
     """Return what a person can do about the residual that is left."""
-    if structure := _structure(block):
-        return structure
     probe, moves = leading(block), block.get("moves", {})
     spoiled = moves.get("left_out", 0) > MANY * moves.get("all", 0)
     look = _LOOK_BESIDE if "set_up" in block else _LOOK
     return _NEXT.get(probe["name"] if probe else "knock" if spoiled else None, look)
-
-
-def _structure(block):
-    """Return what a search found to go with, though with no certain formula; nothing without."""
-    search = block.get("discovered", {"status": "nothing", "residuals": {}})
-    ratios = [own["ratio"] for own in search["residuals"].values() if own["ratio_ci95"][1] < 1]
-    if search["status"] != "structure" or not ratios:
-        return ""
-    terms = search["formula"].split("; ")
-    factors = {name[0] for _, product in parse(search["formula"]) for name, *_ in product}
-    words = next(text for letter, text in _STRUCTURE.items() if letter in factors)
-    return (
-        f"A search finds structure in it, {terms[0]}{', …' * (len(terms) > 1)}, that takes the "
-        f"held-out error to {number(min(ratios), 2)} of what it is. It goes with {words}"
-    )
 
 
 def next_steps(device):
@@ -233,9 +203,7 @@ def _unexplained(device):
             size = f" Held-out error {held}, floor {least}."
             if sensor == "gyroscope" and residual["unit"] == "rad/s":
                 earth = _EARTH if after**2 - floor**2 < EARTH_RATE**2 else ""
-        # with structure in it no parameter is known as well as its σ says
-        gain = 1.0 if _structure(block) else max(gain, 0.0)
-        yield gain, f"{lacks}.{size}{earth} {what_next(block)}"
+        yield max(gain, 0.0), f"{lacks}.{size}{earth} {what_next(block)}"
     for text, found in of_both.items():
         gains, sizes = zip(*found, strict=True)
         yield (

@@ -113,7 +113,7 @@ def _found(diagnosis):
     for sensor in SENSORS:
         for part in PARTS:
             for effect in block_of(diagnosis, sensor, part)["effects"]:
-                found = places.setdefault(effect_words(effect["name"]), [])
+                found = places.setdefault(effect_words(effect["name"], effect.get("constants")), [])
                 found += {_place(sensor, part)} - {*found}
     for effect, found in places.items():
         effects.setdefault(joined(found), []).append(effect)

@@ -4,7 +4,6 @@ from imuloop.report.figures.allan import allan_pictures, corrected_pictures
 from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.bias import bias_pictures
-from imuloop.report.figures.composed import composed_pictures
 from imuloop.report.figures.correlates import correlate_pictures
 from imuloop.report.figures.loop import device_loop
 from imuloop.report.figures.poses import pose_picture
@@ -15,11 +14,9 @@ from imuloop.report.verdict import ABOVE, blocks
 
 
 def _residuals(device, sensor, part, block):
-    found = composed_pictures(device, sensor, block)
     if part == "static_record":
-        return found
-    if part == "motion":
-        found = arm_pictures(device, block) + found
+        return []
+    found = arm_pictures(device, block) if part == "motion" else []
     return residual_pictures(device, sensor, block) + found
 
 

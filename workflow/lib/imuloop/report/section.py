@@ -9,7 +9,6 @@ import imuloop.effects  # noqa: F401
 from imuloop.core.files import write_json
 from imuloop.core.model import UNEXPLAINED
 from imuloop.export.export import listed
-from imuloop.report import composed
 from imuloop.report.advice import next_steps, what_next
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.drawing import Picture, write_svg
@@ -108,7 +107,7 @@ def diagnosis_part(device, sensor, part, block):
         "verdict": verdict,
         # with which the sentence begins
         "words": WORDS[verdict],
-        "sentence": sentence(sensor, block) + composed.words(block),
+        "sentence": sentence(sensor, block),
         "effects": [t for t in tables if t],
         "ranking": candidates.ranking_table(sensor, part, block),
         "next_step": what_next(block) if above else "",

@@ -32,7 +32,6 @@ RESIDUAL_WORDS = {
 }
 # effects whose words are not their names with spaces
 EFFECT_WORDS = {
-    "discovered": "a formula of no known cause",
     "bias_temperature": "bias over temperature",
     "bias_temperature_rate": "bias over the rate of temperature",
     "g_sensitivity": "g-sensitivity",
@@ -115,8 +114,10 @@ def motion_of(diagnosis):
     return force | both | {"candidates": list(reversed(named.values()))}
 
 
-def effect_words(name):
-    """Return the words for an effect, given its name in results."""
+def effect_words(name, constants=None):
+    """Return the words for an effect, given its name in results, and its constants."""
+    if constants and "formula" in constants:
+        return f"{constants['formula']} on {constants['axis']}"
     return EFFECT_WORDS.get(name, name.replace("_", " "))
 
 
@@ -278,7 +279,7 @@ def _tried(sensor, block):
         return "no effect that was tried helps"
     kind = best["residual"]
     left = shown(residuals[kind] | {"after": best["heldout_after"]}, "after")
-    alone = effect_words(best["name"])
+    alone = effect_words(best["name"], best.get("constants"))
     text = f"no effect that was tried is certain, though {alone} alone would leave {left}"
     if kind != quoted(sensor, block)[0]:
         text += f" of {shown(residuals[kind], 'before')} of the {RESIDUAL_WORDS[kind]}"
@@ -292,7 +293,7 @@ def sentence(sensor, block):
         end = "" if block["why"].endswith("?") else "."
         return f"not testable: {block['why']}{end}{contradicting(block)}"
     name, residual = quoted(sensor, block)
-    effects = joined([effect_words(e["name"]) for e in block["effects"]])
+    effects = joined([effect_words(e["name"], e.get("constants")) for e in block["effects"]])
     words = {
         "consistent": "consistent with its model and noise",
         "explained": f"explained by {effects}",
@@ -378,7 +379,8 @@ def _words(block):
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
     found = [e["name"] for e in block["effects"]]
-    effects = joined([effect_words(name) for name in found if name != MEMORY])
+    words = [effect_words(e["name"], e.get("constants")) for e in block["effects"]]
+    effects = joined([own for own in words if own != effect_words(MEMORY)])
     corrected = f" with {effects} corrected" if effects else ""
     better = f"better{corrected}" if effects else "its noise has a memory"
     few = undersampled(block)[0]

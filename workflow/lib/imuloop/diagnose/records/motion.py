@@ -20,6 +20,7 @@ from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
 from imuloop.diagnose.records.probes import of_moves
 from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import not_testable
+from imuloop.effects.products import products
 from imuloop.effects.steps import Steps
 
 # moves of which the velocity counts, at least
@@ -78,14 +79,18 @@ def candidates_in_motion(known):
     return found
 
 
-def diagnose_motion(
-    pair, solution, recording, settings, tests, information=None, search_formulas=None
-):
+def motion_products(sensor):
+    """Return the products that motion alone shows: an accelerometer's with the angular rate."""
+    found = products(sensor, "fw") if sensor == "accelerometer" else ()
+    return tuple(product for product in found if "motion" in product.records)
+
+
+def diagnose_motion(pair, solution, recording, settings, tests, information=None):
     """Return the PoseResult of a device in motion; calibrations where motion shows an effect.
 
     Takes the SensorPair and its Solution at the poses, effects included, None where these determine
     none; the number of tests of the other records, which share the significance; `information` of
-    PoseProblem, and `search_formulas` as of `content.searched_beyond`.
+    PoseProblem.
     """
     if solution is None or set(pair.estimated) != set(SENSORS):
         return untestable("the poses do not determine both sensors")
@@ -128,7 +133,7 @@ def diagnose_motion(
     # the same moves judge both
     parts, probes = {tuple(SENSORS): VELOCITY}, dict.fromkeys(SENSORS, of_moves(problem, knock))
     try:
-        result = diagnosed("motion", Choices(problem), parts, {}, probes, search_formulas)
+        result = diagnosed(Choices(problem), parts, {}, probes, motion_products)
     except LinAlgError as error:
         return untestable(why_no_fit(error), columns)
     result.contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))

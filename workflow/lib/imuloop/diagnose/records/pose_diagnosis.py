@@ -15,21 +15,17 @@ from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.content import (
-    residual_entry,
-    search_content,
-    searched_beyond,
-    size_of,
-    untried,
-)
+from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.probes import of_poses
 from imuloop.diagnose.records.scan import pose_step
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.search import kinds_of
-from imuloop.diagnose.verdict import RESIDUALS, judge, not_testable, verdict
+from imuloop.diagnose.verdict import RESIDUALS, judge, leaves, not_testable, verdict
+from imuloop.effects.products import Product, products
 from imuloop.effects.steps import Steps
+from imuloop.effects.temperature import LEAST_SPAN, span, whole_degrees
 
 # kinds of residuals that a device leaves which does not lie still, and the share of its rests from
 # which on what is left of them may be that
@@ -98,14 +94,11 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
     )
 
 
-def diagnose_poses(
-    pair, reasons, recording, settings, tests, found=(), information=None, search_formulas=None
-):
+def diagnose_poses(pair, reasons, recording, settings, tests, found=(), information=None):
     """Return the PoseResult of a device.
 
     Takes what `calibrate.calibrate.start_pair` gives, the Recording, DiagnoseSettings, the number
-    of tests that share the significance, and `found` and `information` of PoseProblem;
-    `search_formulas` as of `content.searched_beyond`.
+    of tests that share the significance, and `found` and `information` of PoseProblem.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
     if pair is None:
@@ -123,7 +116,7 @@ def diagnose_poses(
             probes = {s: of_poses(problem, s) for s in tested}
             others = {s: pose_candidates(s, recording, found)[1] for s in tested}
             choices = Choices(problem)
-            result = diagnosed("poses", choices, parts, others, probes, search_formulas)
+            result = diagnosed(choices, parts, others, probes, partial(pose_products, recording))
             result = replace(result, contents=contents | result.contents)
     except LinAlgError as error:
         why = why_no_fit(error)
@@ -138,7 +131,7 @@ def diagnose_poses(
         lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
         return PoseResult(contents | lost, pair, rejected=rejected)
     alone, how = replace(pair, estimated=("accelerometer",)), (recording, settings, tests)
-    again = diagnose_poses(alone, reasons | rejected, *how, found, information, search_formulas)
+    again = diagnose_poses(alone, reasons | rejected, *how, found, information)
     return replace(again, rejected=rejected | again.rejected)
 
 
@@ -177,26 +170,31 @@ def rejections(result, recording):
     return rejected
 
 
-def diagnosed(record, choices, parts, others, probes, search_formulas):
+def pose_products(recording, sensor):
+    """Return the products that poses and rotations can show: at rest nothing turns."""
+    channels = recording.pose_channels(sensor, lambda y: y, recording.poses.f)
+    reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None
+    return products(sensor, "f" if sensor == "accelerometer" else "wf", reference)
+
+
+def diagnosed(choices, parts, others, probes, formulas):
     """Return the PoseResult of a record that can be tested, of the sensors that are.
 
     `parts` are kinds of residuals by the sensors, a tuple, that they judge; `others` and `probes`
-    by sensor as of `search_content`, `search_formulas` as of `searched_beyond`.
+    by sensor as of `search_content`. `formulas` gives the products of a sensor, which are tried
+    where effects with a cause leave it above its floor.
     """
-    result, contents = judged(choices, parts), {}
+    result, contents, more = judged(choices, parts), {}, {}
+    for sensor in (s for s, content in result.contents.items() if leaves(content)):
+        if own := formulas(sensor):
+            more[Kind(Product, sensor)] = tuple(OfSensor(shape, sensor) for shape in own)
+    if more:
+        choices = Choices(choices.problem.with_formulas(more))
+        result = judged(choices, parts)
     fitted = fitted_effects(result)
     for sensor, own in result.contents.items():
         why_not = others.get(sensor, {})
         contents[sensor] = own | search_content(choices, fitted, why_not, probes[sensor], sensor)
-    more, sensor = searched_beyond(search_formulas, record, contents, choices)
-    if more:
-        result = judged(more.choices, parts)
-        for each, content in contents.items():
-            content |= result.contents[each]
-        base, content = more.choices.choice().base, contents[sensor]
-        fitted = zip(fitted_effects(result), base, strict=True)
-        own = [effect for effect, of in fitted if of.sensor == sensor]
-        content |= more.joined(content["effects"], content["candidates"], own)
     return replace(result, contents=contents, pair=choices.problem.sensor, choices=choices)
 
 

@@ -34,8 +34,6 @@ class Linearized:
     # what the noise may be, from what was estimated of it to what the residuals make of it:
     # logarithm of the probability beforehand and covariance, (N, N)
     alternatives: list
-    # what is known of the noise, covariance, (N, N), and the Components whose size is not
-    noise: tuple
     evidence: Evidence  # of the values
     noise_with: object  # callable: takes residuals, gives their Hypotheses
 
@@ -81,7 +79,8 @@ class PoseProblem:
         known = self.base_rows[1]
         if self.information is None:
             return {}, known
-        shapes = (s for own in self.shapes.values() for s in own)
+        # of formulas static records, in few attitudes, say nothing
+        shapes = (s for kind, own in self.shapes.items() for s in own if not kind.is_formula)
         effects = (*self.found, *(s for s in shapes if "temperature" in s.needs and not s.timed))
         if not effects:
             return {}, known
@@ -230,10 +229,7 @@ class PoseProblem:
 
         prior = np.full(len(PATH), -np.log(len(PATH)))
         evidence = Evidence([rows], prior, design, least=1.0, as_estimated_mask=np.array(PATH) == 0)
-        noise = covariance, components
-        return Linearized(
-            solution, model, values, jacobian, alternatives, noise, evidence, noise_with
-        )
+        return Linearized(solution, model, values, jacobian, alternatives, evidence, noise_with)
 
     def _known_base(self):
         """Return what other records say of the base parameters, rows R as above."""
@@ -251,6 +247,14 @@ class PoseProblem:
         shapes = self.shapes.get(effect.kind, ())
         self.enter(shapes if effect in shapes else (effect,))
         return self._columns[effect]
+
+    def with_formulas(self, formulas):
+        """Return the problem with more shapes, by kind, that are tried after all others."""
+        count = self.tests + self.settings.family * len(formulas)
+        problem = replace(self, shapes=self.shapes | formulas, tests=count)
+        # what was linearised before finds them there
+        problem.enter([shape for shapes in formulas.values() for shape in shapes])
+        return problem
 
     def enter(self, effects):
         """Find what several effects add, many at once: what they have in common is found once."""

@@ -35,7 +35,7 @@ def searched_content(sensor, finding):
 def static_content(sensor, finding, searched, noise, change, process):
     """Return the contract's fields of a sensor's StaticFinding.
 
-    `searched` is what was looked for, with any formula; `noise` that of the records without the
+    `searched` is what was looked for; `noise` that of the records without the
     effects, the floor; `change` holds its coefficients before and after, by axis, where something
     was added; `process` as of `process_entry`.
     """

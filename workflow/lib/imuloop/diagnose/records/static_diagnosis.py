@@ -1,6 +1,6 @@
 """Diagnosis of static records: the effects in means at rest, and the noise without them."""
 
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from functools import partial
 
 import numpy as np
@@ -13,7 +13,6 @@ from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.content import searched_beyond
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.processes import process_entry
 from imuloop.diagnose.records.rests import LONG_REST
@@ -80,17 +79,11 @@ class StaticFinding:
 
     choices: Choices  # the searches, and what they added
     others: dict  # status and reason of effects that cannot be tried
-    effects: tuple  # FittedEffects that were added, a formula of no library last
+    effects: tuple  # FittedEffects that were added
     # the same with the best that passes the test, but that no held-out part confirms
     doubtful: tuple
     # held out, without effects and with them, (M, 3) each: the search repeated without each part
     errors: tuple
-
-    def with_formula(self, choices):
-        """Return the same with those of a FormulaModel; None where they are not determined."""
-        effects = fitted_effects(self.choices.search(), choices.base)
-        errors = self.errors[0], choices.errors(choices.nested)
-        return effects and replace(self, effects=effects, doubtful=effects, errors=errors)
 
 
 def static_tests(records, settings):
@@ -117,23 +110,13 @@ def static_candidates(sensor, records):
     return {cls: tuple(e for e in own if not e.price) for cls, own in found.items()}, others
 
 
-def diagnose_static(
-    data,
-    records,
-    calibration,
-    noise,
-    curve_fit,
-    settings,
-    noise_settings,
-    tests,
-    search_formulas=None,
-):
+def diagnose_static(data, records, calibration, noise, curve_fit, settings, noise_settings, tests):
     """Return the StaticResult of both sensors of a device.
 
     Takes StaticData, the StaticRecords of each sensor, the base calibration, to whose
     ``K (raw - b)`` effects add, the device's noise and, as of `NoiseResult`, its plain fits, both
     estimated again by the settings of their stage where effects are taken out; `tests` is the
-    number of tests that share the significance, `search_formulas` as of `content.searched_beyond`.
+    number of tests that share the significance.
     """
     findings, reasons = {}, {}
     for sensor, axes in SENSORS.items():
@@ -147,7 +130,6 @@ def diagnose_static(
         except LinAlgError as error:
             reason = why_no_fit(error)
         reasons[sensor] = reason
-    searched = {sensor: searched_content(sensor, own) for sensor, own in findings.items()}
 
     def without(found):
         """Return noise, its plain fits and Allan tables of the records less FittedEffects."""
@@ -156,40 +138,19 @@ def diagnose_static(
         again, allan = noise_again(noise.device, data, calibration, found, noise_settings)
         return again.model, again.curve_fit, allan
 
-    def judged():
-        """Return the noise without what was found, its Allan tables, and the content by sensor."""
-        found = {sensor: finding.effects for sensor, finding in findings.items()}
-        floor, plain, allan = without(found)
-        whole, made = with_lines(floor, found), {}
-        for sensor, finding in findings.items():
-            change = {
-                name: {"before": asdict(noise.axes[name]), "after": asdict(whole.axes[name])}
-                for name in (SENSORS[sensor] if finding.effects else ())
-            }
-            fine = data.records(sensor, calibration, 0.0)
-            problem = finding.choices.problem
-            process = process_entry(sensor, problem, finding.effects, fine, floor, plain)
-            how = searched[sensor], floor, change, process
-            made[sensor] = static_content(sensor, finding, *how)
-        return whole, allan, made
-
-    whole, allan, made = judged()
-    named = False
-    for sensor, finding in findings.items():
-        own, known = made[sensor], searched[sensor]
-        more, _ = searched_beyond(search_formulas, "static_record", {sensor: own}, finding.choices)
-        wide = more and finding.with_formula(more.choices)
-        if more and not wide:
-            # what the records do not determine is not named
-            own["discovered"] = replace(more, choices=None).content
-        known |= {"discovered": own["discovered"]} if "discovered" in own else {}
-        if wide:
-            findings[sensor], named = wide, True
-            known |= more.joined(known["effects"], known["candidates"], wide.effects)
-    if named:
-        # a formula changes the noise of both sensors
-        whole, allan, made = judged()
     found = {sensor: finding.effects for sensor, finding in findings.items()}
+    floor, plain, allan = without(found)
+    whole, made = with_lines(floor, found), {}
+    for sensor, finding in findings.items():
+        change = {
+            name: {"before": asdict(noise.axes[name]), "after": asdict(whole.axes[name])}
+            for name in (SENSORS[sensor] if finding.effects else ())
+        }
+        fine = data.records(sensor, calibration, 0.0)
+        problem = finding.choices.problem
+        process = process_entry(sensor, problem, finding.effects, fine, floor, plain)
+        searched = searched_content(sensor, finding)
+        made[sensor] = static_content(sensor, finding, searched, floor, change, process)
     doubtful = {sensor: finding.doubtful for sensor, finding in findings.items()}
     if doubtful != found:
         # a warm-up that no second start confirms is no random walk either

@@ -83,7 +83,9 @@ def _as_logged(device, name):
 
 
 def _of_residual(what, residual, block, logged=None):
-    names = list(dict.fromkeys(effect_words(e["name"]) for e in block["effects"]))
+    names = list(
+        dict.fromkeys(effect_words(e["name"], e.get("constants")) for e in block["effects"])
+    )
     sizes = {"logged": logged, "calibrated": residual["before"]}
     sizes |= {"final": residual["after"] if names else None, "floor": residual["floor"]}
     known = {"effects": names, "slow_noise": bool(block.get("slow_noise"))}

@@ -1,0 +1,114 @@
+"""Products of powers of outputs: tried where effects with a cause leave more than noise."""
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations_with_replacement
+
+import numpy as np
+
+from imuloop.core.effect import Effect
+from imuloop.effects.axes import AXES
+from imuloop.effects.temperature import CELSIUS, ROOM, temperature
+
+# largest total degree
+DEGREE = 3
+POWERS = ("", "", "²", "³")
+# SI unit of each factor by its letter: specific force, angular rate, temperature less a reference
+UNITS = {"f": "m/s^2", "w": "rad/s", "θ": "K"}
+# whose output a letter is
+OUTPUTS = {"accelerometer": "f", "gyroscope": "w"}
+_FACTOR = re.compile(r"(θ|[fw]_[xyz])([²³]?)")
+
+
+@dataclass(frozen=True)
+class Product(Effect):
+    """``e_i = c_i Π_k x_k^p_k``: one product of powers, on one axis, as ``f_y² f_z``.
+
+    Factors: specific force f and angular rate w along x, y or z, up to degree three together, and
+    θ, the temperature less the reference, to its first power.
+    Leaves: a pattern that no effect with a cause leaves. Imitated by: at rest, where only u·e shows
+    of an accelerometer, f_y² f_z on x by f_x f_y f_z on y and by f_x f_y² on z.
+    """
+
+    formula: str = "f_x² f_y"
+    axis: str = "x"
+    sensor: str = "accelerometer"
+    reference_temperature: float = ROOM
+
+    name = "product"
+    equation = "e_i = c_i Π_k x_k^p_k"
+    reference = "a search of this device's residual; no cause is known"
+    # of the class: it is tried after all others, by `products`
+    records = ()
+    is_formula = True
+    bounds = {"reference_temperature": CELSIUS}
+
+    def __post_init__(self):
+        """Refuse what is no product; set what depends on its factors."""
+        if self.axis not in tuple(AXES) or self.sensor not in OUTPUTS:
+            raise ValueError("it needs an axis and a sensor")
+        turns = self.sensor == "accelerometer" and "w" in self.formula
+        object.__setattr__(self, "sensors", (self.sensor,))
+        object.__setattr__(self, "records", ("motion",) if turns else ("poses",))
+        object.__setattr__(self, "needs", ("temperature",) if "θ" in self.factors else ())
+
+    @cached_property
+    def factors(self):
+        """Each factor, as often as its power says."""
+        matches = [_FACTOR.fullmatch(text) for text in self.formula.split(" ")]
+        if not all(matches):
+            raise ValueError(f"'{self.formula[:60]}' is no product, as f_y² f_z is")
+        found = [m[1] for m in matches for _ in range(POWERS.index(m[2], 1))]
+        if len(found) > DEGREE or found.count("θ") > 1:
+            raise ValueError(f"'{self.formula[:60]}' is of too high a degree")
+        return tuple(found)
+
+    @property
+    def parameters(self):
+        """Name and unit of the coefficient."""
+        powers = {}
+        for factor in self.factors:
+            powers[UNITS[factor[0]]] = powers.get(UNITS[factor[0]], 0) + 1
+        units = " ".join(f"({unit})^{p}" if p > 1 else unit for unit, p in powers.items())
+        return {f"c{self.axis}": f"output per {f'({units})' if len(powers) > 1 else units}"}
+
+    def design(self, channels):
+        """Return the product on its axis, shape (n, 3, 1)."""
+        found = np.zeros((len(channels.t), 3, 1))
+        values = np.ones(len(channels.t))
+        for factor in self.factors:
+            if factor == "θ":
+                values = values * (temperature(channels) - self.reference_temperature)
+            else:
+                is_own = factor[0] == OUTPUTS[self.sensor]
+                seen = channels.output if is_own else channels.other
+                values = values * seen[:, AXES.index(factor[2])]
+        found[:, AXES.index(self.axis), 0] = values
+        return found
+
+
+def products(sensor, letters, reference_temperature=None):
+    """Return all products on each axis of a sensor, those of lowest degree first.
+
+    Of the outputs of `letters`, the sensor's first, and, with a reference, of the temperature, but
+    for what bias, scale factor and misalignment have.
+    """
+    outputs = [f"{letter}_{axis}" for letter in letters for axis in AXES]
+    warm, formulas = reference_temperature is not None, []
+    for degree in range(1, DEGREE + 1):
+        each = combinations_with_replacement(outputs, degree)
+        own = outputs[:3] if degree == 1 and letters[0] == OUTPUTS[sensor] else ()
+        formulas += [factors for factors in each if factors[0] not in own]
+        each = combinations_with_replacement(outputs, degree - 1) if warm and degree > 1 else ()
+        formulas += [("θ", *factors) for factors in each]
+    found = []
+    for factors in formulas:
+        reference = (reference_temperature,) if "θ" in factors else ()
+        found += [Product(formula(factors), axis, sensor, *reference) for axis in AXES]
+    return tuple(found)
+
+
+def formula(factors):
+    """Return the formula of factors, as ``f_y² f_z``."""
+    return " ".join(f + POWERS[factors.count(f)] for f in dict.fromkeys(factors))
