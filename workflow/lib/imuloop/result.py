@@ -9,6 +9,7 @@ import shutil
 import tempfile
 import textwrap
 import warnings
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -169,9 +170,17 @@ class Result:
         return f"<pre>{escape(str(self))}</pre>\n{self.calibration._repr_html_()}"
 
 
+class TemporaryFolder:
+    """A folder that is removed, without a warning, when nothing holds it any more."""
+
+    def __init__(self):
+        self.name = tempfile.mkdtemp(prefix="imuloop-")
+        weakref.finalize(self, shutil.rmtree, self.name, ignore_errors=True)
+
+
 def _unpickled(device, logs, failures, notes, files):
     """Return a result, its files in a temporary folder."""
-    kept = tempfile.TemporaryDirectory(prefix="imuloop-")
+    kept = TemporaryFolder()
     for parts, content in files.items():
         path = Path(kept.name, *parts)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -314,7 +323,7 @@ def calibrate(
         for kind, each in given
         for i, log in enumerate(each)
     }
-    kept = folder or tempfile.TemporaryDirectory(prefix="imuloop-")
+    kept = folder or TemporaryFolder()
     if prior and folder:
         refuse_overwriting([folder], [prior])
     device = chain.Device(
