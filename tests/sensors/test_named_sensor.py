@@ -118,6 +118,50 @@ def test_counts_without_a_range_are_refused_in_python(counts):
         imuloop.read(counts, units=COUNTS, sensor="icm42688p")
 
 
+@pytest.mark.parametrize(
+    ("options", "remedy"),
+    [
+        (["--sensor=icm42688p", "--range=16 g, 2000 deg/s"], "--acceleration-unit count; see"),
+        ([], "--acceleration-unit count, and --counts acceleration=…; see"),
+    ],
+    ids=["sensor", "none"],
+)
+def test_counts_that_are_not_declared_are_asked_for(counts, options, remedy, capsys):
+    assert main(["info", str(counts), *options]) == 1
+    said = " ".join(capsys.readouterr().out.split())
+    assert f"whole numbers that look like counts; declare {remedy}" in said
+
+
+def test_a_log_far_from_its_data_sheet_says_so_where_it_is_printed(log, tmp_path):
+    moved = log[[*ACCELERATION]] + [6.0, 0.0, 0.0]
+    with hurried("device"):
+        result = imuloop.calibrate(
+            *(log["t"], moved, log[[*ANGULAR_RATE]]),
+            **{"sensor": "icm42688p", "settings": QUICK, "progress": False},
+        )
+    printed = " ".join(str(result).split())
+    assert "accelerometer: Far from the data sheet: bias x" in printed
+    assert "is the offset of its raw unit as declared?" in printed
+
+
+def test_an_earlier_calibration_is_kept_where_the_log_shows_no_more(log, tmp_path):
+    with hurried("device"):
+        first = imuloop.calibrate(
+            *(log["t"], log[[*ACCELERATION]], log[[*ANGULAR_RATE]]),
+            **{"folder": tmp_path / "first", "settings": QUICK, "progress": False},
+        )
+        rest = log[log["t"] < 12]
+        later = imuloop.calibrate(
+            *([], None, None),
+            static=(rest["t"], rest[[*ACCELERATION]], rest[[*ANGULAR_RATE]]),
+            **{"prior": tmp_path / "first/calibration.json", "progress": False},
+        )
+    for sensor in ("accelerometer", "gyroscope"):
+        before, after = (getattr(r.calibration, sensor) for r in (first, later))
+        for matrix in "TK" if sensor == "gyroscope" else "TKb":
+            assert getattr(after, matrix) == pytest.approx(getattr(before, matrix))
+
+
 def test_ranges_may_stand_in_any_order_and_unit(counts, capsys):
     options = [*OPTIONS, "--sensor=icm42688p", "--range=2000deg/s, 156.9 m/s^2"]
     assert main(["info", str(counts), *options]) == 0

@@ -38,6 +38,7 @@ from imuloop.core.files import read_json, refuse_overwriting, replaced
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.places import PYTHON, read_in
+from imuloop.core.prior_remarks import remarks
 from imuloop.core.samples import SENSORS, read_samples
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest.formats import PAIR
@@ -153,7 +154,10 @@ class Result:
         named = self.device.data_sheet.get("sensor")
         title += f", sensor {named}:" if named else ":"
         lines = [title, *self.failures, *self.notes]
-        lines += [f"  {s}, calibration: {_basis(getattr(self.calibration, s))}" for s in SENSORS]
+        for name in SENSORS:
+            sensor = getattr(self.calibration, name)
+            lines.append(f"  {name}, calibration: {_basis(sensor)}")
+            lines += [f"  {name}: {remark}" for remark in remarks(name, sensor)]
         places = {}
         for sensor, part, block in blocks(self.diagnosis):
             text = sentence(sensor, block)

@@ -10,7 +10,7 @@ from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.least_squares import NotConverged, fit, why_no_fit
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.prior import data_sheets
-from imuloop.calibrate.raw_units import prior_content
+from imuloop.calibrate.raw_units import in_raw_units, prior_content
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.sensor_pair import BASES, SensorPair, places
 from imuloop.core.calibration_faults import sensor_fault
@@ -288,8 +288,20 @@ def nominal_sensors(reasons, recording, noise, units, priors):
             time, words = changed_at(sensor, poses, recording.rotations) or (np.inf, "")
             reason = reason if words in reason else f"{reason}; {words}"
             nominal = rest_bias(poses, noise, unit, reason, time)
-        made[sensor] = replace(nominal, prior=prior_content(priors[sensor], BASES[sensor], unit))
+        made[sensor] = at_prior(nominal, priors[sensor], BASES[sensor])
     return made
+
+
+def at_prior(calibration, prior, base):
+    """Return a SensorCalibration without a fit, its unmeasured parameters those of a SensorPrior.
+
+    `base` are the names of the parameters of the prior.
+    """
+    unit = calibration.raw_unit
+    mean = in_raw_units(unit, base, prior.mean, prior.covariance, method="nominal")
+    b = calibration.b if calibration.names else mean.b
+    content = prior_content(prior, base, unit)
+    return replace(calibration, T=mean.T, K=mean.K, b=b, prior=content)
 
 
 def rest_bias(poses, noise, unit, reason, changed=np.inf):
@@ -356,7 +368,9 @@ def calibrate_device(
     static = read_poses(sessions, "static")
     if not len(recording.poses) and len(static):
         reason = f"{without_pose(sessions, 'multi_position')}; bias only"
-        made["gyroscope"] = rest_bias(static, model, units["gyroscope"], reason)
+        bias = rest_bias(static, model, units["gyroscope"], reason)
+        gyroscope = (priors or data_sheets())["gyroscope"]
+        made["gyroscope"] = at_prior(bias, gyroscope, BASES["gyroscope"])
     log, sha256 = layout(sessions), hashes(sessions)
     for path, sensors in ((six_path, six), (multi_path, made)):
         named = (

@@ -208,7 +208,9 @@ def ingest(
             wrong, doubted = [], []
             # without gravity there is no yardstick
             if absent != "acceleration":
-                wrong, doubted = judged(figures, raw_units, declared.gravity, kind)
+                wrong, doubted = judged(
+                    figures, raw_units, declared.gravity, kind, declared.nominal
+                )
             if fault:
                 # the rate is wrong, and what was found by it
                 wrong, doubted = ([fault], []) if many else ([], [fault])

@@ -57,11 +57,12 @@ LEAST_WRAPS, MOST_WRAPS = 3, 20
 MOST_RATE, TURNS_IN_MS, WHOLE, EACH_SECOND = 1e4, (0.2, 100.0), 1e-6, 0.7
 
 
-def judged(figures, units, gravity, kind=None):
+def judged(figures, units, gravity, kind=None, nominal=None):
     """Return why a session cannot be used as declared, and what a user should look at, as texts.
 
     `figures` are quality figures with `faults`, `units` the `RawUnit` of each sensor, `gravity` is
-    the local one, m/s^2; `kind` what was done with the device, where that is known.
+    the local one, m/s^2; `kind` what was done with the device, where that is known; `nominal` the
+    declared scales of counts, or those of the data sheet, by quantity.
     """
     found, reasons, warnings = figures["faults"], [], []
     if not found:
@@ -81,7 +82,8 @@ def judged(figures, units, gravity, kind=None):
     if cause := _increments(figures, units, gravity, *turns):
         reasons.append(cause)
     else:
-        _force(figures, units["acceleration"], gravity, reasons, warnings)
+        scales = (nominal or {}).get("acceleration")
+        _force(figures, units["acceleration"], gravity, scales, reasons, warnings)
         _turns(figures, units["angular_rate"], kind, *turns, reasons, warnings)
     if kind == "static" and found["rests"]:
         _moved(found["rests"], gravity, reasons, warnings)
@@ -224,7 +226,7 @@ def _noise_of_rate(rests):
     return rests["change"] * sqrt(WINDOW / share / 6) if share else 0.0
 
 
-def _force(figures, unit, gravity, reasons, warnings):
+def _force(figures, unit, gravity, scales, reasons, warnings):
     """Say what is wrong with a specific force at rest that is not gravity."""
     found, rests = figures["faults"], figures["faults"]["rests"]
     if rests and rests["gap_turn"] > MOST_TILT:
@@ -258,9 +260,10 @@ def _force(figures, unit, gravity, reasons, warnings):
     if cause:
         reasons.append(f"{line}: {cause}")
     elif unit.name in ("m/s^2", "g") and _whole(figures, unit):
+        declare = "units.acceleration: count" + ("" if scales else ", and nominal.acceleration")
         reasons.append(
             f"{line}: taken as {unit.name}, whole numbers that look like counts; declare "
-            "units.acceleration: count, and nominal.acceleration; see units.angular_rate too"
+            f"{declare}; see units.angular_rate too"
         )
     elif _in_attitudes(rests, low, high):
         share = f"{force / gravity:.2g} times its size"
