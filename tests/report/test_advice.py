@@ -255,7 +255,7 @@ def test_advice_is_short_and_ordered_by_gain(good):
 
 def test_parameters_in_words():
     assert parameter_words("gyroscope", "K2") == "the gyroscope's z scale factor"
-    assert parameter_words("gyroscope", "g_sensitivity.G00") == "the gyroscope's g_sensitivity G00"
+    assert parameter_words("gyroscope", "T20") == "the gyroscope's misalignment zx"
     assert sigma_words("rad", 4e-4) == "0.40\u202fmrad"
 
 

@@ -29,8 +29,6 @@ MISSED = 0.05
 
 def parameter_words(sensor, name):
     """Return a parameter in words: ``the gyroscope's z scale factor``."""
-    if "." in name:
-        return f"the {sensor}'s {name.replace('.', ' ', 1)}"
     axes = "".join(XYZ[int(i)] for i in name[1:])
     if name[0] == "T":
         return f"the {sensor}'s misalignment {axes}"
