@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from imuloop.core.rotation import exponential, matrix
-from imuloop.plan.session import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S, holes
-from imuloop.simulate.motion import shortest_turn
+from imuloop.core.rotation import exponential, matrix, shortest_turn
+from imuloop.core.sphere import largest_hole
+from imuloop.plan.advice import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 
 STYLE = """
   .ground { fill: #f6f8fa; stroke: #d0d7de }
@@ -125,9 +125,12 @@ def attitudes():
     corner = np.concatenate(
         [d / np.linalg.norm(d, axis=1)[:, None] for d in (FACES, EDGES, CORNERS)]
     )
-    between = holes(corner, POSES - len(corner))
+    more_up = corner
+    while len(more_up) < POSES:
+        more_up = np.vstack([more_up, largest_hole(more_up)[0]])
+    between = more_up[len(corner) :]
     for x, up, words, more in (
-        (590, np.concatenate([corner, between]), "good: all over", f"{len(between)} more between"),
+        (590, more_up, "good: all over", f"{len(between)} more between"),
         (735, FACES[FACES[:, 2] >= 0], "too few: faces,", "and one half only"),
     ):
         drawn.append(f'<circle class="line" cx="{x}" cy="110" r="56" stroke-width="1.5"/>')

@@ -25,7 +25,7 @@ from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
 from imuloop.export.export import FORMATS
-from imuloop.plan.session import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
+from imuloop.plan.advice import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 from imuloop.report.figures.poses import largest_hole
 from imuloop.report.recording import WIDE_HOLE
 from quick import hurried

@@ -24,10 +24,9 @@ from imuloop.core.model import Calibration
 from imuloop.core.samples import CHANNELS
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.plan.session import Plan, turns_between
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
-from plan.planned_log import simulate_plan
+from plan.planned_log import simulate_plan, turns_between
 from quick import diagnosed
 
 TRUTH = planned(example_truth(rate=50.0), poses=30)
@@ -144,8 +143,7 @@ def test_no_turn_contradicts_where_the_direction_of_gravity_is_not_known(tilt):
         up += rng.normal(0, tilt, (20, 3))
         up[-1] = 0.1, -0.1, 1.0
         up /= np.linalg.norm(up, axis=1)[:, None]
-        plan = Plan(up[0], turns_between(up), 10.0, 4.0)
-        made = recorded(simulate_plan(TRUTH, plan, seed, 4.0, np.full(19, 2.0)))
+        made = recorded(simulate_plan(TRUTH, up[0], turns_between(up), seed))
         for size in (1e-3, 3e-3):
             norm = 1 + rng.normal(0, size, len(made.poses))
             poses = replace(made.poses, f=made.poses.f * norm[:, None])

@@ -166,7 +166,7 @@ def diagnose(device):
     from imuloop.diagnose.settings import DiagnoseSettings
     from imuloop.noise.allan import allan_table
     from imuloop.noise.settings import NoiseSettings
-    from imuloop.plan.next_recording import next_recording
+    from imuloop.plan.advice import next_step
     from imuloop.validate.attitude import validate_attitude
 
     settings = DiagnoseSettings(**device.diagnose)
@@ -182,7 +182,8 @@ def diagnose(device):
         noise_settings=NoiseSettings(**device.noise),
         priors=_priors(device),
     )
-    diagnosis = found.content | {"next_recording": next_recording(found)}
+    step = next_step(found.calibration, found.noise, found.recording)
+    diagnosis = found.content | {"next_step": step}
     attitude, series = validate_attitude(device.name, found, settings)
     if "why" in attitude:
         attitude["why"] = with_sessions(attitude["why"], device.sessions)

@@ -126,7 +126,7 @@ def line(found):
     text = f"{found.duration_s / 60:.1f} min, {plural(len(found.up), 'pose')}"
     text += f"; scale factor and misalignment good to: {', '.join(known)}" if known else ""
     if found.done:
-        return f"{text}. Done." + (f" Better still: {found.advice}." if found.advice else "")
+        return f"{text}. Done."
     return f"{text}. Next: {found.advice}."
 
 

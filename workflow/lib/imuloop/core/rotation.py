@@ -116,3 +116,13 @@ def _prefixes(q):
     prefixes[..., 1::2, :] = pairs
     prefixes[..., 2::2, :] = _product(pairs[..., : (n - 1) // 2, :], q[..., 2::2, :])
     return prefixes
+
+
+def shortest_turn(before, after):
+    """Return the rotation vector that brings direction `after` of the body where `before` was."""
+    before, after = (np.asarray(v) / np.linalg.norm(v) for v in (before, after))
+    axis = np.cross(after, before)
+    sine = np.linalg.norm(axis)
+    if sine < 1e-9:
+        axis = np.cross(before, np.eye(3)[np.argmin(np.abs(before))])
+    return axis / np.linalg.norm(axis) * np.arctan2(sine, before @ after)

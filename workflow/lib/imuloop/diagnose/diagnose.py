@@ -40,9 +40,9 @@ RECORDS = ("poses", "static_record", "motion")
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """The diagnosis of a device, as validation and the next recording use it."""
+    """The diagnosis of a device, as validation and advice use it."""
 
-    content: dict  # content of diagnosis.json, but for the next recording
+    content: dict  # content of diagnosis.json, but for the next step
     calibration: Calibration  # with the effects that were added
     # Allan table without the effects, by session; empty where nothing was taken out
     allan: dict

@@ -1,1 +1,1 @@
-"""From a calibration to the next recording: what it would improve, before it is made."""
+"""From a calibration to what it needs: what limits it, and what would improve that most."""

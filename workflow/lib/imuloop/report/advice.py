@@ -11,13 +11,12 @@ from imuloop.core.units import DEGREE
 from imuloop.diagnose.records.pose_diagnosis import TESTABLE
 from imuloop.report.numbers import number
 from imuloop.report.recording import (
-    best_recording,
     enough,
     first_session,
     hole,
     initial_rest,
+    limit,
     static_record,
-    turns_needed,
 )
 from imuloop.report.verdict import (
     ABOVE,
@@ -97,7 +96,7 @@ def next_steps(device):
     of it.
     """
     mend = (_rejected, _doubted, first_session, _clipped, _short_rests, _tilted_rests)
-    record = (_unexplained, best_recording, hole, turns_needed, initial_rest, _heat_and_cool)
+    record = (_unexplained, limit, hole, initial_rest, _heat_and_cool)
     ranks = mend, record, (static_record,)
     # what is wrong with a log or its entry makes every other number doubtful
     misdeclared = any(s.quality["misdeclared"] for s in device.sessions)

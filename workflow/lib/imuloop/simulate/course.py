@@ -4,9 +4,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.errors import ImuloopError
+from imuloop.core.rotation import shortest_turn
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.core.units import DEGREE
-from imuloop.simulate.motion import hum, knock, move, rest, shortest_turn
+from imuloop.simulate.motion import hum, knock, move, rest
 
 # upward axes of the six faces, in an order of quarter turns
 FACES = np.array([[0, 0, 1], [1, 0, 0], [0, 0, -1], [-1, 0, 0], [0, 1, 0], [0, -1, 0.0]])

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from imuloop.core.rotation import exponential, matrix, multiply
+from imuloop.core.rotation import exponential, matrix, multiply, shortest_turn
 
 # physiological tremor of the hand, Hz
 TREMOR = (8.0, 12.0)
@@ -135,13 +135,3 @@ def chain(pieces, up, gravity, rate):
         np.concatenate([piece.rate for piece in pieces]),
         pd.DataFrame(rests, columns=["start_s", "end_s", "pose"]),
     )
-
-
-def shortest_turn(before, after):
-    """Return the rotation vector that brings direction `after` of the body where `before` was."""
-    before, after = (np.asarray(v) / np.linalg.norm(v) for v in (before, after))
-    axis = np.cross(after, before)
-    sine = np.linalg.norm(axis)
-    if sine < 1e-9:
-        axis = np.cross(before, np.eye(3)[np.argmin(np.abs(before))])
-    return axis / np.linalg.norm(axis) * np.arctan2(sine, before @ after)
