@@ -7,7 +7,7 @@ READY := .venv/.ready
 DEV_READY := .venv/.ready-dev
 PEERS := build/peers
 
-.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise vqf study setup setup-dev setup-cluster lock environment wheel api licences clean
+.PHONY: report picture settings test nightly cluster lint format bench a-day factory vqf study setup setup-dev setup-cluster lock environment wheel api licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml; with VERBOSE=1
 # what Snakemake says of each job
@@ -77,11 +77,6 @@ $(PEERS)/.ready: bench/requirements.txt
 	$(PYTHON) -m venv --clear $(PEERS)
 	-grep -v '^#' $< | while read each; do $(PEERS)/bin/pip install --quiet $$each; done
 	touch $@
-
-# noise coefficients beside truth, bound and common tools: noise.md, ten minutes on two cores; for a
-# part of it OPTIONS="--parts accuracy --seeds 10"
-bench-noise: setup-dev
-	$(MEASURE) bench.noise --workers $(CORES) $(OPTIONS)
 
 # the error of a filter of others on trials of BROAD, before and after the offset that imuloop finds
 # on three others: vqf.md, two minutes; recordings by IMULOOP_MIRROR

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
-from bench.noise.limits import line_limit
 from imuloop.noise.axis import estimate_axis, estimate_record, find_lines
 from imuloop.noise.intervals import coefficients_with_intervals
 from imuloop.noise.likelihood import Likelihood
@@ -14,6 +13,7 @@ from imuloop.noise.sampling import Sampling, Signal
 from imuloop.noise.selection import Selection
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
+from noise.line_limit import line_limit
 from seeds import least, seeds
 
 SETTINGS = NoiseSettings()

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from bench.noise.limits import line_limit
 from imuloop.noise.lines import find_line, mains
 from imuloop.noise.periodogram import chance_at_one
 from imuloop.noise.sampling import Signal
+from noise.line_limit import line_limit
 from seeds import least, seeds
 
 RATE = 100.0
