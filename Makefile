@@ -78,8 +78,8 @@ $(PEERS)/.ready: bench/requirements.txt
 	-grep -v '^#' $< | while read each; do $(PEERS)/bin/pip install --quiet $$each; done
 	touch $@
 
-# the error of a filter of others on trials of BROAD, before and after the offset that imuloop finds
-# on three others: vqf.md, two minutes; recordings by IMULOOP_MIRROR
+# the error of a filter of others on eight trials of BROAD, before and after the offset that imuloop
+# finds on three others: vqf.md, two minutes; recordings by IMULOOP_MIRROR
 vqf: setup
 	@$(QUIET) --configfile config/reference.yaml -c$(CORES) results/broad/diagnosis.json
 	$(MEASURE) bench.vqf_offset results/broad/diagnosis.json
