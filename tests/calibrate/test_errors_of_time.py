@@ -15,9 +15,9 @@ from imuloop.diagnose.records.pose_diagnosis import too_few
 from imuloop.ingest.ingest import ingest
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.simulate.logger import lose, stamp_late
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
+from loggers import lose, stamp_late
 
 TRUTH = example_truth()
 NOISE = known_noise(TRUTH)

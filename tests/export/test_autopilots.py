@@ -23,7 +23,7 @@ from export.devices import (
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import SENSORS
 from imuloop.effects.temperature import BiasTemperature
-from imuloop.simulate.reference import Beside, simulate_beside
+from simulated_reference import Beside, simulate_beside
 
 # float32: half a unit of its last place, relative
 HALF = 2.0**-24

@@ -13,7 +13,7 @@ from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.simulate.logger import lose, stamp_late
+from loggers import lose, stamp_late
 
 SETTINGS = NoiseSettings()
 # square of K over N, 1/s^2

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.simulate.logger import lose
+from loggers import lose
 from segment.logs import frame, pose_log, random_turns, rests_of, rotated
 
 SETTINGS = SegmentSettings()
