@@ -1,16 +1,25 @@
-"""Detection limit of a line: what is found with 90 %."""
+"""One unbroken record of an axis: its estimate, and the lines that are found in it with 90 %."""
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.special import betaincinv, chndtrinc
 
+from imuloop.noise.axis import estimate_axis
+from imuloop.noise.modes import modes
 from imuloop.noise.periodogram import Periodogram, chance_at_one, chance_over_band
+from imuloop.noise.sampling import Sampling
 from imuloop.noise.settings import NoiseSettings
 
 # chance of finding what lies at one limit
 PROBABILITY = 0.9
 # chance of a line in noise that has none
 LEVEL = NoiseSettings().significance
+
+
+def estimate_record(x, rate, settings):
+    """Return the AxisEstimate of `x`, shape (n,), of `rate` in Hz."""
+    signal = Sampling.unbroken(rate, len(x)).with_values(np.asarray(x, float))
+    return estimate_axis(modes([signal]), [signal], settings)
 
 
 def line_limit(sampling, density, frequency, level=LEVEL):

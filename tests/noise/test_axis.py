@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
-from imuloop.noise.axis import estimate_axis, estimate_record, find_lines
+from imuloop.noise.axis import estimate_axis, find_lines
 from imuloop.noise.modes import modes
 from imuloop.noise.processes import densities, gauss_markov_density
 from imuloop.noise.sampling import Sampling, Signal
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
-from noise.line_limit import line_limit
+from noise.one_record import estimate_record, line_limit
 from seeds import least, seeds
 
 SETTINGS = NoiseSettings()

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from imuloop.noise.lines import find_line, mains
 from imuloop.noise.sampling import Signal
-from noise.line_limit import line_limit
+from noise.one_record import line_limit
 from seeds import least, seeds
 
 RATE = 100.0
