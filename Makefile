@@ -7,7 +7,7 @@ READY := .venv/.ready
 DEV_READY := .venv/.ready-dev
 PEERS := build/peers
 
-.PHONY: report picture settings test nightly cluster lint format bench a-day factory bench-noise vqf study fuzz fuzz-chain processors setup setup-dev setup-cluster lock environment wheel api licences clean
+.PHONY: report picture settings test nightly cluster lint format bench a-day factory vqf study setup setup-dev setup-cluster lock environment wheel api licences clean
 
 # of the devices of config.yaml, or of another config: make report CONFIG=my.yaml; with VERBOSE=1
 # what Snakemake says of each job
@@ -35,12 +35,9 @@ test: setup-dev
 	$(BIN)/pytest -n $(CORES)
 
 # what takes too long for every change: statistical tests with all their seeds, published figures of
-# all devices, every kind of processor, mutated and harmed logs; recordings by IMULOOP_MIRROR
+# all devices; recordings by IMULOOP_MIRROR
 nightly: setup-dev
 	$(BIN)/pytest -n $(CORES) -m study
-	$(MAKE) processors
-	$(MAKE) fuzz CASES=15
-	$(MAKE) fuzz-chain FUZZ_CASES=2
 
 # tests against a real SLURM and an S3 on this machine; what cannot be had is skipped with the reason
 cluster: .venv-cluster/.ready-dev
@@ -81,13 +78,8 @@ $(PEERS)/.ready: bench/requirements.txt
 	-grep -v '^#' $< | while read each; do $(PEERS)/bin/pip install --quiet $$each; done
 	touch $@
 
-# noise coefficients beside truth, bound and common tools: noise.md, ten minutes on two cores; for a
-# part of it OPTIONS="--parts accuracy --seeds 10"
-bench-noise: setup-dev
-	$(MEASURE) bench.noise --workers $(CORES) $(OPTIONS)
-
-# the error of a filter of others on trials of BROAD, before and after the offset that imuloop finds
-# on three others: vqf.md, two minutes; recordings by IMULOOP_MIRROR
+# the error of a filter of others on eight trials of BROAD, before and after the offset that imuloop
+# finds on three others: vqf.md, two minutes; recordings by IMULOOP_MIRROR
 vqf: setup
 	@$(QUIET) --configfile config/reference.yaml -c$(CORES) results/broad/diagnosis.json
 	$(MEASURE) bench.vqf_offset results/broad/diagnosis.json
@@ -98,22 +90,6 @@ vqf: setup
 STUDY ?= build/study
 study: setup-dev
 	$(MEASURE) bench.study --workers $(CORES) --keep $(STUDY) $(or $(OPTIONS),--first 8200 --seeds 6)
-
-# mutated logs and configs through ingest and the config check, so many of each of 33
-CASES ?= 500
-fuzz: setup-dev
-	$(BIN)/pytest -n $(CORES) bench/fuzz/test_logs.py --cases $(CASES)
-
-# harmed stretches of recordings through the whole chain, so many of each device; recordings by
-# IMULOOP_MIRROR
-FUZZ_CASES ?= 300
-fuzz-chain: setup-dev
-	$(BIN)/pytest -n $(CORES) bench/fuzz/test_chain.py --cases $(FUZZ_CASES)
-
-# the measured devices by the code of each kind of processor, the numeric tests by the oldest: same
-# figures, same verdicts; recordings by IMULOOP_MIRROR
-processors: setup-dev
-	PYTHONPATH=workflow/lib $(BIN)/python -m bench.processors --workers $(CORES)
 
 setup: $(BIN)/imuloop
 

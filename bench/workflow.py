@@ -14,9 +14,6 @@ the others have their files under other names: logs, tables and pictures as hard
 and Snakemake's records of each output with the name replaced, and in each summary parameters and
 Allan curves scaled a little. All keep their times, so that the workflow takes them for finished.
 Timed are a dry run and the run with one device more; refused is a run with other jobs than its own.
-
-``slurm``: the factory's devices here, and by an array, `profiles/slurm/array.sh`, ten in a job;
-where a SLURM runs. Refused are other bytes, and more than 1.3 times the time.
 """
 
 import argparse
@@ -73,8 +70,6 @@ WHOLE.update(["ingest", "segment", "allan"] * 2)
 EDITED = Counter("export report_device".split())
 DEFAULT = Counter("calibrate diagnose allan allan export report_device".split())
 KINDS = ("multi_position", "static")
-# devices in a job of SLURM, and how many times the time of a run here it may take
-PACK, SLOWER = 10, 1.3
 
 
 def timed_process(command, environment, folder=None):
@@ -181,37 +176,6 @@ def factory(options):
     end = faults or ["Each run did the jobs it should; results are the same bytes."]
     runs = table(("run", *heads), [(name, *cells) for name, cells in rows.items()])
     publish("factory", "A factory's devices", "\n\n".join([runs, *end]))
-    return bool(faults)
-
-
-def slurm(options):
-    """Time devices here and in an array; return whether it took longer or gave other bytes."""
-    count, folder = int(options.devices.split(",")[-1]), options.folder / "slurm"
-    here, there = folder / "here", folder / "there"
-    (folder / "data").mkdir(parents=True, exist_ok=True)
-    with ProcessPoolExecutor(options.cores) as pool:
-        list(pool.map(make_logs, [folder / "data"] * count, range(count)))
-    for work in (here, there):
-        shutil.rmtree(work, ignore_errors=True)
-        work.mkdir()
-        write_config(work, count)
-    target = "results/report.html"
-    local, _, _ = workflow(REPOSITORY, here, target, options.cores)
-    words = [REPOSITORY / "profiles/slurm/array.sh", sys.executable, "-m", "snakemake"]
-    words += ["-s", REPOSITORY / "Snakefile", "--configfile", "config.yaml"]
-    jobs, begin = -(-count // PACK), time.monotonic()
-    for how in ([f"--array=1-{jobs}"], ["--dependency=singleton", "--wait"]):
-        submit = ["sbatch", f"--cpus-per-task={options.cores}", *how, *words]
-        environment = {**os.environ, "PYTHONDONTWRITEBYTECODE": ""}
-        subprocess.run(list(map(str, submit)), cwd=there, env=environment, check=True)
-    cluster = time.monotonic() - begin
-    compare = ["diff", "-rq", here / "results", there / "results"]
-    faults = subprocess.run(compare, capture_output=True, text=True).stdout.splitlines()
-    if cluster > SLOWER * local:
-        faults.append(f"more than {SLOWER} times the time")
-    rows = [("here", "–", f"{local:.0f}"), ("SLURM", jobs + 1, f"{cluster:.0f}")]
-    text = table((f"{count} devices", "jobs", "wall, s"), rows)
-    publish("slurm", "An array of jobs", f"{text}\n\n" + "\n".join(faults or ["The same bytes."]))
     return bool(faults)
 
 
@@ -364,7 +328,7 @@ def write_config(work, count, longest_rotation=30):
 def main():
     parser = argparse.ArgumentParser(prog="python -m bench.workflow", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("what", choices=("day", "factory", "added", "slurm"))
+    parser.add_argument("what", choices=("day", "factory", "added"))
     parser.add_argument("--cores", type=int, default=2)
     parser.add_argument("--folder", type=Path, default=REPOSITORY / "build", help="with room")
     parser.add_argument("--rate", type=int, default=200, help="of the day, Hz")
@@ -373,7 +337,7 @@ def main():
     parser.add_argument("--finished", type=int, default=2000, help="devices, before one is added")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    works = {"day": day, "factory": factory, "added": added, "slurm": slurm}
+    works = {"day": day, "factory": factory, "added": added}
     return works[options.what](options)
 
 

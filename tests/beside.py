@@ -12,7 +12,7 @@ from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.reference import diagnose_reference
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.ingest.ingest import Declared, ingest
-from imuloop.simulate.reference import WHITE, simulate_beside
+from simulated_reference import WHITE, simulate_beside
 
 QUATERNION, PLACE = ["qw", "qx", "qy", "qz"], ["px", "py", "pz"]
 DECLARED = {

@@ -146,7 +146,7 @@ def run(declared, results):
     for name, session in sessions.items():
         chain.ingest_or_reject(device, name, session, [session["sources"]["log"]["path"]])
     chain.run(device)
-    provenance = {"imuloop": "0", "command": "fuzz", "commit": "not known", "config": {}}
+    provenance = {"imuloop": "0", "command": "test", "commit": "not known", "config": {}}
     write_report(
         [results / DEVICE], provenance, results / "report.html", results / "comparison.csv"
     )

@@ -219,14 +219,6 @@ def test_faults_are_named_all_at_once(faults):
     }
 
 
-def test_one_wrong_unit_does_not_hide_another(faults):
-    lines = faults(session(f"{SOUND}, units: {{time: sec, acceleration: count}}"))
-    assert [line.partition(": ")[0] for line in lines] == [
-        "devices.imu.sessions.a.units.time",
-        "devices.imu.sessions.a.units.acceleration",
-    ]
-
-
 def test_all_columns_that_are_not_there_are_named(faults):
     columns = "{time: stamp, acceleration: [fx, ay, az], angular_rate: [gx, gy, rz]}"
     keys = [line.split(": ")[0] for line in faults(session(f"{SOUND}, columns: {columns}"))]
@@ -266,11 +258,6 @@ def test_a_column_is_taken_once(faults):
         assert faults(session(f"{SOUND}, columns: {{{columns}}}")) == [
             f"devices.imu.sessions.a.columns.{line}"
         ]
-
-
-def test_a_key_that_looks_like_a_branch_of_a_type_is_named(faults):
-    [line] = faults(session(f"{SOUND}, '|string': 1"))
-    assert line.startswith("devices.imu.sessions.a.|string: unknown key; use one of kind, file")
 
 
 def test_a_reference_in_the_log_needs_no_single_file(faults):

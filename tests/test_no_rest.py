@@ -52,9 +52,8 @@ def moving(motion, seed, seconds=60.0, rests=()):
 
 
 @pytest.mark.parametrize("motion", MOTIONS)
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_log_without_a_rest_has_no_noise_and_says_so(motion, seed, tmp_path, capsys):
-    moving(motion, seed).to_csv(tmp_path / "log.csv", index=False)
+def test_a_log_without_a_rest_has_no_noise_and_says_so(motion, tmp_path, capsys):
+    moving(motion, 1).to_csv(tmp_path / "log.csv", index=False)
     line = one_line_error(["noise", tmp_path / "log.csv", "-o", tmp_path / "out"], capsys)
     assert "no session holds a rest" in line
     assert not (tmp_path / "out").exists()
@@ -66,11 +65,9 @@ def test_one_sensor_without_a_rest_has_no_noise(sensor, tmp_path, capsys):
     assert "no session holds a rest" in one_line_error(["noise", tmp_path / "log.csv"], capsys)
 
 
-@pytest.mark.parametrize("sensors", [("accelerometer", "gyroscope"), ("gyroscope",)], ids=len)
 @pytest.mark.filterwarnings("ignore::UserWarning")
-def test_the_reason_stands_where_the_numbers_would_be(sensors, tmp_path):
-    columns = [axis for sensor in sensors for axis in SENSORS[sensor]]
-    moving("flight", 4)[["t", *columns]].to_csv(tmp_path / "log.csv", index=False)
+def test_the_reason_stands_where_the_numbers_would_be(tmp_path):
+    moving("flight", 4).to_csv(tmp_path / "log.csv", index=False)
     how = {"folder": tmp_path / "out", "progress": False}
     with hurried("device"):
         found = imuloop.calibrate([], static=tmp_path / "log.csv", **how)
@@ -85,10 +82,9 @@ def test_the_reason_stands_where_the_numbers_would_be(sensors, tmp_path):
     ("motion", "rests"),
     [
         ("flight", [(0, 10)]),
-        ("flight", [(0, 5), (55, 60)]),
         ("walk", [(10, 14), (25, 28), (40, 45)]),
     ],
-    ids=["before a flight", "before and after a flight", "in a walk"],
+    ids=["before a flight", "in a walk"],
 )
 def test_the_rests_of_a_moving_log_give_its_noise(motion, rests, tmp_path, undrawn):
     moving(motion, 5, rests=rests).to_csv(tmp_path / "log.csv", index=False)

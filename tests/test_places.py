@@ -10,7 +10,7 @@ from imuloop import chain
 from imuloop.__main__ import main
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json
-from ingest.logs import FORCE, RATE, brief
+from ingest.logs import FORCE, brief
 
 
 def scaled(factor, *columns):
@@ -25,14 +25,6 @@ def named(**names):
     return lambda log: log.rename(columns=names)
 
 
-def with_dates(log):
-    return log.assign(t=[f"row {k}" for k in range(len(log))])
-
-
-def in_kelvin(log):
-    return log.assign(temperature=300.0 + np.arange(len(log)) / 100)
-
-
 def counted(log):
     log[FORCE] = np.round(log[FORCE] * 1000)
     return log
@@ -45,25 +37,10 @@ MISTAKES = {
         ("columns.time, or give rate in Hz", "--columns time=…, or give --rate in Hz"),
         "columns={'time': …}, or give rate in Hz",
     ),
-    "stamps that are none": (
-        *(with_dates, {}),
-        ("give columns.time: null and rate", "give --columns time=null and --rate"),
-        "give columns={'time': None} and rate",
-    ),
     "stamps in ms": (
         *(scaled(1e3, "t"), {}),
         ("see units.time", "see --time-unit"),
         "see units={'time': …}",
-    ),
-    "no such column": (
-        *(brief, {"columns": {"acceleration": ["fx", "fy", "fz"]}}),
-        ("columns.acceleration: no column 'fx'", "--columns acceleration=…: no column 'fx'"),
-        "columns={'acceleration': …}: no column 'fx'",
-    ),
-    "a column twice": (
-        *(brief, {"columns": {"acceleration": ["gx", "gy", "gz"]}}),
-        ("is already in columns.acceleration", "is already in --columns acceleration=…"),
-        "is already in columns={'acceleration': …}",
     ),
     "no gyroscope": (
         *(named(gx="u", gy="v", gz="w"), {}),
@@ -86,28 +63,10 @@ MISTAKES = {
         ("see units.acceleration", "see --acceleration-unit"),
         "see units={'acceleration': …}",
     ),
-    "counts taken as m/s^2": (
-        *(counted, {}),
-        (
-            "units.acceleration: count, and nominal.acceleration;",
-            "--acceleration-unit count, and --counts acceleration=…;",
-        ),
-        "units={'acceleration': 'count'}, and nominal={'acceleration': …};",
-    ),
     "counts without a scale": (
         *(brief, {"units": {"acceleration": "count"}}),
         ("needs nominal.acceleration.scale", "needs --counts acceleration=…"),
         "needs nominal={'acceleration': {'scale': …}}",
-    ),
-    "a fast turn": (
-        *(lambda log: log.assign(**{name: 80.0 + log[name] for name in RATE}), {}),
-        ("see units.angular_rate", "see --angular-rate-unit"),
-        "see units={'angular_rate': …}",
-    ),
-    "kelvin taken as degC": (
-        *(in_kelvin, {}),
-        ("see units.temperature", "see --temperature-unit"),
-        "see units={'temperature': …}",
     ),
 }
 

@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 
 import imuloop.diagnose.diagnose  # noqa: F401  loads the library
-from bench.noise.limits import gauss_markov_limit
 from bench.study import physics
 from bench.study.devices import DEVICES, HEATED_RECORD, Injected
+from bench.study.limits import gauss_markov_limit
 from imuloop.core.effect import Effect, find_effect
 from imuloop.diagnose.records.scan import FINENESS
 from imuloop.simulate.truth import GaussMarkovProcess, Popcorn, SpectralLine

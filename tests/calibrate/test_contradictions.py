@@ -9,21 +9,15 @@ import numpy as np
 import pytest
 
 from calibrate.devices import (
-    UNITS,
-    at_rest,
     calibrated,
     known_noise,
     planned,
     recorded,
     recording,
 )
-from imuloop.calibrate.calibrate import start_pair
 from imuloop.calibrate.contradictions import change, odd_turns
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.model import Calibration
 from imuloop.core.samples import CHANNELS
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
-from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 from plan.planned_log import simulate_plan, turns_between
@@ -34,10 +28,10 @@ FORCE, RATE = list(CHANNELS[:3]), list(CHANNELS[3:])
 SWAP = [1, 0, 2]
 
 
-def changed(channels, values, seed=0, share=2 / 3):
-    """Return a recording with other values after a share of its log, and when that is."""
-    samples = simulate_session(TRUTH, "multi_position", seed)
-    late = np.arange(len(samples)) > share * len(samples)
+def changed(channels, values):
+    """Return a recording with other values after two thirds of its log, and when that is."""
+    samples = simulate_session(TRUTH, "multi_position", 0)
+    late = np.arange(len(samples)) > 2 / 3 * len(samples)
     rows = samples.loc[late, channels].to_numpy()
     samples.loc[late, channels] = values(rows)
     return recorded(samples), samples["t"].to_numpy()[late][0]
@@ -49,9 +43,8 @@ def within(words, time, room=20.0):
 
 
 @pytest.mark.parametrize("cut_s", [8.0, 20.0])
-@pytest.mark.parametrize("seed", range(3))
-def test_a_stretch_that_is_cut_out_costs_one_turn(seed, cut_s):
-    samples = simulate_session(TRUTH, "multi_position", seed)
+def test_a_stretch_that_is_cut_out_costs_one_turn(cut_s):
+    samples = simulate_session(TRUTH, "multi_position", 0)
     n, t = len(samples), samples["t"].to_numpy()
     first = n // 2
     kept = np.r_[:first, first + int(cut_s * 50) : n]
@@ -62,14 +55,14 @@ def test_a_stretch_that_is_cut_out_costs_one_turn(seed, cut_s):
     for _, start, end, angle in made.lost.contradicting:
         assert start - 1 < t[first] < end + 1 and angle > 0.05
     noise = known_noise(TRUTH)
-    whole = calibrated(recording(TRUTH, seed), noise, TRUTH.gravity)[1]
+    whole = calibrated(recording(TRUTH, 0), noise, TRUTH.gravity)[1]
     found = calibrated(made, noise, TRUTH.gravity)[1]
     assert found.method == "multi_position"
     off = np.abs(found.K - whole.K) / found.std["K0"]
     assert off.max() < 4
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(2))
 def test_nothing_contradicts_in_a_sound_recording(seed):
     made = recording(TRUTH, seed)
     assert made.lost.contradicting == ()
@@ -78,17 +71,8 @@ def test_nothing_contradicts_in_a_sound_recording(seed):
         assert change(sensor, made.poses, made.rotations) is None
 
 
-@pytest.mark.parametrize("value", [0.0, np.nan])
-def test_nothing_contradicts_a_sensor_that_is_dead(value):
-    made = recording(TRUTH, 0)
-    dead = replace(made.poses, f=np.full_like(made.poses.f, value))
-    assert not odd_turns(dead, made.rotations)[0].any()
-    assert change("accelerometer", dead, made.rotations) is None
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_bias_that_jumps_costs_no_more_than_the_turn_in_which_it_does(seed):
-    samples = simulate_session(TRUTH, "multi_position", seed)
+def test_a_bias_that_jumps_costs_no_more_than_the_turn_in_which_it_does():
+    samples = simulate_session(TRUTH, "multi_position", 0)
     late = samples["t"].to_numpy() >= (when := 0.9 * samples["t"].iloc[-1])
     samples.loc[late, RATE] += 0.03
     made = recorded(samples)
@@ -96,15 +80,13 @@ def test_a_bias_that_jumps_costs_no_more_than_the_turn_in_which_it_does(seed):
     assert change("gyroscope", made.poses, made.rotations) is None
 
 
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize(
     "values",
     [lambda x: 0.5 * x, lambda x: x[:, SWAP], lambda x: x * [1, -1, 1]],
     ids=["half", "swapped", "turned around"],
 )
-@pytest.mark.parametrize("share", [2 / 3, 1 / 2])
-def test_a_gyroscope_that_changed_has_no_fit_and_the_time_is_named(values, seed, share):
-    made, when = changed(RATE, values, seed, share)
+def test_a_gyroscope_that_changed_has_no_fit_and_the_time_is_named(values):
+    made, when = changed(RATE, values)
     force, turn = calibrated(made, known_noise(TRUTH), TRUTH.gravity)
     # its bias before and after has no mean that is right for either
     assert (force.method, turn.method) == ("multi_position", "nominal")
@@ -119,24 +101,10 @@ def test_a_gyroscope_that_changed_keeps_a_bias_that_did_not():
     assert turn.method == "static" and np.abs(turn.b - b).max() < 5 * max(turn.std.values())
 
 
-@pytest.mark.parametrize("size", [1e-3, 5e-3, 0.02])
-def test_rests_that_lie_in_one_plane_predict_nothing_of_the_others(size):
-    """26 rests that one fit holds to `size` of gravity, the first twelve nearly in one plane."""
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        angle = rng.uniform(0, 2 * np.pi, 12)
-        plane = np.column_stack([np.cos(angle), np.sin(angle), rng.normal(0, 0.05, 12)])
-        u = np.concatenate([plane, rng.normal(size=(14, 3))])
-        norm = TRUTH.gravity * (1 + rng.normal(0, size, 26)) / np.linalg.norm(u, axis=1)
-        scale, bias = 1 + rng.normal(0, 0.01, 3), rng.normal(0, 0.1, 3)
-        made = at_rest(u * norm[:, None] / scale + bias, 1e-3)
-        assert change("accelerometer", made.poses, made.rotations) is None
-
-
-@pytest.mark.parametrize("tilt", [3e-2, 3e-3, 3e-4])
+@pytest.mark.parametrize("tilt", [3e-2, 3e-4])
 def test_no_turn_contradicts_where_the_direction_of_gravity_is_not_known(tilt):
     """Faces x and y by turns about z, and z itself at the end: nine parameters are open."""
-    for seed in range(6):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         angle = np.pi / 2 * np.cumsum(rng.choice([1, -1, 2], 20))
         up = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(20)])
@@ -148,22 +116,6 @@ def test_no_turn_contradicts_where_the_direction_of_gravity_is_not_known(tilt):
             norm = 1 + rng.normal(0, size, len(made.poses))
             poses = replace(made.poses, f=made.poses.f * norm[:, None])
             assert not odd_turns(poses, made.rotations)[0].any()
-
-
-@pytest.mark.usefixtures("undrawn")
-@pytest.mark.parametrize(
-    "values", [lambda x: 0.5 * x, lambda x: x[:, SWAP]], ids=["half", "swapped"]
-)
-def test_an_accelerometer_that_changed_is_not_handed_out(values):
-    made, when = changed(FORCE, values)
-    how = known_noise(TRUTH), TRUTH.gravity, UNITS, CalibrateSettings()
-    found = diagnose_poses(*start_pair(made, *how), made, DiagnoseSettings(), 0)
-    assert not found.calibrations
-    why = {sensor: content["why"] for sensor, content in found.contents.items()}
-    assert why["accelerometer"].startswith("the accelerometer changed at about")
-    assert "contradict" in why["accelerometer"] and within(why["accelerometer"], when)
-    # its own turns may show the change, too
-    assert "direction of gravity not known" in why["gyroscope"] or within(why["gyroscope"], when)
 
 
 def test_what_is_left_out_stands_in_the_diagnosis(tmp_path):

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 
 from calibrate.devices import calibrated, known_noise, recorded, scores
-from imuloop.calibrate import accelerometer, errors_of_time, gyroscope
+from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.recording import record
-from imuloop.calibrate.undersampling import PARTS
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_metadata, read_samples
 from imuloop.core.tables import write_table
 from imuloop.diagnose.records.motion import knocks
@@ -15,9 +14,9 @@ from imuloop.diagnose.records.pose_diagnosis import too_few
 from imuloop.ingest.ingest import ingest
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.simulate.logger import lose, stamp_late
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
+from loggers import lose, stamp_late
 
 TRUTH = example_truth()
 NOISE = known_noise(TRUTH)
@@ -84,43 +83,6 @@ def test_turns_lost_to_gaps_are_counted_and_named():
         f"{len(middle)} of {len(moves)} turns lost up to {longest} samples in a row and are left "
         "out"
     )
-
-
-@pytest.mark.parametrize("n", [1, 3])
-def test_the_error_of_a_gap_is_that_of_the_interpolation(n):
-    # white noise: weights of the cubic through samples at -1, 0, n + 1, n + 2 and of those between
-    h = n + 1
-    at = np.array([-1, 0, h, h + 1])
-    powers = np.vander(at, 4, increasing=True).T
-    weights = np.linalg.solve(powers, h ** np.arange(1, 5) / np.arange(1, 5))
-    whole = np.zeros(n + 4)
-    for k in range(h):
-        whole[k : k + 4] += np.array([-1, 13, 13, -1]) / 24
-    whole[at + 1] -= weights
-    w = np.random.default_rng(1).normal(size=(100_000, 3)) * 0.1
-    lost = np.zeros(len(w) - 1, dtype=int)
-    lost[::1000] = n
-    covariance = errors_of_time.gap_covariance(w, lost, 0.01)
-    assert covariance.shape == (100, 3, 3)
-    variance = (0.1 * 0.01) ** 2 * (whole @ whole)
-    np.testing.assert_allclose(covariance[0] / variance, np.eye(3), atol=0.03)
-    # a cubic is interpolated as it is
-    t = np.arange(500) / 100
-    cubic = np.column_stack([t, t**2 - t, t**3])
-    assert np.abs(errors_of_time.gap_covariance(cubic, lost[:499], 0.01)).max() < 1e-24
-    # of a turn that is too broken nothing is known
-    assert errors_of_time.gap_covariance(w[:200], np.tile([0, 0, 0, 2], 50)[:199], 0.01) is None
-
-
-def test_stamps_at_which_the_sensor_was_sampled_add_nothing():
-    rng = np.random.default_rng(5)
-    t = np.arange(5000) / 100
-    stamps = t + rng.normal(0, 0.002, len(t))
-    for sampled_at, parts in ((stamps, 0), (t, PARTS)):
-        w = 2 * np.sin(2 * sampled_at[:, None] + np.arange(3)) + rng.normal(0, 1e-3, (len(t), 3))
-        where = np.array([1000]), np.array([1300]), np.zeros((1, 3)), np.full((1, 3), 1e-6)
-        [(at, _)], _ = errors_of_time.errors_of_time(stamps, w, *where)
-        assert len(at) == np.count_nonzero(np.diff(stamps[1000:1301]) > 0.015) + parts
 
 
 def calibrated_from_file(log, folder):

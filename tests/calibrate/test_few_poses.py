@@ -79,7 +79,7 @@ def test_intervals_cover_the_truth_however_few_poses_there_are():
     assert 0.92 < inside < 0.99
 
 
-ONE, LEVEL = np.eye(3)[2:], np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]) / np.sqrt(2)
+LEVEL = np.array([[1.0, 1.0, 0.0], [1.0, -1.0, 0.0]]) / np.sqrt(2)
 FACES = np.vstack([np.eye(3), -np.eye(3)])
 BETWEEN = np.array([[1.0, 0, 1], [-1, 0, 1], [0, 1, 1], [0, -1, 1]]) / np.sqrt(2)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from imuloop.calibrate.least_squares import SINGULAR, NotConverged, fit, known_rows, why_no_fit
+from imuloop.calibrate.least_squares import SINGULAR, NotConverged, fit, why_no_fit
 
 T = np.linspace(0, 4, 30)
 TRUTH = np.array([2.0, 1.3, -0.4])
@@ -46,11 +46,6 @@ def test_the_minimum_is_that_of_scipy(start):
     )
 
 
-def test_residuals_without_noise_are_fitted_to_rounding():
-    found = fit(lambda x: (decay(x)[0] - decay(TRUTH)[0], decay(x)[1]), [1, 1, 0], np.eye(len(T)))
-    np.testing.assert_allclose(found.x, TRUTH, rtol=1e-12)
-
-
 def test_what_the_data_do_not_determine_is_an_error():
     def residuals(x):
         return x[0] * T - T, np.column_stack([T, np.zeros(len(T))])
@@ -69,36 +64,3 @@ def test_a_fit_that_ends_before_its_minimum_is_none_and_says_so():
         fit(residuals, [0.0], np.eye(3))
     assert why_no_fit(raised.value) == "the fit does not converge in 200 steps"
     assert why_no_fit(np.linalg.LinAlgError("singular")) == SINGULAR
-
-
-@pytest.mark.parametrize("quiet", [1e-6, 1e-16, 1e-28, 1e-34])
-def test_a_covariance_is_positive_and_weights_beyond_rounding_are_an_error(quiet):
-    """Two residuals without noise beside 28 with: they alone would say three parameters."""
-    variances = np.diag(np.where(np.arange(len(T)) < 2, quiet, 1.0))
-    if quiet < 1e-20:
-        with pytest.raises(np.linalg.LinAlgError):
-            fit(problem(3)[0], TRUTH, variances)
-        return
-    found = fit(problem(3)[0], TRUTH, variances)
-    np.testing.assert_array_equal(found.covariance, found.covariance.T)
-    values = np.linalg.eigvalsh(found.covariance)
-    assert values[0] > -1e-12 * values[-1] and np.all(np.diag(found.covariance) > 0)
-
-
-def test_variances_are_those_of_independent_residuals():
-    rng = np.random.default_rng(3)
-    design, seen, variance = rng.normal(size=(20, 3)), rng.normal(size=20), rng.uniform(1, 9, 20)
-    each = [fit(lambda x: (design @ x - seen, design), np.zeros(3), C)
-            for C in (variance, np.diag(variance))]  # fmt: skip
-    for name in ("x", "covariance", "white"):
-        np.testing.assert_allclose(*(getattr(f, name) for f in each), rtol=1e-10)
-
-
-def test_rows_of_what_is_known_have_its_covariance():
-    root = np.random.default_rng(4).normal(size=(5, 5)) * [1e-5, 1.0, 1e3, 1e-2, 1.0]
-    rows = known_rows(root.T @ root)
-    np.testing.assert_allclose(np.linalg.inv(rows.T @ rows), root.T @ root, rtol=1e-6)
-    # what is known for certain has next to no variance, and says nothing of the others
-    certain = np.diag([1e-6, 0.0, 4.0])
-    found = np.linalg.inv(known_rows(certain).T @ known_rows(certain))
-    np.testing.assert_allclose(found, certain, atol=1e-11)

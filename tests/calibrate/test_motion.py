@@ -40,26 +40,3 @@ def test_what_was_put_in_comes_back(name):
 def injected(name, true, truth):
     extra = lambda now: physics.EFFECTS[name](now, true, {})  # noqa: E731
     return with_effects(truth, [Injected(find_effect(name).sensors[0], name, true, extra=extra)])
-
-
-@pytest.mark.parametrize("name", ["time_offset", "gyro_axis_delay"])
-def test_a_delay_is_taken_out_to_all_orders(name, monkeypatch):
-    effect = find_effect(name)()
-    # nearly a step of 10 ms
-    true = dict(zip(effect.parameters, (-9e-3, 9e-3), strict=False))
-    one = recording(injected(name, true, noiseless(short(100.0))), 21)
-    pair, x = true_pair(short(100.0), one)
-    x, own = np.append(x, [*true.values()]), (OfSensor(effect, effect.sensors[0]),)
-    # what the delay adds to an angle is a velocity of 15 mm/s per rad and ms
-    velocity = pair.rows(one)[1] >= 3
-    left = pair.model_at(x, one, own).residuals(x)[0][velocity]
-    assert np.abs(left).max() < 5e-5
-    if name == "time_offset":
-        monkeypatch.setattr(type(effect), "design_at", lambda self, c, _: self.design(c))
-        monkeypatch.setattr(type(effect), "design", of_first_order)
-        left = pair.model_at(x, one, own).residuals(x)[0][velocity]
-        assert np.abs(left).max() > 2e-3
-
-
-def of_first_order(effect, channels):
-    return channels.remembered(lambda c: np.gradient(c.output, c.t, axis=0))[:, :, None]

@@ -11,23 +11,6 @@ LINE = np.column_stack([np.ones(N), T])
 WALK = np.minimum.outer(T, T) / N
 
 
-def left_of(values):
-    return values - LINE @ np.linalg.lstsq(LINE, values, rcond=None)[0]
-
-
-@pytest.mark.parametrize("unit", [1.0, 1e-6])
-def test_more_of_the_same_noise_is_what_the_residual_has_more_per_degree_of_freedom(unit):
-    values = 1.7 * unit * np.random.default_rng(0).normal(size=N)
-    left = left_of(values)
-    part = Component(unit**2 * np.eye(N))
-    found = likely_sizes(values, LINE, unit**2 * np.eye(N), [part])
-    expected = np.sqrt(left @ left / (N - 2) / unit**2 - 1)
-    np.testing.assert_allclose(found, [expected], rtol=1e-4)
-    # whatever the unit of a parameter is
-    other = likely_sizes(values, LINE * [1e-9, 1e6], unit**2 * np.eye(N), [part])
-    np.testing.assert_allclose(other, found, rtol=1e-4)
-
-
 def test_the_likelihood_is_the_one_that_is_written():
     values = 1.5 * np.random.default_rng(2).normal(size=N) + 0.4 * T**0.5
     parts = [Component(WALK, 0.8, 0.5), Component(np.diag(T < 20).astype(float))]

@@ -9,8 +9,8 @@ from scipy.stats import t as student
 
 from calibrate.devices import RATE_UNIT, calibrated, known_noise, recording
 from imuloop.calibrate.calibrate import rest_bias, with_sessions, without_pose
-from imuloop.calibrate.poses import gather_poses, gather_rotations, rounded_means, turns_within
-from imuloop.calibrate.recording import Log, record
+from imuloop.calibrate.poses import gather_poses, rounded_means
+from imuloop.calibrate.recording import record
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
@@ -46,75 +46,6 @@ def test_rests_of_one_pose_are_pooled_and_rotations_run_between_poses():
     assert len(shorter) == 0
 
 
-def test_gravity_at_both_ends_of_a_rest_that_tilts_follows_from_its_mean():
-    """Protects: a turn starts and ends where the device is then, not at the mean of the rest."""
-    t, bias, g = np.arange(1000) / 100, np.array([0.01, -0.02, 0.03]), 9.8
-    # settles by 5 mrad in the first rest, 1 s; the second lies still
-    angle = np.where(t < 5, 5e-3 * np.exp(-np.minimum(t, 5.0)), 5e-3 * np.exp(-5.0))
-    u = np.column_stack([0 * t, np.sin(angle), np.cos(angle)])
-    w = np.column_stack([np.gradient(angle, t), 0 * t, 0 * t]) + bias
-    log = pd.DataFrame(np.column_stack([t, g * u, w]), columns=["t", *CHANNELS])
-    edges = np.array([0, 5, 6, 10.0])
-    table = segment_table(log, edges[:-1], edges[1:], ["static", "motion", "static"], [0, -1, 1])
-    table["tilt_rad"] = [1e-3, 0.0, 0.0]
-    poses = turns_within(gather_poses([table]), [Log.of(log)])
-    direction = poses.f[0] / np.linalg.norm(poses.f[0])
-    ends = [direction + np.cross(direction, turn[0]) for turn in (poses.to_start, poses.to_end)]
-    # to the square of the tilt
-    np.testing.assert_allclose(ends, u[[0, 499]], atol=2e-5)
-    assert np.abs(u[0] - direction).max() > 1e-3
-    assert not poses.to_start[1].any() and not poses.to_end[1].any()
-    # and the rest says nothing of the bias below its turn over its length
-    assert poses.extra_variance[0, 3:].min() == pytest.approx(12 * (1e-3 / 5) ** 2)
-    assert not poses.extra_variance[1].any()
-
-
-def test_a_hand_at_the_ends_of_a_rest_and_its_sway_leave_gravity_as_it_is():
-    """Protects: velocity over the length of a rest is no specific force, nor is sway a loss."""
-    t, g, arm = np.arange(1000) / 100, 9.8, np.array([0.0, 0.1, 0.0])
-    # tremor of 0.5 mrad at 9 Hz that begins at its fastest, and sway of 10 mrad, about x
-    parts = [(5e-4, 2 * np.pi * 9.1, 0.3), (1e-2, 2 * np.pi * 0.4, 1.0)]
-    angle, rate, change = (
-        sum(size * f**n * np.sin(f * t + phase + n * np.pi / 2) for size, f, phase in parts)
-        for n in range(3)
-    )
-    u = np.column_stack([0 * t, np.sin(angle), np.cos(angle)])
-    w = np.column_stack([rate, 0 * t, 0 * t])
-    # without the sway's own acceleration
-    tremor = change + parts[1][0] * parts[1][1] ** 2 * np.sin(parts[1][1] * t + parts[1][2])
-    push = np.cross(np.column_stack([tremor, 0 * t, 0 * t]), arm)
-    log = pd.DataFrame(np.column_stack([t, g * u + push, w]), columns=["t", *CHANNELS])
-    edges = np.array([0, 4.05, 6, 10.0])
-    table = segment_table(log, edges[:-1], edges[1:], ["static", "motion", "static"], [0, -1, 1])
-    table["tilt_rad"] = [7e-3, 0.0, 7e-3]
-    plain = gather_poses([table])
-    poses = turns_within(plain, [Log.of(log)])
-    before, after = (np.abs(np.linalg.norm(p.f, axis=1) - g).max() for p in (plain, poses))
-    assert before > 5e-4
-    assert after < 5e-5
-    # as good against white noise as a plain mean over the time that it stands for
-    assert np.all((poses.duration_s < plain.duration_s) & (poses.duration_s > 3.9 * 0.95))
-
-
-def test_a_slow_turn_is_followed_from_before_it_shows():
-    """A turn is followed 0.03 of its time, less 0.1 s, into both rests."""
-    t = np.arange(2400) / 100
-    log = pd.DataFrame({"t": t, **dict.fromkeys(CHANNELS, 0.0)})
-    kinds = ["static", "motion", "static", "motion", "static"]
-    tables = {}
-    for still in (0.0, 1e-3):
-        edges = np.array([0, 5.2, 14.8, 19, 21, 24.0])
-        table = segment_table(log, edges[:-1], edges[1:], kinds, [0, -1, 1, -1, 2])
-        table["tilt_rad"] = still
-        inside = np.zeros((1, 2, len(t)), dtype=bool)
-        how = [Log.of(log)], [table], 30.0, inside
-        tables[still] = gather_rotations(gather_poses([table]), *how)[0]
-    assert (tables[0.0].start_s[0], tables[0.0].end_s[0]) == pytest.approx((5.01, 14.99))
-    # a quick one is not, nor is one from a rest of which each turn is known
-    assert (tables[0.0].start_s[1], tables[0.0].end_s[1]) == pytest.approx((18.99, 21.0))
-    assert (tables[1e-3].start_s[0], tables[1e-3].end_s[0]) == pytest.approx((5.19, 14.8))
-
-
 @pytest.mark.parametrize(("noise", "most"), [(0.0, 1.1), (0.1, 2.5), (0.3, 1.3)])
 def test_rounding_to_steps_larger_than_the_noise_adds_its_variance_to_the_means(noise, most):
     rng, step = np.random.default_rng(10), 0.04
@@ -124,14 +55,6 @@ def test_rounding_to_steps_larger_than_the_noise_adds_its_variance_to_the_means(
     spread = np.var((logged - exact).mean(axis=1)) - step**2 / 12 / 400
     foreseen = rounded_means(logged.ravel(), logged.var(axis=1))
     assert 0.9 * spread < foreseen < most * spread
-
-
-def test_noise_over_several_steps_or_values_without_steps_leave_nothing_of_rounding():
-    x = np.random.default_rng(11).standard_normal((20, 400))
-    assert rounded_means(x.ravel(), x.var(axis=1)) == 0.0
-    x = np.round(x / 0.5) * 0.5
-    assert rounded_means(x.ravel(), x.var(axis=1)) < 1e-9
-    assert rounded_means(np.full(50, 9.8), np.zeros(2)) == 0.0
 
 
 def test_missing_temperatures_are_interpolated_and_a_session_without_leaves_none():
@@ -148,22 +71,6 @@ def test_missing_temperatures_are_interpolated_and_a_session_without_leaves_none
     for cold in (session()[0], log.assign(temperature=np.nan)):
         made = record([log, cold], [table, table], 30.0)
         assert made.poses.temperature is None and made.rotations.temperature is None
-
-
-def test_what_an_effect_remembers_is_averaged_over_poses_and_picked_along_rotations():
-    log, table = session()
-    made = record([log, log], [table, table], 30.0)
-
-    def remembered(channels, factor):
-        return factor * channels.output[:, 0]
-
-    poses = made.pose_channels("accelerometer", lambda y: 2 * y, made.poses.w)
-    found = poses.remembered(remembered, 10.0)
-    np.testing.assert_allclose(found, 20 * np.array([29.5, 99.5, 29.5, 99.5]))
-    np.testing.assert_allclose(poses.output, 2 * made.poses.f)
-    along = made.rotation_channels("accelerometer", lambda y: 2 * y, made.rotations.w)
-    found = along.remembered(remembered, 10.0).reshape(made.rotations.t.shape)
-    np.testing.assert_allclose(found, 20 * made.rotations.f[..., 0])
 
 
 LINES = AxisNoise(sinusoid=(SinusoidTerm(Coefficient(1e-3), Coefficient(4.613)),))

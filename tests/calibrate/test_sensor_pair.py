@@ -6,22 +6,17 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from calibrate.devices import (
-    ACCELERATION_UNIT,
     calibrated,
     known_noise,
     noiseless,
-    planned,
     recorded,
     recording,
     scores,
     true_pair,
-    true_parameters,
 )
 from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.accelerometer import AccelerometerModel
-from imuloop.calibrate.known_rotation import KnownTurns
 from imuloop.calibrate.recording import Log, pose_means
-from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.simulate.simulate import simulate_session
@@ -32,15 +27,6 @@ TRUTH = example_truth()
 NOISE = known_noise(TRUTH)
 # for many devices
 COARSE = example_truth(rate=50.0)
-# too few poses for an accelerometer
-FEW = planned(example_truth(rate=50.0), poses=8, initial_rest_s=20.0)
-
-
-def known_accelerometer(x=None, covariance=None):
-    """Return an accelerometer of six faces of base parameters x, exact ones without."""
-    T, K, b = accelerometer.unpack(true_parameters(TRUTH)[:9] if x is None else x)
-    names = () if covariance is None else accelerometer.NAMES
-    return SensorCalibration(ACCELERATION_UNIT, T, K, b, names, covariance, method="six_position")
 
 
 def test_without_noise_the_truth_comes_back():
@@ -94,31 +80,6 @@ def test_intervals_cover_the_truth_and_the_mean_of_the_bias_over_the_rests(seeds
         own = np.abs(pulls[:, kind]) < 1.96
         # four standard errors, as if parameters of a device were independent
         assert own.mean() > 0.95 - 4 * np.sqrt(0.95 * 0.05 / own.size), kind
-
-
-def test_known_turns_add_their_information():
-    made, true = recording(TRUTH, 1), true_parameters(TRUTH)[9:]
-    T, K, b = gyroscope.unpack(true)
-    # both ways about each axis, twenty times
-    target = 2 * np.pi * np.tile(np.vstack([np.eye(3), -np.eye(3)]), (20, 1))
-    seconds = np.full(len(target), 10.0)
-    turned = np.linalg.solve(T, target.T).T / K + seconds[:, None] * b
-    turns = KnownTurns(turned, seconds, target, b)
-    pair, _ = true_pair(TRUTH, made, moves=False)
-    R, z = (20 * each for each in turns.rows())
-    plain, fitted = (own.fit(made).fit for own in (pair, pair.knowing("gyroscope", R, z)))
-    before, after = (np.linalg.inv(f.covariance) for f in (plain, fitted))
-    R = np.pad(R, ((0, 0), (9, 0)))
-    size = np.sqrt(np.diag(before + R.T @ R))
-    # but for the weights, which follow the residuals
-    np.testing.assert_allclose((after - before - R.T @ R) / np.outer(size, size), 0, atol=0.1)
-    expected = np.linalg.solve(before + R.T @ R, before @ plain.x + R.T @ z)
-    np.testing.assert_allclose((fitted.x - expected) * size, 0, atol=0.1)
-    assert np.abs((fitted.x - plain.x) * size).max() > 10
-    with_them, without = (
-        calibrated(made, NOISE, TRUTH.gravity, turns=own)[1].std for own in (turns, None)
-    )
-    assert all(with_them[f"K{k}"] < without[f"K{k}"] for k in range(3))
 
 
 def test_a_bias_that_is_held_stays_at_the_first_rest():

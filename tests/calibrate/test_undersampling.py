@@ -8,9 +8,9 @@ from calibrate import hand
 from calibrate.devices import recorded
 from imuloop.calibrate.undersampling import aliased_turns
 from imuloop.core.rotation import exponential, prefix_product, step_vectors
-from imuloop.simulate.logger import lose
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
+from loggers import lose
 from seeds import seeds
 
 NOISE, TURNS = 2e-3, 40

@@ -34,8 +34,6 @@ PROCESSES["all"] = AxisNoise(
     PROCESSES["sinusoid"].sinusoid,
 )
 process = pytest.mark.parametrize("name", PROCESSES)
-# Hz; s
-RATE = 10.0
 # s; unequal lengths, gaps, two windows that touch, one that overlaps two others, not in order
 WINDOWS = np.array([[0, 30], [40, 60], [60, 100], [310, 400], [150, 290], [50, 75]])
 
@@ -85,31 +83,6 @@ def test_adjacent_means_have_the_allan_variance(name, tau):
     assert half_variance == pytest.approx(PROCESSES[name].allan_variance(tau), rel=1e-9)
 
 
-@pytest.mark.parametrize("name", ["white", "flicker", "walk", "gauss_markov"])
-@pytest.mark.parametrize("tau", [0.1, 5.0, 300.0])
-def test_density_filtered_by_the_allan_window_is_the_allan_variance(name, tau):
-    # 4 int S2(f) sin^4(u)/u^2 df, u = pi f tau, S2 two-sided
-    u = np.r_[np.geomspace(1e-6, 0.01, 2000), np.linspace(0.01, 2000, 400_000)[1:]]
-    f = u / (np.pi * tau)
-    window = 2 * PROCESSES[name].density(f, RATE) * np.sin(u) ** 4 / u**2
-    assert np.trapezoid(window, f) == pytest.approx(PROCESSES[name].allan_variance(tau), rel=1e-3)
-
-
-@pytest.mark.parametrize("tc", [1e4, 1e6])
-def test_a_process_far_slower_than_the_averages_is_a_walk(tc):
-    slow = AxisNoise(gauss_markov=(GaussMarkovTerm(known(0.1), known(tc)),))
-    assert slow.allan_variance(0.1) == pytest.approx(0.1**2 * 0.1 / 3, rel=0.05)
-
-
-@pytest.mark.parametrize("n", [1, 7, 100])
-def test_density_of_quantisation_is_that_of_the_samples(n):
-    # the means are sums of n samples: sin(pi f/rate) n in place of pi f tau
-    f = np.linspace(0, RATE / 2, 20_001)[1:]
-    window = np.sin(np.pi * f * n / RATE) ** 4 / (n * np.sin(np.pi * f / RATE)) ** 2
-    variance = np.trapezoid(2 * PROCESSES["quantisation"].density(f, RATE) * window, f)
-    assert variance == pytest.approx(PROCESSES["quantisation"].allan_variance(n / RATE), rel=1e-3)
-
-
 def test_means_of_different_power_cycles_are_independent():
     cycle = np.arange(len(WINDOWS)) % 2
     found = model(PROCESSES["all"]).mean_covariance(WINDOWS, cycle)
@@ -119,37 +92,7 @@ def test_means_of_different_power_cycles_are_independent():
         np.testing.assert_array_equal(found[:, cycle == k][:, :, cycle == k], alone)
 
 
-@pytest.mark.parametrize("windows", [[1.0, 2.0], [[1, 2, 3]], [[2, 1]], [[1, 1]]])
-def test_wrong_windows_are_named(windows):
-    with pytest.raises(ValueError, match="windows"):
-        model(AxisNoise()).mean_covariance(windows)
-
-
 def test_the_file_gives_back_what_was_written(tmp_path):
     noise = model(PROCESSES["all"])
     write_json(tmp_path / "noise.json", noise.to_dict())
     assert NoiseModel.from_json(tmp_path / "noise.json") == noise
-
-
-def test_what_is_known_of_slow_terms():
-    seen = Coefficient(2.0, (1.0, 4.92), 3.0, True)
-    axis = AxisNoise(N=seen, B=seen, K=Coefficient(upper95=5.0))
-    found = NoiseModel("imu", dict.fromkeys(CHANNELS, axis))
-    assert found.known("gx", "B") == (2.0, pytest.approx(1.0))
-    # of a normal size what 95 % lies below in magnitude
-    assert found.known("gx", "K") == (0.0, pytest.approx(5.0 / 1.96))
-    nothing = NoiseModel("imu", dict.fromkeys(CHANNELS, AxisNoise(B=Coefficient(2.0))))
-    assert nothing.known("gx", "B") == (2.0, 0.0)
-    assert nothing.known("gx", "K") == (0.0, 0.0)
-
-
-def test_other_sizes_are_those_of_their_axis_and_term_alone():
-    noise = model(PROCESSES["all"])
-    found = noise.with_sizes({("gx", "K"): 0.0, ("ay", "B"): 0.7})
-    assert (found.axes["gx"].K.value, found.axes["ay"].B.value) == (0.0, 0.7)
-    assert found.with_sizes({("gx", "K"): 0.02, ("ay", "B"): 0.05}) == noise
-    # covariances add: that of a term is the difference
-    c = [m.mean_covariance(WINDOWS) for m in (noise, found)]
-    walk = model(PROCESSES["walk"]).mean_covariance(WINDOWS)
-    np.testing.assert_allclose((c[0] - c[1])[3], walk[3], rtol=1e-9)
-    assert not (c[0] - c[1])[[0, 2, 4, 5]].any()

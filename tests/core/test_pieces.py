@@ -137,27 +137,6 @@ def test_an_empty_log_stays_empty(log, tmp_path):
     assert len(pd.read_parquet(tmp_path / "out.parquet")) == 0
 
 
-def test_an_effect_that_needs_the_whole_log_says_so(log, tmp_path, monkeypatch):
-    monkeypatch.setattr(Effect, "library", dict(Effect.library))
-
-    class Total(Effect):
-        name = "total"
-        sensors = ("accelerometer",)
-        parameters = {"p": "1"}  # noqa: RUF012
-
-        def design(self, channels):
-            return channels.remembered(whole)[:, :, None]
-
-    def whole(channels):
-        return np.cumsum(channels.output, axis=0)
-
-    made = calibration(["total"])
-    made.apply(pd.read_parquet(log))
-    with pytest.raises(ImuloopError, match="needs the whole log"):
-        made.apply_file(log, tmp_path / "out.parquet")
-    assert not (tmp_path / "out.parquet").exists()
-
-
 def test_what_cannot_be_applied_is_refused(log, tmp_path):
     made = calibration([])
     made.apply_file(log, tmp_path / "once.parquet")

@@ -2,38 +2,15 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from scipy.spatial.transform import Rotation
 
 from imuloop.core.rotation import (
     exponential,
     matrix,
     mean_rates,
-    multiply,
     prefix_product,
     step_vectors,
 )
-
-vectors = st.lists(st.floats(-3, 3), min_size=3, max_size=3).map(np.array)
-
-
-@given(vectors, vectors)
-def test_product_and_matrix_agree_with_scipy(a, b):
-    ours = matrix(multiply(exponential(a), exponential(b)))
-    theirs = (Rotation.from_rotvec(a) * Rotation.from_rotvec(b)).as_matrix()
-    np.testing.assert_allclose(ours, theirs, atol=1e-12)
-
-
-@settings(max_examples=20)
-@given(st.integers(1, 40), st.integers(0, 1000))
-def test_prefix_product_is_the_running_product(n, seed):
-    q = exponential(np.random.default_rng(seed).normal(size=(2, n, 3)))
-    running = q[:, 0]
-    for k in range(n):
-        running = q[:, 0] if k == 0 else multiply(running, q[:, k])
-        np.testing.assert_allclose(prefix_product(q)[:, k], running, atol=1e-12)
 
 
 def rate(t):

@@ -206,15 +206,6 @@ def test_an_effect_is_held_to_what_its_data_showed(shape):
     np.testing.assert_allclose(wider.output(whole), free.output(whole), atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    "seen", [{"d0": [0, 1]}, {"dx": [1, 0]}, {"dx": [0, 1, 2]}, {"dx": [0, 1e999]}]
-)
-def test_a_range_that_is_none_is_an_error(seen):
-    content = fitted(find_effect("bias_drift")()).to_dict() | {"range": seen}
-    with pytest.raises(ImuloopError, match="effect bias_drift: range"):
-        FittedEffect.from_dict(content)
-
-
 @pytest.mark.parametrize("shape", SHAPES)
 def test_a_calibration_undoes_what_the_simulator_adds(shape):
     if "power_cycle" in shape.needs:
@@ -271,15 +262,6 @@ def test_the_span_of_temperature_bounds_the_order(span, orders):
     assert [shape.order for shape in found if not shape.lag] == orders
     assert {shape.order for shape in found if shape.lag} == (set(orders) if span else set())
     assert {shape.reference_temperature for shape in found} == {31.0 if span else 25.0}
-
-
-@pytest.mark.parametrize(("name", "part"), [("bias_temperature_rate", 3), ("warm_up", 2)])
-@pytest.mark.parametrize("end", [70.0, 700.0, 7000.0])
-def test_a_record_holds_several_of_the_times_that_are_tried(name, part, end):
-    t = np.linspace(0, end, 1000)
-    found = shapes(name, replace(log(1000), t=t))
-    assert all(shape.tau <= end / part for shape in found) or len(found) == 1
-    assert len(set(found)) == len(found)
 
 
 def test_vibration_is_counted_and_the_turn_beside_it_is_not():

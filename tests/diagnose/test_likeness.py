@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.stats import f
 
 from diagnose.rows import Column, N, Other, T, Third, search
 from imuloop.diagnose.likeness import imitated, twin
@@ -47,15 +46,6 @@ def test_a_candidate_stands_in_for_an_effect_of_nearly_its_shape(curve, could):
     assert twin(made, (slope,), Other) == ("column" if could else None)
 
 
-def test_of_two_patterns_that_are_one_the_first_of_the_library_is_named():
-    rng = np.random.default_rng(0)
-    pattern, *others = rng.normal(size=(3, N))
-    columns = {Column(0): pattern, Column(1): others[0], Column(2): others[1], Other(): 2 * pattern}
-    made = search(2 * pattern + rng.normal(size=N), np.ones((N, 1)), columns)
-    assert made.trial((), Other).log_p < made.trial((), Column).log_p
-    assert made.best(()).effect == Column(0)
-
-
 LINE = np.column_stack([np.ones(N), T])
 COLUMNS = (np.sin(7 * T), np.cos(23 * T), T**2)
 A, B, C = Column(), Other(), Third()
@@ -64,33 +54,6 @@ A, B, C = Column(), Other(), Third()
 def best_pair(values, columns=COLUMNS, threshold=1e-3):
     made = search(values, LINE, dict(zip((A, B, C), columns, strict=True)), (), threshold)
     return made, made.best_pair((), ())
-
-
-def chi2(values, *columns):
-    design = np.column_stack([LINE, *columns])
-    left = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
-    return left @ left
-
-
-def test_both_of_a_pair_are_tested_beside_each_other():
-    values = 4 * COLUMNS[0] - 4 * COLUMNS[1] + np.random.default_rng(0).normal(size=N)
-    made, pair = best_pair(values)
-    assert pair.effects == (A, B)
-    after = chi2(values, *COLUMNS[:2])
-    scale = max(1, after / (N - 4))
-    expected = f.logsf((chi2(values) - after) / 2 / scale, 2, N - 4) + np.log(3)
-    assert pair.log_p == pytest.approx(expected)
-    fitted = np.linalg.lstsq(np.column_stack([LINE, *COLUMNS[:2]]), values, rcond=None)[0][2:]
-    found = [made.beside((other,), own)[0][0] for own, other in ((A, B), (B, A))]
-    np.testing.assert_allclose(found, fitted, rtol=1e-9)
-    assert made.best_pair((), {(Column, Other)}) is None
-
-
-@pytest.mark.parametrize(("step", "made"), [(0.1, False), (0.7, True)])
-def test_twins_are_no_pair_for_what_tells_them_apart(step, made):
-    twins = COLUMNS[0], COLUMNS[0] + step * COLUMNS[1], COLUMNS[2]
-    values = 12 * COLUMNS[1] + np.random.default_rng(3).normal(size=N)
-    assert (best_pair(values, twins)[1] is not None) == made
 
 
 def test_noise_alone_makes_no_pair():

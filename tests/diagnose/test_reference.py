@@ -12,10 +12,10 @@ from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
-from imuloop.simulate.reference import Beside
 from imuloop.validate.attitude import no_attitude
 from result_files import fault
 from seeds import least, seeds
+from simulated_reference import Beside
 
 SENSORS = ("accelerometer", "gyroscope")
 
@@ -137,7 +137,7 @@ def test_attitudes_alone_show_the_gyroscope_alone(tmp_path):
 def test_rests_calibrate_and_the_reference_writes_neither_t_nor_k(tmp_path):
     truth = device(13600, dt={"gyroscope": -0.009}, rests=2, duration_s=50.0)
     own = Device("d", tmp_path, {"hand": "reference_motion"}, gravity=truth.gravity)
-    from imuloop.simulate.reference import simulate_beside
+    from simulated_reference import simulate_beside
 
     paths = written(tmp_path, "hand", simulate_beside(truth, 13600))
     sources = {"log": {"path": paths[0].name}, "reference": {"path": paths[1].name}}

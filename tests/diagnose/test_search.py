@@ -9,19 +9,14 @@ from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
-from calibrate.devices import at_rest, known_noise, recording
-from diagnose.models import diagnosed, fitted_pair, of_sensor, pair_of, problem_of, shapes_of
-from imuloop.calibrate.least_squares import SINGULAR
-from imuloop.calibrate.noise_components import SizeLikelihood
-from imuloop.calibrate.pair_covariance import PairCovariance
+from calibrate.devices import at_rest, recording
+from diagnose.models import diagnosed, of_sensor, pair_of, problem_of, shapes_of
 from imuloop.core.effect import Channels, FittedEffect, find_effect
-from imuloop.core.noise_model import Coefficient
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, too_few
+from imuloop.diagnose.records.pose_diagnosis import too_few
 from imuloop.diagnose.residuals import held_out_covariance
-from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import WarmUp
 from imuloop.simulate.truth import example_truth
 
@@ -109,16 +104,6 @@ def test_six_faces_three_times_are_too_few_attitudes():
         assert why.endswith("18 poses found, 12 needed in 10 attitudes, not 6")
 
 
-def test_a_fit_that_its_weights_do_not_allow_is_not_testable(sensitive, monkeypatch):
-    truth, made = sensitive
-    pair, own = fitted_pair(truth, made), PairCovariance.by
-    monkeypatch.setattr(PairCovariance, "by", lambda *given, **how: -own(*given, **how))
-    found = diagnose_poses(*pair, made, DiagnoseSettings(), 0)
-    assert found.solution is None
-    for content in found.contents.values():
-        assert content["verdict"] == "not_testable" and content["why"] == SINGULAR
-
-
 def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     truth, made = sensitive
     pair, spoiled = pair_of(truth, made), {"w": made.poses.w.copy(), "f": made.poses.f.copy()}
@@ -141,61 +126,6 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
         # the others of its part are predicted as before, but for what it says of the noise
         assert moved[others].max() < 0.05
         assert moved[own & still].min() > 1
-
-
-@pytest.mark.parametrize("effects", [(), SENSITIVE])
-def test_a_fit_of_a_part_is_that_of_the_poses_that_are_kept(effects, monkeypatch):
-    # by the same noise: that which the noise stage estimated, white alone, since a part has the
-    # mean of slow noise over its own rests in its bias
-    monkeypatch.setattr(SizeLikelihood, "maximised", lambda self, *_: self.sizes)
-    truth = with_g_sensitivity(TRUTH, MATRIX) if effects else TRUTH
-    noise, made = known_noise(TRUTH), recording(truth, 7)
-    white = {name: replace(axis, B=Coefficient()) for name, axis in noise.axes.items()}
-    pair = pair_of(truth, made, replace(noise, axes=white))
-    problem = problem_of(pair, made, SHAPES, parts=5)
-    problem.linearized(effects)
-    for part in range(5):
-        held_out = frozenset({part})
-        solution = problem.fitted(effects, held_out)
-        alone = pair.fit(made.select(problem.part_of_pose != part), effects)
-        std = np.sqrt(np.diag(alone.fit.covariance))
-        # to the square of what a part moves them
-        assert np.all(np.abs(solution.fit.x - alone.fit.x) < 4e-3 * std)
-        assert solution.effects == effects
-        # the residuals of all poses, those that were held out too
-        values, _ = pair.model(alone, made).residuals(alone.fit.x)
-        left = problem.residuals_left(Choices(problem).search(held_out), effects)[:, 0]
-        measured = slice(0, len(values))
-        std = np.sqrt(np.diag(problem.linearized(effects).alternatives[0][1]))[measured]
-        assert np.abs((left[measured] + values) / std).max() < 2e-3
-
-
-def test_an_effect_that_other_records_show_is_held_to_what_they_say(sensitive):
-    truth, made = sensitive
-    pair, count = pair_of(truth, made), 21
-    true = np.array(list(truth.gyroscope.effects[0].values.values()))
-
-    def fit(std):
-        def information(effects):
-            assert effects == SENSITIVE
-            return np.eye(9) / std**2, true / std**2
-
-        problem = problem_of(pair, made, found=SENSITIVE, information=information)
-        return problem.linearized().solution.fit
-
-    plain, free = (pair.fit(made, effects).fit for effects in ((), SENSITIVE))
-    known, weak = fit(1e-9), fit(1.0)
-    # what no effect explains is in the excess: rates, and the bias with them, are known worse
-    std = [np.sqrt(np.diag(f.covariance)[18:21]) for f in (plain, known)]
-    assert known.reduced_chi2 == pytest.approx(1, abs=0.3) and np.all(std[0] > 5 * std[1])
-    np.testing.assert_allclose(known.x[count:], true, atol=4e-9)
-    std = np.sqrt(np.diag(free.covariance))
-    assert np.abs((weak.x - free.x) / std).max() < 1e-3
-    # half of what is known of it is from either
-    both = fit(std[count:])
-    alone = np.linalg.inv(free.covariance)
-    alone[count:, count:] += np.diag(std[count:] ** -2)
-    np.testing.assert_allclose(both.covariance, np.linalg.inv(alone), rtol=0.02, atol=1e-12)
 
 
 @pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])

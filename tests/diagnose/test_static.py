@@ -1,19 +1,13 @@
 """Static records of simulated truth: what fits to them say, the right name, and no name."""
 
-from dataclasses import dataclass, replace
-from itertools import permutations
-from typing import ClassVar
-
 import numpy as np
 import pytest
 
-from calibrate.devices import known
-from diagnose.records import LENGTH, record, root, search, temperature
-from imuloop.core.effect import Effect, find_effect
+from diagnose.records import LENGTH, record, root, search
+from imuloop.core.effect import find_effect
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.scan import frequencies
-from imuloop.diagnose.records.slow_noise import hypotheses, prediction_errors, ratios, unit_noise
-from imuloop.diagnose.records.static import covering_part, fitted_effects, information
+from imuloop.diagnose.records.static import fitted_effects, information
 from imuloop.diagnose.records.static_diagnosis import find
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import Ramp
@@ -100,18 +94,6 @@ def test_several_steps_are_found():
     np.testing.assert_allclose(times, [30 * LENGTH, 80 * LENGTH], atol=LENGTH)
 
 
-def test_parameters_beyond_what_is_possible_are_no_effect():
-    # a temperature drift of axes that carry no load, as large as no scale factor can make it
-    values = noise(6)
-    values[:, :2] += (temperature(N) - 20)[:, None]
-    rec = record(values)
-    shapes = find_effect("scale_temperature").shapes(rec.channels)
-    one = search([rec], shapes)
-    trial = one.trial((), type(shapes[0]))
-    assert trial.log_p < one.threshold(0) and trial.impossible
-    assert one.best(()) is None or one.best(()).effect.name != "scale_temperature"
-
-
 def test_sessions_share_the_parameters_and_have_their_own_levels():
     warm, _ = pattern("bias_temperature")
     finding = found({name: noise(k) + 10 * k + warm for k, name in ((1, "a"), (2, "b"))})
@@ -153,22 +135,6 @@ def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it(kind):
     np.testing.assert_array_equal(np.isnan(errors).all(axis=1), held)
 
 
-def test_a_step_within_a_held_out_part_has_no_time():
-    finding = found(noise(13) + 3 * pattern("steps")[0])
-    choices, (time,) = finding.choices, pattern("steps")[1].times
-    assert names(finding) == ["steps"]
-    parts = choices.problem.part_of_row
-    part = int(parts[70])
-    (step,) = choices.choice(frozenset({part})).base
-    # evenly over all of the part
-    assert step.spans == (15 * LENGTH,)
-    assert abs(step.times[0] - time) < 7.5 * LENGTH
-    # a tenth and more of the step's square is left in the part, nothing beside it
-    squares = [np.mean(finding.errors[1][parts == f] ** 2) for f in range(8)]
-    assert np.argmax(squares) == part and 0.1 * 9 < squares[part] < 0.5 * 9
-    assert np.delete(squares, part).max() < 0.1 * 9
-
-
 @seeds(10, 40)
 def test_estimates_and_their_errors_hold_in_slow_noise(seeds):
     rng, true = np.random.default_rng(4), 0.4
@@ -184,54 +150,6 @@ def test_estimates_and_their_errors_hold_in_slow_noise(seeds):
     assert abs(np.mean(off)) < 3.3 / np.sqrt(n)
     assert -3.9 < (np.std(off) - 1) * np.sqrt(2 * n) < 3.1
     assert np.mean(np.abs(off) < 3) > 0.97
-
-
-def test_a_parameter_that_axes_share_is_estimated_from_the_rows_of_all(monkeypatch):
-    """The axis that shows it least must not have the last word, in whichever order they come."""
-    monkeypatch.setattr(Effect, "library", dict(Effect.library))
-
-    @dataclass(frozen=True)
-    class Shared(Effect):
-        shown: tuple = (1.0, 1.0, 1.0)
-
-        name, equation, reference = "shared", "e_i = c s_i (T - 20) + d_i t", "a test"
-        parameters: ClassVar[dict] = {"c": "output per K", "dx": "output per s"}
-
-        def design(self, channels):
-            found = np.zeros((len(channels.t), 3, 2))
-            found[:, :, 0] = np.outer(channels.temperature - 20, self.shown)
-            found[:, 0, 1] = channels.t / channels.t[-1]
-            return found
-
-    for shown in permutations((1.0, 0.3, 1e-3)):
-        effect = Shared(shown)
-        rec = record(noise(15, 0.0, 0.0))
-        rec.values[:] += effect.design(rec.channels) @ [0.5, 1.0]
-        one = search([rec], [effect])
-        (fitted,) = fitted_effects(one, (effect,))
-        # white noise: by all rows of all axes, and a level of each
-        level = np.tile(np.eye(3), (N, 1, 1))
-        rows = np.concatenate([effect.design(rec.channels), level], axis=2).reshape(3 * N, 5)
-        (c, d, *_), *_ = np.linalg.lstsq(rows, rec.values.ravel(), rcond=None)
-        std = np.sqrt(np.linalg.inv(rows.T @ rows)[0, 0] / LENGTH)
-        values, errors, _ = one.beside((), effect)
-        for value, error in ((fitted.values["c"], fitted.std["c"]), (values[0], errors[0])):
-            assert value == pytest.approx(c, abs=0.5 * std)
-            # the noise is not known, and may be slower
-            assert 0.8 < error / std < 2
-        assert fitted.values["dx"] == pytest.approx(d, abs=0.2)
-
-
-def test_the_next_mean_is_predicted_by_those_before_it():
-    at = record(np.zeros((60, 3))).windows
-    values = np.random.default_rng(9).normal(size=60)
-    # of white noise it is the mean of all before
-    errors = prediction_errors(values, at, unit_noise("N"))
-    before = np.cumsum(values)[:-1] / np.arange(1, 60)
-    np.testing.assert_allclose(errors, [0.0, *(values[1:] - before)], atol=1e-4)
-    # of a walk that is slow beside a window, about the last one
-    errors = prediction_errors(1e3 + np.cumsum(values), at, unit_noise("K"))
-    assert np.std(errors[1:]) < 1.1 * np.std(values[1:])
 
 
 def test_what_records_say_of_parameters_is_what_a_fit_finds():
@@ -267,46 +185,6 @@ def test_what_records_say_of_parameters_is_what_a_fit_finds():
     np.testing.assert_allclose(found[1][:3], expected[1], rtol=1e-6)
     size = np.sqrt(np.diag(information(one, (line,), (line, step))[0]))
     np.testing.assert_allclose((found[0] / np.outer(size, size))[3:], 0, atol=1e-9)
-
-
-@pytest.mark.parametrize("n", [64, 900])
-def test_a_part_of_other_windows_is_what_its_windows_of_the_fit_cover(n):
-    records = [record(np.random.default_rng(8).normal(size=(n, 3)), name) for name in "ab"]
-    problem = search(records, []).problem
-    each = zip(problem.merged, problem.part_of_windows, strict=True)
-    for number, (own, parts) in enumerate(each):
-        means = covering_part(records[number], problem)
-        assert set(means) == set(range(8))
-        for window, at in zip(own.windows, parts, strict=True):
-            inside = records[number].windows[:, 0] >= window[0]
-            inside &= records[number].windows[:, 1] <= window[1]
-            assert inside.any() and np.all(means[inside] == at)
-        # windows across the edges of parts belong to none
-        across = replace(records[number], windows=records[number].windows + 0.5 * LENGTH)
-        assert np.sum(covering_part(across, problem) == -1) == 8
-    # the start of each record is held out with another part of the other
-    assert covering_part(records[0], problem)[0] == 0 and covering_part(records[1], problem)[0] == 4
-
-
-def test_patterns_of_windows_are_means_of_their_instants():
-    at = np.array([[0.0, 10.0], [10.0, 20.0], [20.0, 30.0]])
-    instants = np.linspace(0, 30, 30001)[:-1]
-    for effect in (Steps((14.0,), ("s",)), Sinusoid(0.03, ("s",))):
-        dense = effect.in_session(None, "s", np.column_stack([instants, instants]))
-        means = dense.reshape(3, 10000, 3, -1).mean(axis=1)
-        np.testing.assert_allclose(effect.in_session(None, "s", at), means, atol=1e-3)
-        assert not effect.in_session(None, "other", at).any()
-
-
-def test_the_grid_holds_precisions_of_white_flicker_and_walk():
-    at, (grid, prior) = record(np.zeros((30, 3))).windows, ratios(30 * LENGTH, LENGTH)
-    assert np.exp(prior).sum() == pytest.approx(1)
-    made = hypotheses(at, grid)
-    for point in (0, len(grid) // 2, len(grid) - 1):
-        b, k = map(known, np.sqrt(grid[point]))
-        covariance = replace(unit_noise("N"), B=b, K=k).mean_covariance(at)
-        np.testing.assert_allclose(made.precision[point] @ covariance, np.eye(30), atol=1e-7)
-        assert made.log_det[point] == pytest.approx(np.linalg.slogdet(covariance)[1])
 
 
 @pytest.mark.parametrize(

@@ -10,11 +10,7 @@ from imuloop.core.samples import CHANNELS, Samples
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.rests import rests_to_use
 from imuloop.diagnose.records.static_windows import (
-    LEAST_MEANS,
-    LEAST_SAMPLES,
-    MOST_MEANS,
     static_record,
-    window_length,
 )
 from imuloop.effects.drifts import settling
 from imuloop.effects.mechanics import creep, vibration
@@ -59,24 +55,6 @@ def test_windows_hold_means_of_the_output_and_lie_whole_in_undisturbed_stretches
         np.testing.assert_allclose(found.values[k], 2 * (raw - 0.5), rtol=1e-12)
     # at rest the output stands still for the effects
     np.testing.assert_allclose(found.channels.output, np.tile(found.values.mean(0), (118, 1)))
-
-
-def test_windows_are_as_wanted_unless_the_record_is_short_or_long():
-    assert window_length(7200.0, 0.01, 60.0) == 60.0
-    assert window_length(51.2, 0.01, 60.0) == pytest.approx(51.2 / LEAST_MEANS)
-    assert window_length(5.0, 0.1, 60.0) == LEAST_SAMPLES * 0.1
-    assert window_length(400 * 3600.0, 60.0, 60.0) == pytest.approx(400 * 3600 / MOST_MEANS)
-
-
-@pytest.mark.parametrize("most", [10, 30, 118])
-def test_merged_windows_keep_sums_and_stay_in_their_stretch(most):
-    found, few = made(), made().merged(most)
-    assert len(few.windows) <= most + 2
-    weight = few.length / found.length[0]
-    np.testing.assert_allclose(weight @ few.values, found.values.sum(axis=0), rtol=1e-10)
-    assert not np.any((few.windows[:, 1] > 1190) & (few.windows[:, 0] < 1210))
-    t = few.channels.remembered(lambda whole: whole.t)
-    np.testing.assert_allclose(t, few.channels.t - 0.05, atol=1e-9)
 
 
 def test_the_static_sessions_are_used_else_the_longest_rest():

@@ -5,8 +5,7 @@ import pytest
 
 from bench.study import physics
 from bench.study.cases import AT_REST, Case, all_cases, injected
-from bench.study.devices import DEVICES, in_shape, with_effects
-from bench.study.keep import kept
+from bench.study.devices import DEVICES
 from bench.study.run import run
 from bench.study.score import judge, pulls, ratio
 from bench.study.tables import document
@@ -113,36 +112,3 @@ def test_an_effect_has_nine_times_the_noncentrality_of_its_limit():
     # what has no limit is not put in
     control["diagnosis"] = diagnosed(candidates=[candidate("bias_drift")])
     assert injected(DRIFT, 1, control) is None
-
-
-def test_values_are_held_against_the_shape_that_was_found():
-    case = Case("effect", "static_record", "gyroscope", ("bias_temperature",))
-    limits = {"c1x": 1e-5, "c1y": 1e-5, "c1z": 1e-5}
-    shape = {"order": 1, "reference_temperature": 30.0}
-    candidates = [candidate("bias_temperature", limits, constants=shape)]
-    control = diagnosed(candidates=candidates, record="static_record")
-    effects = injected(case, 0, {"diagnosis": control, "likeness": {}})
-    truth = with_effects(DEVICES["static_record"](), effects)
-    names = [f"c{k}{axis}" for k in (1, 2) for axis in "xyz"]
-    found = {
-        "name": "bias_temperature",
-        "constants": {"order": 2, "reference_temperature": 33.0},
-        "parameters": dict.fromkeys(names, 0.0),
-    }
-    expected = in_shape(truth, 0, effects[0], found, "static_record")
-    want = [*effects[0].values.values(), 0, 0, 0]
-    np.testing.assert_allclose([expected[n] for n in names], want, atol=1e-9 * max(map(abs, want)))
-
-
-def test_an_outcome_is_made_once_and_read_from_then_on(tmp_path):
-    made, folder = [], tmp_path / "kept"
-
-    def make(seed):
-        made.append(seed)
-        return {"seed": seed}
-
-    assert kept(folder, "control_7", make, 7) == kept(folder, "control_7", make, 7) == {"seed": 7}
-    assert made == [7] and [path.name for path in folder.iterdir()] == ["control_7.pickle"]
-    # the table of an interrupted study: what is there
-    assert kept(folder, "control_7", None) == {"seed": 7}
-    assert kept(folder, "control_8", None) is None

@@ -1,16 +1,12 @@
 """A cause that is logged goes before time, a thermometer may be late, and a bias may jump once."""
 
 import json
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from bench.realistic.device import stream
 from bench.realistic.judge import SENSORS, judged
-from imuloop.calibrate.sensor_pair import OfSensor
-from imuloop.diagnose.records.pose_problem import PoseProblem
-from imuloop.effects.steps import Steps
 
 
 def diagnosed(seed, case, folder):
@@ -28,6 +24,7 @@ def diagnosed(seed, case, folder):
     return made, read[0], effects
 
 
+@pytest.mark.study
 def test_a_temperature_that_only_rises_is_no_drift(no_limits, tmp_path):
     made, truth, effects = diagnosed(19, "temperature", tmp_path)
     for (sensor, own), slopes in zip(effects.items(), truth["slopes"], strict=True):
@@ -39,6 +36,7 @@ def test_a_temperature_that_only_rises_is_no_drift(no_limits, tmp_path):
         assert made["ratios"][sensor] < 0.2
 
 
+@pytest.mark.study
 def test_a_thermometer_that_is_late_gets_its_lag(no_limits, tmp_path):
     made, _, effects = diagnosed(20, "thermometer_lag", tmp_path)
     # as the generator draws it, after start and span
@@ -62,21 +60,3 @@ def test_a_bias_that_jumps_gets_its_step(no_limits, tmp_path):
     verdicts = [made["verdicts"][sensor]["poses"] for sensor in SENSORS]
     assert verdicts == ["explained", "consistent"]
     assert "unexplained" not in made["verdicts"]["accelerometer"]["motion"]
-
-
-@pytest.mark.parametrize(
-    ("held_out", "missing"), [({3}, [3]), ({4}, [4]), ({2, 3}, [2, 3]), ({2}, []), ({3, 4}, [3, 4])]
-)
-def test_only_poses_between_what_is_seen_of_a_step_are_not_predicted(held_out, missing):
-    """Of an accelerometer alone: its recording may have no turns that count."""
-    number = np.arange(8)
-    problem = SimpleNamespace(
-        part_of_pose=number,
-        recording=SimpleNamespace(poses=SimpleNamespace(mid_s=10.0 * number)),
-        rows=(np.column_stack([number, number]), np.zeros(8, int)),
-        sensor=SimpleNamespace(kinds={"gravity_norm": ("m/s^2", 1)}),
-        of_kind=lambda kind: np.full(8, kind == "gravity_norm"),
-    )
-    step = OfSensor(Steps((34.0,)), "accelerometer")
-    found = PoseProblem._about_step(problem, step, frozenset(held_out))
-    assert found.tolist() == missing

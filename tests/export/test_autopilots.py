@@ -18,12 +18,11 @@ from export.devices import (
     narrow_device,
     warm_device,
     warm_samples,
-    with_sensor,
 )
 from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import SENSORS
 from imuloop.effects.temperature import BiasTemperature
-from imuloop.simulate.reference import Beside, simulate_beside
+from simulated_reference import Beside, simulate_beside
 
 # float32: half a unit of its last place, relative
 HALF = 2.0**-24
@@ -152,12 +151,6 @@ def test_temperatures_are_held_to_those_at_which_the_effect_was_seen(tool):
         corrects_as(tool, found, warm_device(), BIAS, span, [name])
 
 
-def test_a_polynomial_of_unknown_range_is_not_written(tool):
-    text = tool.format.text(replace(warm_device(), temperature_range=None))
-    assert not any(name.startswith(("TC_", "INS_TCAL")) for name in tool.load(text))
-    assert "Not carried of the accelerometer: bias_temperature" in text
-
-
 def test_px4_has_the_device_ids_of_the_log_and_their_slots():
     line = fitted(BiasTemperature(1, 18.0), (5e-3,))
     board = warm_device(accelerometer=(line,), gyroscope=(line,))
@@ -201,13 +194,6 @@ def test_px4_finds_the_imu_of_a_simulated_reference_by_its_own_formulas():
         assert right[1] < wrong[1] / 5
 
 
-def test_px4_takes_no_reference_whose_stamps_are_early():
-    text = PX4.text(beside(-0.0041, (0.0, 0.0, 0.0)))
-    assert "EKF2_EV_DELAY" not in Px4.load(text)
-    assert "Not carried: the reference's stamps less the IMU's, -4.1 ms" in text
-    assert "EKF2" not in PX4.text(device())
-
-
 def beside(dt, arm):
     """Return a device with what was found beside a reference."""
     place = dict(zip(("rx", "ry", "rz"), arm, strict=True))
@@ -225,16 +211,6 @@ def test_ardupilots_one_range_is_what_both_effects_have_in_common():
     assert not any("TCAL" in name or "CALTEMP" in name for name in load(text(board)))
     assert "Not carried of the gyroscope: bias_temperature" in text(board)
     corrects_as(ArduPilot, load(text(board)), board, ())
-
-
-def test_values_are_float32_to_the_last_bit(tool):
-    sensor = device().sensor("accelerometer")
-    # digits that no shorter text holds
-    K, b = sensor.K * np.pi / 3, 32768 + np.array([11.0, -7.0, 3.0]) / 7
-    found = tool.load(tool.format.text(with_sensor(device(), "accelerometer", K=K, b=b)))
-    offset, scale = tool.offset_and_scale(found, "accelerometer")
-    assert (offset == ((b - 32768) * 0.0024).astype(np.float32)).all()
-    assert (scale == (K / 0.0024).astype(np.float32)).all()
 
 
 def test_what_it_cannot_carry_is_said(tool):

@@ -13,14 +13,12 @@ import yaml
 
 from export.devices import (
     ALLAN_VARIANCE_ROS,
-    ARDUPILOT,
     GNSS_INS_SIM,
     HOSTILE,
     KALIBR,
     MATLAB_IMU_SENSOR,
     OPENVINS,
     ORB_SLAM3,
-    PX4,
     RATE,
     ROS,
     VINS_FUSION,
@@ -127,20 +125,6 @@ def test_exported_noise_is_that_of_the_samples_that_the_tool_gets(turned):
     assert all("as logged" in form.text(device()) for form in (MATLAB_IMU_SENSOR, GNSS_INS_SIM))
 
 
-def test_orb_slam3_and_kalibr_expect_the_variance_of_our_noise():
-    content, _ = read(ORB_SLAM3, without_flicker(device()))
-    # new IMU::Calib(Tbc, Ng*sf, Na*sf, Ngw/sf, Naw/sf); a step adds dt^2 Na^2 and Naw^2
-    root, steps = content["IMU.Frequency"] ** 0.5, RATE
-    velocity = steps * (content["IMU.NoiseAcc"] * root / RATE) ** 2
-    bias = steps * (content["IMU.GyroWalk"] / root) ** 2
-    assert velocity == pytest.approx(WORST["acc_n"] ** 2, rel=1e-12)
-    assert bias == pytest.approx(WORST["gyr_w"] ** 2, rel=1e-12)
-    # Kalibr's discrete value, as getAccelerometerStatistics has it
-    content, _ = read(KALIBR, without_flicker(device()))
-    discrete = content["accelerometer_noise_density"] / (1 / content["update_rate"]) ** 0.5
-    assert discrete == pytest.approx(WORST["acc_n"] * RATE**0.5, rel=1e-15)
-
-
 def kalibr_logs(force, f, w, change):
     """Return what Kalibr's IccScaledMisalignedSizeEffectImu expects to be logged, less its bias.
 
@@ -179,17 +163,6 @@ def test_kalibr_expects_what_our_model_logs(misaligned):
     assert "Not carried of the accelerometer: rate_sensitivity" in text
     assert "Not carried of the accelerometer: lever_arm" not in text
     assert "accelerometers" not in KALIBR.text(device())
-
-
-def test_vins_fusion_expects_the_variance_of_our_noise():
-    content, _ = read(VINS_FUSION, without_flicker(device()))
-    steps, dt = RATE, 1 / RATE
-    for noise, walk in (("acc_n", "acc_w"), ("gyr_n", "gyr_w")):
-        # V noise V^T: 0.5 dt of each of two samples, as if they were others in the next step
-        integrated = steps * 2 * (0.5 * dt * content[noise]) ** 2
-        assert 2 * integrated == pytest.approx(WORST[noise] ** 2, rel=1e-12)
-        assert steps * (dt * content[walk]) ** 2 == pytest.approx(WORST[walk] ** 2, rel=1e-12)
-    assert content["g_norm"] == 9.8072
 
 
 def test_ros_has_the_variance_of_white_noise_at_that_rate():
@@ -248,8 +221,3 @@ def test_what_is_not_carried_is_said_and_a_label_adds_nothing(form):
     assert read(form, device(HOSTILE)) == read(form, device())
     with pytest.raises(Lacking):
         form.text(unknown())
-
-
-@pytest.mark.parametrize("form", [PX4, ARDUPILOT, OPENVINS, VINS_FUSION])
-def test_what_has_no_place_for_arms_says_so(form):
-    assert "Not carried of the accelerometer: lever_arm" in form.text(turning_device())

@@ -1,6 +1,5 @@
 """The folder of exports: what is in it, what is not and why; the numbers and words of all files."""
 
-import math
 from dataclasses import replace
 
 import pytest
@@ -22,8 +21,6 @@ from export.devices import (
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
 from imuloop.core.model import SensorCalibration
-from imuloop.core.noise_model import AxisNoise, Coefficient
-from imuloop.export.densities import for_filter
 from imuloop.export.export import (
     FORMATS,
     README,
@@ -32,8 +29,7 @@ from imuloop.export.export import (
     read_exported,
     write_exports,
 )
-from imuloop.export.text import number, numbers, written
-from imuloop.export.values import values
+from imuloop.export.text import written
 
 
 def test_a_device_of_which_all_is_known_has_all_files():
@@ -94,16 +90,6 @@ def test_a_label_stays_on_its_line(each):
     assert all("Board A" in line for line in changed)
 
 
-def test_the_folder_takes_the_place_of_the_old_one(tmp_path):
-    folder = tmp_path / "board/exports"
-    write_exports(folder, {"old.yaml": "a"})
-    write_exports(folder, {"new.yaml": "b\u00b2\n"})
-    assert [path.name for path in folder.iterdir()] == ["new.yaml"]
-    assert (folder / "new.yaml").read_bytes() == "b²\n".encode()
-    assert {path.name for path in folder.parent.iterdir()} == {"exports", "exports.json"}
-    assert list(read_json(folder.with_suffix(".json"))["sha256"]) == ["new.yaml"]
-
-
 def _results(folder, board, rate_hz):
     board.calibration.to_json(folder / "calibration.json")
     noise = board.noise.to_dict() | {"rate_hz": rate_hz, "notes": ["short"], "uncut": None}
@@ -159,42 +145,10 @@ def test_the_docs_have_a_row_for_each_format(repository):
     assert not [each.file for each in FORMATS if f"| `{each.file}` |" not in text]
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False))
-def test_a_number_reads_back_as_the_same_float_in_yaml_and_in_c(value):
-    text = number(value)
-    assert "." in text and yaml.safe_load(text) == float(text) == value
-    assert math.copysign(1, float(text)) == math.copysign(1, value)
-    assert numbers([[1, 2], [3, 4e-9]]) == "1.0, 2.0, 3.0, 4.0e-09"
-
-
 @given(st.text())
 def test_a_text_that_a_template_writes_stays_a_comment(text):
     line = f"# {written(text)}\n"
     assert line.count("\n") == 1 and yaml.safe_load(f"{line}a: 1\n") == {"a": 1}
-
-
-def test_the_worst_axis_is_that_of_the_largest_raised_value():
-    # more white noise on gy, more flicker on gx
-    board = device()
-    axes = board.noise.axes
-    axes["gx"] = replace(axes["gx"], B=replace(axes["gx"].B, value=3e-4))
-    gyroscope = values(board)["gyroscope"]
-    worst, estimated = gyroscope["worst"]["N"], gyroscope["calibrated"]["N"]
-    assert (worst.axis, worst.raised_from) == ("gx", estimated[0].value)
-    assert worst.value > estimated[1].value
-
-
-def test_a_limit_that_was_raised_is_said_to_be_both():
-    limited = Coefficient(upper95=2e-9)
-    seen = Coefficient(8e-5, (7e-5, 9e-5), 9e-5, True)
-    walk = for_filter(AxisNoise(N=seen, B=seen, K=limited), "gz", "K")
-    assert (walk.limit, walk.raised_from) == (True, 2e-9)
-    assert walk.words == (
-        "gz, not seen: its 95 % upper limit; raised from 2e-09 so that N and K bound its Allan "
-        "curve from 0.1 s to 1000 s"
-    )
-    assert walk.times(10.0).value == 10 * walk.value
-    assert walk.times(10.0).raised_from == pytest.approx(2e-8)
 
 
 def test_a_calibration_of_another_version_is_an_error(tmp_path):

@@ -12,7 +12,7 @@ from beside import DECLARED, PLACE, QUATERNION, written
 from beside import ingested as ingested_files
 from imuloop.core.samples import read_columns
 from imuloop.ingest.reference import read_series
-from imuloop.simulate.reference import Beside, simulate_beside
+from simulated_reference import Beside, simulate_beside
 
 SEED = 12160
 

@@ -5,27 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from imuloop.noise.allan import CHUNK, COLUMNS, allan_table, allan_variance, averaging_factors
-from imuloop.noise.settings import NoiseSettings
-
-
-def test_factors_are_log_spaced_up_to_the_share():
-    m = averaging_factors(9000, NoiseSettings())
-    assert m[0] == 1 and m[-1] == 3000
-    assert np.all(np.diff(m) > 0)
-    assert len(m[(m >= 100) & (m < 1000)]) == pytest.approx(10, abs=1)
-    assert not any(len(averaging_factors(length, NoiseSettings())) for length in (0, 1, 2))
-    # beyond them there is none
-    assert np.isnan(allan_variance([np.arange(5.0)], [4])[0])
-
-
-def test_stretches_pool_by_their_number_of_terms():
-    stretches = [np.random.default_rng(n).standard_normal(n) for n in (50, 400, 7)]
-    for m in (1, 3, 20, 25, 100):
-        used = [x for x in stretches if len(x) + 1 - 2 * m > 1]
-        each = [allan_variance([x], [m])[0] for x in used]
-        expected = np.average(each, weights=[len(x) + 1 - 2 * m for x in used])
-        assert allan_variance(stretches, [m])[0] == pytest.approx(expected, rel=1e-9)
+from imuloop.noise.allan import CHUNK, COLUMNS, allan_table, allan_variance
 
 
 @pytest.mark.parametrize("length", [5, CHUNK - 1, CHUNK + 2, 3 * CHUNK + 17])

@@ -2,18 +2,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, lfilter, sosfilt
+from scipy.signal import butter, sosfilt
 
-from bench.noise.limits import line_limit
-from imuloop.noise.axis import estimate_axis, estimate_record, find_lines
-from imuloop.noise.intervals import coefficients_with_intervals
-from imuloop.noise.likelihood import Likelihood
+from imuloop.noise.axis import estimate_axis, find_lines
 from imuloop.noise.modes import modes
 from imuloop.noise.processes import densities, gauss_markov_density
 from imuloop.noise.sampling import Sampling, Signal
-from imuloop.noise.selection import Selection
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
+from noise.one_record import estimate_record, line_limit
 from seeds import least, seeds
 
 SETTINGS = NoiseSettings()
@@ -98,27 +95,6 @@ def test_a_hump_is_found_with_its_time(seeds):
     assert held([f.gauss_markov[0].tc for f in found], 20.0)
 
 
-def test_rests_are_too_short_for_a_process_that_is_a_walk_to_them():
-    rests = Sampling(RATE, np.arange(0, N, 1000), np.full(30, 700), np.arange(30))
-    basis = modes([rests])
-    for seed in range(4):
-        x = record(5000 + seed, K=4e-3)
-        signals = [rests.with_values(np.concatenate([x[i : i + 700] for i in rests.starts]))]
-        noise = estimate_axis(basis, signals, SETTINGS).noise
-        assert all(process.tc.value < 70 / 5 for process in noise.gauss_markov)
-
-
-def test_a_process_in_whose_place_a_walk_may_stand_goes_down_to_zero():
-    signals = [WHOLE.with_values(record(1, K=1e-3))]
-    likelihood = Likelihood(*BASIS.amplitudes(signals), BASIS.count, BASIS.ramp)
-    selection = Selection(BASIS, likelihood, SETTINGS.significance)
-    (process,) = coefficients_with_intervals(selection, ("N", 1000.0)).gauss_markov
-    # the walk alone tells the value, and nothing of the time
-    assert process.q.value == pytest.approx(1e-3, rel=0.3)
-    assert process.q.ci95[0] < 1e-5 and process.q.ci95[1] < 2e-3
-    assert process.tc.ci95[1] == pytest.approx(N * DT)
-
-
 def test_a_line_is_found_and_leaves_the_rest_as_it_was():
     (plain,), (noise,) = estimates(1), estimates(1, line=(0.005, 0.7))
     (line,) = noise.sinusoid
@@ -166,16 +142,6 @@ def test_slow_noise_is_no_line(seeds):
     assert sum(found.values()) <= seeds / 5, found
 
 
-def test_a_line_that_wanders_is_one_line():
-    rng = np.random.default_rng(1)
-    wander = lfilter([1], [1, -np.exp(-1 / 1000)], rng.standard_normal(N))
-    turns = np.cumsum(0.564 + 0.002 * wander / wander.std()) / RATE
-    # seed and size are of a record in which it leaves something beside it
-    x = white(N, DT, 0.01, rng) + 0.1 * np.cos(2 * np.pi * turns)
-    (line,) = estimate_record(x, RATE, SETTINGS).noise.sinusoid
-    assert line.amplitude.value == pytest.approx(0.1, rel=0.02)
-
-
 def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():
     x = record(3, K=3e-4)
     whole = estimate_record(x, RATE, SETTINGS).noise
@@ -215,14 +181,6 @@ def test_a_spectrum_outside_the_model_widens_the_intervals():
     assert plain.misfit == 0 and odd.misfit > 0.1
     width = [np.diff(e.noise.N.ci95)[0] for e in (plain, odd)]
     assert width[1] > 5 * width[0]
-
-
-def test_a_ramp_without_noise_is_a_ramp():
-    estimate = estimate_record(1e-3 * np.arange(2000.0), 1.0, SETTINGS)
-    noise = estimate.noise
-    assert noise.R.value == pytest.approx(1e-3, rel=1e-6)
-    # the rest are digits of numbers, in which nothing is to be found
-    assert estimate.misfit == 0 and not noise.sinusoid and not noise.gauss_markov
 
 
 def test_a_line_without_noise_is_one_line():

@@ -4,10 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from bench.noise.limits import line_limit
 from imuloop.noise.lines import find_line, mains
-from imuloop.noise.periodogram import chance_at_one
 from imuloop.noise.sampling import Signal
+from noise.one_record import line_limit
 from seeds import least, seeds
 
 RATE = 100.0
@@ -54,13 +53,6 @@ def line_of(x, density=white_density, gaps=False):
 
 def sinusoid(n, frequency, amplitude, phase):
     return amplitude * np.cos(2 * np.pi * frequency * np.arange(n) / RATE + phase)
-
-
-def test_chance_at_one_frequency_is_that_of_drawn_medians():
-    rng = np.random.default_rng(1)
-    medians = np.median(rng.exponential(size=(40_000, 3, 25)), axis=2).max(axis=1)
-    for x in (1.0, 5.0, 10.0):
-        assert chance_at_one(x, 25, 3) == pytest.approx(np.exp(-x * medians).mean(), rel=0.02)
 
 
 @seeds(15, 40)
@@ -141,29 +133,6 @@ def test_a_line_that_wanders_is_one_line():
     assert again is None or again.amplitude.value < 1.0
 
 
-def test_a_wander_that_both_halves_share_is_followed():
-    # four times to and fro: each half has the mean frequency of the whole
-    n, rng = 40_000, np.random.default_rng(7)
-    turns = np.cumsum(8.0 + 0.1 * np.cos(8 * np.pi * np.arange(n) / n)) / RATE
-    line = line_of(rng.standard_normal(n) * np.sqrt(RATE) + 5.0 * np.cos(2 * np.pi * turns))
-    assert len(line.parts) > 7
-    assert line.amplitude.value == pytest.approx(5.0, rel=0.1)
-
-
-def test_a_steady_line_has_one_part():
-    for seed in range(5):
-        x, _ = noise("white", np.random.default_rng(seed), 20_000)
-        assert len(line_of(x + sinusoid(20_000, 9.87, 4.0, seed)).parts) == 1
-
-
-def test_a_line_of_part_of_a_period_in_a_short_session_stays_out_of_it():
-    rng, sizes = np.random.default_rng(3), (20_000, 500)
-    signals = [signal(rng.standard_normal(n) * 10 + sinusoid(n, 0.08, 4.0, 1.0)) for n in sizes]
-    line = find_line(signals, white_density, LEVEL)
-    assert [part.signal for part in line.parts] == [0]
-    assert line.frequency.value == pytest.approx(0.08, abs=0.001)
-
-
 def test_a_line_ends_where_the_sensor_stops_changing():
     n = 40_000
     x = np.random.default_rng(5).standard_normal(n) * np.sqrt(RATE) + sinusoid(n, 7.3, 20.0, 0.4)
@@ -173,28 +142,12 @@ def test_a_line_ends_where_the_sensor_stops_changing():
     assert max(part.end for part in found.parts) <= n // 2 + n // 8
 
 
-def test_a_resonance_beside_the_spectrum_is_no_line():
-    # 2 Hz wide at 25 Hz, some 60 times the white noise, and not in the density
-    found, r = 0, np.exp(-np.pi * 2 / RATE)
-    for seed in range(20):
-        rng = np.random.default_rng(seed)
-        band = lfilter([1], [1, -2 * r * np.cos(np.pi / 2), r**2], rng.standard_normal(21_000))
-        x = (rng.standard_normal(20_000) + band[1000:]) * np.sqrt(RATE)
-        found += line_of(x) is not None
-    assert found <= 1
-
-
 def test_rounding_of_stretches_that_never_change_is_no_line():
     starts = np.array([0, 16, 100, 115, 129, 158, 172, 214, 228, 270, 285])
     lengths = np.array([11, 9, 10, 9, 9, 9, 9, 9, 9, 9, 9])
     values = np.random.default_rng(1).normal(size=11).repeat(lengths)
     rests = Signal(4.807692, starts, lengths, np.arange(11), values)
     assert find_line([rests], lambda f: 1e-34 + 0 * f, LEVEL) is None
-
-
-@pytest.mark.parametrize("x", [np.full(5000, 9.8), np.arange(40.0)])
-def test_constant_and_short_records_have_no_line(x):
-    assert line_of(x) is None
 
 
 @pytest.mark.parametrize(
@@ -211,10 +164,3 @@ def test_constant_and_short_records_have_no_line(x):
 )
 def test_mains_are_named(frequency, rate, name):
     assert mains(frequency, rate) == name
-
-
-def test_a_name_is_seldom_an_accident():
-    rng = np.random.default_rng(8)
-    for rate, bound in ((100.0, 0.035), (200.0, 0.035), (1000.0, 0.012), (76.0, 0.1)):
-        named = [mains(f, rate) is not None for f in rng.uniform(0, rate / 2, 4000)]
-        assert 0 < np.mean(named) < bound

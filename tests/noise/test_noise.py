@@ -13,7 +13,7 @@ from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.simulate.logger import lose, stamp_late
+from loggers import lose
 
 SETTINGS = NoiseSettings()
 # square of K over N, 1/s^2
@@ -94,25 +94,6 @@ def test_coefficients_hold_where_samples_are_missing():
     assert "of the samples are missing, a few at a time" in result.notes[0]
 
 
-def test_the_rate_is_that_of_the_samples_that_are_there():
-    whole = session(length=20_000, seed=3, **STILL)
-    rng = np.random.default_rng(4)
-    late = lose(stamp_late(whole.samples, 0.003, rng), 0.02, rng)
-    late = late[late["t"].diff().fillna(1) > 0].reset_index(drop=True)
-    segments = segment_table(late, [late["t"][0]], [500.0], ["static"], [0])
-    result = estimate_noise("imu", [RecordedSession("rest", "static", late, segments)], SETTINGS)
-    assert result.rate_hz == pytest.approx(50, rel=0.005)
-
-
-def test_a_knock_between_two_stretches_does_not_enter():
-    knocked = session(length=6000, rests=[(0, 60), (62, 120)], **STILL)
-    knocked.samples.loc[3005:3090, "ax"] += 5.0
-    knocked.samples.loc[3050:, "ax"] += 0.5
-    result = estimate_noise("imu", [knocked], SETTINGS)
-    assert result.model.axes["ax"].N.value == pytest.approx(0.01, rel=0.05)
-    assert result.statistics["rest"]["ax"]["max"] < 0.5 + 5 * 0.01 * np.sqrt(50)
-
-
 def gapped(gaps, rate=50.0):
     samples = session(length=3000, rate=rate, **dict.fromkeys(CHANNELS[2:5], 0.0)).samples
     t = samples["t"].to_numpy().copy()
@@ -169,13 +150,6 @@ def test_nothing_to_use_is_a_result(sessions):
     assert not any(axis.N.identifiable for axis in result.model.axes.values())
     assert not result.model.mean_covariance([[0, 1]]).any()
     assert "no session holds a rest" in result.notes[-1]
-
-
-def test_a_rest_of_ten_samples_is_a_result():
-    result = estimate_noise("imu", [session(length=10)], SETTINGS)
-    assert not result.model.axes["ax"].N.identifiable
-    assert any("too few samples" in note for note in result.notes)
-    assert len(result.allan["rest"]["tau_s"]) == 6 * 3
 
 
 def test_what_a_reader_must_know_is_noted():

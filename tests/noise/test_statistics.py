@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from imuloop.core.samples import ACCELERATION, CHANNELS
-from imuloop.noise.statistics import consecutive_means, repeatability, summary
+from imuloop.noise.statistics import repeatability, summary
 
 
 def test_figures_of_a_known_sequence():
@@ -15,11 +15,6 @@ def test_figures_of_a_known_sequence():
     assert figures["std_10s"] == pytest.approx(np.sqrt(2.5))  # one sample is 10 s long
     assert figures["std_100s"] is None
     assert [list(each) for each in x] == [[1, 2, 3], [4, 5]]
-
-
-def test_means_do_not_cross_a_cut():
-    found = consecutive_means([np.array([0.0, 2, 9]), np.array([4.0, 6, 1, 3, 7])], 2)
-    assert list(found) == [1, 5, 2]
 
 
 def rests(tilts, rates=(1e-3, 3e-3, 5e-3)):

@@ -7,12 +7,12 @@ from unittest.mock import patch
 
 import pytest
 
-from bench.measured import devices, ingested, missing
 from bench.study.chain import LIMITS, through
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
+from published.measured import devices, ingested, missing
 from quick import verdicts
 
 # of one make, and of them the first alone but in a study

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.array import GRAVITY, NOMINAL, RECORDINGS, ingested
 from bench.study.chain import through
 from imuloop import Calibration, chain
 from imuloop.calibrate.recording import record
@@ -15,6 +14,7 @@ from imuloop.core.samples import read_samples
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.validate.new_bias import update_biases
+from published.array_chips import GRAVITY, NOMINAL, RECORDINGS, ingested
 
 
 @pytest.mark.study

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.measured import devices
 from imuloop.config import resolve
+from published.measured import devices
 
 pytestmark = pytest.mark.study
 SENSORS = {"accelerometer": ("ax", "ay", "az"), "gyroscope": ("gx", "gy", "gz")}

@@ -4,9 +4,9 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from bench.measured import ingested
 from bench.study.chain import through
 from imuloop.core.files import read_json
+from published.measured import ingested
 from published.test_stability import diagnosed
 
 NAME, LIMITS = "xsens_mti", 2.0

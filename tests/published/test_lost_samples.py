@@ -5,7 +5,7 @@ import numpy as np
 from calibrate.devices import calibrated, difference, recorded
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import read_samples
-from imuloop.simulate.logger import lose
+from loggers import lose
 
 GRAVITY = 9.81744
 

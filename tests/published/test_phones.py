@@ -10,10 +10,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from imuloop.noise.axis import estimate_record
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import axis_noise
 from imuloop.simulate.truth import Noise
+from noise.one_record import estimate_record
 
 RATE = 100.0
 DT = 1 / RATE

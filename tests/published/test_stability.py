@@ -7,9 +7,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from bench.measured import devices
 from imuloop.chain import Device
 from imuloop.core.units import DEGREE
+from published.measured import devices
 from quick import verdicts
 
 DEVICES = ("xsens_mti", "mpu9150_1")

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from bench import array
 from imuloop import chain
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.calibrate.undersampling import aliased_turns
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
+from published import array_chips as array
 from published.conftest import BOARDS
 
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from imuloop.core.samples import CHANNELS, Samples
-from imuloop.segment.disturbance import robust_covariance, squared_distance, undisturbed
+from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from seeds import seeds
@@ -105,67 +105,3 @@ def test_a_tilt_beside_a_knock_and_handling_for_a_tenth_are_both_found():
         covered = (disturbed["start_s"] <= start + 0.02) & (disturbed["end_s"] >= end)
         assert covered.sum() == 1, (start, disturbed[["start_s", "end_s"]])
     assert np.sum(disturbed["end_s"] - disturbed["start_s"]) < 280
-
-
-def test_a_single_sample_thrown_out_is_no_disturbance_but_a_large_one_is():
-    samples = static_log(6, 100_000)
-    samples.loc[50_000, "ax"] += 9 * 0.0089
-    assert len(cut(samples)[0]) == 0
-    samples.loc[50_000, "ax"] += 1.0
-    assert len(cut(samples)[0]) == 1
-    # what is left between two close ones is too short to be a static stretch
-    samples.loc[50_800:50_810, "ax"] += 1.0
-    disturbed, static = cut(samples)
-    assert len(disturbed) == 1 and len(static) == 2
-
-
-def test_covariance_is_that_of_the_undisturbed_part_and_turns_with_the_frame():
-    rng = np.random.default_rng(9)
-    factor = rng.normal(size=(6, 6)) * 0.3 + np.diag([1, 2, 3, 0.01, 0.02, 0.03])
-    x = rng.normal(size=(20_000, 6)) @ factor.T
-    truth = factor @ factor.T
-    x[:400] *= 1000
-    q = np.zeros((6, 6))
-    for k in (0, 3):
-        q[k : k + 3, k : k + 3], _ = np.linalg.qr(rng.normal(size=(3, 3)))
-    covariance = robust_covariance(x, np.zeros(6))
-    # 2 % of the vectors raise the scale by the limit at most, never the shape
-    shape = np.linalg.solve(truth, covariance)
-    eigenvalues = np.linalg.eigvals(shape).real
-    assert eigenvalues.max() / eigenvalues.min() < 1.15
-    assert eigenvalues.max() < 4.3
-    clean = np.linalg.eigvals(np.linalg.solve(truth, robust_covariance(x[400:], np.zeros(6))))
-    np.testing.assert_allclose(clean.real, 1, atol=0.1)
-    turned = robust_covariance(x @ q.T, np.zeros(6))
-    np.testing.assert_allclose(turned, q @ covariance @ q.T, rtol=1e-6, atol=1e-9)
-
-
-def test_a_file_gives_what_the_table_gives(tmp_path):
-    """Two gaps, knocks, a tilt seen on long scales only, row groups that fit no piece."""
-    samples = static_log(11, 200_000)
-    samples.loc[40_000:40_010, "gx"] += 0.05
-    samples.loc[150_000:, "ay"] += 0.008
-    samples.loc[90_000:, "t"] += 3.0
-    samples.loc[90_100:, "t"] += 3.0
-    segments, metadata = segment_session(samples, "static", SETTINGS)
-    assert list(segments["kind"]).count("gap") == 2
-    assert list(segments["kind"]).count("disturbed") >= 2
-    path = tmp_path / "samples.parquet"
-    samples.to_parquet(path, index=False, row_group_size=35_001)
-    table, found = segment_session(Samples(path), "static", SETTINGS)
-    assert found == metadata
-    pd.testing.assert_frame_equal(table, segments, check_exact=True)
-
-
-@pytest.mark.parametrize("unit", [1e-30, 1e30])
-def test_channels_that_copy_each_other_have_distances(unit):
-    rng = np.random.default_rng(0)
-    x = rng.normal(size=(500, 6)) * np.array([1, 1, 1, 1e-3, 1e-3, 1e-3]) * unit
-    x[:, 1], x[:, 5] = x[:, 0], -2 * x[:, 4]
-    distance = squared_distance(x, robust_covariance(x, np.full(6, 1e-30 * unit**2)))
-    assert np.all(np.isfinite(distance)) and np.all(distance >= 0)
-    # of independent channels what it is by definition
-    x = rng.normal(size=(500, 6)) * unit
-    covariance = np.cov(x.T)
-    expected = np.einsum("ni,ni->n", x, np.linalg.solve(covariance / unit**2, x.T / unit**2).T)
-    np.testing.assert_allclose(squared_distance(x, covariance), expected, rtol=1e-9)

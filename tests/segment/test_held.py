@@ -1,9 +1,8 @@
 """Rests in the hand: where they begin and end, and which rests they take the place of."""
 
 import numpy as np
-import pytest
 
-from imuloop.segment.held import held_rests, sways, united
+from imuloop.segment.held import held_rests
 from imuloop.segment.multiples import expected_error
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
@@ -46,32 +45,6 @@ def test_a_hand_is_found_from_turn_to_turn():
     found = held_rests(w, stretches, 1 / RATE, BIAS, 0.08, 1.0)
     assert len(found) == len(true) + 1
     assert not np.any((found[:, 0] < cut) & (found[:, 1] > cut))
-
-
-@pytest.mark.parametrize(
-    ("still", "held", "expected", "which"),
-    [
-        # apart
-        ([[0, 90]], [[100, 200]], [[0, 90], [100, 200]], [False, True]),
-        # two parts of one, and one that is nearly all
-        ([[100, 130], [150, 170]], [[100, 200]], [[100, 200]], [True]),
-        ([[105, 195]], [[100, 200]], [[105, 195]], [False]),
-        # the slow begin of a turn after a rest
-        ([[0, 100]], [[90, 160]], [[0, 100]], [False]),
-        ([[0, 100]], np.empty((0, 2), int), [[0, 100]], [False]),
-    ],
-)
-def test_a_rest_in_the_hand_takes_the_place_of_its_parts(still, held, expected, which):
-    rests, is_held = united(np.array(still), np.array(held))
-    assert rests.tolist() == expected
-    assert is_held.tolist() == which
-
-
-def test_sway_is_the_root_mean_square_of_the_turns():
-    t = np.arange(500) / RATE
-    # 0.2 rad/s about z for 5 s is a ramp of 1 rad
-    w = np.outer([0, 0, 0.2], np.ones_like(t)) + BIAS[:, None]
-    assert sways(w, [[0, 500]], BIAS, 1 / RATE) == pytest.approx([1 / np.sqrt(12)], rel=1e-3)
 
 
 def test_a_session_of_table_and_hand_has_the_rests_of_both():

@@ -5,8 +5,7 @@ from dataclasses import replace
 import pytest
 
 from calibrate.devices import planned
-from imuloop.diagnose.records.pose_diagnosis import TESTABLE
-from imuloop.segment.segment import ENOUGH, segment_session
+from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
@@ -41,7 +40,3 @@ def test_what_shorter_settings_bring_is_what_they_find(rest_s, window_s, shortes
 def test_a_session_of_long_rests_needs_none():
     log = short_rests((3.0, 6.0), poses=12)
     assert segment_session(log, "multi_position", SETTINGS)[1]["shorter"] is None
-
-
-def test_enough_attitudes_are_those_that_a_calibration_needs():
-    assert ENOUGH == TESTABLE

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.simulate.logger import lose
+from loggers import lose
 from segment.logs import frame, pose_log, random_turns, rests_of, rotated
 
 SETTINGS = SegmentSettings()
@@ -40,14 +40,6 @@ def test_rests_are_found_within_a_window_of_the_truth(first):
     np.testing.assert_allclose(level["rate"], [0.01, -0.02, 0.015], atol=2e-4)
     noise = np.sum(np.array([0.0089, 0.0097, 0.0098]) ** 2)
     assert level["accelerometer_variance"] == pytest.approx(noise, rel=0.25)
-
-
-def test_a_rest_reaches_to_within_two_tenths_of_a_second_of_its_turns():
-    """Protects: of rests of 4 s a tenth is not given away, which costs accuracy everywhere."""
-    samples, truth = pose_log(random_turns(14, 1), [60.0] + [4.0] * 14)
-    rests, _ = segmented(samples)
-    found = rests[["start_s", "end_s"]].to_numpy()
-    assert np.median(np.abs(found - truth)[1:-1]) < 0.2
 
 
 def test_a_slow_turn_about_the_vertical_is_no_rest():
@@ -98,18 +90,6 @@ def test_neighbouring_rests_are_one_pose_if_nothing_turned(turn, poses):
     rests, _ = segmented(samples)
     assert len(rests) == 2
     assert rests["pose"].nunique() == poses
-
-
-def test_short_rests_are_dropped_and_counted():
-    samples, truth = pose_log(random_turns(4, 6), [20.0, 4.0, 2.6, 4.0, 4.0])
-    rests, metadata = segmented(samples, settings=SegmentSettings(shortest_rest_s=3.0))
-    assert metadata["poses"] == 4
-    assert metadata["short_rests"] == 1
-    assert not np.any((rests["start_s"] < truth[2, 1]) & (rests["end_s"] > truth[2, 0]))
-    # at 0.67 Hz a rest of fewer than four samples is no pose
-    samples, _ = pose_log(random_turns(14, 1), [30.0] + [4.0] * 14)
-    rests, _ = segmented(samples.iloc[::150].reset_index(drop=True))
-    assert len(rests) and rests["n"].min() >= 4
 
 
 @pytest.mark.parametrize("lost", [1, 5])

@@ -126,9 +126,3 @@ def test_a_session_that_needs_its_unsteady_rests_keeps_them():
     segments, metadata = segment_session(spoiled, "multi_position", SETTINGS)
     assert metadata["poses"] == 11
     assert kept(segments, truth)[2:10:2].min() > 5
-
-
-def test_a_device_that_trembles_everywhere_loses_nothing():
-    samples, truth = g_sensitive_log(3)
-    samples = spoilt(samples, truth, lambda n, rng: tremor(n, rng) / 5, 2)
-    assert segment_session(samples, "multi_position", SETTINGS)[1]["poses"] == 21

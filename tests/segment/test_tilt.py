@@ -71,15 +71,6 @@ def test_biases_that_drift_together_are_no_tilt(seeds):
     assert cut <= 2 * seeds / 60
 
 
-def test_noise_alone_is_no_tilt():
-    for seed in range(5):
-        samples = tilted(0.0, 600, seed, seconds=1200.0, noise=(5e-3, 1e-3))
-        assert not len(tilts(Samples(samples), np.array([[0, len(samples)]]), 0.05))
-    for ranges in ([], [[0, 3]], [[0, 3], [5, 40]]):
-        found = tilts(Samples(samples), np.array(ranges, dtype=int).reshape(-1, 2), 0.05)
-        assert found.shape == (0, 2)
-
-
 def resting(seed, settles=0.0, tau=2.0, rests=25, rate=100.0, noise=(2e-3, 1e-4), drift=(0.0, 0.0)):
     """Force and rate, (3, n), of rests of 5 s, the ranges, the true tilts, and the bias.
 
@@ -124,21 +115,3 @@ def test_a_rest_that_settles_is_told_from_one_that_lies_still(tau):
     # the tilt of each half about its own mean is less than that of the whole
     whole = np.sqrt((sizes**2).mean(axis=1))
     assert 0.4 < np.median(left[left > 0] / whole[left > 0]) < 1
-
-
-def test_a_long_rest_is_cut_where_it_becomes_steady():
-    """Protects: a bias comes from what lies still, not from what settles before it."""
-    f, w, ranges, _, bias = resting(2, 0.2 * DEGREE, 1.0)
-    # the first rest goes on for 45 s, lying still
-    rng, n = np.random.default_rng(4), 4500
-    still = np.array([f[:, 490:500].mean(axis=1), bias]).reshape(6, 1)
-    more = still + rng.normal(size=(6, n)) * np.repeat([2e-3, 1e-4], 3)[:, None] * 10
-    f, w = (np.hstack([x[:, :500], new, x[:, 500:]]) for x, new in ((f, more[:3]), (w, more[3:])))
-    ranges = ranges + np.where(np.arange(2 * len(ranges)).reshape(-1, 2) > 0, n, 0)
-    kept, left = steady_rests(f, w, ranges, bias, 0.01)
-    assert 200 <= kept[0, 0] <= 900 and kept[0, 1] == ranges[0, 1] and left[0] == 0
-
-
-def test_rows_that_are_zero_have_no_direction_that_tilts():
-    samples = frame(np.arange(4000) * 0.05, np.zeros((4000, 3)), np.zeros((4000, 3)))
-    assert not len(tilts(Samples(samples), np.array([[0, 4000]]), 0.05))

@@ -151,12 +151,6 @@ def test_case_and_punctuation_of_a_name_do_not_matter(name, label):
     assert find_sensor(name).label == label
 
 
-def test_every_name_leads_to_one_sensor(table):
-    for key, row in table.items():
-        for name in (key, row["label"], *row.get("aliases", ())):
-            assert find_sensor(name).key == key
-
-
 @pytest.mark.parametrize(
     ("name", "wanted"),
     [
@@ -178,11 +172,6 @@ def test_the_listing_has_a_line_for_each_sensor():
     assert all(line.endswith((" g", " deg/s", " m/s^2")) for line in lines)
 
 
-def test_a_part_with_one_sensor_has_no_other():
-    assert find_sensor("fxos8700").gyroscope is None
-    assert find_sensor("fxas21002c").accelerometer is None
-
-
 @pytest.mark.parametrize("wanted", ["16 g", "16g", "±16 g", "16000 mg", 156.9, "156.9 m/s^2"])
 def test_a_range_is_chosen_by_its_full_scale(wanted):
     chosen = find_sensor("icm42688p").accelerometer.choose_range(wanted)
@@ -192,29 +181,10 @@ def test_a_range_is_chosen_by_its_full_scale(wanted):
     assert chosen.noise_density == pytest.approx(65 * UG)
 
 
-def test_a_single_range_needs_no_choice():
-    assert find_sensor("adis16460").gyroscope.choose_range().name == "100 deg/s"
-
-
 @pytest.mark.parametrize("wanted", [None, "10 g", "16", 16, "16 parsec", "", "4500 deg/s"])
 def test_an_unknown_range_is_refused_with_the_known_ones(wanted):
     with pytest.raises(ImuloopError, match="use one of 2 g, 4 g, 8 g, 16 g"):
         find_sensor("icm42688p").accelerometer.choose_range(wanted)
-
-
-@pytest.mark.parametrize(
-    ("name", "densities", "common"),
-    [
-        ("icm42688p", [65, 65, 65, 65], 65),
-        ("icm45686", [70, 70, 70, 80, 110], None),
-        ("lsm9ds1", [None] * 4, None),
-    ],
-)
-def test_noise_density_is_typical_and_of_each_range(name, densities, common):
-    found = find_sensor(name).accelerometer
-    wanted = [each and pytest.approx(each * UG) for each in densities]
-    assert [each.noise_density for each in found.ranges] == wanted
-    assert found.noise_density == (common and pytest.approx(common * UG))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,6 @@ from unittest.mock import patch
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
@@ -24,7 +23,6 @@ from imuloop.validate.attitude import (
     Stretch,
     blocks,
     held_out_models,
-    stretches,
     validate_attitude,
 )
 
@@ -69,16 +67,6 @@ def errors_deg(stretch, w, f, u):
     return np.degrees(alone), np.degrees(filtered)
 
 
-def test_the_gyroscope_carries_gravity_as_scipy_does():
-    stretch, w, g = course()
-    fine = Rotation.identity()
-    for k in range(len(w) - 1):
-        fine = fine * Rotation.from_rotvec((w[k] + w[k + 1]) / 2 * 0.01)
-    assert np.allclose(fine.inv().apply(g[0]), g[-1], atol=1e-6)
-    alone, _ = errors_deg(stretch, w, 9.8 * g, g[stretch.arrive])
-    assert alone.shape == (3, 1) and alone.max() < 1e-7
-
-
 def test_the_filter_has_gravity_where_a_quarter_turn_brings_it():
     """Axes, signs and the direction of the quaternion are as VQF has them: closed form."""
     t = np.arange(1100) / 100
@@ -117,20 +105,6 @@ def test_the_filter_shows_what_a_calibration_leaves():
     assert alone > 1 > 5 * filtered
 
 
-def test_lost_samples_and_late_stamps_take_no_turn_from_the_filter():
-    """Its step is constant, the log's is not: what it is given keeps the turn of each step."""
-    stretch, w, g = course()
-    keep = np.ones(len(w), dtype=bool)
-    # of a turn at 1 rad/s
-    keep[640:646] = False
-    count = np.cumsum(keep) - 1
-    t = stretch.t[keep] + 0.002 * (np.arange(keep.sum()) % 2)
-    lossy = replace(stretch, t=t, arrive=count[stretch.arrive], leave=count[stretch.leave])
-    _, whole = errors_deg(stretch, w, 9.8 * g, g[stretch.arrive])
-    _, found = errors_deg(lossy, w[keep], 9.8 * g[keep], g[stretch.arrive])
-    assert whole.max() < 0.1 and found.max() < 0.5
-
-
 @pytest.fixture(scope="module")
 def sensitive():
     made = recording(with_g_sensitivity(example_truth(), MATRIX), 1)
@@ -142,17 +116,6 @@ def sensitive():
 def plain():
     made = recording(example_truth(), 2)
     return made, diagnosed(made)
-
-
-def test_each_rotation_is_in_one_stretch_of_its_block(sensitive):
-    made, _, _ = sensitive
-    block = blocks(len(made.poses), SETTINGS)
-    found = stretches(made, block)
-    firsts = np.concatenate([s.poses[:-1] for s in found])
-    assert (firsts == made.rotations.first).all()
-    assert all(len(set(block[s.poses[:-1]])) == 1 for s in found)
-    for s in found:
-        assert s.t[s.leave] == pytest.approx(made.poses.end_s[s.poses], abs=0.011)
 
 
 def test_the_error_falls_to_that_of_the_truth(sensitive):
@@ -182,6 +145,8 @@ def test_models_do_not_see_what_they_are_judged_by(sensitive):
     made, found, _ = sensitive
     block = blocks(len(made.poses), SETTINGS)
     held = block == 1
+    # with two others, by which effects are chosen without it
+    parts = np.where(held, 1, 2 * (block % 2))
     # some fifty standard errors of a pose
     poses = replace(
         made.poses,
@@ -194,7 +159,7 @@ def test_models_do_not_see_what_they_are_judged_by(sensitive):
     pair, models = found.poses.pair, []
     for each in (made, spoiled):
         problem = replace(found.poses.choices.problem, recording=each, _linearized={}, _columns={})
-        models.append(held_out_models(found, problem.with_parts(block))[1])
+        models.append(held_out_models(found, problem.with_parts(parts))[1])
     (effect,) = (e for e in found.poses.choices.choice().base if e.name == "g_sensitivity")
     one, other = (each["final"] for each in models)
     # what a model lacks counts as noise by all rows, so the base model's weights are of them too

@@ -9,9 +9,7 @@ from imuloop.noise.intervals import coefficients_with_intervals
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.lines import find_line, mains
 from imuloop.noise.misfit import band, misfit
-from imuloop.noise.modes import modes
 from imuloop.noise.processes import density
-from imuloop.noise.sampling import Sampling
 from imuloop.noise.selection import Selection
 
 # lines at most, with what they leave
@@ -34,12 +32,6 @@ class AxisEstimate:
     noise: AxisNoise
     misfit: float
     band_hz: float
-
-
-def estimate_record(x, rate, settings):
-    """Return the AxisEstimate of one unbroken record `x`, shape (n,), of `rate` in Hz."""
-    signal = Sampling.unbroken(rate, len(x)).with_values(np.asarray(x, float))
-    return estimate_axis(modes([signal]), [signal], settings)
 
 
 def estimate_axis(basis, signals, settings):

@@ -1,7 +1,7 @@
 """The truth of a simulated device: what a good estimator has to find."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +9,9 @@ import yaml
 
 import imuloop.effects  # noqa: F401  loads the library of effects
 from imuloop.core.effect import FittedEffect
-from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.core.units import ACCELERATION, ANGULAR_RATE, STANDARD_GRAVITY
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import SENSORS
+from imuloop.core.units import STANDARD_GRAVITY
 
 ZERO = (0.0, 0.0, 0.0)
 
@@ -158,77 +159,34 @@ class Truth:
     thermometer: Thermometer = Thermometer()
 
 
-KINDS = {
-    SessionTruth: ("static", "six_position", "multi_position"),
-    Disturbance: ("knock", "tilt", "handling"),
-}
-# what a key of a mapping holds: a part, or a tuple of parts
-PARTS = {
-    "accelerometer": SensorTruth,
-    "gyroscope": SensorTruth,
-    "thermometer": Thermometer,
-    "vibration": Vibration,
-    "noise": Noise,
-}
-TUPLES = {
-    "disturbances": Disturbance,
-    "gauss_markov": GaussMarkovProcess,
-    "sinusoid": SpectralLine,
-    "steps": Popcorn,
-}
-UNITS = {"accelerometer": (*ACCELERATION, "count"), "gyroscope": (*ANGULAR_RATE, "count")}
-
-
 def read_truth(path):
-    """Return the truth that a YAML file holds, its keys as the attributes of the classes here.
+    """Return the truth that a YAML file holds, as those of data/replicas.
 
     Raises
     ------
     ImuloopError
-        If a key, a kind, a unit or an effect is unknown, or a value has the wrong shape.
+        If the file is no such truth.
     """
     content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     try:
-        for name, units in UNITS.items():
-            if (unit := content[name]["raw_unit"]) not in units:
-                known = ", ".join(units)
-                raise ImuloopError(f"{path}: {name}.raw_unit: '{unit}' is not one of {known}")
-        return _made(Truth, content, f"{path}: ")
+        made = {name: _sensor(**content[name]) for name in SENSORS}
+        made["sessions"] = {k: _session(**plan) for k, plan in content["sessions"].items()}
+        return Truth(**content | made)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ImuloopError(f"{path}: not a truth: {error!r}") from error
 
 
-def _made(cls, content, where):
-    """Return a dataclass of a mapping, or say what is wrong with a key; `where` goes before it."""
-    names = [field.name for field in fields(cls)]
-    for key in content:
-        if key not in names:
-            raise ImuloopError(f"{where}{key}: no such key{did_you_mean(key, names)}")
-    kind = content.get("kind")
-    if cls in KINDS and kind not in KINDS[cls]:
-        raise ImuloopError(f"{where}kind: '{kind}' is not one of {', '.join(KINDS[cls])}")
-    return cls(**{key: _value(key, value, f"{where}{key}") for key, value in content.items()})
+def _sensor(noise, effects=(), **more):
+    """Return a SensorTruth of the keys of a mapping."""
+    floats = {key: np.asarray(more.pop(key), dtype=float) for key in "TKb"}
+    coefficients = {key: np.asarray(value, dtype=float) for key, value in noise.items()}
+    effects = tuple(FittedEffect.from_dict(effect) for effect in effects)
+    return SensorTruth(noise=Noise(**coefficients), effects=effects, **floats, **more)
 
 
-def _value(key, value, where):
-    """Return what a key of a mapping holds."""
-    if key in PARTS and isinstance(value, dict):
-        return _made(PARTS[key], value, f"{where}.")
-    if key in TUPLES:
-        return tuple(_made(TUPLES[key], each, f"{where}.") for each in value)
-    if key == "sessions":
-        return {k: _made(SessionTruth, each, f"{where}.{k}.") for k, each in value.items()}
-    if key == "effects":
-        try:
-            return tuple(FittedEffect.from_dict(effect) for effect in value)
-        except ImuloopError as error:
-            raise ImuloopError(f"{where}: {error}") from error
-    if key in ("T", "b", *"QNBKR"):
-        array, shape = np.asarray(value, dtype=float), (3, 3) if key == "T" else (3,)
-        if array.shape != shape:
-            raise ImuloopError(f"{where}: shape {array.shape}, needs {shape}")
-        return array
-    return value
+def _session(disturbances=(), **plan):
+    """Return a SessionTruth of the keys of a mapping."""
+    return SessionTruth(disturbances=tuple(Disturbance(**d) for d in disturbances), **plan)
 
 
 def example_truth(**changes):

@@ -181,6 +181,8 @@ def hidden(recording, gyroscope_bias):
     rotations = recording.rotations
     lost = between(rotations, gyroscope_bias) * rotations.uneven / 3
     variance = recording.poses.variance[rotations.first, :3].sum(axis=1)
+    if not len(rotations):
+        return np.zeros(0)
     usual = np.median(rotations.steps[rotations.steps > 0])
     noise = np.sqrt(variance * usual * (rotations.end_s - rotations.start_s))
     return np.linalg.norm(lost, axis=1) / noise

@@ -1,11 +1,10 @@
-"""Detection limits of lines and of Gauss–Markov processes: what is found with 90 %."""
+"""Detection limit of a Gauss–Markov process: what is found with 90 %."""
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import betaincinv, chndtrinc, ndtri
+from scipy.special import ndtri
 
 from imuloop.noise.likelihood import weighted_nnls
-from imuloop.noise.periodogram import Periodogram, chance_at_one, chance_over_band
 from imuloop.noise.processes import densities, gauss_markov_density
 from imuloop.noise.settings import NoiseSettings
 
@@ -13,28 +12,8 @@ from imuloop.noise.settings import NoiseSettings
 PROBABILITY = 0.9
 # correlation times that count as tried independently of each other
 TIMES = 10
-# chance of a process or line in noise that has none
+# chance of a process in noise that has none
 LEVEL = NoiseSettings().significance
-
-
-def line_limit(sampling, density, frequency, level=LEVEL):
-    r"""Return the amplitude of a line that is found with 90 %.
-
-    Twice I/S is non-central chi-square with two degrees of freedom and
-    :math:`\lambda = A^2 n/(r S)`; `density` is S, one-sided, as a function of frequency in Hz.
-    """
-    n, rng = sampling.lengths.sum(), np.random.default_rng(0)
-    noise = Periodogram.of(sampling.with_values(rng.standard_normal(n)), density)
-    sizes = noise.sizes[noise.near(frequency)]
-    m, sides = sizes.min(), len(sizes)
-    ratio = brentq(
-        lambda x: chance_over_band(chance_at_one(x, m, sides), noise.independent) - level, 0.1, 1e6
-    )
-    half = (m + 1) / 2
-    # the line itself, some three values wide, lies in the block that it is compared with
-    share = betaincinv(half, half, 0.5 ** (1 / sides)) * m / (m - 3)
-    noncentrality = chndtrinc(-2 * ratio * np.log1p(-share), 2, 1 - PROBABILITY)
-    return np.sqrt(noncentrality * noise.rate * density(np.array([frequency]))[0] / n)
 
 
 def gauss_markov_limit(theta, tc, length, rate, level=LEVEL):

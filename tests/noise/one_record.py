@@ -1,0 +1,42 @@
+"""One unbroken record of an axis: its estimate, and the lines that are found in it with 90 %."""
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import betaincinv, chndtrinc
+
+from imuloop.noise.axis import estimate_axis
+from imuloop.noise.modes import modes
+from imuloop.noise.periodogram import Periodogram, chance_at_one, chance_over_band
+from imuloop.noise.sampling import Sampling
+from imuloop.noise.settings import NoiseSettings
+
+# chance of finding what lies at one limit
+PROBABILITY = 0.9
+# chance of a line in noise that has none
+LEVEL = NoiseSettings().significance
+
+
+def estimate_record(x, rate, settings):
+    """Return the AxisEstimate of `x`, shape (n,), of `rate` in Hz."""
+    signal = Sampling.unbroken(rate, len(x)).with_values(np.asarray(x, float))
+    return estimate_axis(modes([signal]), [signal], settings)
+
+
+def line_limit(sampling, density, frequency, level=LEVEL):
+    r"""Return the amplitude of a line that is found with 90 %.
+
+    Twice I/S is non-central chi-square with two degrees of freedom and
+    :math:`\lambda = A^2 n/(r S)`; `density` is S, one-sided, as a function of frequency in Hz.
+    """
+    n, rng = sampling.lengths.sum(), np.random.default_rng(0)
+    noise = Periodogram.of(sampling.with_values(rng.standard_normal(n)), density)
+    sizes = noise.sizes[noise.near(frequency)]
+    m, sides = sizes.min(), len(sizes)
+    ratio = brentq(
+        lambda x: chance_over_band(chance_at_one(x, m, sides), noise.independent) - level, 0.1, 1e6
+    )
+    half = (m + 1) / 2
+    # the line itself, some three values wide, lies in the block that it is compared with
+    share = betaincinv(half, half, 0.5 ** (1 / sides)) * m / (m - 3)
+    noncentrality = chndtrinc(-2 * ratio * np.log1p(-share), 2, 1 - PROBABILITY)
+    return np.sqrt(noncentrality * noise.rate * density(np.array([frequency]))[0] / n)
