@@ -328,7 +328,6 @@ def hard():
     return 1_700_000_000_123_456_789 + np.cumsum(steps), values
 
 
-@pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize("way", ROUND_TRIPS.values(), ids=ROUND_TRIPS)
 def test_every_bit_comes_back(hard, tmp_path, way):
     """Protects all values of a log: none is rounded, cut off, or read as another type's."""
@@ -367,7 +366,6 @@ SOUND = {
 }
 
 
-@pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize("name", SOUND)
 def test_a_sound_log_is_ingested_the_same_from_each_format(run, tmp_path, name):
     log, (form, unit, dated) = brief(), SOUND[name]

@@ -9,7 +9,6 @@ from imuloop.ingest import phone
 from ingest.test_formats import zipped
 from ingest.written import ACCELERATION, RATE, phyphox, sensor_logger, sensorlog, table, timed
 
-pytestmark = pytest.mark.usefixtures("in_process")
 SEPARATORS = pytest.mark.parametrize(("separator", "decimal"), [",.", "\t.", ";,"])
 
 

@@ -15,7 +15,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import ACCELERATION, refuse_calibrated
 from imuloop.core.units import STANDARD_GRAVITY, TIME
 from imuloop.ingest.columns import STAMP, listed, resolve
-from imuloop.ingest.guarded import MOST_TIMES, check_unpacked
+from imuloop.ingest.damage import MOST_TIMES, check_unpacked
 from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import SENSORS, guess, named_sensor, unit_of

@@ -6,6 +6,7 @@ to standardise. Here all become specific force.
 """
 
 import csv
+import os
 import re
 import zipfile
 from contextlib import suppress
@@ -16,8 +17,8 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line, plural
 from imuloop.ingest import delimited
+from imuloop.ingest.damage import check_unpacked, reject_damage
 from imuloop.ingest.delimited import text_batches
-from imuloop.ingest.guarded import guarded
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import AXES, SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.streams import Stream, raw_log
@@ -71,26 +72,27 @@ class _Table:
         return [f"{self.stream.name}.{name}" for name in self.sensors[sensor]]
 
 
-@guarded
-def read(paths, columns=None, batch_rows=1 << 16, most=-1):
+@reject_damage
+def read(paths, columns=None, batch_rows=1 << 16):
     """Read a zip of tables as phyphox and Sensor Logger export it, or of one or two text tables.
 
     Of Sensor Logger, what is not calibrated by the phone goes before what is; acceleration
     without gravity is never taken by itself. `columns` names a file without its ending, where it
-    holds one sensor, or three of ``FILE.COLUMN``. `most` counts for each table.
+    holds one sensor, or three of ``FILE.COLUMN``.
     """
     with zipfile.ZipFile(paths["log"]) as archive:
+        size = sum(info.file_size for info in archive.infolist())
+        check_unpacked(os.path.getsize(paths["log"]), size)
         members = _members(archive)
         about = _cells(archive, members, "Metadata")[:2]
         about = dict(zip(*([x.strip().lower() for x in row] for row in about), strict=False))
         turned = about.get("platform") == "ios" and about.get("standardisation") != "true"
         tables = [
-            _table(name, _text(archive, info, most), turned, batch_rows)
-            for name, info in members.items()
+            _table(name, _text(archive, info), turned, batch_rows) for name, info in members.items()
         ]
         tables = [table for table in tables if table]
         if not tables:
-            return _plain(archive, members, columns, batch_rows, most)
+            return _plain(archive, members, columns, batch_rows)
         events = _events(archive, members)
     app = tables[0].app
     tables = [table for table in tables if table.app == app]
@@ -116,13 +118,13 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     return log
 
 
-def _plain(archive, members, columns, batch_rows, most):
+def _plain(archive, members, columns, batch_rows):
     """Return the log of a zip that holds one table, or one of each sensor by their names."""
     members = {name: info for name, info in members.items() if _is_table(archive, info)}
     by_sensor = {q: [n for n in members if named_sensor(n) == q] for q in SENSORS}
     if len(members) == 1:
         [(name, info)] = members.items()
-        log = delimited.read({"log": _text(archive, info, most)}, columns, batch_rows)
+        log = delimited.read({"log": _text(archive, info)}, columns, batch_rows)
         log.notes.insert(0, f"the table {name} of the zip")
         return log
     if any(name.startswith("xl/") or name == "content.xml" for name in archive.namelist()):
@@ -133,7 +135,7 @@ def _plain(archive, members, columns, batch_rows, most):
             "the zip holds no table of phyphox or Sensor Logger, nor one table, nor one whose name "
             f"says acc and one gyr, but {listed}"
         )
-    texts = {q: _text(archive, members[name], most) for q, (name,) in by_sensor.items()}
+    texts = {q: _text(archive, members[name]) for q, (name,) in by_sensor.items()}
     log = paired(
         {q: delimited.read({"log": x}, alone(q, columns), batch_rows) for q, x in texts.items()},
         batch_rows,
@@ -148,7 +150,7 @@ def _is_table(archive, info):
     return False
 
 
-def _text(archive, info, most):
+def _text(archive, info, most=-1):
     with archive.open(info) as file:
         return file.read(most)
 
@@ -240,11 +242,11 @@ def _table(name, text, turned, batch_rows):
     return _Table(app, Stream(name, stamps, fields, units), sensors, count)
 
 
-def _series(source, layout, places, batch_rows, most=-1):
+def _series(source, layout, places, batch_rows):
     """Return stamps, of the first column, numbers, what was left out, and rows without a stamp."""
     count = RawLog()
     batches = text_batches(source, layout, places, batch_rows, count, stamps=1)
-    fields, lost, dates = collected(batches, "0", most)
+    fields, lost, dates = collected(batches, "0")
     stamps, *values = fields.values() if fields and not dates else [np.empty(0)] * len(places)
     return stamps, values, count, lost
 
@@ -299,7 +301,7 @@ _SENSORLOG = {
 }
 
 
-def read_sensorlog(paths, columns=None, batch_rows=1 << 16, most=-1):
+def read_sensorlog(paths, columns=None, batch_rows=1 << 16):
     """Read a CSV of SensorLog, whose rows repeat a sensor's last sample until it has a new one.
 
     `columns` names ``STREAM.COLUMN``, streams being ``accelerometer`` and ``gyro`` or, where that
@@ -314,7 +316,7 @@ def read_sensorlog(paths, columns=None, batch_rows=1 << 16, most=-1):
         if not {*wanted} <= {*bare} or (name == "motion" and "gyro" in streams):
             continue
         places = [bare.index(each) for each in wanted]
-        stamps, values, count, unstamped = _series(path, layout, places, batch_rows, most)
+        stamps, values, count, unstamped = _series(path, layout, places, batch_rows)
         fresh = np.append(True, np.diff(stamps) != 0)[: len(stamps)]
         if not fresh.any():
             continue
