@@ -26,7 +26,6 @@ def sound_logs(folder):
     log = pd.DataFrame({"t": np.arange(ROWS) / 50})
     log[SIX] = rng.normal([0.1, -0.2, 9.8, 0, 0, 0.01], 0.01, size=(ROWS, 6)).round(5)
     text = log.to_csv(index=False).encode()
-    in_g = log.assign(**{name: log[name] / 9.80665 for name in SIX[:3]})
     rows = [(int(t * 1e6), 0, *axes) for t, *axes in log[["t", *SIX[3:], *SIX[:3]]].to_numpy()]
     dated = log.assign(t=pd.Timestamp("2024-01-01") + pd.to_timedelta(log.t, "s"), temp=20.5)
     return [
@@ -35,7 +34,6 @@ def sound_logs(folder):
         ("log.csv", log.to_csv(index=False, sep=";", decimal=",").encode()),
         ("log.tsv", b"# made by a logger\n" + dated.to_csv(index=False, sep="\t").encode()),
         ("log.csv", b"\xef\xbb\xbf" + text.replace(b"\n", b"\r\n")),
-        ("log.csv", written.sensorlog(in_g).encode()),
         ("log.csv.gz", gzip.compress(text, mtime=0)),
         *(("log.ulg", ulog(log, topics)) for topics in TOPICS),
         *(("log.mat", each) for each in matlab(log)),

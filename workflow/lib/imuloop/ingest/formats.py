@@ -47,8 +47,6 @@ FORMATS = {
     "matlab": LogFormat(arrays.read_matlab, arrays.MATLAB_ENDINGS),
     "ros": LogFormat(ros.read, ros.ENDINGS, folder=True),
     "phone": LogFormat(phone.read, phone.ENDINGS),
-    # a .csv as others, known by its header
-    "sensorlog": LogFormat(phone.read_sensorlog, ()),
     "ulog": LogFormat(ulog.read, ulog.ENDINGS),
     "dataflash": LogFormat(dataflash.read, dataflash.ENDINGS),
 }
@@ -68,8 +66,6 @@ SIGNATURES = {
     b"\xa3\x95\x80": "dataflash",
     b"FMT, 128": "dataflash",
 }
-# in the header of a text table that is SensorLog's
-_SENSORLOG = (b"accelerometertimestamp_sincereboot", b"accelerometeraccelerationx")
 _HEAD = 1 << 14
 # where a zip has the length of the first member's name, and the name
 _LENGTH, _NAME = slice(26, 28), 30
@@ -146,10 +142,7 @@ def _by_first_bytes(path):
             # an .npz is a zip of arrays
             first = head[_NAME:][: int.from_bytes(head[_LENGTH], "little")]
             return "numpy" if name == "phone" and first.endswith(b".npy") else name
-    line = head.partition(b"\n")[0].lower()
-    if json_lines.are_objects(head):
-        return "jsonl"
-    return "sensorlog" if all(word in line for word in _SENSORLOG) else None
+    return "jsonl" if json_lines.are_objects(head) else None
 
 
 def _head(path):

@@ -1,4 +1,4 @@
-"""What phones export: zips of phyphox and Sensor Logger, a table a sensor; tables of SensorLog.
+"""What phones export: zips of phyphox and Sensor Logger, a table a sensor.
 
 Android gives specific force in m/s^2. iOS gives its opposite, in g: a phone that lies face up
 reads z = -1. phyphox turns that into Android's convention, Sensor Logger does where it is asked
@@ -15,7 +15,7 @@ from pathlib import PureWindowsPath
 
 import numpy as np
 
-from imuloop.core.errors import ImuloopError, RejectedLog, one_line, plural
+from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.ingest import delimited
 from imuloop.ingest.damage import check_unpacked, reject_damage
 from imuloop.ingest.delimited import text_batches
@@ -289,55 +289,3 @@ def _usual(quantity, tables, notes):
         others = ", ".join(other.stream.name for _, other in found[1:])
         notes.append(f"{quantity} is that of {table.stream.name}, not of {others}")
     return table.columns(best)
-
-
-# --- SensorLog: one table, whose rows hold several sensors, each on its own clock
-
-# time and sensor columns, without unit and axis, lower case; sign and unit; the best first
-_SENSORLOG = {
-    "accelerometer": ("accelerometertimestamp_sincereboot", "accelerometeracceleration", -1, "g"),
-    "gyro": ("gyrotimestamp_sincereboot", "gyrorotation", 1, "rad/s"),
-    "motion": ("motiontimestamp_sincereboot", "motionrotationrate", 1, "rad/s"),
-}
-
-
-def read_sensorlog(paths, columns=None, batch_rows=1 << 16):
-    """Read a CSV of SensorLog, whose rows repeat a sensor's last sample until it has a new one.
-
-    `columns` names ``STREAM.COLUMN``, streams being ``accelerometer`` and ``gyro`` or, where that
-    is not logged, ``motion``.
-    """
-    path, columns = paths["log"], dict(columns or {})
-    layout = find_layout(path)
-    bare = [re.sub(r"\s*\(.*\)\Z", "", name).lower() for name in layout.names]
-    streams, notes, lost = {}, [], None
-    for name, (time, sensor, sign, unit) in _SENSORLOG.items():
-        wanted = [time, *(sensor + axis for axis in AXES)]
-        if not {*wanted} <= {*bare} or (name == "motion" and "gyro" in streams):
-            continue
-        places = [bare.index(each) for each in wanted]
-        stamps, values, count, unstamped = _series(path, layout, places, batch_rows)
-        fresh = np.append(True, np.diff(stamps) != 0)[: len(stamps)]
-        if not fresh.any():
-            continue
-        if left_out := unstamped + int((~fresh).sum()):
-            notes.append(f"no new sample of {name} in {plural(left_out, 'row')}")
-        names = [layout.names[i] for i in places[1:]]
-        fields = {each: sign * x[fresh] for each, x in zip(names, values, strict=True)}
-        quantity = "acceleration" if name == "accelerometer" else "angular_rate"
-        units = {"time": "s", quantity: unit_of(quantity, (0, 1, 2), names) or unit}
-        streams[name] = Stream(name, stamps[fresh], fields, units)
-        lost = lost or count
-        if columns.get(quantity) is None:
-            columns[quantity] = [f"{name}.{each}" for each in names]
-    if "accelerometer" not in streams or len(streams) < 2:
-        raise RejectedLog(
-            "the file holds no accelerometer and gyroscope as SensorLog names them: "
-            f"{', '.join(layout.names)[:200]}"
-        )
-    notes.insert(0, "an export of SensorLog: acceleration in g, sign turned into specific force")
-    if "motion" in streams:
-        notes.append("the angular rate is that of the motion, less the bias that iOS estimates")
-    log = raw_log(list(streams.values()), columns, batch_rows, notes)
-    log.lose(lost)
-    return log
