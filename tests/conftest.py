@@ -86,10 +86,7 @@ def faults(tmp_path, monkeypatch):
     (tmp_path / "poses.csv").write_text(
         "t,ax,ay,az,gx,gy,gz,note\n0,0,0,9.8,0,0,0,a\n0.01,0,0,9.8,0,0,0,b\n"
     )
-    (tmp_path / "counts.csv").write_text(
-        "t,ax [lsb],ay [lsb],az [lsb],gx,gy,gz\n" + "0,0,0,9,0,0,0\n" * 9
-    )
-    (tmp_path / "bare.csv").write_text("0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n0 0 9.8 0 0 0\n")
+    (tmp_path / "counts.csv").write_bytes((tmp_path / "poses.csv").read_bytes())
 
     def of(text, **options):
         path = tmp_path / "config.yaml"

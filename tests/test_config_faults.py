@@ -48,18 +48,10 @@ SESSION = """
     file: there is no replica 'iphone6'; did you mean 'iphone_6'?
     kind: static, file: {url: 'https://a/b.csv', sha256: abc}
     file.sha256: 'abc' is not a SHA-256 (64 digits 0-9 a-f)
-    format: imu_tk
-    file: format imu_tk is read from acceleration and angular_rate, given log
     units: {acceleration: count}
     units.acceleration: 'count' needs the device's nominal.acceleration.scale (increments: × rate), or the name of the sensor and its range
-    columns: {acceleration: acc}
-    columns.acceleration: 'acc' is not a list of three columns x, y, z
     time_range: [5, 1]
     time_range: the start is not before the end
-    time_range: ['2021-09-20T10:00', null]
-    time_range: '2021-09-20T10:00' is a date, but the log's stamps are not; give seconds
-    kind: static, file: counts.csv
-    file: acceleration in counts needs nominal.acceleration.scale (increments: × rate), or the name of the sensor and its range
     time_range: [12:30:00, 50000]
     time_range.0: 12:30:00 is 45000 to YAML; write '12:30:00' with quotes, or 45000
     kind: known_rotation, file: poses.csv, sections: [{axis: x, start: 0, end: 1}]
@@ -132,30 +124,10 @@ DEVICE = """
     label: on is true to YAML; write 'on' with quotes, or true
 """  # noqa: E501
 MOVED = "kind: reference_motion, file: poses.csv, reference: {columns: {orientation: "
-COLUMNS = "there are t, ax, ay, az, gx, gy, gz, note"
 LONG = [
     (
         MOVED + "[0, 1, 2, 3]}, convention: body_to_wolrd}",
         "reference.convention: 'body_to_wolrd' is not a convention; did you mean 'body_to_world'?",
-    ),
-    (
-        MOVED + "[qw, ax, ay, az]}, convention: body_to_world}",
-        f"reference.columns.orientation: no column 'qw'; {COLUMNS}",
-    ),
-    (
-        f"{SOUND}, columns: {{acceleration: [ax, ay, azz]}}",
-        f"columns.acceleration: no column 'azz'; {COLUMNS}; did you mean 'az'?",
-    ),
-    (
-        "kind: static, file: bare.csv, columns: {acceleration: [0, 1, 2], angular_rate: [3, 4, 5]}",
-        "rate: missing; bare.csv has no time column of a usual name (no header, 6 columns); give "
-        "it, or name the column in columns.time",
-    ),
-    (
-        f"{SOUND}, columns: {{time: note}}",
-        "file: time column 'note': 'a' is neither a number nor ISO 8601, a time of the day or a "
-        "day such as 24-Nov-2026; name the right one in columns.time, or give columns.time: null "
-        "and rate in Hz",
     ),
 ]
 STATIC = "sessions: {a: {kind: static, file: poses.csv}}}"
@@ -219,15 +191,6 @@ def test_faults_are_named_all_at_once(faults):
     }
 
 
-def test_all_columns_that_are_not_there_are_named(faults):
-    columns = "{time: stamp, acceleration: [fx, ay, az], angular_rate: [gx, gy, rz]}"
-    keys = [line.split(": ")[0] for line in faults(session(f"{SOUND}, columns: {columns}"))]
-    assert keys == [
-        f"devices.imu.sessions.a.columns.{quantity}"
-        for quantity in ("time", "acceleration", "angular_rate")
-    ]
-
-
 @pytest.mark.parametrize(
     ("quantity", "written", "hint"),
     [
@@ -245,19 +208,6 @@ def test_all_columns_that_are_not_there_are_named(faults):
 def test_a_unit_is_never_mistaken_for_another_by_its_letters(faults, quantity, written, hint):
     [line] = faults(session(f"{SOUND}, units: {{{quantity}: '{written}'}}"))
     assert line.endswith(f"'{written}' is not a unit; {hint}")
-
-
-def test_a_column_is_taken_once(faults):
-    for columns, line in (
-        ("acceleration: [1, ax, 3]", "acceleration: column 1, 'ax', is already in "
-         "columns.acceleration; name another"),
-        ("angular_rate: [ax, gy, gz]", "angular_rate: column 1, 'ax', is already in "
-         "columns.acceleration; name another"),
-        ("temperature: t", "temperature: column 0, 't', is already in columns.time; name another"),
-    ):  # fmt: skip
-        assert faults(session(f"{SOUND}, columns: {{{columns}}}")) == [
-            f"devices.imu.sessions.a.columns.{line}"
-        ]
 
 
 def test_a_reference_in_the_log_needs_no_single_file(faults):

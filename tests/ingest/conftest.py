@@ -1,8 +1,6 @@
 """A small sound log, and ingest into a fresh folder."""
 
-import inspect
 from collections import namedtuple
-from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -10,7 +8,6 @@ import pytest
 
 from imuloop.core.files import read_json
 from imuloop.core.samples import CHANNELS, read_metadata, read_samples
-from imuloop.ingest.formats import FORMATS
 from imuloop.ingest.ingest import Declared, ingest
 from ingest.logs import brief
 
@@ -26,13 +23,6 @@ def log():
 def single(log):
     """The log as autopilots keep it: single precision, whole microseconds."""
     return log.astype(np.float32).assign(t=np.arange(500) * 10_003 * 1e-6)
-
-
-@pytest.fixture
-def in_process(monkeypatch):
-    """Read all formats in the process of the test, where it is their values that count."""
-    for name, form in FORMATS.items():
-        monkeypatch.setitem(FORMATS, name, replace(form, read=inspect.unwrap(form.read)))
 
 
 @pytest.fixture

@@ -106,19 +106,6 @@ def spikes(log, size):
 
 
 @harm
-def tracked(log, tau=0.3, still=0.015):
-    """Firmware that follows the mean of each rate with a time constant, s, while it is still."""
-    spread = sum(log[name].rolling(25, min_periods=1).std() for name in RATE)
-    resting, raw = (spread < still).to_numpy(), log[RATE].to_numpy()
-    out, mean = raw.copy(), np.zeros(3)
-    for i in range(len(log)):
-        if resting[i]:
-            mean += 0.01 / tau * (raw[i] - mean)
-        out[i] -= mean
-    log[RATE] = out
-
-
-@harm
 def wrapped(log, count):
     """An integer of 16 bits that wraps around in fast turns; g and deg/s that are not declared."""
     log[FORCE], log[RATE] = log[FORCE] / STANDARD_GRAVITY, log[RATE] / DEGREE

@@ -8,9 +8,6 @@ from ingest import written
 from ingest.autopilots import STAMPS, WARM, of_own_interval
 from ingest.written import ACCELERATION, RATE
 
-pytestmark = pytest.mark.usefixtures("in_process")
-
-
 # format and names of the fields of messages of ArduPilot
 MESSAGE = "QBffffffIIfBBHH", "TimeUS,I,GyrX,GyrY,GyrZ,AccX,AccY,AccZ,EG,EA,T,GH,AH,GHz,AHz"
 OLD = "Iffffff", "TimeMS,GyrX,GyrY,GyrZ,AccX,AccY,AccZ"

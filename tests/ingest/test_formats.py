@@ -29,7 +29,6 @@ from ingest import written
 from ingest.logs import brief
 
 SIX = [*CHANNELS]
-FLIPPED = np.array([-1, -1, -1, 1, 1, 1])
 
 
 @dataclass(frozen=True)
@@ -125,16 +124,6 @@ def imu_tk(folder, stamps, values, digits=repr):
         rows = np.column_stack([seconds(stamps), three]).tolist()
         path.write_text("".join(" ".join(map(digits, row)) + "\n" for row in rows))
     return paths
-
-
-def sensorlog(folder, stamps, values):
-    names = [f"accelerometerAcceleration{axis}(G)" for axis in "XYZ"]
-    names += [f"gyroRotation{axis}(rad/s)" for axis in "XYZ"]
-    clocks = [f"{kind}Timestamp_sinceReboot(s)" for kind in ("accelerometer", "gyro")]
-    t, six = seconds(stamps).tolist(), values.T.tolist()
-    head = [clocks[0], *names[:3], clocks[1], *names[3:]]
-    (folder / "log.csv").write_text(written.table(head, [t, *six[:3], t, *six[3:]]))
-    return folder / "log.csv"
 
 
 def zipped(folder, members):
@@ -275,7 +264,6 @@ ROUND_TRIPS = {
     "imu_tk": RoundTrip(imu_tk, seconds),
     "imu_tk, seven digits": RoundTrip(partial(imu_tk, digits=SEVEN),
                                       lambda t: as_text(SEVEN)(seconds(t)), as_text(SEVEN)),
-    "sensorlog": RoundTrip(sensorlog, seconds, lambda x: x * FLIPPED),
     **{f"phyphox, {how}": RoundTrip(partial(phyphox, digits=d),
                                     lambda t, d=d: as_text(d)(seconds(t)), as_text(d))
        for how, d in (("repr", repr), ("exponent", EXPONENT), ("fixed", FIXED))},
@@ -328,7 +316,6 @@ def hard():
     return 1_700_000_000_123_456_789 + np.cumsum(steps), values
 
 
-@pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize("way", ROUND_TRIPS.values(), ids=ROUND_TRIPS)
 def test_every_bit_comes_back(hard, tmp_path, way):
     """Protects all values of a log: none is rounded, cut off, or read as another type's."""
@@ -367,7 +354,6 @@ SOUND = {
 }
 
 
-@pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize("name", SOUND)
 def test_a_sound_log_is_ingested_the_same_from_each_format(run, tmp_path, name):
     log, (form, unit, dated) = brief(), SOUND[name]
@@ -398,14 +384,6 @@ def test_first_bytes_go_before_the_name(tmp_path, head, name):
     assert guess_format({"log": str(path)}) == name
     path.write_bytes(head[:-1])
     assert guess_format({"log": str(path)}) == "csv"
-
-
-def test_a_table_of_sensorlog_is_known_by_its_header(tmp_path):
-    path = tmp_path / "log.csv"
-    path.write_text("loggingTime(txt),accelerometerTimestamp_sinceReboot(s),a\n1,2,3\n")
-    assert guess_format({"log": path}) == "csv"
-    path.write_text("accelerometerTimestamp_sinceReboot(s),accelerometerAccelerationX(G)\n1,2\n")
-    assert guess_format({"log": path}) == "sensorlog"
 
 
 def test_the_config_goes_before_all(log, run, tmp_path):

@@ -9,7 +9,6 @@ import pytest
 from imuloop.core.errors import ImuloopError
 from ingest.written import ACCELERATION, RATE, matlab_5, matlab_7, matlab_73
 
-in_process = pytest.mark.usefixtures("in_process")
 BOTH = pytest.mark.parametrize("save", [matlab_5, matlab_73])
 
 
@@ -24,7 +23,6 @@ def path(tmp_path):
     return tmp_path / "log.mat"
 
 
-@in_process
 @BOTH
 def test_structs_of_columns_are_read_beside_what_is_no_column(log, run, arrays, path, save, same):
     variables = {
@@ -49,7 +47,6 @@ def element(kind, content, order="<"):
     return struct.pack(f"{order}II", kind, len(content)) + content + bytes(-len(content) % 8)
 
 
-@in_process
 def test_the_other_byte_order_is_read(log, run, path, same):
     content = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack(">H", 0x100) + b"MI"
     for name in log.columns:
@@ -60,7 +57,6 @@ def test_the_other_byte_order_is_read(log, run, path, same):
     same(run(path), log)
 
 
-@in_process
 def test_text_named_as_matlab_is_read_as_a_table(log, run, path, same):
     log.to_csv(path, index=False, sep="\t")
     done = run(path)
@@ -75,7 +71,6 @@ def opaque(name, what):
     return element(14, element(6, struct.pack("<II", 17, 0)) + texts + matrix)
 
 
-@in_process
 @BOTH
 def test_tables_and_timetables_of_matlab_are_named(log, run, arrays, path, save, same):
     def written(variables, what):
@@ -99,7 +94,6 @@ def test_tables_and_timetables_of_matlab_are_named(log, run, arrays, path, save,
     assert done.quality["warnings"] == [f"left out: {line.replace('timetable', 'table')}"]
 
 
-@in_process
 def test_variables_of_other_lengths_and_names_are_one_line(run, arrays, path):
     matlab_7(path, arrays | {"gyro": arrays["gyro"][:400], "omega": arrays["gyro"]})
     for columns, line in (
@@ -116,7 +110,6 @@ def test_variables_of_other_lengths_and_names_are_one_line(run, arrays, path):
     assert run(path, columns={"angular_rate": "omega"}).quality["rows"] == 500
 
 
-@in_process
 @pytest.mark.parametrize(
     ("name", "content", "reason"),
     [

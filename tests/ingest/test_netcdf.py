@@ -7,8 +7,6 @@ import pytest
 from imuloop.core.errors import ImuloopError
 from ingest.written import ACCELERATION, RATE
 
-in_process = pytest.mark.usefixtures("in_process")
-
 
 @pytest.fixture
 def netcdf(log, tmp_path):
@@ -38,7 +36,6 @@ def netcdf(log, tmp_path):
     return call
 
 
-@in_process
 @pytest.mark.parametrize("order", [("time", "axis"), ("axis", "time")])
 def test_variables_with_an_axis_units_and_dates_are_read(log, run, netcdf, order):
     done = run(netcdf(order=order))
@@ -60,14 +57,12 @@ def test_variables_with_an_axis_units_and_dates_are_read(log, run, netcdf, order
     np.testing.assert_allclose(done.samples.t, np.arange(500) / 100, atol=1e-8)
 
 
-@in_process
 @pytest.mark.parametrize("date", ["0001-13-45", "0001-01-01"])
 def test_units_of_time_that_are_no_date_reject_the_log(run, netcdf, date):
     [reason] = run(netcdf(units=f"days since {date}")).quality["reasons"]
     assert reason == f"the stamps, days since {date}, are no dates of the years 1824 to 2115"
 
 
-@in_process
 def test_units_of_variables_that_are_not_known_are_one_line_unless_declared(log, run, netcdf):
     path = netcdf()
     columns = {"acceleration": "acceleration", "angular_rate": "magnetic_density"}
@@ -85,7 +80,6 @@ def test_units_of_variables_that_are_not_known_are_one_line_unless_declared(log,
             run(path)
 
 
-@in_process
 def test_six_columns_in_one_variable_are_declared_by_number(log, run, tmp_path):
     path = tmp_path / "log.nc"
     with netCDF4.Dataset(path, "w") as data:

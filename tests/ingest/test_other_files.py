@@ -10,9 +10,6 @@ from imuloop.core.errors import RejectedLog
 from imuloop.core.samples import CHANNELS
 from imuloop.ingest.reference import read_series
 
-in_process = pytest.mark.usefixtures("in_process")
-
-
 N, SECRET = 500, b"root:x:0:secret!"
 
 
@@ -90,12 +87,10 @@ def refusal(name, way):
     )
 
 
-@in_process
 def test_the_log_that_is_spoilt_below_is_sound(run, log, sound):
     np.testing.assert_array_equal(run(sound).samples.gx, log.gx)
 
 
-@in_process
 @pytest.mark.parametrize("way", WAYS)
 def test_no_byte_of_another_file_is_read(run, sound, secret, way):
     """Protects all files of a machine that reads a log of somebody else.
@@ -135,7 +130,6 @@ def test_a_pipe_is_found_behind_other_links_and_not_waited_for(run, sound, tmp_p
     assert reason.endswith(refusal("deeper/more", way))
 
 
-@in_process
 def test_a_link_of_a_users_own_kind_is_external(run, sound):
     """Protects against kinds of links that are not known here: 64 is external, above are others."""
     spoil(sound, external_link, "AAAA", "more")
@@ -146,7 +140,6 @@ def test_a_link_of_a_users_own_kind_is_external(run, sound):
     assert run(sound).quality["reasons"] == [refusal("more", external_link)]
 
 
-@in_process
 @pytest.mark.parametrize("sound", ["log.nc"], indirect=True)
 def test_a_second_name_within_the_file_is_read(run, log, sound):
     """Protects files that are whole: a soft link is no way out."""

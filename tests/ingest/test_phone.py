@@ -1,4 +1,4 @@
-"""Exports of phyphox, Sensor Logger and SensorLog, beside the round trip of each."""
+"""Exports of phyphox and Sensor Logger, beside the round trip of each."""
 
 import numpy as np
 import pytest
@@ -7,9 +7,8 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import phone
 from ingest.test_formats import zipped
-from ingest.written import ACCELERATION, RATE, phyphox, sensor_logger, sensorlog, table, timed
+from ingest.written import ACCELERATION, RATE, phyphox, sensor_logger, table, timed
 
-pytestmark = pytest.mark.usefixtures("in_process")
 SEPARATORS = pytest.mark.parametrize(("separator", "decimal"), [",.", "\t.", ";,"])
 
 
@@ -158,82 +157,3 @@ def test_the_sign_of_ios_is_turned(log, run, write, same, about, scale, unit):
     warned = " ".join(done.quality["warnings"])
     assert ("the sign of iOS is turned" in warned) == (unit == "g")
     assert ("no Metadata.csv" in warned) == (about is None)
-
-
-# --- SensorLog, which has its acceleration in g, with the sign of iOS
-
-
-@pytest.fixture
-def in_g(log):
-    return log.assign(**(log[ACCELERATION] / STANDARD_GRAVITY).round(6))
-
-
-@pytest.fixture
-def is_log(in_g, same):
-    expected = in_g.assign(**-STANDARD_GRAVITY * in_g[ACCELERATION])
-    return lambda done: same(done, expected, within=1e-11)
-
-
-@pytest.fixture
-def written(tmp_path):
-    def call(text):
-        (tmp_path / "log.csv").write_text(text, encoding="utf-8")
-        return tmp_path / "log.csv"
-
-    return call
-
-
-@pytest.mark.parametrize("rate", ["gyroRotation", "motionRotationRate"])
-def test_sensorlog_is_read_with_its_sign_turned(in_g, run, written, is_log, rate):
-    done = run(written(sensorlog(in_g, rate)))
-    is_log(done)
-    assert done.quality["log_format"] == "sensorlog"
-    assert done.metadata["units"]["acceleration"] == "g"
-    warned = " ".join(done.quality["warnings"])
-    assert "sign turned into specific force" in warned
-    assert ("less the bias" in warned) == (rate == "motionRotationRate")
-
-
-# as phones and watches of several years wrote it
-ACCELEROMETER = "accelerometerTimestamp_sinceReboot{s} {a}X{g} {a}Y{g} {a}Z{g}"
-HEADERS = {
-    "phone": f"loggingTime(txt) loggingSample(N) {ACCELEROMETER} gyroTimestamp_sinceReboot{{s}}"
-    " {r}X{w} {r}Y{w} {r}Z{w} magnetometerTimestamp_sinceReboot{s} magnetometerX(µT)",
-    "watch": "loggingTime(txt) locationTimestamp_since1970(s) motionTimestamp_sinceReboot{s} "
-    f"{ACCELEROMETER} motionUserAccelerationX(G) motionUserAccelerationY(G)"
-    " motionUserAccelerationZ(G) {r}X{w} {r}Y{w} {r}Z{w} motionGravityX(G) motionGravityY(G)",
-}
-
-
-@pytest.mark.parametrize("units", ["(s) (G) (rad/s)", "", "(s) (mG) (rad/s)"])
-@pytest.mark.parametrize("device", HEADERS)
-def test_headers_of_sensorlog_of_several_years_are_known(in_g, run, written, is_log, device, units):
-    rate = "gyroRotation" if device == "phone" else "motionRotationRate"
-    s, g, w = units.split() or ("", "", "")
-    header = HEADERS[device].format(a="accelerometerAcceleration", r=rate, s=s, g=g, w=w)
-    # older versions wrote some axes so
-    header = header if units else header.replace("AccelerationY", "accelerationY")
-    columns, scale = [], 1000 if g == "(mG)" else 1
-    for name in header.split():
-        stem, axis = name.split("(")[0][:-1], name.split("(")[0][-1]
-        if stem.lower() == "accelerometeracceleration":
-            columns.append((scale * in_g[f"a{axis.lower()}"]).round(6))
-        elif stem == rate:
-            columns.append(in_g[f"g{axis.lower()}"])
-        else:
-            columns.append(in_g.t if "sinceReboot" in name else ["null"] * len(in_g))
-    path = written(table(header.split(), columns))
-    done = run(path)
-    assert done.quality["log_format"] == "sensorlog"
-    assert done.metadata["units"]["acceleration"] == ("mg" if scale > 1 else "g")
-    if scale == 1:
-        is_log(done)
-    assert run(path, units={"acceleration": "g"}).metadata["units"]["acceleration"] == "g"
-
-
-def test_sensorlog_repeats_a_sample_until_there_is_a_new_one(in_g, run, written):
-    lines = sensorlog(in_g).splitlines()
-    path = written("\n".join([lines[0], *(line for line in lines[1:] for _ in range(2))]))
-    done = run(path)
-    assert (done.quality["rows"], done.quality["duplicates"]) == (500, 0)
-    assert "no new sample of gyro in 500 rows" in done.quality["warnings"]

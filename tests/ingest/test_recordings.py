@@ -113,7 +113,6 @@ def test_measured_turns_agree_with_gravity(recordings, run, i, chips):
         assert not any("specific force" in line for line in found["warnings"])
 
 
-@pytest.mark.usefixtures("in_process")
 def test_measured_motion_is_not_static(recordings, run):
     columns = {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]}
     found = run(recordings("imu1.log"), kind="static", columns=columns, rate=100).quality

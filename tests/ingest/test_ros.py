@@ -18,7 +18,6 @@ from imuloop.ingest import ros
 from ingest import written
 from ingest.written import IMU, ROS2, START, TEMPERATURE, VECTOR
 
-pytestmark = pytest.mark.usefixtures("in_process")
 SIX = [*CHANNELS]
 
 

@@ -1,18 +1,12 @@
-"""Single samples that no body makes are dropped and counted; what a body makes is not touched.
-
-And the mean of the angular rate at rest: where it must not be so small, and where it may.
-"""
+"""Single samples that no body makes are dropped and counted; what a body makes is not touched."""
 
 import numpy as np
 import pandas as pd
 import pytest
 from scipy.signal import butter, lfilter
 
-from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import CHANNELS
-from imuloop.core.units import DEGREE
 from imuloop.ingest import spikes
-from imuloop.ingest.rest_means import RestMeans
 from ingest.logs import rest
 
 N, RATE = 10_000, 100.0
@@ -132,64 +126,3 @@ def test_a_log_with_too_many_spikes_is_rejected(run):
     log.loc[50 : N - 50 : 15, "gx"] += 1.0
     [reason] = run(log, kind="static").quality["reasons"]
     assert "with a spike (gx " in reason
-
-
-# --- means at rest; Earth's rotation, as a level device sees it some way from the pole, rad/s
-
-EARTH, NONE = EARTH_RATE * np.array([0.6, 0.0, 0.8]), np.zeros(3)
-
-
-def at_rest(seed, hours, *, white=1e-4, mean=EARTH, rate=20.0):
-    """White noise of a fair MEMS gyroscope, (rad/s)/√Hz, about a mean."""
-    n = round(hours * 3600 * rate)
-    x = np.random.default_rng(seed).normal(size=(6, n)) * white * np.sqrt(rate)
-    x[2] += 9.8
-    x[3:] += mean[:, None]
-    return x
-
-
-def mean_at_rest(x, rate=20.0):
-    means = RestMeans(rate)
-    means.add(dict(zip(CHANNELS, x, strict=True)))
-    return means.figures((None, None, None))
-
-
-def without_running_mean(seconds):
-    x, n = at_rest(4, 1.5, mean=np.array([0.01, -0.02, 0.005])), round(seconds * 20)
-    total = np.hstack([np.zeros((3, n)), np.cumsum(x[3:], axis=1)])
-    x[3:] -= (total[:, n:] - total[:, :-n]) / np.minimum(np.arange(x.shape[1]) + 1, n)
-    return x
-
-
-def wandering(seed, hours):
-    x = at_rest(seed, hours)
-    x[3:] += np.cumsum(np.random.default_rng(seed).normal(size=(3, x.shape[1])), axis=1) * 2e-8
-    return x
-
-
-# 2 deg/h of bias; declared deg/s, they are made 57 times smaller than they are
-SMALL_BIAS = at_rest(5, 1.0, white=1e-5, mean=EARTH + 2 * DEGREE / 3600)
-
-
-@pytest.mark.parametrize(
-    ("logs", "tracked"),
-    [
-        ([at_rest(seed, 0.5) for seed in range(5)], False),
-        ([at_rest(seed, 0.1, mean=NONE) for seed in range(5)], False),
-        ([wandering(3, 1.0), SMALL_BIAS], False),
-        ([at_rest(1, 2.0, mean=NONE)], True),
-        ([without_running_mean(seconds) for seconds in (1.0, 10.0, 60.0)], True),
-        ([np.vstack([SMALL_BIAS[:3], SMALL_BIAS[3:] * DEGREE])], True),
-    ],
-    ids=["Earth alone", "too short to show it", "a bias that wanders, a small one", "none at all",
-         "a running mean taken away", "a small bias in the wrong unit"],
-)  # fmt: skip
-def test_a_mean_at_rest_that_cannot_be_so_small_is_found(logs, tracked):
-    assert [mean_at_rest(log)["tracked"] for log in logs] == [tracked] * len(logs)
-
-
-def test_what_the_mean_at_rest_is_known_to_be():
-    found = mean_at_rest(at_rest(1, hours=4, rate=4.0), rate=4.0)
-    assert found["rate"] == pytest.approx(EARTH_RATE, rel=0.1)
-    assert mean_at_rest(at_rest(1, 2.0, mean=NONE))["upper"] < EARTH_RATE / 2
-    assert mean_at_rest(without_running_mean(10.0))["noise_share"] < 0.5

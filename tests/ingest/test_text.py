@@ -18,9 +18,7 @@ from ingest.text_forms import (
     gyroflow,
     in_latin_1,
     inserted,
-    lpms,
     named,
-    novatel,
     quoted,
     row_of_units,
     spaced,
@@ -35,7 +33,6 @@ TWO_ROWS = "Time;Acceleration;;;Rate gyro;;\n;x;y;z;x;y;z\ns;m/s^2;m/s^2;m/s^2;r
 PREAMBLE = "\ufeffLogger 3, version 2\n\n"
 MONTH, SLASHES = "%d-%b-%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f"
 BRACKETS = "s,m/(s^2),m/(s^2),m/(s^2),rad/s,rad/s,rad/s"
-IN_COUNTS = {"nominal": {"acceleration": {"scale": 1e-6}, "angular_rate": {"scale": 1e-8}}}
 # lines of text, and whether they count as lines that are no rows, or as rows without numbers
 OTHERS = {"start,of,a,new,part,of,it": 0, "battery low": 1, "mag_x,mag_y,mag_z": 1, "#t 5": 1}
 AFTER_ARROWS = {"columns": {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]}}
@@ -114,11 +111,6 @@ WAYS = {
     "signs turned by name": (lambda log: text(log.assign(ay=-log.ay, gz=-log.gz)), TURNED),
     "signs turned by number":
         (lambda log: text(log.assign(ay=-log.ay, gz=-log.gz), header=False), BY_NUMBER),
-    # protects from a calibration with every force reversed, which nothing else shows
-    "LPMS, whose sign is turned":
-        (lpms, {}, (), {"warnings": lambda said: "of its acceleration is turned" in str(said)},
-         ROUNDED),
-    "NovAtel": (novatel, IN_COUNTS, (), {}, ROUNDED),
     "Gyroflow": (gyroflow, {}, (), {}, ROUNDED),
     "columns that end before those of another sensor":
         (beside_emg, {"columns": {"time": 2}}, (), {"non_finite": 0}),

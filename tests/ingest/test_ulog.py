@@ -14,7 +14,6 @@ from ingest import written
 from ingest.autopilots import STAMPS, WARM, of_own_interval
 from ingest.written import ACCELERATION, RATE
 
-pytestmark = pytest.mark.usefixtures("in_process")
 SIX = [*CHANNELS]
 
 

@@ -90,7 +90,6 @@ def test_logs_of_gyroflow_have_any_tick(log, run, tmp_path, how, absent):
     np.testing.assert_allclose(done.samples.t, log.t, rtol=0, atol=1e-9)
 
 
-@pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize("name", ["log.npy", "log.npz", "log.mat", "73.mat"])
 @pytest.mark.parametrize("first", [FORCE, RATE])
 def test_the_columns_of_a_matrix_of_seven_are_those_that_gravity_shows(
@@ -115,7 +114,6 @@ def test_the_columns_of_a_matrix_of_seven_are_those_that_gravity_shows(
         run(tmp_path / name)
 
 
-@pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize("name", ["log.npy", "log.mat"])
 def test_the_columns_of_a_matrix_are_declared_by_number(log, run, tmp_path, name):
     wide = np.column_stack([log[["t", *SIX]], np.zeros((500, 3))])

@@ -94,27 +94,6 @@ def decimal_commas(log):
     return text(log.assign(t=stamps), sep=";", decimal=",")
 
 
-def lpms(log):
-    """Force in g with its sign reversed, as LPMS writes it."""
-    head = "SensorId, TimeStamp (s), FrameNumber, " + ", ".join(f"Acc{a} (g)" for a in "XYZ")
-    head += ", " + ", ".join(f"Gyro{a} (deg/s)" for a in "XYZ")
-    one, number = np.ones(len(log)), np.arange(len(log))
-    force, rate = -log[FORCE].to_numpy() / STANDARD_GRAVITY, log[RATE].to_numpy() / DEGREE
-    table = np.column_stack([one, log.t, number, force, rate]).tolist()
-    return "\n".join([head, *(", ".join(map(repr, row)) for row in table)])
-
-
-def novatel(log):
-    """Messages of increments in counts, z first, y with its sign reversed."""
-    order = log[["az", "ay", "ax"]] / 1e-6, log[["gz", "gy", "gx"]] / 1e-8
-    table = np.round(np.column_stack(order) * [1, -1, 1, 1, -1, 1])
-    return "\r\n".join(
-        f"%RAWIMUSA,2304,{t + 7:.3f};2304,{t + 7:.6f},00000077,"
-        + ",".join(f"{x:.0f}" for x in row) + "*1a2b3c4d"
-        for t, row in zip(log.t, table, strict=True)
-    )  # fmt: skip
-
-
 def gyroflow(log, force=1e-6, said=repr):
     """Scales before the table, in ms, 1e-6 rad/s and g; rates first."""
     columns = 1000 * log.t, log[RATE] / 1e-6, log[FORCE] / force

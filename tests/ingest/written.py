@@ -243,15 +243,3 @@ def sensor_logger(log, named, about=("android", "false")):
             f"3,A phone,{BEGUN // 1_000_000},{about[0]},1.59,{about[1]}\n"
         )
     return members
-
-
-def sensorlog(log, rate="gyroRotation", unit="(rad/s)"):
-    """Return the text of a SensorLog CSV: iOS signs, a row each 10 ms, stamps since the boot."""
-    names = [f"accelerometerAcceleration{a}(G)" for a in "XYZ"]
-    names += [f"{rate}{a}{unit}" for a in "XYZ"]
-    clock = "gyro" if rate.startswith("gyro") else "motion"
-    head = ["loggingTime(txt)", "accelerometerTimestamp_sinceReboot(s)"]
-    head += [f"{clock}Timestamp_sinceReboot(s)", *names]
-    written = [f"2021-09-20 08:52:{t:06.3f} +0200" for t in log.t]
-    stamps = [f"{t:.2f}" for t in 62608 + log.t]
-    return table(head, [written, stamps, stamps, *(log[a] for a in ACCELERATION + RATE)])

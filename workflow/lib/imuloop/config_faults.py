@@ -18,13 +18,7 @@ from imuloop.config_model import BRANCH, CALLED, Config
 from imuloop.config_text import key_lines, yaml_faults
 from imuloop.core.errors import ImuloopError, nearest, one_line
 from imuloop.core.units import needed_by_counts
-from imuloop.file_faults import (
-    file_faults,
-    marks_faults,
-    path_fault,
-    prior_fault,
-    reference_faults,
-)
+from imuloop.file_faults import file_faults, path_fault, prior_fault
 from imuloop.ingest.spellings import UNITS, stated_unit
 from imuloop.ingest.stamps import is_iso
 from imuloop.sensors import PARTS, find_sensor
@@ -260,7 +254,7 @@ def _meaning_faults(config, wrong, replicas):
                 units = sound["units"].items()
                 sound["units"] = {q: unit for q, unit in units if ("units", q) not in bad}
             faults = [*_missing_keys(session, content)]
-            faults += _session_faults(session, sound, nominal, replicas, whole=not below)
+            faults += _session_faults(session, sound, nominal, replicas)
             for part, text in faults:
                 yield _declared(config, (*key, *part)), text
 
@@ -300,29 +294,29 @@ def _missing_keys(name, session):
             yield ("sections", at, "angle"), "missing; give an angle or a rate"
 
 
-def _session_faults(name, session, nominal, replicas, whole):
-    """Yield (key below the session, text) for the sound keys of a session; `whole` if all are.
+def _session_faults(name, session, nominal, replicas):
+    """Yield (key below the session, text) for the sound keys of a session.
 
     `nominal` are the device's scales of counts, None where they are faulty.
     """
     if name == "exports":
         yield (), "'exports' is reserved for a folder of results; name the session otherwise"
-    whole = whole and nominal is not None
     for quantity in PARTS if nominal is not None else ():
         scales = nominal.get(quantity, {})
         if session.get("units", {}).get(quantity) == "count" and "scale" not in scales:
-            whole = False
             needed = needed_by_counts(quantity, scales)
             yield ("units", quantity), f"'count' needs the device's {needed}"
-    text = "time_range" in session and _time_range_fault(session["time_range"])
-    if text:
+    if "time_range" in session and (text := _time_range_fault(session["time_range"])):
         yield ("time_range",), text
-    if "reference" in session:
-        yield from reference_faults(session, replicas)
-    unmarked = list(marks_faults(session["pps"], replicas)) if "pps" in session else []
-    yield from unmarked
-    if "file" in session:
-        yield from file_faults(session, nominal, replicas, whole and not text, not unmarked)
+    if "reference" in session and session.get("kind") != "reference_motion":
+        yield ("reference",), "only a session of kind reference_motion has one"
+    marks = session.get("pps") or {}
+    for key in {"counter", "time"} - {*marks} if marks and "file" not in marks else ():
+        yield ("pps", key), "missing; marks are two columns of the log, or a file"
+    for owner in ((), ("pps",), ("reference",)):
+        file = (session.get(owner[0]) or {} if owner else session).get("file")
+        for key, text in file_faults(file, replicas, folder=not owner) if file else ():
+            yield (*owner, "file", *key), text
 
 
 def _time_range_fault(limits):

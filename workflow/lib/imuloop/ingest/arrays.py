@@ -14,7 +14,7 @@ from imuloop.core.samples import TEMPERATURE
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest import delimited
 from imuloop.ingest.columns import lacking, listed, resolve
-from imuloop.ingest.guarded import check_unpacked, guarded
+from imuloop.ingest.damage import check_unpacked, reject_damage
 from imuloop.ingest.spellings import AXES, SENSORS, stated_unit
 from imuloop.ingest.stamps import YEARS
 from imuloop.ingest.tables import HEAD_ROWS, table_log
@@ -90,7 +90,7 @@ def _by_axis(columns):
 # --- MATLAB
 
 
-@guarded
+@reject_damage
 def read_matlab(paths, columns=None, batch_rows=1 << 16):
     """Read a MATLAB file of version 5 (`-v6`, `-v7`) or 7.3; one that is text is read as a table.
 
@@ -251,6 +251,9 @@ def _gather_73(group, prefix, arrays, objects):
             _gather_73(item, f"{name}.", arrays, objects)
         elif isinstance(item, h5py.Dataset) and item.ndim == 2 and item.dtype.kind in "iuf":
             if item.attrs.get("MATLAB_class") != b"char" and "MATLAB_empty" not in item.attrs:
+                # sizes that are announced, whatever is in the file
+                held = sum(array.nbytes for array in arrays.values()) + item.nbytes
+                check_unpacked(item.file.id.get_filesize(), held)
                 # HDF5 lists MATLAB's dimensions backwards
                 arrays[name] = item[()].T
 
@@ -258,7 +261,7 @@ def _gather_73(group, prefix, arrays, objects):
 # --- NumPy
 
 
-@guarded
+@reject_damage
 def read_numpy(paths, columns=None, batch_rows=1 << 16):
     """Read an array of NumPy (.npy), or several by name (.npz).
 
@@ -302,7 +305,7 @@ def _load(load, name, arrays, objects):
 # --- NetCDF
 
 
-@guarded
+@reject_damage
 def read_netcdf(paths, columns=None, batch_rows=1 << 16):
     """Read a NetCDF file, whose longest dimension is time.
 
@@ -338,10 +341,12 @@ def read_netcdf(paths, columns=None, batch_rows=1 << 16):
     check_unpacked(os.path.getsize(path), sum(float(v.size) * v.dtype.itemsize for v in held))
 
     def batches():
-        for begin in range(0, lengths[time], batch_rows):
-            part = slice(begin, begin + batch_rows)
-            rows = {variable.name: _rows(variable, time, part) for variable in held}
-            yield [_column(rows[v.name][:, place], _units(v)) for v, place in used]
+        # an open file, read again, would be as it was
+        with dataset:
+            for begin in range(0, lengths[time], batch_rows):
+                part = slice(begin, begin + batch_rows)
+                rows = {variable.name: _rows(variable, time, part) for variable in held}
+                yield [_column(rows[v.name][:, place], _units(v)) for v, place in used]
 
     units = {quantity: chosen.units[quantity] for quantity in chosen.increments}
     for quantity, found in chosen.found(names).items():

@@ -7,7 +7,7 @@ from array import array
 import numpy as np
 
 from imuloop.core.errors import RejectedLog, plural
-from imuloop.ingest.guarded import guarded
+from imuloop.ingest.damage import reject_damage
 from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
@@ -35,8 +35,8 @@ _HEAD, _FORMAT, _FORMAT_LENGTH = b"\xa3\x95", 0x80, 89
 _LEAST_SHARE = 0.01
 
 
-@guarded
-def read(paths, columns=None, batch_rows=1 << 16, most=-1):
+@reject_damage
+def read(paths, columns=None, batch_rows=1 << 16):
     """Read a DataFlash log.
 
     The streams are messages with their instance, ``IMU_0``; in older logs without instances
@@ -44,7 +44,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     ACC, GYR and IMT too. Increments become rates by their own interval.
     """
     with open(paths["log"], "rb") as file:
-        data = file.read(most)
+        data = file.read()
     declared = {re.sub(r"_\d+\Z", "", name) for name in stream_names(columns)}
 
     def wanted(name):

@@ -12,10 +12,10 @@ import pyarrow.compute as pc
 import pyarrow.csv
 
 from imuloop.core.errors import ImuloopError, RejectedLog
-from imuloop.core.samples import ACCELERATION, refuse_calibrated
+from imuloop.core.samples import refuse_calibrated
 from imuloop.core.units import STANDARD_GRAVITY, TIME
 from imuloop.ingest.columns import STAMP, listed, resolve
-from imuloop.ingest.guarded import MOST_TIMES, check_unpacked
+from imuloop.ingest.damage import MOST_TIMES, check_unpacked
 from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import SENSORS, guess, named_sensor, unit_of
@@ -37,7 +37,6 @@ from imuloop.ingest.text_layout import (
     LEAST,
     LONGEST_LINE,
     MISSING,
-    RAWIMU_NAMES,
     decoded,
     fields_of,
     find_layout,
@@ -63,8 +62,6 @@ _ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for 
 # first line of Gyroflow's logs, and the scales stated below it, each with its parser's default
 _GYROFLOW = (["GYROFLOW IMU LOG"], ["CAMERA IMU LOG"])
 _SCALES = {"tscale": 1e-3, "ascale": 1.0, "gscale": 1.0}
-# columns of a table whose acceleration has the opposite sign, as of LPMS: face up it reads -1 g
-OPPOSITE = ("SensorId", "TimeStamp (s)", "FrameNumber", "AccX (g)")
 
 
 def read(paths, columns=None, batch_rows=1 << 16):
@@ -88,14 +85,6 @@ def read(paths, columns=None, batch_rows=1 << 16):
     units, nominal, tick = _gyroflow(layout)
     skipped = len(layout.before) if not units else 0
     notes = [f"{skipped} line(s) before the table skipped"] if skipped else []
-    if {*OPPOSITE} <= {*layout.names} and "acceleration" not in (columns or {}):
-        chosen = replace(chosen, turned=frozenset(ACCELERATION))
-        notes.append("a table of LPMS: the sign of its acceleration is turned: specific force")
-
-    rawimu = layout.names == RAWIMU_NAMES
-    if rawimu and not {*SENSORS} & {*(columns or {})}:
-        chosen = replace(chosen, turned=frozenset(("ay", "gy")))
-        notes.append("messages RAWIMU: increments in counts, the sign of y is turned")
 
     def batches(log, rows):
         places = [*chosen.raw().values()]
@@ -103,7 +92,6 @@ def read(paths, columns=None, batch_rows=1 << 16):
         read = named_batches(layout.names, chosen, read)
         return multiplied(read, tick) if tick != 1 else read
 
-    units |= dict.fromkeys(SENSORS, "count") if rawimu else {}
     known = {"units": _units_below(layout, chosen) | units, "nominal": nominal, "notes": notes}
     log = table_log(layout.names, chosen, (), layout.headed, **known)
     log.batches = batches(log, batch_rows)

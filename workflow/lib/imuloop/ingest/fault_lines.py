@@ -3,10 +3,7 @@
 import numpy as np
 
 from imuloop.core.errors import plural
-from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
-from imuloop.ingest.rest_means import EARTH_PART
 
 # what a thermometer beside an IMU can show, degC, and how long it may stay the same, s
 PLAUSIBLE_TEMPERATURE, CONSTANT_TEMPERATURE = (-60.0, 150.0), 60.0
@@ -76,7 +73,7 @@ def warnings(figures):
     lines += _temperature(figures)
     if not USUAL_RATE[0] <= rate <= USUAL_RATE[1]:
         lines.append(f"{rate:.3g} Hz is unusual for an IMU: see units.time")
-    return lines + _axes(found) + _mean_at_rest(found["mean_at_rest"])
+    return lines + _axes(found)
 
 
 def _temperature(figures):
@@ -98,29 +95,6 @@ def _temperature(figures):
     elif least <= low + 273.15 <= high + 273.15 <= most:
         hint = "it looks like degC taken as K"
     return [f"temperature from {low:.5g} to {high:.5g} degC: {hint}, see units.temperature"]
-
-
-def _mean_at_rest(found):
-    """Return how a bias shows that firmware or the logger takes away at rest."""
-    if not found or not found["tracked"]:
-        return []
-    if found["upper"] is not None and found["upper"] < EARTH_PART * EARTH_RATE:
-        per_hour = ANGULAR_RATE_UNITS["deg/h"]
-        why = (
-            f"at most {found['upper'] / per_hour:.3g} deg/h, and Earth alone turns with "
-            f"{EARTH_RATE / per_hour:.4g}; firmware or the logger takes the bias away, or "
-            "units.angular_rate is wrong"
-        )
-    else:
-        why = (
-            f"its means hold {found['noise_share']:.1%} of the power that its own noise gives "
-            "them; firmware or the logger takes the bias away, or a hand held the device, whose "
-            "tremor cancels in a mean"
-        )
-    return [
-        f"the angular rate at rest has no mean: {why}: bias, its drift and K cannot be known from "
-        "this log"
-    ]
 
 
 def _axes(found):

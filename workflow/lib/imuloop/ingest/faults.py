@@ -17,7 +17,6 @@ from imuloop.ingest.constant_stretches import (
 )
 from imuloop.ingest.increments import SENSORS
 from imuloop.ingest.ordered_map import ordered_map
-from imuloop.ingest.rest_means import RestMeans
 from imuloop.ingest.spikes import EDGE, isolated
 from imuloop.ingest.stops import Stops
 
@@ -75,7 +74,7 @@ def measure(samples, metadata, figures, threads=1):
     # where single rows are lost fewer come in a second than the usual step says
     rows_per_s = (len(samples) - 1 - len(gaps)) / (figures["duration_s"] - np.sum(lasting))
     constant = {name: ConstantStretches(steps[name]) for name in CHANNELS}
-    means, stops, way = RestMeans(rate), Stops(rows_per_s, gaps), Axes(rows_per_s)
+    stops, way = Stops(rows_per_s, gaps), Axes(rows_per_s)
 
     def at(row):
         return samples.read((TIME,), row, row + 1).item()
@@ -109,7 +108,6 @@ def measure(samples, metadata, figures, threads=1):
     for x, *more in ordered_map(counted, range(0, len(samples), ROWS), threads):
         changed, wraps = more[1:3]
         found.append([more[0], *more[3:]])
-        means.add(dict(zip(CHANNELS, x, strict=False)))
         for name, values, changes in zip(CHANNELS, x, changed, strict=False):
             constant[name].add(values, row, np.flatnonzero(changes) + 1)
         # where an integer wraps around nothing is known of a turn
@@ -157,7 +155,6 @@ def measure(samples, metadata, figures, threads=1):
         stuck[name] = [s for s in found if s[2] not in values and s[:2] not in padded]
     axes = way.fit()
     rests = stops.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
-    resting = bool(rests) and rests["share"] >= QUIET_SHARE
     if rests:
         row, gap = rests.pop("jump_row"), rests.pop("gap_row")
         rests |= {"jump_s": at(row), "gap_s": None if gap is None else at(gap)}
@@ -180,7 +177,6 @@ def measure(samples, metadata, figures, threads=1):
             if changed >= LEAST_CHANGES and alike >= COPIED_SHARE * changed
         ],
         "silent_at_rest": silent,
-        "mean_at_rest": means.figures([steps[n] for n in ANGULAR_RATE]) if resting else None,
         "axes": axes,
         "rests": rests,
     }

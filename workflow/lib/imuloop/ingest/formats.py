@@ -21,16 +21,14 @@ class LogFormat:
 
     ``read(paths, columns, batch_rows) -> RawLog`` takes the role of each file, `files`, to its
     path, what the config says of columns, and about how many rows are given at once. It raises
-    ImuloopError where a declaration does not fit, RejectedLog for a broken file. Where `whole`, it
-    takes in the whole log unless a further argument, `most`, says how many bytes are enough.
-    `endings` are those of file names, lower case; a `folder` may hold files of them.
+    ImuloopError where a declaration does not fit, RejectedLog for a broken file. `endings` are
+    those of file names, lower case; a `folder` may hold files of them.
     """
 
     read: Callable
     endings: tuple[str, ...]
     files: tuple[str, ...] = ("log",)
     folder: bool = False
-    whole: bool = False
 
 
 # a new format is a reader and a line here; SIGNATURES and tests: "Adding a format", docs/formats.md
@@ -41,18 +39,16 @@ FORMATS = {
     # the folder; its table alone is a csv
     "euroc": LogFormat(delimited.read, (), folder=True),
     "imu_tk": LogFormat(delimited.read, (), PAIR),
-    "jsonl": LogFormat(json_lines.read, json_lines.ENDINGS, whole=True),
+    "jsonl": LogFormat(json_lines.read, json_lines.ENDINGS),
     "parquet": LogFormat(tables.read_parquet, tables.PARQUET_ENDINGS),
     "feather": LogFormat(tables.read_feather, tables.FEATHER_ENDINGS),
     "numpy": LogFormat(arrays.read_numpy, arrays.NUMPY_ENDINGS),
     "netcdf": LogFormat(arrays.read_netcdf, arrays.NETCDF_ENDINGS),
     "matlab": LogFormat(arrays.read_matlab, arrays.MATLAB_ENDINGS),
-    "ros": LogFormat(ros.read, ros.ENDINGS, folder=True, whole=True),
-    "phone": LogFormat(phone.read, phone.ENDINGS, whole=True),
-    # a .csv as others, known by its header
-    "sensorlog": LogFormat(phone.read_sensorlog, (), whole=True),
-    "ulog": LogFormat(ulog.read, ulog.ENDINGS, whole=True),
-    "dataflash": LogFormat(dataflash.read, dataflash.ENDINGS, whole=True),
+    "ros": LogFormat(ros.read, ros.ENDINGS, folder=True),
+    "phone": LogFormat(phone.read, phone.ENDINGS),
+    "ulog": LogFormat(ulog.read, ulog.ENDINGS),
+    "dataflash": LogFormat(dataflash.read, dataflash.ENDINGS),
 }
 
 # how files begin, whatever their name
@@ -70,8 +66,6 @@ SIGNATURES = {
     b"\xa3\x95\x80": "dataflash",
     b"FMT, 128": "dataflash",
 }
-# in the header of a text table that is SensorLog's
-_SENSORLOG = (b"accelerometertimestamp_sincereboot", b"accelerometeraccelerationx")
 _HEAD = 1 << 14
 # where a zip has the length of the first member's name, and the name
 _LENGTH, _NAME = slice(26, 28), 30
@@ -89,7 +83,7 @@ def find_format(name, paths):
         raise ImuloopError(f"'{name}' is not a format{hint}")
     form = FORMATS[name]
     if {*paths} == {*PAIR}:
-        form = replace(form, read=partial(_read_two, form.read), files=PAIR, whole=True)
+        form = replace(form, read=partial(_read_two, form.read), files=PAIR)
     if {*paths} != {*form.files}:
         raise ImuloopError(
             f"format {name} is read from {' and '.join(form.files)}, given {' and '.join(paths)}"
@@ -110,10 +104,10 @@ def _reject(cause, *given, **options):
     raise RejectedLog(cause)
 
 
-def _read_two(read, paths, columns=None, batch_rows=1 << 16, most=-1):
+def _read_two(read, paths, columns=None, batch_rows=1 << 16):
     """Read an accelerometer's file and a gyroscope's, on clocks of their own."""
     logs = {q: read({"log": paths[q]}, tables.alone(q, columns), batch_rows) for q in PAIR}
-    return tables.paired(logs, batch_rows, most)
+    return tables.paired(logs, batch_rows)
 
 
 def guess_format(paths):
@@ -148,10 +142,7 @@ def _by_first_bytes(path):
             # an .npz is a zip of arrays
             first = head[_NAME:][: int.from_bytes(head[_LENGTH], "little")]
             return "numpy" if name == "phone" and first.endswith(b".npy") else name
-    line = head.partition(b"\n")[0].lower()
-    if json_lines.are_objects(head):
-        return "jsonl"
-    return "sensorlog" if all(word in line for word in _SENSORLOG) else None
+    return "jsonl" if json_lines.are_objects(head) else None
 
 
 def _head(path):

@@ -8,7 +8,7 @@ from itertools import islice
 
 from imuloop.core.errors import RejectedLog, one_line
 from imuloop.ingest import delimited
-from imuloop.ingest.guarded import MOST_TIMES, check_unpacked
+from imuloop.ingest.damage import MOST_TIMES, check_unpacked
 from imuloop.ingest.text_layout import JSON_DOCUMENT, LONGEST_LINE, opened, size_of, unreadable
 
 ENDINGS = (".jsonl", ".ndjson", ".json")
@@ -16,18 +16,17 @@ ENDINGS = (".jsonl", ".ndjson", ".json")
 _NAMED, _DEEPEST = 1000, 4
 
 
-def read(paths, columns=None, batch_rows=1 << 16, most=-1):
+def read(paths, columns=None, batch_rows=1 << 16):
     """Read JSON lines; a compressed file is unpacked.
 
     The members of an object in an object are `OBJECT.MEMBER`, those of a list `LIST[0]` and on.
-    Columns are the members of the first rows; a line that is no object is a bad line. No more is
-    read than `most` bytes, -1 is all.
+    Columns are the members of the first rows; a line that is no object is a bad line.
     """
     path = paths["log"]
     packed = size_of(path)
     try:
         with opened(path) as stream:
-            text = stream.read(most if most >= 0 else MOST_TIMES * packed + 1)
+            text = stream.read(MOST_TIMES * packed + 1)
     except OSError as error:
         raise unreadable(error) from error
     check_unpacked(packed, len(text))

@@ -1,4 +1,4 @@
-"""What phones export: zips of phyphox and Sensor Logger, a table a sensor; tables of SensorLog.
+"""What phones export: zips of phyphox and Sensor Logger, a table a sensor.
 
 Android gives specific force in m/s^2. iOS gives its opposite, in g: a phone that lies face up
 reads z = -1. phyphox turns that into Android's convention, Sensor Logger does where it is asked
@@ -6,6 +6,7 @@ to standardise. Here all become specific force.
 """
 
 import csv
+import os
 import re
 import zipfile
 from contextlib import suppress
@@ -14,10 +15,10 @@ from pathlib import PureWindowsPath
 
 import numpy as np
 
-from imuloop.core.errors import ImuloopError, RejectedLog, one_line, plural
+from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.ingest import delimited
+from imuloop.ingest.damage import check_unpacked, reject_damage
 from imuloop.ingest.delimited import text_batches
-from imuloop.ingest.guarded import guarded
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import AXES, SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.streams import Stream, raw_log
@@ -71,26 +72,27 @@ class _Table:
         return [f"{self.stream.name}.{name}" for name in self.sensors[sensor]]
 
 
-@guarded
-def read(paths, columns=None, batch_rows=1 << 16, most=-1):
+@reject_damage
+def read(paths, columns=None, batch_rows=1 << 16):
     """Read a zip of tables as phyphox and Sensor Logger export it, or of one or two text tables.
 
     Of Sensor Logger, what is not calibrated by the phone goes before what is; acceleration
     without gravity is never taken by itself. `columns` names a file without its ending, where it
-    holds one sensor, or three of ``FILE.COLUMN``. `most` counts for each table.
+    holds one sensor, or three of ``FILE.COLUMN``.
     """
     with zipfile.ZipFile(paths["log"]) as archive:
+        size = sum(info.file_size for info in archive.infolist())
+        check_unpacked(os.path.getsize(paths["log"]), size)
         members = _members(archive)
         about = _cells(archive, members, "Metadata")[:2]
         about = dict(zip(*([x.strip().lower() for x in row] for row in about), strict=False))
         turned = about.get("platform") == "ios" and about.get("standardisation") != "true"
         tables = [
-            _table(name, _text(archive, info, most), turned, batch_rows)
-            for name, info in members.items()
+            _table(name, _text(archive, info), turned, batch_rows) for name, info in members.items()
         ]
         tables = [table for table in tables if table]
         if not tables:
-            return _plain(archive, members, columns, batch_rows, most)
+            return _plain(archive, members, columns, batch_rows)
         events = _events(archive, members)
     app = tables[0].app
     tables = [table for table in tables if table.app == app]
@@ -116,13 +118,13 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
     return log
 
 
-def _plain(archive, members, columns, batch_rows, most):
+def _plain(archive, members, columns, batch_rows):
     """Return the log of a zip that holds one table, or one of each sensor by their names."""
     members = {name: info for name, info in members.items() if _is_table(archive, info)}
     by_sensor = {q: [n for n in members if named_sensor(n) == q] for q in SENSORS}
     if len(members) == 1:
         [(name, info)] = members.items()
-        log = delimited.read({"log": _text(archive, info, most)}, columns, batch_rows)
+        log = delimited.read({"log": _text(archive, info)}, columns, batch_rows)
         log.notes.insert(0, f"the table {name} of the zip")
         return log
     if any(name.startswith("xl/") or name == "content.xml" for name in archive.namelist()):
@@ -133,7 +135,7 @@ def _plain(archive, members, columns, batch_rows, most):
             "the zip holds no table of phyphox or Sensor Logger, nor one table, nor one whose name "
             f"says acc and one gyr, but {listed}"
         )
-    texts = {q: _text(archive, members[name], most) for q, (name,) in by_sensor.items()}
+    texts = {q: _text(archive, members[name]) for q, (name,) in by_sensor.items()}
     log = paired(
         {q: delimited.read({"log": x}, alone(q, columns), batch_rows) for q, x in texts.items()},
         batch_rows,
@@ -148,7 +150,7 @@ def _is_table(archive, info):
     return False
 
 
-def _text(archive, info, most):
+def _text(archive, info, most=-1):
     with archive.open(info) as file:
         return file.read(most)
 
@@ -240,11 +242,11 @@ def _table(name, text, turned, batch_rows):
     return _Table(app, Stream(name, stamps, fields, units), sensors, count)
 
 
-def _series(source, layout, places, batch_rows, most=-1):
+def _series(source, layout, places, batch_rows):
     """Return stamps, of the first column, numbers, what was left out, and rows without a stamp."""
     count = RawLog()
     batches = text_batches(source, layout, places, batch_rows, count, stamps=1)
-    fields, lost, dates = collected(batches, "0", most)
+    fields, lost, dates = collected(batches, "0")
     stamps, *values = fields.values() if fields and not dates else [np.empty(0)] * len(places)
     return stamps, values, count, lost
 
@@ -287,55 +289,3 @@ def _usual(quantity, tables, notes):
         others = ", ".join(other.stream.name for _, other in found[1:])
         notes.append(f"{quantity} is that of {table.stream.name}, not of {others}")
     return table.columns(best)
-
-
-# --- SensorLog: one table, whose rows hold several sensors, each on its own clock
-
-# time and sensor columns, without unit and axis, lower case; sign and unit; the best first
-_SENSORLOG = {
-    "accelerometer": ("accelerometertimestamp_sincereboot", "accelerometeracceleration", -1, "g"),
-    "gyro": ("gyrotimestamp_sincereboot", "gyrorotation", 1, "rad/s"),
-    "motion": ("motiontimestamp_sincereboot", "motionrotationrate", 1, "rad/s"),
-}
-
-
-def read_sensorlog(paths, columns=None, batch_rows=1 << 16, most=-1):
-    """Read a CSV of SensorLog, whose rows repeat a sensor's last sample until it has a new one.
-
-    `columns` names ``STREAM.COLUMN``, streams being ``accelerometer`` and ``gyro`` or, where that
-    is not logged, ``motion``.
-    """
-    path, columns = paths["log"], dict(columns or {})
-    layout = find_layout(path)
-    bare = [re.sub(r"\s*\(.*\)\Z", "", name).lower() for name in layout.names]
-    streams, notes, lost = {}, [], None
-    for name, (time, sensor, sign, unit) in _SENSORLOG.items():
-        wanted = [time, *(sensor + axis for axis in AXES)]
-        if not {*wanted} <= {*bare} or (name == "motion" and "gyro" in streams):
-            continue
-        places = [bare.index(each) for each in wanted]
-        stamps, values, count, unstamped = _series(path, layout, places, batch_rows, most)
-        fresh = np.append(True, np.diff(stamps) != 0)[: len(stamps)]
-        if not fresh.any():
-            continue
-        if left_out := unstamped + int((~fresh).sum()):
-            notes.append(f"no new sample of {name} in {plural(left_out, 'row')}")
-        names = [layout.names[i] for i in places[1:]]
-        fields = {each: sign * x[fresh] for each, x in zip(names, values, strict=True)}
-        quantity = "acceleration" if name == "accelerometer" else "angular_rate"
-        units = {"time": "s", quantity: unit_of(quantity, (0, 1, 2), names) or unit}
-        streams[name] = Stream(name, stamps[fresh], fields, units)
-        lost = lost or count
-        if columns.get(quantity) is None:
-            columns[quantity] = [f"{name}.{each}" for each in names]
-    if "accelerometer" not in streams or len(streams) < 2:
-        raise RejectedLog(
-            "the file holds no accelerometer and gyroscope as SensorLog names them: "
-            f"{', '.join(layout.names)[:200]}"
-        )
-    notes.insert(0, "an export of SensorLog: acceleration in g, sign turned into specific force")
-    if "motion" in streams:
-        notes.append("the angular rate is that of the motion, less the bias that iOS estimates")
-    log = raw_log(list(streams.values()), columns, batch_rows, notes)
-    log.lose(lost)
-    return log

@@ -1,6 +1,7 @@
 """A reference beside a log: attitudes and places of a body on the device, on the log's clock."""
 
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -112,7 +113,10 @@ def _read(file, log_file, declared, session, counts):
     same, own_time = str(file) == str(log_file), (session.get("columns") or {}).get("time")
     columns.setdefault("time", own_time if same else None)
     form = declared.get("format") or (session.get("format") if same else None)
-    stamps, values = read_series(file, form, columns)
+    try:
+        stamps, values = read_series(file, form, columns)
+    except ImuloopError as error:
+        raise type(error)(re.sub(r"\Acolumns", "reference.columns", str(error))) from error
     count, rate = len(values), declared.get("rate") or session.get("rate")
     if stamps is not None:
         stamps, readable, dates = stamp_values(stamps)

@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
-from imuloop.ingest.guarded import cause, guarded
+from imuloop.ingest.damage import MOST_TIMES, cause, check_unpacked, reject_damage
 from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import Stream, raw_log
 
@@ -38,8 +38,8 @@ _ZSTD = b"\x28\xb5\x2f\xfd"
 _UNWRITTEN = ("-wal", "-journal")
 
 
-@guarded
-def read(paths, columns=None, batch_rows=1 << 16, most=-1):
+@reject_damage
+def read(paths, columns=None, batch_rows=1 << 16):
     """Read the topics of inertial messages of a bag.
 
     The stamps are those of the headers in ns; where a topic's never change, the times of receipt.
@@ -57,7 +57,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
         for number, file in enumerate(files):
             bag = _plain(file, Path(folder, str(number)))
             try:
-                _gather(bag, topics, damage, most)
+                _gather(bag, topics, damage)
             except (ImuloopError, ImportError, MemoryError):
                 raise
             except Exception as error:
@@ -148,9 +148,11 @@ def _plain(path, target):
         target.symlink_to(path.absolute())
         return target
     if _head(path).startswith(_ZSTD):
+        size = path.stat().st_size
         with pa.input_stream(path, compression="zstd") as packed, open(target, "wb") as file:
             while part := packed.read(1 << 20):
                 file.write(part)
+                check_unpacked(size, file.tell())
         path = target
     for start, ending in _KINDS.items():
         if _head(path).startswith(start):
@@ -174,7 +176,7 @@ def _tables(path):
     return []
 
 
-def _gather(bag, topics, damage, most):
+def _gather(bag, topics, damage):
     """Add the messages of a bag to the topics, and what it lacks to the damage."""
     from rosbags import rosbag1, rosbag2
     from rosbags.typesys import Stores, get_typestore
@@ -191,15 +193,14 @@ def _gather(bag, topics, damage, most):
             if connection.digest not in ("", "*", usual):
                 raise RejectedLog(f"{connection.topic}: its {name} is not the one that ROS defines")
             topics.setdefault((connection.topic, name), _Topic(name))
-        left, taken = sum(connection.msgcount for connection in wanted), 0
+        left = sum(connection.msgcount for connection in wanted)
         for connection, received, data in reader.messages(wanted) if wanted else ():
-            if 0 <= most < taken:
-                return
-            left, taken = left - 1, taken + len(data)
+            left -= 1
             topic = topics[connection.topic, connection.msgtype]
             try:
                 if not ros1 and data[:4] == _ZSTD:
-                    data = pa.input_stream(pa.py_buffer(data), compression="zstd").read()
+                    packed = pa.input_stream(pa.py_buffer(data), compression="zstd")
+                    data = packed.read(MOST_TIMES * len(data))
                 topic.add(received, parse(data, connection.msgtype))
             except Exception:
                 topic.damaged += 1

@@ -69,6 +69,4 @@ def measure(path, sensor, full_scale, threads):
             found["rows_a_value"][quantity] = of_own["rows_a_value"][quantity]
     silent = [name for name in found["silent_at_rest"] if name not in axes]
     found["silent_at_rest"] = silent + [n for n in of_own["silent_at_rest"] if n in axes]
-    if sensor == "gyroscope":
-        found["mean_at_rest"] = of_own["mean_at_rest"]
     return figures

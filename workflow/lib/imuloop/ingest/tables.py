@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import CHANNELS, TEMPERATURE, own_metadata, refuse_calibrated
 from imuloop.ingest.columns import FRACTION, STAMP, lacking, listed, resolve
-from imuloop.ingest.guarded import guarded
+from imuloop.ingest.damage import reject_damage
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import AXES, SENSORS, words_of
 from imuloop.ingest.stamps import (
@@ -67,7 +67,7 @@ def read_parquet(paths, columns=None, batch_rows=1 << 16):
     return table_log(names, chosen, batches(), **known)
 
 
-@guarded
+@reject_damage
 def read_feather(paths, columns=None, batch_rows=1 << 16):
     """Read a Feather file of version 2, which is an Arrow file."""
     with open(paths["log"], "rb") as file:
@@ -252,11 +252,8 @@ def alone(quantity, columns):
     return own | {other: None}
 
 
-def paired(logs, batch_rows=1 << 16, most=-1):
-    """Return the RawLog of two logs, sensor -> that of it alone, each on a clock of its own.
-
-    No more of each is read after `most` bytes, -1 is all.
-    """
+def paired(logs, batch_rows=1 << 16):
+    """Return the RawLog of two logs, sensor -> that of it alone, each on a clock of its own."""
     streams, columns, total = [], {}, RawLog()
     for quantity, log in logs.items():
         if quantity not in log.found:
@@ -265,7 +262,7 @@ def paired(logs, batch_rows=1 << 16, most=-1):
     if len(timed) > 1:
         raise ImuloopError("columns.time: one of the two tables has no time column; name it")
     for quantity, log in logs.items():
-        stream, more = _stream(quantity, log, most)
+        stream, more = _stream(quantity, log)
         streams.append(stream)
         columns[quantity] = [f"{stream.name}.{axis}" for axis in AXES]
         if log.temperature and TEMPERATURE not in columns:
@@ -294,12 +291,12 @@ def paired(logs, batch_rows=1 << 16, most=-1):
     return merged
 
 
-def collected(batches, stamp=STAMP, most=-1):
+def collected(batches, stamp=STAMP):
     """Return the columns of batches as arrays, how many rows lack a stamp, and if these are dates.
 
-    Rows without a stamp are left out; no more is read after `most` bytes, -1 is all.
+    Rows without a stamp are left out.
     """
-    parts, held, lost, dates = [], 0, 0, False
+    parts, lost, dates = [], 0, False
     for batch in batches:
         fields = {n: batch[n].to_numpy(zero_copy_only=False) for n in batch.schema.names}
         if stamp in fields:
@@ -307,16 +304,13 @@ def collected(batches, stamp=STAMP, most=-1):
             lost += int((~readable).sum())
             fields = {name: x[readable] for name, x in fields.items()}
         parts.append(fields)
-        held += batch.nbytes
-        if 0 <= most < held:
-            break
     names = parts[0] if parts else ()
     return {n: np.concatenate([part[n] for part in parts]) for n in names}, lost, dates
 
 
-def _stream(quantity, log, most):
+def _stream(quantity, log):
     """Return a log of one sensor as a Stream, and how many of its rows lack a stamp."""
-    fields, lost, dates = collected(log.batches, most=most)
+    fields, lost, dates = collected(log.batches)
     if not fields:
         raise RejectedLog(f"the log of {quantity} has no rows")
     if dates:

@@ -27,9 +27,6 @@ _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
 _ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
 # a name before a value, as for a serial plotter: AccelX:0.06
 _LABEL = re.compile(rb"[A-Za-z_][\w .]*[:=][ \t]*(?=[-+.\d])")
-# a row of a NovAtel receiver, and what its fields are: increments in counts, of y of turned sign
-_RAWIMU = re.compile(rb"(?m)^[#%]RAWIMUS?A,[^;\n]*;([^*\n]*)\*\w+")
-RAWIMU_NAMES = "week time_s status acc_z acc_y acc_x gyr_z gyr_y gyr_x".split()
 # how files begin that hold no log of any format, and what to do about them
 SPREADSHEET = "the file is a spreadsheet, such as Excel's: save its table as CSV"
 NO_LOGS = {
@@ -90,10 +87,8 @@ def find_layout(path, least=LEAST):
     lines = head.split(b"\n")
     if len(head) == _HEAD:
         lines.pop()
-    arrow, rawimu = (
-        sum(map(bool, map(x.match, lines))) > len(lines) / 2 for x in (_ARROW, _RAWIMU)
-    )
-    rewrites = [*[(_RAWIMU, rb"\1")] * rawimu, *[(_ARROW, rb"\2")] * arrow]
+    arrow = sum(map(bool, map(_ARROW.match, lines))) > len(lines) / 2
+    rewrites = [(_ARROW, rb"\2")] * arrow
     bare = [rewritten(line, rewrites) for line in lines]
     labels = [[x.strip(b" \t:=").decode() for x in _LABEL.findall(line)] for line in bare]
     labelled = sum(len({*each}) >= least for each in labels) > len(lines) / 2
@@ -118,9 +113,7 @@ def find_layout(path, least=LEAST):
     first = next(i for i in rows if len(fields[i]) == width)
     before = [fields[i] for i in rows if i < first]
     names, units = None, []
-    if rawimu:
-        names = RAWIMU_NAMES
-    elif labelled:
+    if labelled:
         names = next((each for each in labels if len(each) == width), None)
     elif not any(map(is_number, fields[first])):
         names, first = fields[first], first + 1

@@ -6,7 +6,7 @@ import re
 import numpy as np
 
 from imuloop.core.errors import RejectedLog
-from imuloop.ingest.guarded import guarded
+from imuloop.ingest.damage import reject_damage
 from imuloop.ingest.spellings import AXES
 from imuloop.ingest.streams import Stream, raw_log, stream_names
 
@@ -36,8 +36,8 @@ _SLOTS = range(4)
 _NO_ACCELERATION = 0x7FFFFFFF
 
 
-@guarded
-def read(paths, columns=None, batch_rows=1 << 16, most=-1):
+@reject_damage
+def read(paths, columns=None, batch_rows=1 << 16):
     """Read a ULog file.
 
     The streams are the topics with their instance, ``sensor_accel_0``; `columns` names streams, or
@@ -49,7 +49,7 @@ def read(paths, columns=None, batch_rows=1 << 16, most=-1):
 
     topics = {*_SENSORS, *(re.sub(r"_\d+\Z", "", name) for name in stream_names(columns))}
     with open(paths["log"], "rb") as file:
-        tape = _Tape(file.read(most))
+        tape = _Tape(file.read())
     log = ULog(tape, sorted(topics))
     damage = ["the file ends inside a message: the log was cut off"] if tape.cut else []
     if log.file_corruption:

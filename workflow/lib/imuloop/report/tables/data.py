@@ -83,9 +83,6 @@ def _faults(found):
         "Clipped at a repeated extreme, rows": rows("clipped_at"),
         "Rows that a value is held": text_of(held) if held else "1",
         "Axes that are copies": text_of([f"{b} of {a}" for a, b in found.get("copies", ())]),
-        "Mean angular rate at rest, power as a share of its noise's": size(
-            "mean_at_rest", "noise_share"
-        ),
         "Specific force at rest, m/s²": number((rests.get("force") or [None] * 2)[1], 4),
         "Turns by angular rate and by gravity alike, 1 at best": size("axes", "agreement"),
         "Turns by angular rate per turns of gravity, rest to rest": number(
