@@ -140,7 +140,7 @@ def logs(wildcards):
     files = [Path(path) for path in given if not SIMULATED.fullmatch(os.path.normpath(path))]
     inside = [Path(path) for path in files_inside(wildcards)]
     found = [path for path in [*files, *inside] if path.is_file()]
-    return log_digests(found, ".snakemake/imuloop/logs.json")
+    return log_digests(found, ".snakemake/imuloop/logs.jsonl")
 
 
 def prior_file(wildcards):
@@ -151,7 +151,7 @@ def prior_file(wildcards):
 
 def prior_digest(wildcards):
     """Return the SHA-256 of that file: one that an older file replaced is read again."""
-    return log_digests(prior_file(wildcards), ".snakemake/imuloop/logs.json")
+    return log_digests(prior_file(wildcards), ".snakemake/imuloop/logs.jsonl")
 
 
 def threads_by_size(wildcards, input):

@@ -1,12 +1,10 @@
 """The param `logs` of the ingest: a log is read again when its content is another."""
 
 import hashlib
+import json
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-
-from imuloop.core.errors import ImuloopError
-from imuloop.core.files import read_json, write_json
 
 
 def log_digests(paths, record):
@@ -19,25 +17,30 @@ def log_digests(paths, record):
     paths : list of path-like
         Files, relative to the working folder.
     record : path-like
-        JSON file with the state and the SHA-256 of each file.
+        File with a line for each file that was read: its path, state and SHA-256, as JSON. A later
+        line replaces an earlier one.
     """
-    known, changed = _known(record), False
+    known = _known(record)
     for path in map(str, paths):
         found = Path(path).stat()
         state = [found.st_size, found.st_mtime_ns, found.st_ctime_ns, found.st_ino]
         if known.get(path, [])[:-1] != state:
             with open(path, "rb") as file:
                 known[path] = [*state, hashlib.file_digest(file, "sha256").hexdigest()]
-            changed = True
-    if changed:
-        # in a folder that may not be written the files are read each time
-        with suppress(OSError, ImuloopError):
-            write_json(record, known)
+            # in a folder that may not be written the files are read each time
+            with suppress(OSError):
+                Path(record).parent.mkdir(parents=True, exist_ok=True)
+                with open(record, "a") as file:
+                    file.write(json.dumps([path, known[path]]) + "\n")
     return [known[str(path)][-1] for path in paths]
 
 
 @cache
 def _known(record):
-    with suppress(OSError, ImuloopError):
-        return read_json(record)
-    return {}
+    known = {}
+    with suppress(OSError):
+        for line in Path(record).read_text().splitlines():
+            # a run that was killed may have left half a line
+            with suppress(ValueError):
+                known.update([json.loads(line)])
+    return known
