@@ -10,7 +10,7 @@ import pytest
 from imuloop.core.sphere import direction_words, largest_hole
 from imuloop.report.figures.allan import allan_pictures
 from imuloop.report.figures.poses import pose_picture
-from imuloop.report.figures.residuals import against, goes_with, residual_pictures
+from imuloop.report.figures.residuals import goes_with, residual_pictures
 from imuloop.report.numbers import number
 
 
@@ -30,22 +30,6 @@ def test_the_largest_hole_is_where_a_pose_is_missing_and_is_in_the_caption(devic
     assert hole == pytest.approx([0, 0, -1], abs=0.06) and direction_words(hole) == "−z"
     assert np.degrees(angle) == pytest.approx(90, abs=3)
     assert "all six faces are covered" in pose_picture(devices["board"]).caption
-
-
-def test_sessions_stand_one_after_the_other_and_are_marked_where_they_begin(devices):
-    device = devices["board"]
-    table = device.moves[:4].assign(
-        start_s=[0.0, 50.0, 0.0, 20.0],
-        end_s=[10.0, 60.0, 8.0, 30.0],
-        pose=[0, 1, 0, 1],
-        session=["day", "day", "night", "night"],
-    )
-    _, time = against("rotation", table)["time_s"]
-    assert list(time) == [0, 50, 60, 80]
-    _, two = residual_pictures(replace(device, moves=table), "gyroscope", block(device))
-    # once, in the panel of time
-    assert two.svg.count("day</text>") == two.svg.count("night</text>") == 1
-    assert re.search(r"Largest left: .* turn [01] of (day|night);", plain(two.caption))
 
 
 def test_what_grows_with_the_angle_is_told_and_chance_is_not():
