@@ -31,7 +31,7 @@ ARROWS = {
     "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "plan", "export"},
 }
 # import name of packages that are called otherwise
-DISTRIBUTIONS = {"pywt": "pywavelets", "yaml": "pyyaml"}
+DISTRIBUTIONS = {"yaml": "pyyaml"}
 # what a light installation lacks
 EXTRAS = "report workflow matlab netcdf ros ulog".split()
 

@@ -14,5 +14,5 @@ if [ -n "$SLURM_ARRAY_TASK_ID" ]; then target=devices; fi
 # Snakemake itself takes 300 MB with 200 devices
 exec "$@" \
   --cores "$SLURM_CPUS_PER_TASK" --resources mem_mb=$((SLURM_MEM_PER_NODE - 400)) \
-  --keep-going --retries 2 --latency-wait 60 --nolock \
+  --keep-going --retries 2 --latency-wait 60 --nolock --max-jobs-per-timespan 1000/10s \
   -- $target

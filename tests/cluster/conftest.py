@@ -18,8 +18,6 @@ from imuloop.simulate.truth import example_truth
 SLURM = Path(__file__).with_name("slurm")
 # what the local S3 takes for an account
 KEYS = {"AWS_ACCESS_KEY_ID": "any", "AWS_SECRET_ACCESS_KEY": "any"}
-# what a job computes is of no interest here
-QUICK = {"diagnose": {"draws": 100, "folds": 3}}
 
 
 def needs_plugin(name):
@@ -44,7 +42,7 @@ def write_devices(folder, names):
 
 
 def write_config(folder, devices, name="config.yaml"):
-    (folder / name).write_text(yaml.safe_dump({"defaults": QUICK, "devices": devices}))
+    (folder / name).write_text(yaml.safe_dump({"devices": devices}))
 
 
 def into_bucket(client, folder, devices, bucket, prefix=""):
@@ -57,22 +55,18 @@ def into_bucket(client, folder, devices, bucket, prefix=""):
             session["file"] = f"s3://{bucket}/{key}"
 
 
-def command(repository, folder, *arguments, target="results/report.html"):
-    """Return the command line of a run in a folder, as a user gives it."""
-    words = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", folder]
-    words += ["--configfile", "config.yaml", *arguments, "--", target]
-    return list(map(str, words))
-
-
 def run(repository, folder, *arguments, target="results/report.html", **environment):
+    """Run the workflow in a folder, as a user does; return the finished process."""
+    words = [sys.executable, "-m", "snakemake", "-s", repository / "Snakefile", "-d", folder]
+    words += ["--configfile", "config.yaml", *arguments, "--", *target.split()]
     return subprocess.run(
-        command(repository, folder, *arguments, target=target),
+        list(map(str, words)),
         **{"cwd": folder, "env": os.environ | environment, "capture_output": True, "text": True},
     )
 
 
 def contents(folder):
-    files = sorted(path for path in (folder / "results").rglob("*") if path.is_file())
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
     return {str(path.relative_to(folder)): path.read_bytes() for path in files}
 
 

@@ -11,7 +11,6 @@ import pytest
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.report.advice import MOST, next_steps
-from imuloop.report.recording import parameter_words, sigma_words
 from imuloop.report.results import DeviceResults, SessionResults
 from imuloop.report.verdict import UNTESTED
 
@@ -119,14 +118,6 @@ def test_a_longer_record_is_asked_for_in_hours(good, first):
     assert any("2\u202fh at rest: there is no static session, and K of ax" in s for s in steps)
 
 
-def test_a_first_rest_is_long_enough_for_flicker_to_limit_it(first):
-    content = diagnosis(ratio=3.0, gain=0.0, parameter="b1", sensor="gyroscope")
-    # white noise of 1e-3 reaches flicker of 1e-4 after (1e-3 / 0.664e-4)^2 = 227 s
-    step = first(diagnosis=content)
-    assert "Begin session turns with 3.8\u202fmin at rest (now 50\u202fs)" in step
-    assert "Begin" not in first(diagnosis=content, noise=noise(B=coefficient(3e-4)))
-
-
 def test_what_both_sensors_leave_beside_a_reference_is_one_step(good):
     content = diagnosis()
     for sensor, name, unit in (
@@ -211,12 +202,6 @@ def test_values_at_the_end_of_the_range_come_first(good, first):
     assert "range. 7 rests, and turns and moves with one are left out" in first(more=[railed])
 
 
-def test_a_force_that_is_far_from_gravity_comes_first(good, first):
-    text = "the specific force at rest is 25.6 m/s^2, gravity 9.807: see units.acceleration"
-    far = session("far", "static", good().sessions[0].samples_path, warnings=["1 gap", text])
-    assert first(more=[far]) == f"Check what is declared of session far: {text}."
-
-
 @pytest.mark.parametrize("then", [3, 30])
 def test_short_rests_are_taken_only_where_they_are_enough(good, then):
     hasty = good().sessions[0]
@@ -251,21 +236,6 @@ def test_advice_is_short_and_ordered_by_gain(good):
     assert len(next_steps(good(more=rejected))) == MOST
     steps = next_steps(good(more=rejected[:1], diagnosis=diagnosis(ratio=5.0)))
     assert "rejected" in steps[0] and "σ falls from" in steps[1]
-
-
-def test_parameters_in_words():
-    assert parameter_words("gyroscope", "K2") == "the gyroscope's z scale factor"
-    assert parameter_words("gyroscope", "T20") == "the gyroscope's misalignment zx"
-    assert sigma_words("rad", 4e-4) == "0.40\u202fmrad"
-
-
-def test_turns_that_were_sampled_too_slowly_ask_for_a_higher_rate(first):
-    block = above("rotation", "rad", 4e-3, 4e-3, "consistent")
-    lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}
-    block["residuals"]["rotation"]["undersampled"] = lost
-    step = first(diagnosis=diagnosis(gyroscope=block))
-    assert step.startswith("Sampled too slowly for such turns: what 62.5 Hz does not show")
-    assert step.endswith("record at 150 Hz or more, or turn more slowly.")
 
 
 def test_an_accelerometer_above_its_floor_is_mended_before_the_gyroscope(good):

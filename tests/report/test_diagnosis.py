@@ -80,17 +80,6 @@ def test_a_residual_goes_with_what_is_no_chance_among_all_probes():
     assert leading({"correlates": [probe("temperature", 0.01, 0.0)]}) is None
 
 
-def test_effects_of_the_other_kind_of_data_are_named(devices):
-    block = copy.deepcopy(devices["board"].diagnosis["sensors"]["accelerometer"]["poses"])
-    assert "part of the model" not in sentence("accelerometer", block)
-    block["candidates"].append(
-        {"name": "bias_temperature", "status": "added", "why": "found in the static record"}
-    )
-    said = sentence("accelerometer", block)
-    assert said.startswith("consistent")
-    assert "bias over temperature, found in the static record, is part of the model" in said
-
-
 def test_temperatures_are_those_of_the_windows(devices):
     session = devices["still"].sessions[0]
     start = 60.0 * np.arange(15)
@@ -155,27 +144,6 @@ def test_a_residual_far_below_its_noise_is_no_good_news():
         assert "corrected" not in sentence("accelerometer", block(n, chi2))
 
 
-def test_a_floor_that_the_noise_leaves_open_has_its_range():
-    def said(floors, slow, verdict="consistent"):
-        left = residual("m/s^2", 2e-3, 2e-3, 2e-3, 40) | {"floor_range": floors}
-        block = {"verdict": verdict, "residuals": {"gravity_norm": left}, "slow_noise": slow}
-        return sentence("accelerometer", UNTESTED | block).replace("\u202f", " ")
-
-    assert "(0.10 to 0.31 mg by the intervals of the noise)" in said([1e-3, 3e-3], False)
-    assert "intervals" not in said([1.95e-3, 2.05e-3], False)
-    # at a floor that is higher than as estimated, what would tell
-    assert "two hours or more" in said([1e-3, 3e-3], True)
-    for verdict, slow in (("consistent", False), ("unexplained", True)):
-        assert "two hours or more" not in said([1e-3, 3e-3], slow, verdict)
-
-
-def test_a_record_at_rest_above_its_estimated_noise_is_not_told_to_be_one():
-    left = residual("m/s^2", 2e-3, 2e-3, 1e-3, 40)
-    block = {"verdict": "consistent", "residuals": {"bias": left}, "slow_noise": True}
-    said = sentence("accelerometer", UNTESTED | block)
-    assert "more than a quarter above its floor" in said and "two hours or more" not in said
-
-
 @pytest.mark.parametrize("verdict", ["consistent", "unexplained"])
 def test_turns_that_were_sampled_too_slowly_are_said_with_the_rate_that_they_need(verdict):
     lost = {"error": 4e-3, "others": 1e-3, "rate_hz": 62.5, "enough_hz": 143.0}
@@ -201,22 +169,6 @@ def test_turns_that_contradict_all_others_are_said(verdict):
     assert "2 turns contradict all others" in sentence("gyroscope", block)
 
 
-def test_what_one_effect_would_leave_is_said_of_the_residual_that_it_changes():
-    chi2 = dict.fromkeys(CHI2, 9.0)
-    residuals = {
-        "pose_rate": residual("rad/s", 2 * DEGREE, 4e-3, 1.0) | chi2,
-        "rotation": residual("rad", 4e-3, 4e-3, 1e-3) | chi2,
-    }
-    tried = {"name": "warm_up", "status": "rejected", "why": "", "p_value": 0.1}
-    tried |= {"residual": "pose_rate", "heldout_after": DEGREE}
-    block = {"verdict": "unexplained", "residuals": residuals, "candidates": [tried]}
-    said = sentence("gyroscope", UNTESTED | block).replace("\u202f", " ")
-    assert "warm-up alone would leave 1.00 °/s of 2.00 °/s of the angular rate left at rest" in said
-    tried |= {"residual": "rotation", "heldout_after": 1e-3}
-    said = sentence("gyroscope", UNTESTED | block).replace("\u202f", " ")
-    assert "warm-up alone would leave 0.0573°: error of gravity's direction" in said
-
-
 @pytest.mark.parametrize("kind", RESIDUAL_WORDS)
 @pytest.mark.parametrize("own", [("m/s", "velocity_vertical"), ("m/s^2", "gravity_norm")])
 def test_an_error_is_shown_in_its_own_unit_or_not_at_all(kind, own):
@@ -233,34 +185,3 @@ def test_an_error_is_shown_in_its_own_unit_or_not_at_all(kind, own):
     for error in map(str, steps_table("gyroscope", "motion", block).rows[0][3:5]):
         assert (RESIDUAL[unit].unit in error) == (kind == name)
         assert (error == NO_NUMBER) == (kind != name)
-
-
-@pytest.mark.parametrize(("slow", "verb"), [(True, "may allow"), (False, "allows")])
-def test_slow_noise_that_no_rest_shows_is_a_guess_in_the_first_answer_too(slow, verb):
-    left = residual("m/s^2", 2e-3, 2e-3, 2e-3, 40) | dict.fromkeys(CHI2, 30.0)
-    block = {"verdict": "consistent", "residuals": {"gravity_norm": left}, "slow_noise": slow}
-    diagnosis = {"sensors": {"accelerometer": {"poses": UNTESTED | block}}}
-    assert answers(diagnosis)[0][2] == f"as good as its noise {verb}"
-
-
-@pytest.mark.parametrize(
-    ("verdict", "effects", "words"),
-    [
-        ("explained", [], "as good as its noise, which has a memory, allows"),
-        (
-            *("explained", ["ramp"]),
-            "as good as its noise, which has a memory, allows with ramp corrected",
-        ),
-        ("partly_explained", [], "its noise has a memory, but something is still missing"),
-        (
-            "partly_explained",
-            ["ramp"],
-            "better with ramp corrected, but something is still missing",
-        ),
-    ],
-)
-def test_noise_with_a_memory_is_named_and_never_said_to_be_corrected(verdict, effects, words):
-    block = UNTESTED | {"verdict": verdict, "why": ""}
-    block["effects"] = [{"name": name} for name in (*effects, "gauss_markov")]
-    diagnosis = {"sensors": {"accelerometer": {"static_record": block}}}
-    assert answers(diagnosis)[0][2] == f"at rest {words}; not tested at poses"

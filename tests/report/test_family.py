@@ -9,7 +9,7 @@ import pytest
 
 from family.members import EVERY, Family
 from imuloop.family.family import write_family
-from imuloop.report.figures.family import FEWEST, control_charts, production
+from imuloop.report.figures.family import control_charts, production
 from imuloop.report.report import write_report
 from imuloop.report.tables.family import family_tables, finding
 from report.build import PROVENANCE
@@ -102,21 +102,3 @@ def test_a_control_chart_has_the_order_of_the_serial_numbers(found, labels, fold
     assert "1 of" not in charts[0].caption and "3 of 36 values outside" in charts[0].caption
     for chart in charts:
         assert (folder / f"figures/{chart.stem}.svg").exists()
-
-
-def test_days_and_labels_stand_below_where_there_are_no_numbers(found, labels):
-    order = {n: {"serial": None, "date": 738000 + k} for k, n in enumerate(found["devices"])}
-    assert production(found | {"order": order}, labels)["d0"] == "2021-07-29"
-    order["d3"]["date"] = None
-    assert production(found | {"order": order}, labels) == labels
-
-
-def test_without_a_parameter_in_common_nothing_is_compared(found, labels):
-    bare = found | {"tests": 0, "parameters": {}, "odd": [], "effects": []}
-    assert finding(bare, labels) == "No three devices have a parameter in common."
-    assert family_tables(bare, labels) == []
-
-
-def test_of_few_devices_there_is_no_chart(found, labels, tmp_path):
-    few = found | {"devices": found["devices"][: FEWEST - 1]}
-    assert control_charts("chip", few, labels, tmp_path) == []

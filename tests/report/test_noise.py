@@ -2,7 +2,7 @@
 
 import copy
 import re
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -10,12 +10,11 @@ import pytest
 from scipy.stats import chi2
 
 from imuloop.core.noise_model import AxisNoise
-from imuloop.noise.spectrum import COLUMNS, power_spectrum
+from imuloop.noise.spectrum import COLUMNS
 from imuloop.report.figures.spectrum import density_pictures
 from imuloop.report.results import SENSORS
 from imuloop.report.tables.noise import coefficient_table
 from imuloop.report.units import COEFFICIENTS
-from report.plausible_noise import known
 from report.plausible_results import RATE
 
 THIN = "\u202f"
@@ -50,20 +49,6 @@ def test_every_coefficient_stands_in_the_units_of_data_sheets(board):
     # a coefficient that the record does not show has a limit
     for sensor in SENSORS:
         assert row_of(coefficient_table(board, sensor), "K, ")["z"].startswith("< ")
-
-
-def test_a_ramp_is_drawn_as_the_spectrum_shows_it(board, record):
-    count, slope = 200_000, 1e-6
-    f, s, _ = power_spectrum([0.3 + slope * np.arange(count) / RATE], RATE)
-    columns = (np.full(len(f), "gy"), f, s, 0.9 * s, 1.1 * s)
-    spectra = pd.DataFrame(dict(zip(COLUMNS, columns, strict=True)))
-    axes = copy.deepcopy(board.noise["axes"])
-    axes["gy"].update(dict.fromkeys("QNBK", axes["gy"]["K"]), R=asdict(known(slope)))
-    device = with_noise(board, axes=axes)
-    density_pictures(device, replace(record, spectra=spectra))
-    rows = pd.read_csv(board.figures / "long_psd.csv")
-    assert rows["model"][:6].to_numpy() == pytest.approx(rows["psd"][:6], rel=1e-6)
-    assert rows[["model", "psd"]][40:].max().max() < 1e-7 * rows["psd"][0]
 
 
 def test_chance_is_no_finding_and_a_true_departure_is(board, record):

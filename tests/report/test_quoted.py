@@ -4,7 +4,6 @@ import json
 import re
 import shutil
 
-import pandas as pd
 import pytest
 
 from imuloop.chain import Device
@@ -69,13 +68,3 @@ def test_the_residual_that_fell_most_stands_for_a_verdict(told, part):
     assert gain in said
     # what stays is no gain
     assert "1.1°" not in said and "7.7 mm/s" not in said
-
-
-def test_the_comparison_names_the_unit_of_another_residual(told):
-    folder, _ = told
-    page = re.sub(r"\s+", " ", (folder / "report.html").read_text())
-    table = page[page.index("Gyroscopes, value") :]
-    assert re.search(r"<td[^>]*>0\.0115 ± \S+ °/s", table[: table.index("</table>")])
-    # in files the kind of residual is fixed
-    [row] = pd.read_csv(folder / "comparison.csv").to_dict("records")
-    assert row["gyroscope_residual [rad]"] == STAYS[1]

@@ -87,15 +87,6 @@ def test_rejected_sessions_come_first_then_the_comparison(page):
     assert "Board C" in alert
 
 
-def test_no_rejected_session_is_said_too_and_one_device_is_not_the_best(results, tmp_path):
-    for name in ("a", "b"):
-        (tmp_path / name).mkdir()
-        joined_report(results, ["board"], tmp_path / name)
-    html = (tmp_path / "a/report.html").read_text(encoding="utf-8")
-    assert "No session was rejected." in html and 'class="best"' not in html
-    assert html == (tmp_path / "b/report.html").read_text(encoding="utf-8")
-
-
 def test_a_device_of_which_nothing_was_testable_is_reported_alone(results, tmp_path):
     joined_report(results, ["nothing"], tmp_path)
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
@@ -191,14 +182,6 @@ def test_simulated_devices_are_called_so_everywhere(page):
     # contents, two tables, sentences, key, title, logs
     assert len({id(e) for e in called if e["tag"] in ("a", "h2", "th")}) >= 7
     assert "Its logs were made by a computer" in page.text
-
-
-def test_what_was_not_determined_is_said(page):
-    assert "9 poses found, 12 needed: hold at least 3 more attitudes" in page.text
-    assert "not estimated" in page.text
-    assert "No session could be used." in page.text
-    assert "no rest is long enough" in page.text
-    assert "Record a multi_position session" in page.text
 
 
 def test_comparison_csv_is_si_with_units_in_its_header(results):

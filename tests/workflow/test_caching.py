@@ -97,8 +97,8 @@ def test_a_key_and_a_log_rerun_what_depends_on_them_and_a_new_device_is_an_entry
     assert planned(checkout, folder, written) == expected
 
 
-def test_a_prior_reruns_the_calibration_of_its_device(folder, checkout):
-    """The file is as large as the one before and older."""
+def test_a_prior_and_a_tolerance_rerun_the_calibration_of_their_device(folder, checkout, written):
+    """The file of the prior is as large as the one before and older."""
     made = read_json(folder / "results/resting/calibration.json")
     assert {made[sensor]["prior"]["source"] for sensor in SENSORS} == {"earlier.json"}
     earlier = folder / "earlier.json"
@@ -106,26 +106,19 @@ def test_a_prior_reruns_the_calibration_of_its_device(folder, checkout):
     earlier.write_text(text.replace('"gravity": 9.80665', '"gravity": 9.80655'))
     assert earlier.read_text() != text
     os.utime(earlier, (0, 0))
-    assert planned(checkout, folder) == jobs("resting", "calibrate") | REPORT
-
-
-def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, written):
-    written["devices"]["posed"] |= {"diagnose": {"folds": 3}, "gravity": 9.81}
-    written["defaults"]["diagnose"]["folds"] = 4
-    # the order of the devices changes no device
-    written["devices"] = dict(reversed(written["devices"].items()))
-    # gravity is the yardstick of each session's units, too
-    expected = jobs("posed", "noise", *SESSIONS["posed"]) | jobs("resting", "diagnose") | REPORT
+    written["devices"]["posed"]["nominal"] = {"angular_rate": {"tolerance": {"bias": 0.1}}}
+    expected = jobs("resting", "calibrate") | jobs("posed", "calibrate") | REPORT
     assert planned(checkout, folder, written) == expected
 
 
-def test_a_figure_of_the_sensor_reruns_what_uses_it(folder, checkout, written):
-    """A tolerance is of the calibration; a range, with its full scale, of reading the logs."""
-    bias = {"angular_rate": {"tolerance": {"bias": 0.1}}}
-    named = {"sensor": "icm42688p", "range": {"acceleration": "16 g"}}
-    written["devices"]["posed"]["nominal"] = bias
-    written["devices"]["resting"] |= named
-    expected = jobs("posed", "calibrate") | jobs("resting", "noise", *SESSIONS["resting"]) | REPORT
+def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, written):
+    """The range of a sensor, with its full scale, is of reading the logs."""
+    ranged = {"sensor": "icm42688p", "range": {"acceleration": "16 g"}}
+    written["devices"]["posed"] |= {"diagnose": {"folds": 3}, **ranged}
+    written["defaults"]["diagnose"]["folds"] = 4
+    # the order of the devices changes no device
+    written["devices"] = dict(reversed(written["devices"].items()))
+    expected = jobs("posed", "noise", *SESSIONS["posed"]) | jobs("resting", "diagnose") | REPORT
     assert planned(checkout, folder, written) == expected
 
 
@@ -143,10 +136,9 @@ def test_an_edited_module_reruns_the_stages_that_import_it(finished, checkout):
     [
         ("workflow/templates/style.css", ["report_device"]),
         ("workflow/templates/export/left_out.j2", ["export", "report_device"]),
-        ("scripts/export.py", ["export", "report_device"]),
     ],
 )
-def test_an_edited_template_or_script_reruns_its_jobs(finished, checkout, file, stages):
+def test_an_edited_template_reruns_its_jobs(finished, checkout, file, stages):
     text = (checkout / file).read_text()
     with edited(checkout / file, f"{text}\nX = 1\n"):
         found = planned(checkout, finished[0])

@@ -47,9 +47,9 @@ ORDER = {name: number for number, name in enumerate(DEVICES)}
 NAME = r"[A-Za-z][A-Za-z0-9_-]*"
 CACHE = config.get("cache", "data/cache")
 FETCHED = fetched(DEVICES)
-# by the environment, not as a parameter: where a file came from changes nothing in it
-if "mirror" in config:
-    os.environ.setdefault("IMULOOP_MIRROR", config["mirror"])
+# no parameter of a rule: where a file came from changes nothing in it
+if mirror := os.environ.get("IMULOOP_MIRROR"):
+    config["mirror"] = mirror
 
 
 wildcard_constraints:
@@ -120,13 +120,14 @@ def each_session(file):
 def source_files(wildcards):
     """Return where the files of a session lie; of a folder, the files in it count, not its time."""
     paths = [source_path(source, CACHE) for source in session_of(wildcards)["sources"].values()]
-    paths = [stored(path) if is_stored(path) else path for path in paths]
-    return [ancient(path) if Path(path).is_dir() else path for path in paths]
+    paths = [ancient(path) if Path(path).is_dir() else path for path in paths]
+    return [storage(path) if is_stored(path) else path for path in paths]
 
 
 def files_inside(wildcards):
     """Return the files in a session's folder: where one changes, the folder's own time stays."""
-    folders = [Path(path) for path in source_files(wildcards) if Path(path).is_dir()]
+    sources = session_of(wildcards)["sources"].values()
+    folders = [Path(s["path"]) for s in sources if "path" in s and Path(s["path"]).is_dir()]
     return [str(path) for each in folders for path in sorted(each.iterdir()) if path.is_file()]
 
 
@@ -161,12 +162,10 @@ def threads_by_size(wildcards, input):
 
 
 def gigabytes(session):
-    """Return the size of a session's logs, GB; what is still to be fetched or made counts as none."""
-    paths = [source_path(source, CACHE) for source in session["sources"].values()]
-    remote = sum(stored_size(path) for path in paths if is_stored(path))
-    local = [Path(path) for path in paths if not is_stored(path)]
-    inside = [file for path in local for file in (path.iterdir() if path.is_dir() else [path])]
-    return (remote + sum(file.stat().st_size for file in inside if file.is_file())) / 1e9
+    """Return the size of a session's logs, GB; what is not here yet counts as none."""
+    paths = [Path(source_path(source, CACHE)) for source in session["sources"].values()]
+    inside = [file for path in paths for file in (path.iterdir() if path.is_dir() else [path])]
+    return sum(file.stat().st_size for file in inside if file.is_file()) / 1e9
 
 
 def by_size(least, per_gigabyte, **per_session):

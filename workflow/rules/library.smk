@@ -15,18 +15,8 @@ def end_with(faults):
         sys.exit(1)
 
 
-rules_folder = workflow.current_basedir
-if hasattr(rules_folder, "hosted_repo"):
-    # of a module by github() Snakemake has single files: all of them come out of its clone
-    clone = rules_folder.hosted_repo.repo
-    commit = clone.commit(rules_folder.ref).hexsha
-    checkout = Path(".snakemake/imuloop", commit).absolute()
-    if not checkout.exists():
-        clone.git.worktree("add", "--force", "--detach", checkout, commit)
-    rules_folder = checkout / "workflow/rules"
-
-library = str(Path(str(rules_folder)).with_name("lib"))
+library = str(Path(workflow.current_basedir).with_name("lib"))
 sys.path.insert(0, library)
-# a script has the path of its own Python first
+# for jobs in a Conda environment, which has no imuloop, and for the library of another clone
 others = os.environ.get("PYTHONPATH")
 os.environ |= {"PYTHONPATH": os.pathsep.join(filter(None, [library, others]))}

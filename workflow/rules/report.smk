@@ -1,5 +1,5 @@
 # what every page is made with
-PAGE = ("page.html.j2", "card.html.j2", "style.css", "page.js", "zoom.js")
+PAGE = ("page.html.j2", "card.html.j2", "style.css", "page.js")
 
 
 rule report_device:

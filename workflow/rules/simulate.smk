@@ -1,6 +1,6 @@
 rule simulate:
     input:
-        local(f"{REPOSITORY}/data/replicas/{{replica}}.yaml"),
+        f"{REPOSITORY}/data/replicas/{{replica}}.yaml",
     output:
         "data/simulated/{replica}/{session}.parquet",
     log:

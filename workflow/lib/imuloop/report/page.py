@@ -10,7 +10,7 @@ from markupsafe import Markup
 from imuloop.core.files import replaced
 
 TEMPLATES = Path(__file__).parents[1] / "templates"
-FILES = ("style.css", "page.js", "zoom.js")
+FILES = ("style.css", "page.js")
 # the headings of a device's part, in its identifiers
 PARTS = ("verdict", "diagnosis", "calibration", "noise", "data")
 
@@ -31,8 +31,7 @@ def write(path, template, **values):
 
 def write_page(path, template, **values):
     """Write a page that needs no other file, from a template that extends ``page.html.j2``."""
-    style, *scripts = ((TEMPLATES / name).read_text("utf-8") for name in FILES)
-    script = "".join(scripts)
+    style, script = ((TEMPLATES / name).read_text("utf-8") for name in FILES)
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     looks = {"style": Markup(style), "script": Markup(script), "script_hash": f"sha256-{digest}"}
     write(path, template, parts=PARTS, **looks, **values)

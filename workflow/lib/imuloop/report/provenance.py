@@ -8,7 +8,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 # packages whose numbers or pictures are in a report
-PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "PyWavelets", "matplotlib", "vqf")
+PACKAGES = ("numpy", "scipy", "pandas", "pyarrow", "matplotlib", "vqf")
 
 
 def provenance(release, repository, command, config):

@@ -29,10 +29,11 @@ def draw_allan(area, measured, noise, sensor, colour=INK, lowest=0.0):
     """
     unit = deviation_unit(sensor)
     tau = measured["tau_s"].to_numpy()
-    words = "measured, 95 % band"
-    area.loglog(tau, unit.factor * measured["adev"], color=colour, lw=1.6, label=words)
+    area.loglog(
+        tau, unit.factor * measured["adev"], color=colour, lw=1.6, label="measured, 95 % band"
+    )
     band = (unit.factor * measured[end] for end in ("ci_low", "ci_high"))
-    fill(area, tau, *band, colour, curve=words)
+    fill(area, tau, *band, colour)
     grid = np.geomspace(tau[0], tau[-1], 30) if len(tau) else tau
     model = noise.allan_variance(grid)
     if not len(tau) or not (model > 0).all():
@@ -42,7 +43,7 @@ def draw_allan(area, measured, noise, sensor, colour=INK, lowest=0.0):
         values = np.sqrt(AxisNoise(**{term: getattr(noise, term)}).allan_variance(grid))
         if not values.any():
             continue
-        looks = {"color": INK, "ls": ":", "lw": 1, "label": "its terms", "gid": f"curve={letter}"}
+        looks = {"color": INK, "ls": ":", "lw": 1, "label": "its terms"}
         area.loglog(grid, unit.factor * values, **looks)
         shown = np.flatnonzero(values > lowest)
         if not len(shown):
@@ -65,7 +66,6 @@ def deviation_unit(sensor):
 def _add_si_scale(area, sensor):
     """Draw a second scale, in SI, on the right of what was drawn."""
     scale = area.twinx()
-    scale.set_gid("twin=SI")
     scale.set_yscale("log")
     scale.set_ylim([end / deviation_unit(sensor).factor for end in area.get_ylim()])
     scale.set_ylabel(UNITS[sensor])
@@ -118,7 +118,6 @@ def allan_picture(name, sensor, allan, axes, csv=""):
         (1000, 280),
         csv,
         columns=(1, 1, 1),
-        zoom=True,
     )
 
 
@@ -161,8 +160,8 @@ def corrected_pictures(device, sensor):
                 tau = after["tau_s"]
                 adev, low, high = (unit.factor * after[c] for c in ("adev", "ci_low", "ci_high"))
                 area.loglog(tau, adev, color=colour, label=axis)
-                fill(area, tau, low, high, colour, curve=axis)
-                looks = {"color": colour, "ls": ":", "lw": 1.6, "gid": f"curve={axis}"}
+                fill(area, tau, low, high, colour)
+                looks = {"color": colour, "ls": ":", "lw": 1.6}
                 area.loglog(raw["tau_s"], unit.factor * raw["adev"], **looks)
             area.set_xlabel("averaging time τ, s")
             area.set_ylabel(f"Allan deviation, {unit.unit}")
@@ -172,8 +171,7 @@ def corrected_pictures(device, sensor):
         parts = [f"{axis} {text}" for axis, p in curves.items() if (text := _fall(sensor, *p))]
         caption = f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}."
         stem = f"{session.name}.allan_{sensor}_corrected"
-        kind, looks = "Allan deviation", {"zoom": True}
-        pictures.append(drawn(device, stem, kind, caption, plot, of_sensor, **looks))
+        pictures.append(drawn(device, stem, "Allan deviation", caption, plot, of_sensor))
     return pictures
 
 

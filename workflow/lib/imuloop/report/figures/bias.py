@@ -76,7 +76,7 @@ def _picture(device, sensor, session, points, block):
             for sign in (1, -1):
                 line(area, sign * floor * display.factor, INK, ls="--", label="floor, 1 σ")
         if warm:
-            line(areas[-1], logged, PURPLE, 1.4, gid="curve=temperature")
+            line(areas[-1], logged, PURPLE, 1.4)
             areas[-1].set_ylabel("°C")
         areas[-1].set_xlabel(f"time, {unit}")
 
@@ -89,7 +89,6 @@ def _picture(device, sensor, session, points, block):
         columns,
         size=(440, 270 + 70 * warm + 130 * (count == 3)),
         rows=(3 if count == 1 else 2,) * count + (1.4,) * warm,
-        zoom=True,
     )
 
 

@@ -55,11 +55,11 @@ def shortened(label, most):
     return label if len(label) <= most else f"{label[: most - 1]}…"
 
 
-def _drawn(folder, stem, kind, caption, plot, numbers, size, zoom=False):
+def _drawn(folder, stem, kind, caption, plot, numbers, size):
     """Return a `Picture` of all devices; the numbers behind it are written into the folder."""
     write_csv(folder, stem, numbers)
     csv = f"{folder.name}/{stem}.csv"
-    return Picture(f"all.{stem}", kind, caption, plot, size, csv, zoom=zoom)
+    return Picture(f"all.{stem}", kind, caption, plot, size, csv)
 
 
 def allan_comparison(summaries, folder, together):
@@ -89,9 +89,9 @@ def _at(grid, tau, adev):
 
 def _allan_lines(folder, stem, sensor, axis, curves):
     def plot(area):
-        for i, label, tau, adev in curves:
+        for i, _, tau, adev in curves:
             colour, dash = line_style(i)
-            looks = {"color": PALETTE[colour], "ls": DASHES[dash], "gid": f"curve={label}"}
+            looks = {"color": PALETTE[colour], "ls": DASHES[dash]}
             area.loglog(tau, adev, **looks)
         area.set(**_labels(sensor))
 
@@ -113,8 +113,7 @@ def _allan_lines(folder, stem, sensor, axis, curves):
         "tau_s": np.concatenate([c[2] for c in curves]),
         f"adev_{FILE_UNITS[sensor]}": np.concatenate([c[3] for c in curves]),
     }
-    looks = {"size": (380, 270), "zoom": True}
-    return _drawn(folder, stem, "Allan deviation", f"{caption}.", plot, numbers, **looks)
+    return _drawn(folder, stem, "Allan deviation", f"{caption}.", plot, numbers, (380, 270))
 
 
 def _allan_band(folder, stem, sensor, axis, curves):
@@ -132,10 +131,10 @@ def _allan_band(folder, stem, sensor, axis, curves):
     def plot(area):
         # labels of artists may not begin with "_", those of devices may
         labels = ["median, 5–95 %", *(shortened(curves[i][1], 14) for i in out)]
-        fill(area, grid, low, high, BLUE, curve=labels[0])
-        handles = area.loglog(grid, middle, color=BLUE, lw=2, gid=f"curve={labels[0]}")
-        for colour, i, label in zip(COLOURS, out, labels[1:], strict=False):
-            handles += area.loglog(*curves[i][2:], color=colour, gid=f"curve={label}")
+        fill(area, grid, low, high, BLUE)
+        handles = area.loglog(grid, middle, color=BLUE, lw=2)
+        for colour, i in zip(COLOURS, out, strict=False):
+            handles += area.loglog(*curves[i][2:], color=colour)
         area.set(**_labels(sensor))
         area.figure.legend(handles, labels, loc="outside right upper")
 
@@ -147,8 +146,7 @@ def _allan_band(folder, stem, sensor, axis, curves):
     )
     columns = zip(("p5", "median", "p95"), (low, middle, high), strict=True)
     numbers = {"tau_s": grid, **{f"adev_{k}_{FILE_UNITS[sensor]}": v for k, v in columns}}
-    looks = {"size": (470, 270), "zoom": True}
-    return _drawn(folder, stem, "Allan deviation", f"{caption}.", plot, numbers, **looks)
+    return _drawn(folder, stem, "Allan deviation", f"{caption}.", plot, numbers, (470, 270))
 
 
 def _labels(sensor):

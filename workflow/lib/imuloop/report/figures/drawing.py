@@ -1,6 +1,7 @@
 """Pictures drawn by matplotlib as SVG: same bytes each time, colours that follow the page."""
 
 import io
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,7 +9,7 @@ from functools import cached_property
 import matplotlib
 import numpy as np
 import pyarrow as pa
-from markupsafe import Markup
+from markupsafe import Markup, escape
 from matplotlib import cycler
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.collections import LineCollection
@@ -24,7 +25,6 @@ from pyarrow import csv
 
 from imuloop.core.files import replaced
 from imuloop.core.tables import text_cells
-from imuloop.report.figures.svg import page_svg
 from imuloop.report.numbers import superscript
 
 INK, GRID, SHADE, PAGE = "#1b1f24", "#c8ced6", "#eef1f4", "#ffffff"
@@ -38,6 +38,7 @@ THEME = {INK: "currentColor", GRID: "var(--grid)", SHADE: "var(--shade)", PAGE: 
 THEME |= {colour: f"var(--c{i})" for i, colour in enumerate(PALETTE)}
 STYLE = {
     "svg.fonttype": "none",
+    "font.sans-serif": ["DejaVu Sans"],
     # labels are other people's text
     "text.parse_math": False,
     "font.size": 11,
@@ -71,6 +72,8 @@ STYLE = {
     **dict.fromkeys(("text.color", "axes.labelcolor", "xtick.color", "ytick.color"), INK),
 }
 CLEAR = dict.fromkeys(("figure.facecolor", "axes.facecolor"), "none")
+# what matplotlib writes of itself and of the day
+NO_METADATA = dict.fromkeys(("Creator", "Date", "Format", "Type"))
 # the width that a picture has beside another, px
 WIDE = 500
 # powers of ten that are written out
@@ -85,7 +88,7 @@ class Picture:
     sentence made from the data, are what readers get who cannot see it. `plot` draws on the `Axes`,
     or on the list of them, row by row, that it is given; what it labels is in the key. Size, px;
     path of the numbers behind it, from the report's folder; relative widths and heights of the
-    areas, which share their limits; whether it has curves to zoom into on the page.
+    areas, which share their limits.
     """
 
     name: str
@@ -96,7 +99,6 @@ class Picture:
     csv: str = ""
     columns: tuple = (1,)
     rows: tuple = (1,)
-    zoom: bool = False
 
     @property
     def stem(self):
@@ -138,9 +140,6 @@ class Picture:
                 _mark_decades(axis)
                 if area in areas:
                     _grid_between(area, axis)
-            if self.zoom:
-                for area in areas:
-                    _mark_curves(area)
             if key:
                 figure.legend(key.values(), key, loc="outside upper right", ncols=len(key))
             figure.align_ylabels()
@@ -148,20 +147,34 @@ class Picture:
 
     @cached_property
     def svg(self):
-        """The drawing, in colours that need no page."""
+        """The drawing as the text of an SVG file, in colours that need no page."""
         file = io.StringIO()
         with matplotlib.rc_context(STYLE | CLEAR | {"svg.hashsalt": self.name}):
             drawn = self.figure()
             # `savefig` would lay it out twice
-            FigureCanvasSVG(drawn).print_svg(file, metadata={"Date": None})
-        titles = getattr(drawn, "titles", {})
-        alt, digits = f"{self.kind}. {self.caption}", 2 if self.zoom else 1
-        return page_svg(file.getvalue(), alt, titles, INK, digits)
+            FigureCanvasSVG(drawn).print_svg(file, metadata=NO_METADATA)
+        text = file.getvalue()
+        for group, titles in getattr(drawn, "titles", {}).items():
+            before, start, after = text.partition(f'<g id="{group}">')
+            said = iter(titles)
+            after = re.sub(
+                "(<use [^>]*)/>",
+                lambda mark, said=said: f"{mark[1]}><title>{escape(next(said))}</title></use>",
+                after,
+                count=len(titles),
+            )
+            text = f"{before}{start}{after}"
+        return text
 
     @property
     def inline(self):
-        """The drawing as an element of the page, in the page's colours."""
-        svg = self.svg
+        """The drawing as an element of the page, in the page's colours.
+
+        Without what a page may have once only: the head of the file, its style, names of groups.
+        """
+        svg = re.sub('<style.*?</style>|(?<=<g) id="[^"]*"', "", self.svg, flags=re.DOTALL)
+        alt = escape(f"{self.kind}. {self.caption}")
+        svg = f'<svg role="img" aria-label="{alt}" {svg.partition("<svg ")[2]}'
         for colour, variable in THEME.items():
             svg = svg.replace(colour, variable)
         return Markup(svg)
@@ -173,19 +186,9 @@ def drawn(device, stem, kind, caption, plot, numbers, **looks):
     return Picture(f"{device.name}.{stem}", kind, caption, plot, csv=csv, **looks)
 
 
-def fill(area, x, low, high, colour, alpha=0.2, curve=None):
-    """Fill the area between two curves; it comes and goes with the `curve` of that label."""
-    area.fill_between(x, low, high, color=colour, alpha=alpha, lw=0, gid=curve and f"curve={curve}")
-
-
-def _mark_curves(area):
-    """Mark in the drawing what the page's script needs: scales and limits, axes, curves."""
-    ends = [area.get_xscale(), *area.get_xlim(), area.get_yscale(), *area.get_ylim()]
-    area.set_gid("area=" + " ".join(e if isinstance(e, str) else f"{e:.9g}" for e in ends))
-    area.xaxis.set_gid("axis=x")
-    area.yaxis.set_gid("axis=y")
-    for line, label in zip(*area.get_legend_handles_labels(), strict=True):
-        line.set_gid(line.get_gid() or f"curve={label}")
+def fill(area, x, low, high, colour, alpha=0.2):
+    """Fill the area between two curves."""
+    area.fill_between(x, low, high, color=colour, alpha=alpha, lw=0)
 
 
 def _in_decades(area):
@@ -238,10 +241,8 @@ def entitle(area, marks, titles):
 
 def write_svg(folder, name, picture):
     """Write a picture as a file of its own, on white."""
-    head = '<svg xmlns="http://www.w3.org/2000/svg" font-family="sans-serif" '
-    head += 'style="background:#ffffff" '
+    text = picture.svg.replace("<svg ", '<svg style="background:#ffffff" ', 1)
     with replaced(folder / f"{name}.svg") as temporary:
-        text = picture.svg.replace("<svg ", head, 1) + "\n"
         temporary.write_text(text, encoding="utf-8", newline="\n")
 
 

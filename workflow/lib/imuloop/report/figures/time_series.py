@@ -4,7 +4,6 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
-import pywt
 
 from imuloop.core.errors import plural
 from imuloop.core.samples import TIME
@@ -16,12 +15,8 @@ from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, Display
 
 # stretches of equal length that a line is cut into; each gives two points
 BUCKETS = 600
-# means that a stretch is cut into before it is smoothed, and stretches of the smooth line
-MEANS, SMOOTH_BUCKETS = 4096, 120
-# four vanishing moments, nearly symmetric: a bend of third order leaves nothing, a step stays put
-WAVELET = "sym4"
-# fewest coefficients on a scale from which its noise can be told
-FEWEST = 32
+# means that a record at rest is shown by
+MEANS = 120
 # what moves is shown as it is, what rests as milli-g or degrees per second about its median
 MOVING = {"accelerometer": Display("m/s²", 1.0), "gyroscope": DEGREE_PER_SECOND}
 RESTING = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
@@ -43,45 +38,17 @@ def extremes(x, buckets=BUCKETS):
     return np.unique([a + end for a, part in parts for end in (part.argmin(), part.argmax())])
 
 
-def smoothed(x):
-    """Return a series, evenly spaced, from which the noise of every scale was shrunk away.
-
-    On each scale the noise's standard deviation is that of the median of the wavelet coefficients,
-    ``σ = median |d| / 0.6745``; a coefficient becomes ``sign(d) max(|d| - σ √(2 ln n), 0)``: of n
-    values of noise none is likely to pass.
-
-    References
-    ----------
-    Donoho, Johnstone, "Ideal spatial adaptation by wavelet shrinkage", Biometrika 81 (1994);
-    Johnstone, Silverman, "Wavelet threshold estimators for data with correlated noise", J. R.
-    Statist. Soc. B 59 (1997), for a threshold on each scale.
-    """
-    levels = int(np.log2(max(len(x) / FEWEST, 1)))
-    if not levels:
-        return x
-    rough, *details = pywt.wavedec(x, WAVELET, mode="symmetric", level=levels)
-    bound = np.sqrt(2 * np.log(len(x))) / 0.6745
-    for d in details:
-        size = np.abs(d)
-        d[:] = np.sign(d) * np.maximum(size - bound * np.median(size), 0.0)
-    return pywt.waverec([rough, *details], WAVELET, mode="symmetric")[: len(x)]
-
-
-def trend(t, x, stretches):
-    """Return a series without what noise explains, not-a-number between two stretches."""
+def means_at_rest(t, x, stretches):
+    """Return times and means of a series over its rests, not-a-number between two of them."""
     times, values = [np.nan], [np.nan]
     for start, end in stretches:
+        count = MEANS * (end - start) // len(t)
         # among many a short one has no width in the picture
-        if (end - start) * BUCKETS < len(t):
+        if not count:
             continue
-        # means of so many samples that a line is no finer than its picture shows
-        count = min(end - start, MEANS)
-        first = np.linspace(0, end - start, count + 1).astype(int)
-        middle = (t[start + first[:-1]] + t[start + first[1:] - 1]) / 2
-        y = smoothed(np.add.reduceat(x[start:end], first[:-1]) / np.diff(first))
-        chosen = extremes(y, max(SMOOTH_BUCKETS * (end - start) // len(t), 2))
-        times += [*middle[chosen], np.nan]
-        values += [*y[chosen], np.nan]
+        edges = np.linspace(start, end, count + 1).astype(int)
+        times += [*(t[edges[:-1]] + t[edges[1:] - 1]) / 2, np.nan]
+        values += [*np.add.reduceat(x[start:end], edges[:-1] - start) / np.diff(edges), np.nan]
     return np.array(times), np.array(values)
 
 
@@ -114,7 +81,7 @@ def _picture(device, session, sensor, t):
     gaps = segments["start_s"][segments["kind"] == GAP]
     still = segments[segments["kind"] == STATIC]
     rests = np.searchsorted(t, still[["start_s", "end_s"]].to_numpy()).tolist()
-    raw, smooth, middle, quiet, square = {}, {}, {}, {}, 0.0
+    raw, means, middle, quiet, square = {}, {}, {}, {}, 0.0
     for axis, channel in zip(XYZ, SENSORS[sensor], strict=True):
         x = session.samples[channel]
         chosen = extremes(x)
@@ -124,14 +91,14 @@ def _picture(device, session, sensor, t):
         if (segments["kind"] == MOTION).any():
             square = square + x**2
         if resting:
-            smooth[axis] = trend(t, x, rests)
+            means[axis] = means_at_rest(t, x, rests)
             # a knock must not flatten the rest: it is cut off at the frame
             ends = [f(x[i:j]) for i, j in rests if i < j for f in (np.min, np.max)]
             low, high = min(ends, default=x.min()), max(ends, default=x.max())
             quiet[axis] = low - 0.3 * (high - low), high + 0.3 * (high - low)
         # last, as it puts x in another order instead of a copy
         middle[axis] = np.median(x, overwrite_input=True) if resting else 0.0
-    lines = {"raw": raw, "smoothed": smooth}
+    lines = {"raw": raw, "means": means}
     unit, size = clock(t[-1])
 
     def plot(areas):
@@ -151,21 +118,21 @@ def _picture(device, session, sensor, t):
             if resting:
                 low, high = ((end - middle[axis]) * display.factor for end in quiet[axis])
                 area.set_ylim(*((low, high) if low < high else (low - 1, high + 1)))
-                line(*smooth[axis], color=INK, lw=1.6, label="without noise (wavelets)")
+                line(*means[axis], color=INK, lw=1.6, label="means")
                 area.set_ylabel(f"{axis}, {display.unit}")
 
     caption = _finding(session, sensor, np.sqrt(np.max(square)))
     if resting:
-        moved = [np.ptp(y[np.isfinite(y)]) for _, y in smooth.values() if np.isfinite(y).any()]
+        moved = [np.ptp(y[np.isfinite(y)]) for _, y in means.values() if np.isfinite(y).any()]
         moves = ", ".join(display.size(m, 2) for m in moved) or NO_NUMBER
         levels = ", ".join(display.size(m, 4) for m in middle.values())
         caption += (
-            f" Without noise it moves by {moves} {display.unit} (x, y, z); shown about the medians "
+            f" Its means move by {moves} {display.unit} (x, y, z); shown about the medians "
             f"{levels} {display.unit}."
         )
-    looks = {"size": (900, 250), "zoom": True}
+    looks = {"size": (900, 250)}
     if resting:
-        looks |= {"size": (900, 310), "rows": (1, 1, 1)}
+        looks = {"size": (900, 310), "rows": (1, 1, 1)}
     stem, kind = f"{session.name}.{sensor}", "Samples over time"
     return drawn(device, stem, kind, caption, plot, _numbers(sensor, lines), **looks)
 
