@@ -6,7 +6,7 @@ from scipy.special import chdtr
 from imuloop.core.errors import joined, plural
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.verdict import TESTED
-from imuloop.report.numbers import missing, number, p_text, percent
+from imuloop.report.numbers import missing, number, p_text
 from imuloop.report.units import RESIDUAL
 
 # verdicts from the best news to none
@@ -51,20 +51,6 @@ EFFECT_WORDS = {
 }
 # an effect that is noise: it can be told from other noise, and not be corrected
 MEMORY = "gauss_markov"
-# what a residual that is left is compared with
-CORRELATES = {f"harmonics_{k}": f"attitude, a pattern of degree {k}" for k in (3, 4, 5)} | {
-    "time": "time",
-    "temperature": "temperature",
-    "temperature_rate": "rate of change of temperature",
-    "pose_variance": "unrest of the samples (variance)",
-    "previous_pose": "attitude of the pose before",
-    "rotation_speed": "speed of the turn",
-    "rotation_angle": "angle of the turn",
-    "duration": "duration of the move",
-    "knock": "knock between two samples",
-}
-# those that have no article
-CHANNELS = ("time", "temperature")
 # of a residual at a floor that is more than the noise as estimated
 SLOW_NOISE = (
     " It takes more flicker or random walk than these rests show, within their intervals: a static "
@@ -76,8 +62,6 @@ SLOW_AT_REST = (
 )
 # share of the floor that its range is worth naming from
 WIDE = 0.1
-# probability of naming one of them by chance, and the share of the residual that is worth naming
-BY_CHANCE, WORTH_NAMING = 0.05, 0.05
 # a reduced χ² below this, less likely than that with the noise as it is, is no luck: a floor that
 # upper limits of slow noise raise comes to half. Parameters that a fit may take from n residuals
 FAR_BELOW, UNLIKELY, MOST_PARAMETERS = 0.05, 1e-3, 9
@@ -89,7 +73,7 @@ WORTH_A_WORD = 0.75
 UNTESTED = {
     "verdict": "not_testable",
     "why": "no recording of this kind",
-    **dict.fromkeys(("effects", "candidates", "confounded", "correlates"), ()),
+    **dict.fromkeys(("effects", "candidates", "confounded"), ()),
     "residuals": {},
 }
 # residuals that a user feels first
@@ -189,24 +173,6 @@ def change(residual, changed):
         verb = "falls" if residual["after"] < residual["before"] else "goes"
         moved = f"{verb} from {before} to {after}"
     return f"held-out root mean square {moved}, {floor}"
-
-
-def correlate_words(name):
-    """Return what a residual was compared with, in words."""
-    return CORRELATES.get(name, name.replace("_", " "))
-
-
-def beyond_chance(probe, count):
-    """Return whether the residual goes with one of `count` probes by more than chance."""
-    return not missing(probe["p_value"]) and probe["p_value"] * count < BY_CHANCE
-
-
-def leading(block):
-    """Return what the residual that is left goes with most; None if with nothing worth naming."""
-    probes = block["correlates"]
-    sure = [c for c in probes if beyond_chance(c, len(probes)) and not missing(c["share"])]
-    found = max(sure, key=lambda c: c["share"], default=None)
-    return found if found and found["share"] >= WORTH_NAMING else None
 
 
 def lacking(block):
@@ -315,12 +281,6 @@ def sentence(sensor, block):
     text += "."
     if verdict in ABOVE:
         text += misfit(block)
-        if probe := leading(block):
-            article = "" if probe["name"] in CHANNELS else "the "
-            text += (
-                f" What is left goes most with {article}{correlate_words(probe['name'])}, which "
-                f"explains {percent(probe['share'])} of it."
-            )
     elif block.get("slow_noise"):
         text += SLOW_AT_REST if "bias" in block["residuals"] else SLOW_NOISE
     text += f" {undersampled(block)[1]}".rstrip()

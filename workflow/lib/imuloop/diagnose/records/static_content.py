@@ -6,7 +6,6 @@ from imuloop.calibrate.noise_components import FARTHEST
 from imuloop.core.effect import Effect
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import residual_entry, search_content, untried
-from imuloop.diagnose.records.probes import of_means
 from imuloop.diagnose.records.static import fitted_effects
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.search import Search
@@ -25,8 +24,7 @@ ONE_ATTITUDE = "in one attitude, without a turn, it cannot be told from the bias
 def searched_content(sensor, finding):
     """Return the contract's fields on what was looked for in a sensor's records, and found."""
     choices, axes = finding.choices, SENSORS[sensor]
-    probes = of_means(choices.problem)
-    found = search_content(choices, finding.effects, finding.others, probes, sensor)
+    found = search_content(choices, finding.effects, finding.others, sensor)
     for entry, own in zip(found["effects"], choices.choice().added, strict=True):
         entry["axis"] = axes[own.trial.axis] if own.change.before.shape[1] == 1 else None
     return found | {"by_session": _by_session(choices)}
