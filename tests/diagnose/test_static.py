@@ -11,13 +11,11 @@ from calibrate.devices import known
 from diagnose.records import LENGTH, record, root, search, temperature
 from imuloop.core.effect import Effect, find_effect
 from imuloop.diagnose.records.moves import separated
-from imuloop.diagnose.records.scan import frequencies
-from imuloop.diagnose.records.slow_noise import hypotheses, prediction_errors, ratios, unit_noise
-from imuloop.diagnose.records.static import covering_part, fitted_effects, information
+from imuloop.diagnose.records.slow_noise import hypotheses, ratios, unit_noise
+from imuloop.diagnose.records.static import fitted_effects, information
 from imuloop.diagnose.records.static_diagnosis import find
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import Ramp
-from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps
 from imuloop.effects.temperature import BiasTemperature
 from seeds import seeds
@@ -44,14 +42,13 @@ def pattern(name, n=N):
     """Return what an effect with a parameter of 1 on each axis adds, (n, 3), and its shape."""
     rec = record(np.zeros((n, 3)))
     known = {"ramp": Ramp(), "steps": Steps((70 * LENGTH,), ("s",))}
-    known["sinusoid"] = Sinusoid(frequencies([rec])[30], ("s",))
     shape = known.get(name) or find_effect(name).shapes(rec.channels)[0]
     at = shape.in_session(rec.channels, "s", rec.windows)
     return at[:, range(3), range(3)], shape
 
 
 # the others are found by their names in other tests, too
-OFTEN = ("bias_temperature", "sinusoid", "steps")
+OFTEN = ("bias_temperature", "steps")
 
 
 @pytest.mark.parametrize(
@@ -74,8 +71,6 @@ def test_each_effect_is_found_by_its_name(name):
     assert np.mean(finding.errors[1] ** 2) < 0.5 * np.mean(finding.errors[0] ** 2)
     if name == "steps":
         assert abs(finding.effects[at].effect.times[0] - shape.times[0]) <= LENGTH
-    if name == "sinusoid":
-        assert finding.effects[at].effect.frequency == pytest.approx(shape.frequency, rel=0.02)
 
 
 def test_devices_without_an_effect_have_none():
@@ -86,8 +81,8 @@ def test_devices_without_an_effect_have_none():
 
 
 def test_two_effects_are_found_one_after_the_other():
-    finding = found(noise(3) + 0.5 * pattern("bias_temperature")[0] + 1.5 * pattern("sinusoid")[0])
-    assert set(names(finding)) == {"bias_temperature", "sinusoid"}
+    finding = found(noise(3) + 0.5 * pattern("bias_temperature")[0] + 4 * pattern("steps")[0])
+    assert set(names(finding)) == {"bias_temperature", "steps"}
 
 
 def test_several_steps_are_found():
@@ -122,14 +117,10 @@ def test_sessions_share_the_parameters_and_have_their_own_levels():
     assert np.isfinite(finding.errors[1]).all()
 
 
-@pytest.mark.parametrize(
-    "kind", ["steps", pytest.param("line in two records", marks=pytest.mark.study)]
-)
-def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it(kind):
+def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it():
     """Whatever the values of a part, what the others choose, estimate and predict stays."""
-    rng, sessions = np.random.default_rng(11), "a" if kind == "steps" else "ab"
-    add = 3 * pattern("steps")[0] if kind == "steps" else pattern("sinusoid")[0]
-    values = {s: noise(30 + k) + add for k, s in enumerate(sessions)}
+    rng = np.random.default_rng(11)
+    values = {"a": noise(30) + 3 * pattern("steps")[0]}
     choices, part = found(values).choices, 4
     assert choices.choice().base
     changed = {s: v.copy() for s, v in values.items()}
@@ -222,18 +213,6 @@ def test_a_parameter_that_axes_share_is_estimated_from_the_rows_of_all(monkeypat
         assert fitted.values["dx"] == pytest.approx(d, abs=0.2)
 
 
-def test_the_next_mean_is_predicted_by_those_before_it():
-    at = record(np.zeros((60, 3))).windows
-    values = np.random.default_rng(9).normal(size=60)
-    # of white noise it is the mean of all before
-    errors = prediction_errors(values, at, unit_noise("N"))
-    before = np.cumsum(values)[:-1] / np.arange(1, 60)
-    np.testing.assert_allclose(errors, [0.0, *(values[1:] - before)], atol=1e-4)
-    # of a walk that is slow beside a window, about the last one
-    errors = prediction_errors(1e3 + np.cumsum(values), at, unit_noise("K"))
-    assert np.std(errors[1:]) < 1.1 * np.std(values[1:])
-
-
 def test_what_records_say_of_parameters_is_what_a_fit_finds():
     """The estimate is its maximum, whatever is beside it; its errors are those of the fit.
 
@@ -269,33 +248,14 @@ def test_what_records_say_of_parameters_is_what_a_fit_finds():
     np.testing.assert_allclose((found[0] / np.outer(size, size))[3:], 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("n", [64, 900])
-def test_a_part_of_other_windows_is_what_its_windows_of_the_fit_cover(n):
-    records = [record(np.random.default_rng(8).normal(size=(n, 3)), name) for name in "ab"]
-    problem = search(records, []).problem
-    each = zip(problem.merged, problem.part_of_windows, strict=True)
-    for number, (own, parts) in enumerate(each):
-        means = covering_part(records[number], problem)
-        assert set(means) == set(range(8))
-        for window, at in zip(own.windows, parts, strict=True):
-            inside = records[number].windows[:, 0] >= window[0]
-            inside &= records[number].windows[:, 1] <= window[1]
-            assert inside.any() and np.all(means[inside] == at)
-        # windows across the edges of parts belong to none
-        across = replace(records[number], windows=records[number].windows + 0.5 * LENGTH)
-        assert np.sum(covering_part(across, problem) == -1) == 8
-    # the start of each record is held out with another part of the other
-    assert covering_part(records[0], problem)[0] == 0 and covering_part(records[1], problem)[0] == 4
-
-
 def test_patterns_of_windows_are_means_of_their_instants():
     at = np.array([[0.0, 10.0], [10.0, 20.0], [20.0, 30.0]])
     instants = np.linspace(0, 30, 30001)[:-1]
-    for effect in (Steps((14.0,), ("s",)), Sinusoid(0.03, ("s",))):
-        dense = effect.in_session(None, "s", np.column_stack([instants, instants]))
-        means = dense.reshape(3, 10000, 3, -1).mean(axis=1)
-        np.testing.assert_allclose(effect.in_session(None, "s", at), means, atol=1e-3)
-        assert not effect.in_session(None, "other", at).any()
+    effect = Steps((14.0,), ("s",))
+    dense = effect.in_session(None, "s", np.column_stack([instants, instants]))
+    means = dense.reshape(3, 10000, 3, -1).mean(axis=1)
+    np.testing.assert_allclose(effect.in_session(None, "s", at), means, atol=1e-3)
+    assert not effect.in_session(None, "other", at).any()
 
 
 def test_the_grid_holds_precisions_of_white_flicker_and_walk():

@@ -139,19 +139,14 @@ def test_the_floor_is_said_with_what_it_takes():
     slow = TURN["poses"] | {"slow_noise": True}
     few = block("consistent", "rotation")
     few["residuals"]["rotation"]["undersampled"] = lost
-    memory = block("explained", "bias", "gauss_markov")
-    still = error("gyroscope's bias at rest", 1e-3, effects=["a Gauss–Markov process"])
     for turn, loop, words in (
         (TURN["poses"], error(), "Left: nothing beyond the noise, which alone gives 0.057°."),
         # slow noise that no rest shows is a guess
         (slow, error(), "Left: nothing beyond the noise, which alone may give 0.057°."),
         (few, error(), "Left: nothing beyond the noise and the rate of the log, which alone give"),
-        (memory, still, "Left: nothing beyond the noise, which has a memory and alone gives 0.057"),
     ):
         found = said(GOOD, {"poses": turn}, loop)
         assert found[-1].startswith(words)
-    # noise with a memory is never said to be corrected
-    assert "correcting" not in " ".join(found)
 
 
 def test_a_residual_far_below_its_noise_is_no_good_news():

@@ -219,26 +219,3 @@ def test_slow_noise_that_no_rest_shows_is_a_guess_in_the_first_answer_too(slow, 
     block = {"verdict": "consistent", "residuals": {"gravity_norm": left}, "slow_noise": slow}
     diagnosis = {"sensors": {"accelerometer": {"poses": UNTESTED | block}}}
     assert answers(diagnosis)[0][2] == f"as good as its noise {verb}"
-
-
-@pytest.mark.parametrize(
-    ("verdict", "effects", "words"),
-    [
-        ("explained", [], "as good as its noise, which has a memory, allows"),
-        (
-            *("explained", ["ramp"]),
-            "as good as its noise, which has a memory, allows with ramp corrected",
-        ),
-        ("partly_explained", [], "its noise has a memory, but something is still missing"),
-        (
-            "partly_explained",
-            ["ramp"],
-            "better with ramp corrected, but something is still missing",
-        ),
-    ],
-)
-def test_noise_with_a_memory_is_named_and_never_said_to_be_corrected(verdict, effects, words):
-    block = UNTESTED | {"verdict": verdict, "why": ""}
-    block["effects"] = [{"name": name} for name in (*effects, "gauss_markov")]
-    diagnosis = {"sensors": {"accelerometer": {"static_record": block}}}
-    assert answers(diagnosis)[0][2] == f"at rest {words}; not tested at poses"

@@ -36,7 +36,6 @@ EFFECT_WORDS = {
     "bias_temperature_rate": "bias over the rate of temperature",
     "g_sensitivity": "g-sensitivity",
     "g2_sensitivity": "g²-sensitivity",
-    "gauss_markov": "a Gauss–Markov process",
     "gyro_axis_delay": "delays between the gyroscope's axes",
     "earth_rate": "Earth rate",
     "quadratic": "quadratic nonlinearity",
@@ -44,13 +43,10 @@ EFFECT_WORDS = {
     "scale_asymmetry": "scale factor asymmetry",
     "scale_nonlinearity": "scale factor nonlinearity",
     "scale_temperature": "scale factor over temperature",
-    "sinusoid": "a sinusoid",
     "steps": "bias steps",
     "turn_on_bias": "turn-on bias",
     "warm_up": "warm-up",
 }
-# an effect that is noise: it can be told from other noise, and not be corrected
-MEMORY = "gauss_markov"
 # of a residual at a floor that is more than the noise as estimated
 SLOW_NOISE = (
     " It takes more flicker or random walk than these rests show, within their intervals: a static "
@@ -338,20 +334,16 @@ def _words(block):
     """Return what a tested block says."""
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
-    found = [e["name"] for e in block["effects"]]
     words = [effect_words(e["name"], e.get("constants")) for e in block["effects"]]
-    effects = joined([own for own in words if own != effect_words(MEMORY)])
-    corrected = f" with {effects} corrected" if effects else ""
-    better = f"better{corrected}" if effects else "its noise has a memory"
+    corrected = f" with {joined(words)} corrected"
     few = undersampled(block)[0]
     # slow noise that the rests do not show is a guess
     verb = "may allow" if block.get("slow_noise") else "allow" if few else "allows"
     limits = "its noise and the log's rate" if few else "its noise"
-    limits += ", which has a memory," if MEMORY in found else ""
     return {
         "consistent": f"as good as {limits} {verb}",
         "explained": f"as good as {limits} {verb}{corrected}",
-        "partly_explained": f"{better}, but something is still missing",
+        "partly_explained": f"better{corrected}, but something is still missing",
         "unexplained": "something is missing that no known effect explains",
     }[block["verdict"]]
 
