@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from imuloop.calibrate.least_squares import SINGULAR, NotConverged, fit, known_rows, why_no_fit
+from imuloop.calibrate.least_squares import SINGULAR, NotConverged, fit, why_no_fit
 
 T = np.linspace(0, 4, 30)
 TRUTH = np.array([2.0, 1.3, -0.4])
@@ -92,13 +92,3 @@ def test_variances_are_those_of_independent_residuals():
             for C in (variance, np.diag(variance))]  # fmt: skip
     for name in ("x", "covariance", "white"):
         np.testing.assert_allclose(*(getattr(f, name) for f in each), rtol=1e-10)
-
-
-def test_rows_of_what_is_known_have_its_covariance():
-    root = np.random.default_rng(4).normal(size=(5, 5)) * [1e-5, 1.0, 1e3, 1e-2, 1.0]
-    rows = known_rows(root.T @ root)
-    np.testing.assert_allclose(np.linalg.inv(rows.T @ rows), root.T @ root, rtol=1e-6)
-    # what is known for certain has next to no variance, and says nothing of the others
-    certain = np.diag([1e-6, 0.0, 4.0])
-    found = np.linalg.inv(known_rows(certain).T @ known_rows(certain))
-    np.testing.assert_allclose(found, certain, atol=1e-11)

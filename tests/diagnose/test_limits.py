@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
 from calibrate.devices import known_noise, planned, recording
 from diagnose.models import of_sensor, pair_of, problem_of, shapes_of
@@ -12,15 +11,13 @@ from diagnose.records import record, root, search
 from diagnose.test_search import with_effect
 from imuloop.core.noise_model import Coefficient
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.limits import LARGEST, detection_limits, least_size
+from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.records.pose_problem import PoseProblem
 from imuloop.effects.drifts import BiasDrift, Ramp, WarmUp
 from imuloop.effects.temperature import BiasTemperature
 from imuloop.simulate.truth import example_truth
 from seeds import least, seeds
 
-# normal quantiles by which a size e times as large is found more often
-STRENGTH = 4.0
 DRIFT = BiasDrift()
 DRIFTS = shapes_of("accelerometer", DRIFT)
 TRUTH = planned(example_truth(rate=50.0), poses=30)
@@ -75,24 +72,3 @@ def test_a_drift_of_its_limit_at_the_poses_is_found_though_a_walk_looks_like_it(
     assert sum(found) >= least(seeds, 0.9, 1 / 35)
     monkeypatch.setattr(PoseProblem, "slow", lambda self, effect: False)
     assert np.median([limit_of(searched(0.0, seed)) for seed in range(3)]) < limit / 2
-
-
-@pytest.mark.parametrize("true", [0.2, 1.0, 7.0])
-@pytest.mark.parametrize("strength", [2.0, 8.0])
-def test_the_least_size_has_the_power(true, strength):
-    def share(size):
-        return norm.cdf(norm.ppf(0.9) + strength * np.log(size / true))
-
-    assert least_size(share, 1.0, 0.9, STRENGTH) == pytest.approx(true, rel=0.05)
-
-
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_what_no_size_or_any_size_shows_has_no_limit(share):
-    tried = []
-
-    def same(size):
-        tried.append(size)
-        return share
-
-    assert least_size(same, 1.0, 0.9, STRENGTH) is None
-    assert 1 / LARGEST < min(tried) and max(tried) < LARGEST

@@ -13,8 +13,6 @@ _STEPS, _TOLERANCE = 200, 1e-10
 LEAST_DOF = 10
 # singular value over the largest, columns of length one, that rounding alone may leave
 _SMALLEST = 1e-10
-# variance over the largest, of parameters divided by their standard errors, that counts as none
-_CERTAIN = 1e-12
 # why there is no fit where numpy.linalg.LinAlgError says so
 SINGULAR = (
     "rounding leaves a covariance or the derivative of the residuals singular: is the noise or the "
@@ -180,14 +178,3 @@ def covariance_of(white):
         raise LinAlgError("singular derivative of the residuals")
     root = axes / values[:, None] / length
     return root.T @ root
-
-
-def known_rows(covariance):
-    """Return rows R, (p, p), with ``Rᵀ R = C⁻¹``: ``R x - z`` has variance one, z of known x.
-
-    What is known for certain is known to a millionth of what is known least.
-    """
-    size = np.sqrt(np.diag(covariance))
-    size = np.where(size > 0, size, 1.0)
-    values, axes = np.linalg.eigh(covariance / np.outer(size, size))
-    return axes.T / np.sqrt(np.maximum(values, _CERTAIN * values[-1]))[:, None] / size
