@@ -81,10 +81,6 @@ def one(i, j, value):
 A, G = "accelerometer", "gyroscope"
 TEMPERATURE, WARM = f"{A}.effects.1", f"{A}.effects.0"
 NO_PATTERN = {"name": "lever_arm", "parameters": {f"r{i}{j}": 0.0 for i in "xyz" for j in "xyz"}}
-ONLY_NOISE = {
-    "name": "gauss_markov",
-    "parameters": {f"{key}{axis}": 0.0 for key in ("q", "tc") for axis in "xyz"},
-}
 SINGULAR = [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
 # what has to be refused
@@ -111,7 +107,6 @@ WRONG = {
     "effect unknown": put(f"{WARM}.name", "magic"),
     "effect of the other sensor": put(f"{G}.effects.0", fitted("quadratic").to_dict()),
     "effect without pattern": put(f"{A}.effects", [NO_PATTERN]),
-    "effect of noise": put(f"{A}.effects", [ONLY_NOISE]),
     "effect twice": put(f"{A}.effects", lambda effects: effects + effects[:1]),
     "effect tau negative": put(f"{WARM}.constants.tau", -100.0),
 }

@@ -7,11 +7,9 @@ import numpy as np
 
 import imuloop.diagnose.diagnose  # noqa: F401  loads the library
 from bench.study import physics
-from bench.study.devices import DEVICES, HEATED_RECORD, Injected
-from bench.study.limits import gauss_markov_limit
+from bench.study.devices import Injected
 from imuloop.core.effect import Effect, find_effect
-from imuloop.diagnose.records.scan import FINENESS
-from imuloop.simulate.truth import GaussMarkovProcess, Popcorn, SpectralLine
+from imuloop.simulate.truth import Popcorn
 
 # how many detection limits large an effect is
 LIMITS = 3.0
@@ -21,22 +19,17 @@ BETWEEN = 1.3
 AT_REST = {
     "accelerometer": (
         "bias_temperature", "scale_temperature", "bias_temperature_rate", "thermal_hysteresis",
-        "warm_up", "ramp", "steps", "sinusoid", "gauss_markov",
+        "warm_up", "ramp", "steps",
     ),
     "gyroscope": (
         "bias_temperature", "bias_temperature_rate", "thermal_hysteresis", "warm_up", "ramp",
-        "steps", "sinusoid", "gauss_markov",
+        "steps",
     ),
 }  # fmt: skip
 # residual at the poses that a pattern of attitude outside the library is sized by, its degree, and
 # how many floors large it is, root mean square
 OUTSIDE = {"accelerometer": ("gravity_norm", 5), "gyroscope": ("pose_rate", 3)}
 FLOORS = 3.0
-# what is at rest random, or of its own time, instead of a function of the channels
-PROCESSES = ("sinusoid", "steps")
-# correlation times of a process, s, and its size for the diagnosis in limits of the noise stage:
-# a smaller one is in the noise, but foretells too little
-TIMES, FORETELLS = (3.0, 100.0), 3.0
 
 
 @dataclass(frozen=True)
@@ -92,7 +85,7 @@ def injected(case, seed, control):
     have a random direction z, ``p_k = 3 d_k z_k`` with ``zᵀ R z = 1``: R, the information of the
     parameters with ones on its diagonal, makes their noncentrality nine times that of one limit.
     At one limit one parameter has it, as the limit says. One that physics bounds is as large
-    as it can be. A line has its limit on one axis, in every session. The direction follows from the
+    as it can be. The direction follows from the
     seed and the names. None where the control, the outcome of the device of that seed without
     effects, has no detection limit: the log cannot show the effect.
     """
@@ -115,9 +108,6 @@ def injected(case, seed, control):
         return (Injected(case.sensor, "product", values, limits=case.limits, extra=extra),)
     made = []
     for name in case.names:
-        if name == "gauss_markov":
-            made.append(_process(case, rng))
-            continue
         candidate = next(c for c in found["candidates"] if c["name"] == name)
         if not candidate["detection_limit"]:
             return None
@@ -131,30 +121,6 @@ def injected(case, seed, control):
     return tuple(made)
 
 
-def _process(case, rng):
-    """Return a process, sized on each axis by the limit at which the noise stage finds it there."""
-    truth = DEVICES[case.record](case.plan)
-    noise = getattr(truth, case.sensor).noise
-    length = int(truth.rate * sum(plan.duration_s for plan in truth.sessions.values()))
-    tc = float(np.exp(rng.uniform(*np.log(TIMES))))
-    limit = [
-        gauss_markov_limit(np.array([0.0, n**2, b**2, 0.0]), tc, length, truth.rate)
-        for n, b in zip(noise.N, noise.B, strict=True)
-    ]
-    z = rng.standard_normal(3)
-    size = FORETELLS * case.limits * np.abs(z) / np.linalg.norm(z) * limit
-    process = GaussMarkovProcess(tuple(size.tolist()), tc)
-    values = dict(zip(("qx", "qy", "qz"), process.q, strict=True))
-    return Injected(
-        case.sensor,
-        "gauss_markov",
-        values,
-        {"tc": tc},
-        case.limits,
-        noise={"gauss_markov": (process,)},
-    )
-
-
 def _injected(case, name, candidate, alike, rng):
     """Return one effect of as many detection limits as the case has."""
     sensor, limits = case.sensor, case.limits
@@ -162,17 +128,13 @@ def _injected(case, name, candidate, alike, rng):
     known = list(limit)
     for key in constants.keys() & {"tau", "half_width", "lag"}:
         constants[key] *= BETWEEN ** rng.uniform(-1, 1)
-    if name == "sinusoid":
-        # every frequency of a grid is searched, and noise depends on it: half a step off at most
-        constants["frequency"] += rng.uniform(-0.5, 0.5) / (FINENESS * HEATED_RECORD[-1][0])
     z = rng.standard_normal(len(known))
     if name == "bias_temperature":
         # of first order; whatever order the control's diagnosis looked at last
         z *= [key.startswith("c1") for key in known]
-    if name == "sinusoid" or limits == 1:
-        # a limit is of one parameter alone; of a line the amplitude in every session, on one axis
-        shown = np.flatnonzero(z)[: 3 if name == "sinusoid" else None]
-        z *= np.arange(len(known)) == rng.choice(shown)
+    if limits == 1:
+        # a limit is of one parameter alone
+        z *= np.arange(len(known)) == rng.choice(np.flatnonzero(z))
     z *= limits / np.sqrt(z @ alike @ z)
     # of a size without a limit nothing is put in
     values = dict.fromkeys(candidate.get("parameters", ()), 0.0)
@@ -180,16 +142,11 @@ def _injected(case, name, candidate, alike, rng):
     largest, bound = max(map(abs, values.values())), find_effect(name).limit
     size = limits * min(1.0, bound / largest)
     values = {key: float(value * size / limits) for key, value in values.items()}
-    if name not in PROCESSES or case.record == "poses":
+    if name != "steps" or case.record == "poses":
         extra = partial(physics.EFFECTS[name], p=values, c=constants)
         return Injected(sensor, name, values, constants, size, extra)
-    if name == "sinusoid":
-        # that amplitude in every session, its phases left to the simulator
-        amplitude = (max(abs(v) for key, v in values.items() if key[1] == axis) for axis in "xyz")
-        noise = SpectralLine(tuple(amplitude), constants["frequency"])
-    else:
-        # of the first size, at one time in the middle part of every session
-        first = tuple(values["h1" + axis] for axis in "xyz")
-        noise = Popcorn(first, (float(rng.uniform(900, 2700)),))
-        constants = {"times": noise.times}
+    # of the first size, at one time in the middle part of every session
+    first = tuple(values["h1" + axis] for axis in "xyz")
+    noise = Popcorn(first, (float(rng.uniform(900, 2700)),))
+    constants = {"times": noise.times}
     return Injected(sensor, name, values, constants, size, noise={name: (noise,)})

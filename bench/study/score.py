@@ -7,8 +7,6 @@ from imuloop.diagnose.settings import DiagnoseSettings
 
 # what a record at rest calls an effect that the poses know by another name
 SAME = {"bias_drift": "ramp"}
-# noise: its own part of the error stays, whatever its name
-STAYS = {"gauss_markov"}
 # largest ratio of the held-out error to that of the device without the effect
 RATIO = 1.25
 # largest error of a parameter, in its standard error
@@ -107,11 +105,9 @@ def judge(case, outcome):
 def ratio(case, outcome, whole=False):
     """Return the held-out error after over that of the control, the largest of the residuals.
 
-    None for noise, which has a name but cannot be subtracted. For steps in a static record only the
-    blocks of time count in which none happened, but for the `whole`: no other block tells when.
+    For steps in a static record only the blocks of time count in which none happened, but for the
+    `whole`: no other block tells when.
     """
-    if STAYS & {*case.names}:
-        return None
     found, control = (
         outcome[who]["sensors"][case.sensor][case.record] for who in ("diagnosis", "control")
     )

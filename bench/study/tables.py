@@ -44,7 +44,7 @@ def bounds(outcomes):
     found = [(case, made) for case, made, j in one if j["right"]]
     steps = [ratio(case, made, whole=True) for case, made in found if "steps" in case.names]
     of_poses = [(c, made) for c, made, _ in judged(outcomes) if c.record == "poses"]
-    ratios = np.array([r for each in found if (r := ratio(*each)) is not None])
+    ratios = np.array([ratio(*each) for each in found])
     errors = np.concatenate([[], *(pulls(made) for _, made in found)])
     base = np.concatenate([[], *(base_pulls(*each) for each in of_poses)])
     held = np.array([r for _, made, _ in judged(outcomes) for r in settled(made)])
@@ -95,7 +95,7 @@ def row(case, each):
         return (names, case.sensor, case.record, "not shown by this log", *"–––––")
     found = [made for _, made, j in each if j.get("right") and not j["missed"]]
     errors = np.concatenate([[], *map(pulls, found)])
-    ratios = [r for made in found if (r := ratio(case, made)) is not None]
+    ratios = [ratio(case, made) for made in found]
     verdicts = [
         part[case.record]["verdict"]
         for _, made, _ in each

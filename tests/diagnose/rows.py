@@ -23,7 +23,7 @@ class Column:
     name = "column"
     parameters = {"p": "1"}  # noqa: RUF012
     limit, price, after_temperature, is_formula = np.inf, 0.0, False, False
-    together, moved, kind = Effect.together, Effect.moved, Effect.kind
+    moved, kind = Effect.moved, Effect.kind
 
 
 @dataclass(frozen=True)

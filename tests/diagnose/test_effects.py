@@ -20,7 +20,7 @@ from imuloop.simulate.truth import example_truth
 from property.strategies import G
 
 BOTH = """bias_temperature scale_temperature bias_temperature_rate thermal_hysteresis warm_up
-    bias_drift time_offset turn_on_bias gauss_markov sinusoid steps ramp product"""
+    bias_drift time_offset turn_on_bias steps ramp product"""
 CONTRACT = {
     "accelerometer": f"""{BOTH} quadratic cubic asymmetry cross_coupling reorientation
         vibration_rectification lever_arm rate_sensitivity""",
@@ -138,11 +138,9 @@ FORMULAS = (
 )
 EVERY = [shape for name, e in Effect.library.items() for shape in (e.shapes(log()) or (e(),))]
 EVERY += [find_effect("product")(*formula) for formula in FORMULAS]
-# of the means of a static record alone
-WITHOUT_DESIGN = ("gauss_markov", "sinusoid")
 
 
-@pytest.mark.parametrize("shape", [s for s in EVERY if s.name not in WITHOUT_DESIGN], ids=str)
+@pytest.mark.parametrize("shape", EVERY, ids=str)
 def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(shape):
     """A part of a log gives what the whole log does, or the effect is `timed` or has a `reach`.
 

@@ -7,15 +7,13 @@ import pytest
 
 from calibrate.devices import known_noise, planned, recording
 from diagnose.models import of_sensor, pair_of, problem_of, shapes_of
-from diagnose.records import record, root, search, windows
+from diagnose.records import record, root, search
 from diagnose.test_search import with_effect
 from imuloop.core.noise_model import Coefficient
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.records.pose_problem import PoseProblem
-from imuloop.diagnose.records.static import StaticProblem
 from imuloop.effects.drifts import BiasDrift, Ramp, WarmUp
-from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.temperature import BiasTemperature
 from imuloop.simulate.truth import example_truth
 from seeds import least, seeds
@@ -50,22 +48,6 @@ def test_an_effect_of_its_limit_is_found_nine_times_in_ten(effect, name, slow, s
     # each record knows its noise only so well
     assert kept >= least(seeds, 0.9, 1e-5)
     assert 0.3 < np.min(limits) / np.max(limits)
-
-
-def test_a_line_has_its_limit_on_one_axis_in_every_session(monkeypatch):
-    monkeypatch.setattr(StaticProblem, "scans", {})
-    rng, n = np.random.default_rng(10), 120
-    t = windows(n).mean(axis=1)
-
-    def line(sessions):
-        records = [record(rng.standard_normal((n, 3)), session) for session in sessions]
-        one = search(records, [Sinusoid(9 / t[-1], tuple(sessions))])
-        return detection_limits(one, (), one.trial((), Sinusoid), 0.9)
-
-    limits, alone = line("ab"), line("a")
-    assert limits["cx_a"] == limits["cx_b"] and limits["sz_a"] == limits["sz_b"]
-    # two sessions show more, of twice as many parameters
-    assert 0.6 < limits["cx_a"] / alone["cx"] < 0.95
 
 
 def searched(size, seed):

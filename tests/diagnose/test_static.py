@@ -6,12 +6,10 @@ import pytest
 from diagnose.records import LENGTH, record, root, search
 from imuloop.core.effect import find_effect
 from imuloop.diagnose.records.moves import separated
-from imuloop.diagnose.records.scan import frequencies
 from imuloop.diagnose.records.static import fitted_effects, information
 from imuloop.diagnose.records.static_diagnosis import find
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import Ramp
-from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps
 from imuloop.effects.temperature import BiasTemperature
 from seeds import seeds
@@ -38,14 +36,13 @@ def pattern(name, n=N):
     """Return what an effect with a parameter of 1 on each axis adds, (n, 3), and its shape."""
     rec = record(np.zeros((n, 3)))
     known = {"ramp": Ramp(), "steps": Steps((70 * LENGTH,), ("s",))}
-    known["sinusoid"] = Sinusoid(frequencies([rec])[30], ("s",))
     shape = known.get(name) or find_effect(name).shapes(rec.channels)[0]
     at = shape.in_session(rec.channels, "s", rec.windows)
     return at[:, range(3), range(3)], shape
 
 
 # the others are found by their names in other tests, too
-OFTEN = ("bias_temperature", "sinusoid", "steps")
+OFTEN = ("bias_temperature", "steps")
 
 
 @pytest.mark.parametrize(
@@ -68,8 +65,6 @@ def test_each_effect_is_found_by_its_name(name):
     assert np.mean(finding.errors[1] ** 2) < 0.5 * np.mean(finding.errors[0] ** 2)
     if name == "steps":
         assert abs(finding.effects[at].effect.times[0] - shape.times[0]) <= LENGTH
-    if name == "sinusoid":
-        assert finding.effects[at].effect.frequency == pytest.approx(shape.frequency, rel=0.02)
 
 
 def test_devices_without_an_effect_have_none():
@@ -80,8 +75,8 @@ def test_devices_without_an_effect_have_none():
 
 
 def test_two_effects_are_found_one_after_the_other():
-    finding = found(noise(3) + 0.5 * pattern("bias_temperature")[0] + 1.5 * pattern("sinusoid")[0])
-    assert set(names(finding)) == {"bias_temperature", "sinusoid"}
+    finding = found(noise(3) + 0.5 * pattern("bias_temperature")[0] + 4 * pattern("steps")[0])
+    assert set(names(finding)) == {"bias_temperature", "steps"}
 
 
 def test_several_steps_are_found():
@@ -104,14 +99,10 @@ def test_sessions_share_the_parameters_and_have_their_own_levels():
     assert np.isfinite(finding.errors[1]).all()
 
 
-@pytest.mark.parametrize(
-    "kind", ["steps", pytest.param("line in two records", marks=pytest.mark.study)]
-)
-def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it(kind):
+def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it():
     """Whatever the values of a part, what the others choose, estimate and predict stays."""
-    rng, sessions = np.random.default_rng(11), "a" if kind == "steps" else "ab"
-    add = 3 * pattern("steps")[0] if kind == "steps" else pattern("sinusoid")[0]
-    values = {s: noise(30 + k) + add for k, s in enumerate(sessions)}
+    rng = np.random.default_rng(11)
+    values = {"a": noise(30) + 3 * pattern("steps")[0]}
     choices, part = found(values).choices, 4
     assert choices.choice().base
     changed = {s: v.copy() for s, v in values.items()}

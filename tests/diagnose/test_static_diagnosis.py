@@ -1,6 +1,5 @@
 """Static records from samples to the fields of the diagnosis, the calibration and the noise."""
 
-from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
@@ -9,9 +8,7 @@ import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
-from calibrate.devices import known
 from diagnose.test_static_windows import calibration
-from imuloop.core.noise_model import GaussMarkovTerm
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.diagnose.records.rests import StaticData
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
@@ -19,7 +16,6 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
-from imuloop.simulate.noise import gauss_markov
 
 RATE, SECONDS, WHITE = 4.0, 4000.0, 0.02
 SETTINGS = DiagnoseSettings()
@@ -60,8 +56,8 @@ def noise_of(made):
 def diagnosed(made, noise=None):
     records = {s: made.records(s, calibration(), SETTINGS.mean_time) for s in SENSORS}
     noise, tests = noise or noise_of(made), static_tests(records, SETTINGS)
-    known = noise.model, noise.curve_fit
-    return diagnose_static(made, records, calibration(), *known, SETTINGS, NoiseSettings(), tests)
+    how = SETTINGS, NoiseSettings(), tests
+    return diagnose_static(made, records, calibration(), noise.model, *how)
 
 
 @pytest.fixture(scope="module")
@@ -175,47 +171,6 @@ def test_what_no_candidate_is_stays_unexplained(no_limits, still):
     for content in result.content.values():
         assert (content["verdict"], content["effects"]) == ("unexplained", [])
         assert content["residuals"]["bias"]["chi2_after"] > 2
-        assert {c["name"] for c in content["correlates"]} >= {"time", "temperature"}
-
-
-def test_a_process_is_that_of_the_noise_stage(no_limits):
-    """One detector: name, coefficients and intervals are those of noise.json."""
-    q, tc = 0.01, 20.0
-
-    def wanders(t):
-        found = np.zeros((len(t), 6))
-        found[:, 4] = gauss_markov(len(t), 1 / RATE, q, tc, np.random.default_rng(8))
-        return found
-
-    made = data(a=log(8, extra=wanders))
-    noise = noise_of(made)
-    (term,) = noise.model.axes["gy"].gauss_markov
-    content = diagnosed(made, noise).content
-    assert content["accelerometer"]["verdict"] == "consistent"
-    found = content["gyroscope"]
-    (effect,) = found["effects"]
-    assert (effect["name"], effect["axis"], found["verdict"]) == ("gauss_markov", "gy", "explained")
-    assert effect["parameters"] == {"qy": term.q.value, "tcy": term.tc.value}
-    assert 0.7 < term.q.value / q < 1.4
-    for name, c in (("qy", term.q), ("tcy", term.tc)):
-        assert effect["std"][name] == pytest.approx((c.ci95[1] - c.ci95[0]) / 3.92)
-    low, high = effect["ratio_ci95"]
-    assert low <= effect["heldout_after"] / effect["heldout_before"] <= high < 1
-    # it is in the floor
-    residual = found["residuals"]["bias"]
-    assert residual["after"] == pytest.approx(residual["floor"], rel=0.3)
-
-
-def test_a_process_that_predicts_nothing_better_is_no_effect(no_limits, still):
-    """An effect lowers an error on unseen data, whatever a spectrum looked like."""
-    made, noise = still
-    term = GaussMarkovTerm(known(0.01), known(20.0))
-    own = replace(noise.model.axes["gz"], gauss_markov=(term,))
-    noise = replace(noise, model=replace(noise.model, axes=noise.model.axes | {"gz": own}))
-    found = diagnosed(made, noise).content["gyroscope"]
-    assert (found["verdict"], found["effects"]) == ("consistent", [])
-    (candidate,) = (c for c in found["candidates"] if c["name"] == "gauss_markov")
-    assert candidate["status"] == "not_observable" and "predicts no mean better" in candidate["why"]
 
 
 def test_too_short_and_silent_records_say_why(no_limits, still):

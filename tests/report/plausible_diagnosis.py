@@ -146,11 +146,6 @@ def static_diagnosis(sensor, sessions, verdict, rng):
     }
     block["residuals"] = {"bias": bias}
     block["points"] = [p for s in sessions for p in _means(s, size, fall, found, rng)]
-    if verdict in ("unexplained", "partly_explained"):
-        block["correlates"] = [
-            {"name": "temperature_rate", "residual": "bias", "share": 0.62, "p_value": 0.0},
-            {"name": "time", "residual": "bias", "share": 0.04, "p_value": 0.3},
-        ]
     if found:
         name, constants = "bias_temperature", {"order": 1, "reference_temperature": 25.0}
         values = _axes("c1", 3e-4 if sensor == "accelerometer" else 2e-5)

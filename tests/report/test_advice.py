@@ -130,7 +130,7 @@ def test_what_both_sensors_leave_beside_a_reference_is_one_step(good):
             "verdict": "unexplained",
             "set_up": {},
             "residuals": {name: residual},
-            **{k: [] for k in ("effects", "candidates", "confounded", "correlates")},
+            **{k: [] for k in ("effects", "candidates", "confounded")},
         }
     steps = [s.replace("\u202f", " ") for s in next_steps(good(diagnosis=content))]
     [step] = [s for s in steps if "eside a reference" in s]

@@ -19,7 +19,6 @@ from imuloop.report.verdict import (
     UNTESTED,
     answers,
     blocks,
-    leading,
     sentence,
     too_quiet,
 )
@@ -60,24 +59,6 @@ def test_the_ranking_does_not_depend_on_the_order_of_the_file(devices):
     assert names == ["g_sensitivity", "bias_drift", "earth_rate", "bias_temperature"]
     force = devices["board"].diagnosis["sensors"]["accelerometer"]["poses"]
     assert [c["name"] for c in ranked(force)][:2] == ["cubic", "quadratic"]
-
-
-def test_a_residual_goes_with_what_is_no_chance_among_all_probes():
-    def probe(name, share, p):
-        return {"name": name, "share": share, "p_value": p}
-
-    # 0.04 alone would pass 0.05, one of three does not
-    chance = [
-        probe("time", 0.3, 0.04),
-        probe("harmonics_3", 0.1, 0.5),
-        probe("harmonics_4", 0.1, 0.6),
-    ]
-    assert leading({"correlates": chance}) is None
-    assert (
-        leading({"correlates": [*chance, probe("temperature", 0.2, 0.0)]})["name"] == "temperature"
-    )
-    # sure, but next to nothing
-    assert leading({"correlates": [probe("temperature", 0.01, 0.0)]}) is None
 
 
 def test_temperatures_are_those_of_the_windows(devices):
@@ -123,9 +104,6 @@ def test_a_static_record_shows_what_the_correction_changed(devices):
     assert row[1:3] == ("µg", "102.0\u202f±\u202f5.2 → 10.20\u202f±\u202f0.52")
     assert len(part["corrected"]) == len(part["bias"]) == 2
     assert "20.5 to 34.5 °C" in part["bias"][0].caption
-    left = parts["Gyroscope, static record"]
-    assert "62\u202f%" in left["correlates"][0].caption and "rate of change" in left["sentence"]
-    assert "several rates" in left["next_step"]
 
 
 def test_a_residual_far_below_its_noise_is_no_good_news():

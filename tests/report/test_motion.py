@@ -22,7 +22,6 @@ def diagnosis(verdict, left_out=0, **effects):
     common = {
         "verdict": verdict,
         "residuals": {"velocity_vertical": RESIDUAL},
-        "correlates": [],
         "confounded": [],
         "moves": {"all": 37, "left_out": left_out},
     }

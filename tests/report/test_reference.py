@@ -30,7 +30,7 @@ SET_UP = {
 def block(sessions=2, **more):
     kept = {"verdict": "partly_explained", "residuals": {"reference_force": RESIDUAL}}
     kept |= {"effects": [ARM], "set_up": {f"hand_{k}": SET_UP for k in range(sessions)}}
-    return {key: [] for key in ("candidates", "confounded", "correlates")} | kept | more
+    return {key: [] for key in ("candidates", "confounded")} | kept | more
 
 
 def test_a_picture_shows_every_window(tmp_path):

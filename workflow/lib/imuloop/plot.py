@@ -19,7 +19,6 @@ WORDS = {
     "residuals": "Draw the held-out residuals of poses, moves and reference.",
     "bias": "Draw the bias over time at rest.",
     "corrected": "Draw the Allan deviation as logged and with the effects removed.",
-    "correlates": "Draw what the residual that is left goes with.",
 }
 
 

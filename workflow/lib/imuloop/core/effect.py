@@ -135,10 +135,6 @@ class Effect:
         constants = [n for n in FINE if hasattr(self, n)]
         return replace(self, **{n: float(factor * getattr(self, n)) for n in constants})
 
-    def together(self, name):
-        """Return the parameters that a detection limit sets equal to one, itself included."""
-        return (name,)
-
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
         Effect.library[cls.name] = cls

@@ -2,18 +2,17 @@
 
 import numpy as np
 
-from imuloop.diagnose.correlates import correlates
 from imuloop.diagnose.likeness import holder, imitated, twin
 from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.residuals import size
 from imuloop.diagnose.verdict import above_floor, why_not_shown
 
 
-def search_content(choices, fitted, others, probes, sensor):
+def search_content(choices, fitted, others, sensor):
     """Return the fields of a sensor's search: candidates, and effects that were found.
 
     `fitted` are the effects that the choices added, `others` status and reason of what cannot be
-    tried, `probes` as of `correlates`.
+    tried.
     """
     problem, choice = choices.problem, choices.choice()
     every = (*problem.shapes, *problem.scans)
@@ -37,7 +36,6 @@ def search_content(choices, fitted, others, probes, sensor):
             *(untried(cls.name, *reason) for cls, reason in others.items()),
         ],
         "confounded": imitated(choices.search(), [k for k in kinds if not k.is_formula]),
-        "correlates": correlates(choices.search(), choice.base, probes),
     }
 
 

@@ -19,7 +19,6 @@ from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.prior import data_sheets
 from imuloop.calibrate.recording import Recording
 from imuloop.core.calibration_faults import implausible
-from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
@@ -85,8 +84,7 @@ def diagnose_device(
     # first the static records: the poses have their effects too, and the noise without these; but
     # a rest of the poses' own log is one attitude and a start, and they judge for themselves
     still = diagnose_static(
-        *(data, records, base, model, read_json(noise)["curve_fit"]),
-        *(settings, noise_settings, tests),
+        *(data, records, base, model, settings, noise_settings, tests),
     )
     has_static_session = "static" in data.kinds.values()
     found, information = (), None

@@ -1,7 +1,7 @@
 """Evidence: products of residuals and patterns under every hypothesis about the noise."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -78,8 +78,6 @@ class Evidence:
     as_estimated_mask: np.ndarray | None = None
     # hypothesis at which nuisances are estimated; that of the parameters by default
     nuisance_index: int | None = None
-    # squares of records of noise that were drawn, by group and record: see `limits`
-    squares: dict = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self):
         """Enter the residuals of each axis."""
@@ -161,6 +159,11 @@ class Evidence:
     def release(self):
         """Free the memory of all fits; they are recomputed if needed."""
         self._training_fits.clear()
+
+    @property
+    def row_parts(self):
+        """The parts of all rows, (N, 2), as of `RowGroup`."""
+        return np.concatenate([g.row_parts for g in self.row_groups])
 
     def split(self, rows):
         """Return an array of all rows, shape (N, …), group by group."""

@@ -21,7 +21,7 @@ LEFT = ("unexplained", "partly_explained")
 
 def not_testable(why):
     """Return the contract's fields where nothing could be tested, with the reason, text."""
-    lists = ("effects", "candidates", "confounded", "correlates")
+    lists = ("effects", "candidates", "confounded")
     return {"verdict": "not_testable", "why": why, "residuals": {}} | {name: [] for name in lists}
 
 

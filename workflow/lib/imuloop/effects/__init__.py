@@ -7,9 +7,9 @@ from imuloop.core.effect import Effect
 
 # order of results alone: an effect that is not named here stands after these
 _ORDER = """anisoinertia asymmetry bias_drift bias_temperature bias_temperature_rate cross_coupling
-    cubic vibration_rectification earth_rate g2_sensitivity g_sensitivity gauss_markov
+    cubic vibration_rectification earth_rate g2_sensitivity g_sensitivity
     gyro_axis_delay lever_arm product quadratic ramp rate_sensitivity reorientation scale_asymmetry
-    scale_nonlinearity scale_temperature sinusoid steps thermal_hysteresis time_offset turn_on_bias
+    scale_nonlinearity scale_temperature steps thermal_hysteresis time_offset turn_on_bias
     warm_up""".split()
 
 for _module in iter_modules(__path__):

@@ -1,19 +1,12 @@
 """Samples of static records corrected for the added effects, and their noise."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from imuloop.core.effect import Channels
-from imuloop.core.noise_model import Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.rest_log import other_sensor
 from imuloop.core.samples import CHANNELS, OWN_TIME, SENSORS, TEMPERATURE, TIME
-from imuloop.effects.sinusoid import Sinusoid as SinusoidEffect
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
-
-# lines nearer than this share of their frequency are one
-SAME_LINE = 0.05
 
 
 def corrected(session, log, calibration, found):
@@ -48,7 +41,7 @@ def corrected(session, log, calibration, found):
 
 
 def noise_again(device, data, calibration, found, noise_settings):
-    """Return the NoiseResult of the corrected StaticData, and their Allan tables by session."""
+    """Return the NoiseModel of the corrected StaticData, and their Allan tables by session."""
     sessions = [
         RecordedSession(
             name,
@@ -64,33 +57,4 @@ def noise_again(device, data, calibration, found, noise_settings):
         for name, table in result.allan.items()
         if len(table["tau_s"])
     }
-    return result, tables
-
-
-def with_lines(model, found):
-    """Return a NoiseModel with the lines among the FittedEffects of each sensor.
-
-    A line that was taken out of the record is noise elsewhere: there its phase is not known.
-    """
-    axes = dict(model.axes)
-    for sensor, names in SENSORS.items():
-        lines = [e for e in found.get(sensor, ()) if isinstance(e.effect, SinusoidEffect)]
-        for place, name in enumerate(names):
-            for effect in lines:
-                axes[name] = _with_line(axes[name], effect, place)
-    return NoiseModel(model.device, axes)
-
-
-def _with_line(noise, fitted, place):
-    names = [n for n in fitted.values if n[1] == "xyz"[place]]
-    sessions = len(names) / 2
-    amplitude = np.sqrt(sum(fitted.values[n] ** 2 for n in names) / sessions)
-    error = np.sqrt(sum(fitted.std[n] ** 2 for n in names) / len(names) / sessions)
-    line = SinusoidTerm(
-        Coefficient.of(amplitude, error), Coefficient.of(fitted.effect.frequency, 0.0)
-    )
-    # the noise stage may have found the same one
-    others = (
-        s for s in noise.sinusoid if abs(s.frequency.value / line.frequency.value - 1) > SAME_LINE
-    )
-    return replace(noise, sinusoid=(*others, line))
+    return result.model, tables

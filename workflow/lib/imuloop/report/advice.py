@@ -23,7 +23,6 @@ from imuloop.report.verdict import (
     PARTS,
     block_of,
     blocks,
-    leading,
     left_over,
     misfit,
     shown,
@@ -46,45 +45,25 @@ _EARTH = (
     "no model here: it may be all of this."
 )
 
-# what a person can do about a residual, by what it goes with
-_ATTITUDE = (
-    "Add attitudes between those that stand out, and repeat a few of them: what comes back in the "
-    "same attitude is the sensor, what does not was the pose."
+# what a person can do about a residual
+_KNOCK = (
+    "Low-pass the accelerometer below half the rate of the log, and set the device down softly: a "
+    "knock between two samples is velocity that nobody sees."
 )
-_NEXT = {
-    "harmonics_3": _ATTITUDE,
-    "harmonics_4": _ATTITUDE,
-    "harmonics_5": _ATTITUDE,
-    "time": "Let the device warm up first and record the same again: what comes back at the same "
-    "time after power-on is the device, what does not is its surroundings or a random walk.",
-    "temperature": "Heat and cool slowly within one record, so that each temperature comes twice.",
-    "temperature_rate": "Change the temperature at several rates and hold it in between: the "
-    "thermometer may lag behind the sensor.",
-    "pose_variance": "Lay the device down instead of holding it, on something heavy and away from "
-    "fans.",
-    "previous_pose": "Wait longer after each turn, and take the same attitudes in another order.",
-    "knock": "Low-pass the accelerometer below half the rate of the log, and set the device down "
-    "softly: a knock between two samples is velocity that nobody sees.",
-    "rotation_speed": "Turn at varied speeds, in both senses about every axis, and check the full "
-    "scale and the rate of the log.",
-}
-_LOOK = (
-    "Nothing that it was compared with explains much of it: look in the pictures for poses or "
-    "times that stand out."
-)
+_LOOK = "Look in the pictures for poses or times that stand out."
 _LOOK_BESIDE = (
-    "Nothing that it was compared with explains much of it: see in the picture when it is large. "
-    "In fast turns suspect the filters and the full scale of both, in some attitudes markers that "
-    "are hidden or slip, all along the smoothing of the reference."
+    "See in the picture when it is large. In fast turns suspect the filters and the full scale of "
+    "both, in some attitudes markers that are hidden or slip, all along the smoothing of the "
+    "reference."
 )
 
 
 def what_next(block):
     """Return what a person can do about the residual that is left."""
-    probe, moves = leading(block), block.get("moves", {})
-    spoiled = moves.get("left_out", 0) > MANY * moves.get("all", 0)
-    look = _LOOK_BESIDE if "set_up" in block else _LOOK
-    return _NEXT.get(probe["name"] if probe else "knock" if spoiled else None, look)
+    moves = block.get("moves", {})
+    if moves.get("left_out", 0) > MANY * moves.get("all", 0):
+        return _KNOCK
+    return _LOOK_BESIDE if "set_up" in block else _LOOK
 
 
 def next_steps(device):

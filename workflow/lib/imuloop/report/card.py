@@ -8,7 +8,6 @@ from imuloop.report.units import RESIDUAL
 from imuloop.report.verdict import (
     ABOVE,
     BOTH,
-    MEMORY,
     PARTS,
     RESIDUAL_WORDS,
     block_of,
@@ -130,14 +129,12 @@ def _path(error):
     sizes = [error[stage] for stage in ("logged", "calibrated", "final")]
     logged, calibrated, final = sizes
     first, middle, last = (RESIDUAL[error["unit"]].text(size, 2) for size in sizes)
-    effects = [name for name in error["effects"] if name != effect_words(MEMORY)]
-    step = {0: "knowing the memory of the noise", 1: "correcting the effect"}
     steps = []
     if logged is not None:
         steps.append(f"calibrating takes {first} to {middle}{_less(logged, calibrated)}")
     if final is not None:
         start = "that" if steps else middle
-        words = step.get(len(effects), "correcting the effects")
+        words = "correcting the effects" if len(error["effects"]) > 1 else "correcting the effect"
         steps.append(f"{words} takes {start} to {last}{_less(calibrated, final)}")
     what = f"{error['what'][:1].upper()}{error['what'][1:]}"
     return f"{what}: {'; '.join(steps) or middle}."
@@ -186,13 +183,11 @@ def _noise(within, errors):
     """Return that nothing is left but the noise, and what that alone gives of each error."""
     slow = any(block.get("slow_noise") for *_, block in within)
     few = any(undersampled(block)[0] for *_, block in within)
-    memory = any(e["name"] == MEMORY for *_, block in within for e in block["effects"])
     text = f"Left: nothing beyond the noise{' and the rate of the log' if few else ''}"
     floors = joined([RESIDUAL[error["unit"]].text(error["floor"], 2) for error in errors])
     # slow noise that the rests do not show is a guess
-    gives = f"alone {'may give' if slow else 'give' if few else 'gives'} {floors}" * bool(floors)
-    ends = [*["has a memory"] * memory, *[gives] * bool(gives)]
-    return f"{text}{', which ' * bool(ends)}{' and '.join(ends)}."
+    gives = f", which alone {'may give' if slow else 'give' if few else 'gives'} {floors}"
+    return f"{text}{gives * bool(floors)}."
 
 
 def _untested(diagnosis):

@@ -4,13 +4,12 @@ from imuloop.report.figures.allan import allan_pictures, corrected_pictures
 from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.bias import bias_pictures
-from imuloop.report.figures.correlates import correlate_pictures
 from imuloop.report.figures.loop import device_loop
 from imuloop.report.figures.poses import pose_picture
 from imuloop.report.figures.residuals import residual_pictures
 from imuloop.report.figures.spectrum import density_pictures
 from imuloop.report.figures.time_series import session_pictures
-from imuloop.report.verdict import ABOVE, blocks
+from imuloop.report.verdict import blocks
 
 
 def _residuals(device, sensor, part, block):
@@ -23,10 +22,6 @@ def _residuals(device, sensor, part, block):
 def _corrected(device, sensor, part, block):
     known = part == "static_record" and block["effects"]
     return corrected_pictures(device, sensor) if known else []
-
-
-def _correlates(device, sensor, part, block):
-    return correlate_pictures(device, sensor, part, block) if block["verdict"] in ABOVE else []
 
 
 def _only(picture):
@@ -48,7 +43,6 @@ OF_RECORD = {
     "residuals": _residuals,
     "bias": lambda device, sensor, _, block: bias_pictures(device, sensor, block),
     "corrected": _corrected,
-    "correlates": _correlates,
 }
 KINDS = (*OF_DEVICE, *OF_SESSION, *OF_RECORD)
 

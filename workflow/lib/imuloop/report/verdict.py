@@ -6,7 +6,7 @@ from scipy.special import chdtr
 from imuloop.core.errors import joined, plural
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.verdict import TESTED
-from imuloop.report.numbers import missing, number, p_text, percent
+from imuloop.report.numbers import missing, number, p_text
 from imuloop.report.units import RESIDUAL
 
 # verdicts from the best news to none
@@ -36,7 +36,6 @@ EFFECT_WORDS = {
     "bias_temperature_rate": "bias over the rate of temperature",
     "g_sensitivity": "g-sensitivity",
     "g2_sensitivity": "g²-sensitivity",
-    "gauss_markov": "a Gauss–Markov process",
     "gyro_axis_delay": "delays between the gyroscope's axes",
     "earth_rate": "Earth rate",
     "quadratic": "quadratic nonlinearity",
@@ -44,27 +43,10 @@ EFFECT_WORDS = {
     "scale_asymmetry": "scale factor asymmetry",
     "scale_nonlinearity": "scale factor nonlinearity",
     "scale_temperature": "scale factor over temperature",
-    "sinusoid": "a sinusoid",
     "steps": "bias steps",
     "turn_on_bias": "turn-on bias",
     "warm_up": "warm-up",
 }
-# an effect that is noise: it can be told from other noise, and not be corrected
-MEMORY = "gauss_markov"
-# what a residual that is left is compared with
-CORRELATES = {f"harmonics_{k}": f"attitude, a pattern of degree {k}" for k in (3, 4, 5)} | {
-    "time": "time",
-    "temperature": "temperature",
-    "temperature_rate": "rate of change of temperature",
-    "pose_variance": "unrest of the samples (variance)",
-    "previous_pose": "attitude of the pose before",
-    "rotation_speed": "speed of the turn",
-    "rotation_angle": "angle of the turn",
-    "duration": "duration of the move",
-    "knock": "knock between two samples",
-}
-# those that have no article
-CHANNELS = ("time", "temperature")
 # of a residual at a floor that is more than the noise as estimated
 SLOW_NOISE = (
     " It takes more flicker or random walk than these rests show, within their intervals: a static "
@@ -76,8 +58,6 @@ SLOW_AT_REST = (
 )
 # share of the floor that its range is worth naming from
 WIDE = 0.1
-# probability of naming one of them by chance, and the share of the residual that is worth naming
-BY_CHANCE, WORTH_NAMING = 0.05, 0.05
 # a reduced χ² below this, less likely than that with the noise as it is, is no luck: a floor that
 # upper limits of slow noise raise comes to half. Parameters that a fit may take from n residuals
 FAR_BELOW, UNLIKELY, MOST_PARAMETERS = 0.05, 1e-3, 9
@@ -89,7 +69,7 @@ WORTH_A_WORD = 0.75
 UNTESTED = {
     "verdict": "not_testable",
     "why": "no recording of this kind",
-    **dict.fromkeys(("effects", "candidates", "confounded", "correlates"), ()),
+    **dict.fromkeys(("effects", "candidates", "confounded"), ()),
     "residuals": {},
 }
 # residuals that a user feels first
@@ -189,24 +169,6 @@ def change(residual, changed):
         verb = "falls" if residual["after"] < residual["before"] else "goes"
         moved = f"{verb} from {before} to {after}"
     return f"held-out root mean square {moved}, {floor}"
-
-
-def correlate_words(name):
-    """Return what a residual was compared with, in words."""
-    return CORRELATES.get(name, name.replace("_", " "))
-
-
-def beyond_chance(probe, count):
-    """Return whether the residual goes with one of `count` probes by more than chance."""
-    return not missing(probe["p_value"]) and probe["p_value"] * count < BY_CHANCE
-
-
-def leading(block):
-    """Return what the residual that is left goes with most; None if with nothing worth naming."""
-    probes = block["correlates"]
-    sure = [c for c in probes if beyond_chance(c, len(probes)) and not missing(c["share"])]
-    found = max(sure, key=lambda c: c["share"], default=None)
-    return found if found and found["share"] >= WORTH_NAMING else None
 
 
 def lacking(block):
@@ -315,12 +277,6 @@ def sentence(sensor, block):
     text += "."
     if verdict in ABOVE:
         text += misfit(block)
-        if probe := leading(block):
-            article = "" if probe["name"] in CHANNELS else "the "
-            text += (
-                f" What is left goes most with {article}{correlate_words(probe['name'])}, which "
-                f"explains {percent(probe['share'])} of it."
-            )
     elif block.get("slow_noise"):
         text += SLOW_AT_REST if "bias" in block["residuals"] else SLOW_NOISE
     text += f" {undersampled(block)[1]}".rstrip()
@@ -378,20 +334,16 @@ def _words(block):
     """Return what a tested block says."""
     if too_quiet(block):
         return "far quieter than its own noise allows: corrected or filtered before it was logged"
-    found = [e["name"] for e in block["effects"]]
     words = [effect_words(e["name"], e.get("constants")) for e in block["effects"]]
-    effects = joined([own for own in words if own != effect_words(MEMORY)])
-    corrected = f" with {effects} corrected" if effects else ""
-    better = f"better{corrected}" if effects else "its noise has a memory"
+    corrected = f" with {joined(words)} corrected"
     few = undersampled(block)[0]
     # slow noise that the rests do not show is a guess
     verb = "may allow" if block.get("slow_noise") else "allow" if few else "allows"
     limits = "its noise and the log's rate" if few else "its noise"
-    limits += ", which has a memory," if MEMORY in found else ""
     return {
         "consistent": f"as good as {limits} {verb}",
         "explained": f"as good as {limits} {verb}{corrected}",
-        "partly_explained": f"{better}, but something is still missing",
+        "partly_explained": f"better{corrected}, but something is still missing",
         "unexplained": "something is missing that no known effect explains",
     }[block["verdict"]]
 

@@ -17,7 +17,6 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import untried
 from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnosed
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
-from imuloop.diagnose.records.probes import of_moves
 from imuloop.diagnose.search import kinds_of
 from imuloop.diagnose.verdict import not_testable
 from imuloop.effects.products import products
@@ -131,9 +130,9 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
         pair.prior_rows(),
     )
     # the same moves judge both
-    parts, probes = {tuple(SENSORS): VELOCITY}, dict.fromkeys(SENSORS, of_moves(problem, knock))
+    parts = {tuple(SENSORS): VELOCITY}
     try:
-        result = diagnosed(Choices(problem), parts, {}, probes, motion_products)
+        result = diagnosed(Choices(problem), parts, {}, motion_products)
     except LinAlgError as error:
         return untestable(why_no_fit(error), columns)
     result.contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))

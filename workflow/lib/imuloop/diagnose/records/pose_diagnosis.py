@@ -18,7 +18,6 @@ from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
 from imuloop.diagnose.records.pose_tables import residual_columns
-from imuloop.diagnose.records.probes import of_poses
 from imuloop.diagnose.records.scan import pose_step
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.search import kinds_of
@@ -113,10 +112,9 @@ def diagnose_poses(pair, reasons, recording, settings, tests, found=(), informat
             result = PoseResult(contents, pair, *final_solution(problem, ()))
         else:
             parts = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
-            probes = {s: of_poses(problem, s) for s in tested}
             others = {s: pose_candidates(s, recording, found)[1] for s in tested}
             choices = Choices(problem)
-            result = diagnosed(choices, parts, others, probes, partial(pose_products, recording))
+            result = diagnosed(choices, parts, others, partial(pose_products, recording))
             result = replace(result, contents=contents | result.contents)
     except LinAlgError as error:
         why = why_no_fit(error)
@@ -177,11 +175,11 @@ def pose_products(recording, sensor):
     return products(sensor, "f" if sensor == "accelerometer" else "wf", reference)
 
 
-def diagnosed(choices, parts, others, probes, formulas):
+def diagnosed(choices, parts, others, formulas):
     """Return the PoseResult of a record that can be tested, of the sensors that are.
 
-    `parts` are kinds of residuals by the sensors, a tuple, that they judge; `others` and `probes`
-    by sensor as of `search_content`. `formulas` gives the products of a sensor, which are tried
+    `parts` are kinds of residuals by the sensors, a tuple, that they judge; `others` by
+    sensor as of `search_content`. `formulas` gives the products of a sensor, which are tried
     where effects with a cause leave it above its floor.
     """
     result, contents, more = judged(choices, parts), {}, {}
@@ -194,7 +192,7 @@ def diagnosed(choices, parts, others, probes, formulas):
     fitted = fitted_effects(result)
     for sensor, own in result.contents.items():
         why_not = others.get(sensor, {})
-        contents[sensor] = own | search_content(choices, fitted, why_not, probes[sensor], sensor)
+        contents[sensor] = own | search_content(choices, fitted, why_not, sensor)
     return replace(result, contents=contents, pair=choices.problem.sensor, choices=choices)
 
 

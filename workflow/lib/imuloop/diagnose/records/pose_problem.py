@@ -147,13 +147,6 @@ class PoseProblem:
         """Return the rows of each kind of residual."""
         return [self.of_kind(kind) for kind in self.sensor.kinds]
 
-    def probe(self, kind, values):
-        """Return the columns of what one kind of residual may go with, (m, q), (N, 1, k q)."""
-        k = self.components(kind)
-        columns = np.zeros((len(self.part_of_row), 1, k * values.shape[1]))
-        columns[self.of_kind(kind), 0] = np.kron(values - values.mean(axis=0), np.eye(k))
-        return columns
-
     def components(self, kind):
         """Return how many rows make one residual."""
         return self.sensor.kinds[kind][1]

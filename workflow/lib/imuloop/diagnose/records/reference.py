@@ -79,7 +79,7 @@ def _judged(found, w, parts, settings, tests):
         share = settings.significance / RESIDUALS / settings.family
         above.append(chdtrc(dof, chi2) < share and residual[key] > residual["floor"])
     content = {"verdict": verdict(*above, bool(added)), "residuals": {w.kind: residual}}
-    content |= {"effects": effects, "candidates": candidates, "confounded": [], "correlates": []}
+    content |= {"effects": effects, "candidates": candidates, "confounded": []}
     return content, columns
 
 

@@ -1,16 +1,11 @@
-"""Scans of a record for a line of any frequency and a step at any time."""
-
-from functools import cache
+"""Scans of a record for a step at any time."""
 
 import numpy as np
 
 from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.diagnose.p_values import log_f_tail
-from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps, joined, share_after
 
-# periods of a line that a record must hold, and frequencies that are tried in a period's width
-LEAST_PERIODS, FINENESS = 2, 4
 # windows on either side of a step, and times that are tried within one
 BESIDE, WITHIN = 3, 4
 # steps in one record or another; logarithm of a p-value at which a second is not looked for
@@ -34,43 +29,6 @@ def residuals(search, base, axis):
     left = training_fit.evidence.matrix((training_fit.residual_columns[axis], *columns))
     left = left @ np.append(1.0, -fit.theta[hypothesis]) / np.sqrt(fit.scale[hypothesis])
     return training_fit.evidence.split(left), fit.dof, hypothesis
-
-
-def frequencies(records):
-    """Return the frequencies to try: a quarter of a period of the longest record apart, Hz."""
-    span = max(np.ptp(r.windows) for r in records)
-    highest = 0.5 / max(np.median(r.length) for r in records)
-    steps = np.arange(FINENESS * LEAST_PERIODS, FINENESS * span * highest - 0.5)
-    return steps / (FINENESS * span)
-
-
-def best_line(search, base, hopeful=False):
-    """Return the Trial of the most promising line, of all that an axis shows best, or None.
-
-    `hopeful` leaves out what is no more than chance.
-    """
-    problem, training_fit, shapes = search.problem, search.training_fit(base), {}
-    tried, sessions = problem.frequencies, tuple(dict.fromkeys(r.session for r in problem.merged))
-    tries = np.log(max(len(tried), 1))
-
-    @cache
-    def inverse(i, hypothesis):
-        """Return the inverse of what the waves of each frequency tell of two sizes, (f, 2, 2)."""
-        weighted, information = problem.weighted_waves(i, hypothesis)
-        taken = training_fit.taken(i, hypothesis, weighted)
-        return inverse_of(information - np.einsum("kfu,lfu->fkl", taken, taken))
-
-    for axis in range(3) if len(tried) else ():
-        parts, dof, hypothesis = residuals(search, base, axis)
-        gain, q = 0.0, 2 * len(parts)
-        for i, (left, waves) in enumerate(zip(parts, problem.waves, strict=True)):
-            score = waves @ training_fit.apply_precision(i, hypothesis, left[:, None])[:, 0]
-            gain = gain + np.einsum("kf,fkl,lf->f", score, inverse(i, hypothesis), score)
-        log_p = log_f_tail(gain / q, q, dof - q)
-        least, line = log_p.min(), Sinusoid(float(tried[log_p.argmin()]), sessions)
-        if not hopeful or least + np.log(3) + tries < 0:
-            shapes[line] = min(least, shapes.get(line, 0.0))
-    return search.shaped(base, sorted(shapes, key=shapes.get), tries)
 
 
 def best_steps(search, base, hopeful=False):
@@ -183,12 +141,3 @@ def _gain(score, information):
     # what a level takes up is no column
     seen = information > 1e-9 * information.max()
     return np.where(seen, score**2, 0.0) / np.where(seen, information, 1.0)
-
-
-def inverse_of(information):
-    """Return the inverses of f matrices, (f, k, k), of columns that may not be independent."""
-    own = np.einsum("fkk->fk", information)
-    # what a level takes up is no column
-    size = np.sqrt(np.where(own > 1e-9 * own.max(), own, np.inf))
-    size = size[:, :, None] * size[:, None, :]
-    return np.linalg.pinv(information / size, rcond=1e-6, hermitian=True) / size

@@ -1,7 +1,6 @@
-"""Noise of a static record: a grid of hypotheses, and the predictions of known noise."""
+"""Noise of a static record: a grid of hypotheses."""
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
 
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.precision import precision
@@ -11,8 +10,6 @@ from imuloop.diagnose.evidence import Hypotheses
 STEP = 6.0
 # probability, before the data, that an axis has no flicker, and that it has no walk
 ABSENT = (1 / 2, 1 / 10)
-# variance of a level of which nothing is known, over the largest of the noise
-UNKNOWN = 1e6
 
 
 def ratios(span, length):
@@ -44,16 +41,3 @@ def hypotheses(windows, grid):
     """Return the Hypotheses of means over windows, shape (n, 2), on the grid, for N = 1."""
     white, flicker, walk = (unit_noise(name).mean_covariance(windows) for name in "NBK")
     return Hypotheses.of(precision(white + b * flicker + k * walk) for b, k in grid)
-
-
-def prediction_errors(values, windows, noise):
-    """Return the error of predicting each mean from those before it, shape (n,), SI.
-
-    The prediction is the conditional mean by an AxisNoise beside a level of which nothing is known:
-    with its covariance ``Σ = L Lᵀ`` the error is ``diag(L) L⁻¹ x``. Takes means x, shape (n,), over
-    windows, (n, 2) s; the first, which nothing predicts, has the error 0.
-    """
-    covariance = noise.mean_covariance(windows)
-    root = cholesky(covariance + UNKNOWN * np.diag(covariance).max(), lower=True)
-    errors = np.diag(root) * solve_triangular(root, values - values[0], lower=True)
-    return np.append(0.0, errors[1:])

@@ -9,11 +9,10 @@ import numpy as np
 
 from imuloop.core.effect import FittedEffect
 from imuloop.diagnose.evidence import Evidence, RowGroup
-from imuloop.diagnose.records.scan import best_line, best_steps, frequencies
+from imuloop.diagnose.records.scan import best_steps
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.training_fit import ABSORBED, combined_axes
-from imuloop.effects.sinusoid import Sinusoid
 from imuloop.effects.steps import Steps
 
 # more means than this are merged for the fit; held-out errors are those of all means
@@ -34,9 +33,8 @@ class StaticProblem:
     tests: int  # number of tests of the family
     noise: tuple | None = None  # Hypotheses of each record; a grid of white and slow noise without
     _derivatives: dict = field(default_factory=dict, repr=False)
-    _weighted_waves: dict = field(default_factory=dict, repr=False)
     # what looks for patterns whose shapes cannot be listed, by effect
-    scans: ClassVar = {Sinusoid: best_line, Steps: best_steps}
+    scans: ClassVar = {Steps: best_steps}
     # as of PoseProblem
     scans_again, error_scale, limit_correction = False, 1.0, 0.95
 
@@ -48,7 +46,7 @@ class StaticProblem:
     def of_session(self, session):
         """Return the problem of the records of one session."""
         own = tuple(r for r in self.records if r.session == session)
-        return replace(self, records=own, _derivatives={}, _weighted_waves={})
+        return replace(self, records=own, _derivatives={})
 
     @cached_property
     def merged(self):
@@ -67,28 +65,6 @@ class StaticProblem:
             (part_in_time(r, self.parts) + i * self.parts // n) % self.parts
             for i, r in enumerate(self.merged)
         ]
-
-    @cached_property
-    def frequencies(self):
-        """Those of the lines that are looked for, Hz, (f,)."""
-        return frequencies(self.merged)
-
-    @cached_property
-    def waves(self):
-        """Cosine and sine of each frequency in each record, (2, f, n)."""
-        phases = (2 * np.pi * np.outer(self.frequencies, r.channels.t) for r in self.merged)
-        return [np.stack([np.cos(phase), np.sin(phase)]) for phase in phases]
-
-    def weighted_waves(self, i, hypothesis):
-        """Return products of the waves of a record with a hypothesis' precision, and with these.
-
-        (2, f, n), and of both waves of each frequency (f, 2, 2).
-        """
-        if (i, hypothesis) not in self._weighted_waves:
-            weighted = self.waves[i] @ self.evidence.row_groups[i].noise.precision[hypothesis]
-            own = np.einsum("kfn,lfn->fkl", weighted, self.waves[i])
-            self._weighted_waves[i, hypothesis] = weighted, own
-        return self._weighted_waves[i, hypothesis]
 
     @cached_property
     def window(self):
@@ -165,7 +141,6 @@ class StaticProblem:
         """Free the memory of a search; it is recomputed if needed."""
         self.evidence.release()
         self._derivatives.clear()
-        self._weighted_waves.clear()
 
     def training_fit(self, base, held_out):
         """Return the TrainingFit: means at rest are straight in every effect."""
@@ -205,20 +180,6 @@ def part_in_time(record, count):
     """Return in which of `count` equal times at rest each window of a record lies, shape (n,)."""
     middle = np.cumsum(record.length) - record.length / 2
     return np.minimum((middle / record.length.sum() * count).astype(int), count - 1)
-
-
-def covering_part(record, problem):
-    """Return in which part other windows of a session are held out, shape (n,), -1 in none.
-
-    A part is what its windows cover: what they saw no other window may share.
-    """
-    found = np.full(len(record.windows), -1)
-    for own, part in zip(problem.merged, problem.part_of_windows, strict=True):
-        for k in np.unique(part) if own.session == record.session else ():
-            covered = own.windows[part == k]
-            start, end = covered[0, 0], covered[-1, 1]
-            found[(record.windows[:, 0] >= start) & (record.windows[:, 1] <= end)] = k
-    return found
 
 
 def fitted_effects(search, base):

@@ -6,12 +6,10 @@ from imuloop.calibrate.noise_components import FARTHEST
 from imuloop.core.effect import Effect
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import residual_entry, search_content, untried
-from imuloop.diagnose.records.probes import of_means
 from imuloop.diagnose.records.static import fitted_effects
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.search import Search
 from imuloop.diagnose.verdict import MARGIN, RESIDUALS, judge, verdict
-from imuloop.effects.drifts import GaussMarkov
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # why a static record cannot show what the poses can
@@ -25,33 +23,29 @@ ONE_ATTITUDE = "in one attitude, without a turn, it cannot be told from the bias
 def searched_content(sensor, finding):
     """Return the contract's fields on what was looked for in a sensor's records, and found."""
     choices, axes = finding.choices, SENSORS[sensor]
-    probes = of_means(choices.problem)
-    found = search_content(choices, finding.effects, finding.others, probes, sensor)
+    found = search_content(choices, finding.effects, finding.others, sensor)
     for entry, own in zip(found["effects"], choices.choice().added, strict=True):
         entry["axis"] = axes[own.trial.axis] if own.change.before.shape[1] == 1 else None
     return found | {"by_session": _by_session(choices)}
 
 
-def static_content(sensor, finding, searched, noise, change, process):
+def static_content(sensor, finding, searched, noise, change):
     """Return the contract's fields of a sensor's StaticFinding.
 
     `searched` is what was looked for; `noise` that of the records without the
     effects, the floor; `change` holds its coefficients before and after, by axis, where something
-    was added; `process` as of `process_entry`.
+    was added.
     """
     axes, problem, effects = SENSORS[sensor], finding.choices.problem, finding.effects
     settings = problem.settings
     floor = _floor(problem, noise, axes)
-    process, why = process
-    added = bool(effects or process)
+    added = bool(effects)
     share, errors = settings.significance / RESIDUALS / settings.family, finding.errors
     sides = zip(((), effects), errors, strict=True)
     judged = [_judged(problem, *side, noise, axes) for side in sides]
     how = judged, errors, floor, share, added
     residual, above = residual_entry(problem, "bias", UNITS[sensor], slice(None), *how)
-    status = "added" if process else "not_observable"
-    tried = [*searched["candidates"], untried(GaussMarkov.name, status, why)]
-    listed = {c["name"] for c in tried}
+    listed = {c["name"] for c in searched["candidates"]}
     not_shown = (
         untried(name, "not_observable", NOT_SHOWN.get(name, ONE_ATTITUDE))
         for name, cls in Effect.library.items()
@@ -62,8 +56,7 @@ def static_content(sensor, finding, searched, noise, change, process):
         # the noise was estimated from what is left here: it can have taken up a pattern
         "slow_noise": bool(residual["after"] > MARGIN * residual["floor"] and not above[1]),
         "residuals": {"bias": residual | {"sessions": _by_axis(axes, problem, errors, floor)}},
-        "effects": searched["effects"] + [process] * bool(process),
-        "candidates": [*tried, *not_shown],
+        "candidates": [*searched["candidates"], *not_shown],
         "noise": change,
         "points": _points(problem, effects, errors, floor),
     }
@@ -142,8 +135,8 @@ def _by_axis(axes, problem, errors, floor):
 def _by_session(choices):
     """Return the parameters of each effect, with standard errors, fitted to each session alone.
 
-    All together; one by one in a session where they are not told apart. Lines and steps are of
-    their sessions anyway.
+    All together; one by one in a session where they are not told apart. Steps are of their
+    sessions anyway.
     """
     problem = choices.problem
     base = tuple(e for e in choices.choice().base if e.kind not in problem.scans)

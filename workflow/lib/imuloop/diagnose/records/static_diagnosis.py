@@ -14,13 +14,11 @@ from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.records.moves import separated
-from imuloop.diagnose.records.processes import process_entry
 from imuloop.diagnose.records.rests import LONG_REST
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
 from imuloop.diagnose.records.static_content import searched_content, static_content
 from imuloop.diagnose.verdict import not_testable
-from imuloop.effects.sinusoid import Sinusoid
-from imuloop.noise.correction import noise_again, with_lines
+from imuloop.noise.correction import noise_again
 
 # windows that tell noise from lines
 ENOUGH = 64
@@ -32,7 +30,7 @@ class StaticResult:
 
     content: dict  # the contract's fields, by sensor
     effects: dict  # FittedEffects that belong into a calibration, by sensor
-    # noise without the effects, doubtful ones too, with the lines that were found
+    # noise without the effects, doubtful ones too
     noise: NoiseModel
     # Allan table without the effects, by session; empty where nothing was taken out
     allan: dict = field(default_factory=dict)
@@ -110,7 +108,7 @@ def static_candidates(sensor, records):
     return {cls: tuple(e for e in own if not e.price) for cls, own in found.items()}, others
 
 
-def diagnose_static(data, records, calibration, noise, curve_fit, settings, noise_settings, tests):
+def diagnose_static(data, records, calibration, noise, settings, noise_settings, tests):
     """Return the StaticResult of both sensors of a device.
 
     Takes StaticData, the StaticRecords of each sensor, the base calibration, to whose
@@ -132,32 +130,24 @@ def diagnose_static(data, records, calibration, noise, curve_fit, settings, nois
         reasons[sensor] = reason
 
     def without(found):
-        """Return noise, its plain fits and Allan tables of the records less FittedEffects."""
+        """Return the noise and Allan tables of the records less FittedEffects."""
         if not any(found.values()):
-            return noise, curve_fit, {}
-        again, allan = noise_again(noise.device, data, calibration, found, noise_settings)
-        return again.model, again.curve_fit, allan
+            return noise, {}
+        return noise_again(noise.device, data, calibration, found, noise_settings)
 
     found = {sensor: finding.effects for sensor, finding in findings.items()}
-    floor, plain, allan = without(found)
-    whole, made = with_lines(floor, found), {}
+    (whole, allan), made = without(found), {}
     for sensor, finding in findings.items():
         change = {
             name: {"before": asdict(noise.axes[name]), "after": asdict(whole.axes[name])}
             for name in (SENSORS[sensor] if finding.effects else ())
         }
-        fine = data.records(sensor, calibration, 0.0)
-        problem = finding.choices.problem
-        process = process_entry(sensor, problem, finding.effects, fine, floor, plain)
         searched = searched_content(sensor, finding)
-        made[sensor] = static_content(sensor, finding, searched, floor, change, process)
+        made[sensor] = static_content(sensor, finding, searched, whole, change)
     doubtful = {sensor: finding.doubtful for sensor, finding in findings.items()}
     if doubtful != found:
         # a warm-up that no second start confirms is no random walk either
-        whole = with_lines(without(doubtful)[0], found)
-    elif {e.name for own in found.values() for e in own} <= {Sinusoid.name}:
-        # a line is noise elsewhere, and the noise as logged has it
-        whole = noise
+        whole = without(doubtful)[0]
     lasting = {s: tuple(e for e in found.get(s, ()) if e.effect.lasting) for s in SENSORS}
     content = {s: made.get(s) or not_testable(reasons[s]) for s in SENSORS}
     return StaticResult(content, lasting, whole, allan, findings)
