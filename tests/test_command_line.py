@@ -300,7 +300,7 @@ def test_the_noise_of_a_log_with_the_files_of_filters(tmp_path, capsys):
     assert white <= kalibr["accelerometer_noise_density"] < 1.5 * white
     for sensor in ("accelerometer", "gyroscope"):
         svg = (out / f"allan_{sensor}.svg").read_text()
-        assert ">N " in svg and svg.startswith("<svg")
+        assert ">N " in svg
     curve = pd.read_csv(out / "allan.csv").query("axis == 'ax'").iloc[0]
     assert curve["adev"] == pytest.approx(2e-3 * np.sqrt(rate), rel=0.02)
 
