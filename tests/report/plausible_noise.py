@@ -36,15 +36,12 @@ def plausible_noise(axes, rate):
     axes |= {HUMP[0]: replace(axes[HUMP[0]], gauss_markov=(hump,))}
     axis, key, value = DISTURBED
     uncut = axes | {axis: replace(axes[axis], **{key: known(value)})}
-    fit = {a: {k: getattr(noise, k).value or 0.0 for k in "QNBKR"} for a, noise in axes.items()}
-    fit["ay"]["N"] *= 1.3
     gyroscope = {"std": 2e-4, "sessions": 3}
     return {
         "axes": {a: asdict(noise) for a, noise in axes.items()},
         "notes": ["K would need a record of 40 h"],
         "rate_hz": rate,
         "rates_hz": dict.fromkeys(SENSORS, rate),
-        "curve_fit": fit,
         "spectrum": {a: {"misfit": 0.02, "band_hz": 0.25 * rate} for a in CHANNELS},
         "uncut": {"seconds": 6.0, "axes": {a: asdict(noise) for a, noise in uncut.items()}},
         "repeatability": {a: gyroscope if a[0] == "g" else None for a in CHANNELS},

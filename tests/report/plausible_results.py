@@ -173,7 +173,6 @@ def _noise(device):
         # what a noise stage may leave without an answer
         **dict.fromkeys(("rate_hz", "uncut", "repeatability")),
         "rates_hz": {},
-        "curve_fit": {},
         "spectrum": {},
         "format": 1,
         "device": device,

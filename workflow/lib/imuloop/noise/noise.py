@@ -10,7 +10,7 @@ from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.tables import joined, table
 from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_factors
 from imuloop.noise.axis import AxisEstimate, estimate_axis
-from imuloop.noise.curve import TERMS, NoiseOfCurve, fit_curve
+from imuloop.noise.curve import TERMS, NoiseOfCurve
 from imuloop.noise.modes import modes
 from imuloop.noise.records import closed_up, record_of, records_by_sensor
 from imuloop.noise.spectrum import no_spectrum, spectrum_table
@@ -29,9 +29,8 @@ class NoiseResult:
         Sampling rate of the sessions used, Hz; of two clocks that of the faster.
     rates_hz : dict of str to float
         That of each sensor that has a record.
-    curve_fit, spectrum : dict of str to dict
-        For each axis Q, N, B, K, R of the plain fit to the Allan curve, 0 where not in the fit; and
-        ``misfit`` and ``band_hz`` of its `AxisEstimate`.
+    spectrum : dict of str to dict
+        For each axis ``misfit`` and ``band_hz`` of its `AxisEstimate`.
     uncut : dict or None
         ``seconds`` that were cut and, under ``axes``, the coefficients with them left in.
     repeatability, statistics : dict
@@ -46,7 +45,6 @@ class NoiseResult:
     model: NoiseModel
     rate_hz: float | None = None
     rates_hz: dict = field(default_factory=dict)
-    curve_fit: dict = field(default_factory=dict)
     spectrum: dict = field(default_factory=dict)
     uncut: dict | None = None
     repeatability: dict | None = None
@@ -110,19 +108,13 @@ def estimate_noise(device, sessions, settings, views=True):
     statistics = {name: {} for name in names}
     allan = {name: [each] for name, each in nothing.allan.items()}
     spectra = {name: [each] for name, each in nothing.spectra.items()}
-    curves = {}
     for sensor, records in by_sensor.items():
         each = lengths[sensor]
         by_record = [_curve(n, r.rate, settings) for n, r in zip(each, records, strict=True)]
-        factors, pooled = _curve(np.concatenate(each), rates[sensor], settings)
         for axis in SENSORS[sensor]:
             # curves and spectra take a few missing samples for none
             closed = [closed_up(record.signals(axis)) for record in records]
             variances = [allan_variance(x, m) for x, (m, _) in zip(closed, by_record, strict=True)]
-            together = [x for stretches in closed for x in stretches]
-            alone = len(records) == 1
-            variance = variances[0] if alone else allan_variance(together, factors)
-            curves[axis] = dict(zip(TERMS, fit_curve(variance, pooled), strict=True))
             squares = [getattr(axes[axis], name).square for name in TERMS]
             each = zip(records, closed, by_record, variances, strict=True)
             for record, x, (m, curve), variance in each:
@@ -133,13 +125,12 @@ def estimate_noise(device, sessions, settings, views=True):
                 if views and np.isfinite(statistics[name][axis]["mean"]):
                     spectra[name].append(spectrum_table(axis, x, record.rate))
             # or two axes would be in memory at once
-            closed = together = each = x = None
+            closed = each = x = None
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
         model=NoiseModel(device, nothing.model.axes | axes),
         rate_hz=max(rates.values()),
         rates_hz=rates,
-        curve_fit=curves,
         spectrum={a: {"misfit": e.misfit, "band_hz": e.band_hz} for a, e in found.items()},
         uncut=with_added,
         repeatability=repeatability(means if static else {}),
