@@ -11,7 +11,6 @@ from ingest.text_forms import (
     gyroflow,
     inserted,
     lines,
-    novatel,
     text,
 )
 
@@ -100,7 +99,6 @@ JOINED = {"nsec": 10**9 + np.arange(500)}
          r"column 't': '31\.12\.2023 12h0' is neither a number"),
         (lambda log: log.assign(**JOINED).rename(columns={"t": "sec"}), {}, {},
          "sec and nsec are not whole seconds and a part of a s"),
-        (novatel, {}, {}, r"needs nominal\.acceleration\.scale \(increments: ×"),
         (lambda log: inserted(log, 1, "s,g,g,g,rph,rph,rph"), {}, {},
          r"units\.angular_rate: the log says 'rph'"),
     ],
