@@ -9,7 +9,6 @@ import textwrap
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
@@ -83,17 +82,6 @@ def test_where_samples_come_from_is_kept_with_them(path, run):
     assert fields.equals(schema(False, {}))
 
 
-def test_threads_change_nothing(path, run, monkeypatch):
-    monkeypatch.setattr("imuloop.ingest.ingest.ROW_GROUP", 1000)
-    log = brief(6000)
-    log.to_csv(path, index=False)
-    first = run(path, batch_rows=500)
-    again = run(path, batch_rows=500, threads=2)
-    assert again.quality == first.quality
-    assert again.path.read_bytes() == first.path.read_bytes()
-    pd.testing.assert_frame_equal(again.samples, log)
-
-
 # --- hostile files: one clear line, memory bounded, nothing half-written, nothing outside
 
 
@@ -151,17 +139,17 @@ def test_a_file_that_may_not_be_read_is_a_fault_of_the_machine(path, run, monkey
 
 @pytest.mark.parametrize("change", ["grow", "remove"])
 def test_a_file_that_changes_while_it_is_read(path, run, monkeypatch, change):
-    convert = stage.si_batches
+    convert = stage.si_samples
 
     def changing(*args, **options):
-        yield from convert(*args, **options)
         if change == "grow":
             with open(path, "ab") as file:
                 file.write(b"9,0,0,9.8,0,0,0\n")
         else:
             path.unlink()
+        return convert(*args, **options)
 
-    monkeypatch.setattr(stage, "si_batches", changing)
+    monkeypatch.setattr(stage, "si_samples", changing)
     assert run(path).quality["reasons"] == ["the file changed while it was read"]
 
 

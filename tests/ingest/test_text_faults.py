@@ -57,7 +57,7 @@ def test_text_that_is_no_log_is_rejected_in_one_line(run, tmp_path, content, rea
     content = content() if callable(content) else content
     path, declared = tmp_path / "log.csv", NUMBERS if isinstance(content, bytes) else {}
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    done = run(path, batch_rows=64, **declared)
+    done = run(path, **declared)
     assert done.quality["status"] == "rejected" and len(done.samples) == 0
     assert {p.name for p in done.path.parent.iterdir()} == {"samples.parquet", "quality.json"}
     first = done.quality["reasons"][0]

@@ -33,7 +33,7 @@ rule ingest:
         "device"
     conda:
         "../envs/imuloop.yaml"
-    threads: threads_by_size
+    threads: 1
     resources:
         mem_mb=by_size(950, 200),
         runtime=by_size(5, 5),

@@ -16,20 +16,15 @@ from imuloop.core.samples import refuse_calibrated
 from imuloop.core.units import STANDARD_GRAVITY, TIME
 from imuloop.ingest.columns import STAMP, listed, resolve
 from imuloop.ingest.damage import MOST_TIMES, check_unpacked
-from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.stamps import stamp_array, stamp_values
 from imuloop.ingest.tables import (
-    HEAD_ROWS,
     alone,
     doubles,
-    first_rows,
     multiplied,
-    named_batches,
     paired,
     table_log,
-    told_by_head,
 )
 from imuloop.ingest.text_layout import (
     BLANKS,
@@ -54,8 +49,8 @@ IN_FOLDER = "data.csv"
 _WORDS = re.compile(rb"(?m)^[ \t]*[^\d\s+\-.,;][^\n]*")
 # most texts in a column that names the sensors, and lines in which their comments stand
 _KINDS, _COMMENTS = 20, 200
-# typical length of a row, bytes: turns rows a batch into bytes a block
-_ROW_BYTES = 64
+# bytes of a text that are read at once: what is no number costs these the fast way
+PIECE = 1 << 22
 # zeros and erased memory become a byte that no number has, so that they spoil their own row alone
 _EMPTY = b"\x01"
 _ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for i in range(256))
@@ -64,7 +59,7 @@ _GYROFLOW = (["GYROFLOW IMU LOG"], ["CAMERA IMU LOG"])
 _SCALES = {"tscale": 1e-3, "ascale": 1.0, "gscale": 1.0}
 
 
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None):
     """Read a text table, a path or bytes; a compressed file (.gz, .bz2, ...) is unpacked.
 
     Of a sensor's folder of an EuRoC recording, ``imu0``, it is the table in it, whose header gives
@@ -77,8 +72,8 @@ def read(paths, columns=None, batch_rows=1 << 16):
             raise RejectedLog(f"the folder holds no {IN_FOLDER}")
     layout = find_layout(path)
     if parts := _by_sensor(path, layout):
-        logs = {q: read({"log": text}, alone(q, columns), batch_rows) for q, text in parts.items()}
-        return paired(logs, batch_rows)
+        logs = {q: read({"log": text}, alone(q, columns)) for q, text in parts.items()}
+        return paired(logs)
     refuse_calibrated(layout.names, {})
     chosen = resolve(layout.names, columns, layout.headed)
     chosen = _with_stamps(layout, chosen, "time" in (columns or {}))
@@ -86,17 +81,13 @@ def read(paths, columns=None, batch_rows=1 << 16):
     skipped = len(layout.before) if not units else 0
     notes = [f"{skipped} line(s) before the table skipped"] if skipped else []
 
-    def batches(log, rows):
-        places = [*chosen.raw().values()]
-        read = text_batches(path, layout, places, rows, log, chosen.stamps())
-        read = named_batches(layout.names, chosen, read)
-        return multiplied(read, tick) if tick != 1 else read
-
     known = {"units": _units_below(layout, chosen) | units, "nominal": nominal, "notes": notes}
-    log = table_log(layout.names, chosen, (), layout.headed, **known)
-    log.batches = batches(log, batch_rows)
-    head, _ = first_rows(batches(RawLog(), HEAD_ROWS))
-    return told_by_head(log, head)
+    places, count = [*chosen.raw().values()], RawLog()
+    batches = text_batches(path, layout, places, count, chosen.stamps())
+    log = table_log(layout.names, chosen, batches, layout.headed, **known)
+    log.batches = multiplied(log.batches, tick)
+    log.lose(count)
+    return log
 
 
 def _by_sensor(source, layout):
@@ -192,31 +183,24 @@ def _gyroflow(layout):
     return units, nominal, 1 if unit else tick
 
 
-def text_batches(source, layout, positions, batch_rows, log, stamps=None):
-    """Give columns of a text table (path or bytes), about `batch_rows` rows at once.
+def text_batches(source, layout, positions, log, stamps=None):
+    """Give columns of a text table (path or bytes), some rows at once.
 
     The first `stamps` of the columns at `positions` are stamps, as of `stamp_array`, the others
-    float64; all are text if None. `log` counts bad lines and bytes, and has the number of threads.
+    float64; all are text if None. `log` counts bad lines and bytes.
     """
     kinds = [pa.string()] * len(positions)
     if stamps is not None:
         kinds = [_stamp_kind(layout, at) for at in positions[:stamps]]
         kinds += [pa.float64()] * len(positions[stamps:])
 
-    def work(piece):
-        text, bad_lines, lost, taken = piece
-        batch, more, bytes_ = _parsed(text, layout, positions, kinds, stamps)
-        return batch, bad_lines + more, lost + bytes_, taken
-
     try:
         with opened(source) as stream:
             stream.read(layout.start)
-            # any row must fit
-            size = max(batch_rows * _ROW_BYTES, LONGEST_LINE)
-            pieces = _pieces(stream, size_of(source), size, layout)
-            for batch, bad_lines, lost, taken in ordered_map(work, pieces, log.threads):
-                log.bad_lines += bad_lines
-                log.lost_bytes += lost
+            for text, bad_lines, lost, taken in _pieces(stream, size_of(source), layout):
+                batch, more, bytes_ = _parsed(text, layout, positions, kinds, stamps)
+                log.bad_lines += bad_lines + more
+                log.lost_bytes += lost + bytes_
                 log.text_bytes += taken
                 yield batch
     except (pa.ArrowInvalid, OSError) as error:
@@ -354,8 +338,8 @@ def _whole(lines):
     return b"".join([lines[a:b] for a, b in kept]), int(bad.sum())
 
 
-def _pieces(stream, packed, size, layout):
-    """Give the lines of a stream in plain ASCII, some `size` bytes at once.
+def _pieces(stream, packed, layout):
+    """Give the lines of a stream in plain ASCII, some `PIECE` bytes at once.
 
     Blanks that follow each other become a tab, and what the `layout` rewrites is rewritten; the
     stream comes out of `packed` bytes. With the text, whole lines, come the number of lines left
@@ -363,7 +347,7 @@ def _pieces(stream, packed, size, layout):
     """
     rest, taken, written, lost, ended = b"", 0, 0, 0, False
     while not ended:
-        piece = stream.read(size)
+        piece = stream.read(PIECE)
         taken += len(piece)
         check_unpacked(packed, taken)
         ended = not piece

@@ -19,7 +19,7 @@ _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 class LogFormat:
     """A log format: its reader, and what its files are called.
 
-    ``read(paths, columns, batch_rows) -> RawLog`` takes the role of each file, `files`, to its
+    ``read(paths, columns) -> RawLog`` takes the role of each file, `files`, to its
     path, what the config says of columns, and about how many rows are given at once. It raises
     ImuloopError where a declaration does not fit, RejectedLog for a broken file. `endings` are
     those of file names, lower case; a `folder` may hold files of them.
@@ -104,10 +104,10 @@ def _reject(cause, *given, **options):
     raise RejectedLog(cause)
 
 
-def _read_two(read, paths, columns=None, batch_rows=1 << 16):
+def _read_two(read, paths, columns=None):
     """Read an accelerometer's file and a gyroscope's, on clocks of their own."""
-    logs = {q: read({"log": paths[q]}, tables.alone(q, columns), batch_rows) for q in PAIR}
-    return tables.paired(logs, batch_rows)
+    logs = {q: read({"log": paths[q]}, tables.alone(q, columns)) for q in PAIR}
+    return tables.paired(logs)
 
 
 def guess_format(paths):

@@ -16,7 +16,7 @@ ENDINGS = (".jsonl", ".ndjson", ".json")
 _NAMED, _DEEPEST = 1000, 4
 
 
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None):
     """Read JSON lines; a compressed file is unpacked.
 
     The members of an object in an object are `OBJECT.MEMBER`, those of a list `LIST[0]` and on.
@@ -45,7 +45,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
             # a row of one field, which no table of several has
             writer.writerow(["?" * min(len(line), LONGEST_LINE)])
         check_unpacked(packed, table.tell())
-    return delimited.read({"log": table.getvalue().encode()}, columns, batch_rows)
+    return delimited.read({"log": table.getvalue().encode()}, columns)
 
 
 def holds_log(path):

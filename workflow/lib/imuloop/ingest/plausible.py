@@ -90,11 +90,11 @@ def judged(figures, units, gravity, kind=None, nominal=None):
     return reasons, warnings
 
 
-def milliseconds(path, figures, points, gravity, rate=None):
+def milliseconds(columns, figures, points, gravity, rate=None):
     """Return why stamps that are taken as seconds are milliseconds; None if they may be seconds.
 
-    Takes samples and their quality figures, `points` of row number and time, s, local gravity,
-    m/s^2, and the declared rate, Hz.
+    Takes columns of samples and their quality figures, `points` of row number and time, s, local
+    gravity, m/s^2, and the declared rate, Hz.
     """
     taken, factor, why = figures["rate_hz"], 1 / TIME_UNITS["ms"], None
     if not figures["faults"] or not taken or taken * factor > MOST_RATE:
@@ -102,7 +102,7 @@ def milliseconds(path, figures, points, gravity, rate=None):
     if rate:
         if rate > taken * factor / 2:
             why = f"the declared rate is {_about(rate / taken)} times the rate in seconds"
-    elif (ratio := _turns_at(path, figures, taken * factor, gravity)) and (
+    elif (ratio := _turns_at(columns, figures, taken * factor, gravity)) and (
         TURNS_IN_MS[0] < ratio < TURNS_IN_MS[1]
     ):
         why = f"turns measured by the gyroscope are {_about(ratio * factor)} times those of gravity"
@@ -111,10 +111,10 @@ def milliseconds(path, figures, points, gravity, rate=None):
     return why and f"the stamps look like milliseconds: {why}; {declare('ms')}, or s if they are"
 
 
-def _turns_at(path, figures, rate, gravity):
+def _turns_at(columns, figures, rate, gravity):
     """Return how far the angular rate turns samples of a rate beside gravity; None if unsure."""
     stops, axes = Stops(rate), Axes(rate)
-    for _, x in Samples(path).pieces(CHANNELS):
+    for _, x in Samples(columns).pieces(CHANNELS):
         stops.add(dict(zip(CHANNELS, x, strict=True)))
         axes.add(dict(zip(CHANNELS, x, strict=True)))
     fit = axes.fit()

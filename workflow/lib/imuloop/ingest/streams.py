@@ -38,7 +38,7 @@ class Stream:
         return np.array([np.asarray(self.fields[name], dtype=float) for name in names])
 
 
-def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
+def raw_log(streams, columns=None, notes=(), damage=()):
     """Return the RawLog of the streams that hold acceleration and angular rate.
 
     Two of one clock are put beside each other. Of two clocks the stamps are those of the faster
@@ -105,13 +105,8 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
         found["time"] = columns.get("time") or f"{clock.name} stamps"
         arrays[STAMP] = stamps
 
-    def batches():
-        for begin in range(0, len(stamps), batch_rows):
-            part = slice(begin, begin + batch_rows)
-            yield pa.RecordBatch.from_pydict({n: pa.array(x[part]) for n, x in arrays.items()})
-
     return RawLog(
-        batches=batches(),
+        batches=[pa.RecordBatch.from_pydict(arrays)],
         found=found,
         units=units,
         columns=f"{clock.name}: {listed([*clock.fields])}",

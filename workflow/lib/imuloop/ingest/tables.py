@@ -1,7 +1,6 @@
 """Logs that are tables: columns of numbers, of both sensors, of one, or of both in turn."""
 
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 import pyarrow as pa
@@ -35,7 +34,7 @@ _RATES = (0.1, 1e5)
 _TICKS, _TICKS_US, _LONG_STEP = "sample_time_fine", 100, 5000
 
 
-def read_parquet(paths, columns=None, batch_rows=1 << 16):
+def read_parquet(paths, columns=None):
     """Read a Parquet table; ``simulated`` and ``units`` of the project's metadata are passed on."""
     try:
         file = pq.ParquetFile(paths["log"])
@@ -56,19 +55,17 @@ def read_parquet(paths, columns=None, batch_rows=1 << 16):
     # columns are read by name: of one that repeats all come, in the order of the file
     given = [i for name in used for i, other in enumerate(names) if other == name]
 
-    def batches():
+    try:
         with file:
-            try:
-                for batch in file.iter_batches(batch_rows, columns=used):
-                    yield [batch.column(given.index(i)) for i in chosen.raw().values()]
-            except Exception as error:
-                raise RejectedLog(f"the file cannot be read to its end: {error}") from error
-
-    return table_log(names, chosen, batches(), **known)
+            batches = [*file.iter_batches(columns=used)]
+    except Exception as error:
+        raise RejectedLog(f"the file cannot be read to its end: {error}") from error
+    batches = ([x.column(given.index(i)) for i in chosen.raw().values()] for x in batches)
+    return table_log(names, chosen, batches, **known)
 
 
 @reject_damage
-def read_feather(paths, columns=None, batch_rows=1 << 16):
+def read_feather(paths, columns=None):
     """Read a Feather file of version 2, which is an Arrow file."""
     with open(paths["log"], "rb") as file:
         if file.read(4) == b"FEA1":
@@ -83,9 +80,7 @@ def read_feather(paths, columns=None, batch_rows=1 << 16):
             batch = file.get_batch(number)
             # offsets of a damaged file may lead out of it
             batch.validate(full=True)
-            for begin in range(0, batch.num_rows, batch_rows):
-                part = batch.slice(begin, batch_rows)
-                yield [part.column(at) for at in chosen.raw().values()]
+            yield [batch.column(at) for at in chosen.raw().values()]
 
     return table_log(names, chosen, batches())
 
@@ -96,21 +91,20 @@ def table_log(names, chosen, batches, headed=True, **known):
     `batches` give the columns at the positions of ``chosen.raw()``, in their order, a part of the
     rows at once; `known` are attributes that the log states itself.
     """
-    units = {**chosen.units, **known.pop("units", {})}
-    found, columns = chosen.found(names), listed(names, headed)
-    batches = named_batches(names, chosen, batches)
-    unread = len(names) - len(set(chosen.raw().values()))
-    log = RawLog(batches=batches, found=found, units=units, columns=columns, unread=unread, **known)
-    head, log.batches = first_rows(log.batches)
-    return told_by_head(log, head)
-
-
-def told_by_head(log, head):
-    """Return a log as its first rows show it: the unit of its stamps, sensors in turn."""
+    log = RawLog(
+        batches=[_raw_batch(names, chosen, columns) for columns in batches],
+        found=chosen.found(names),
+        units={**chosen.units, **known.pop("units", {})},
+        columns=listed(names, headed),
+        unread=len(names) - len(set(chosen.raw().values())),
+        **known,
+    )
+    # the first rows show the unit of the stamps, and sensors in turn
+    rows = np.cumsum([0] + [batch.num_rows for batch in log.batches])
+    head = log.batches[: np.searchsorted(rows, HEAD_ROWS)]
     if tick := _unit_of_stamps(log, head):
         ticks, log.units["time"] = tick
-        if ticks != 1:
-            log.batches = multiplied(log.batches, ticks)
+        log.batches = multiplied(log.batches, ticks)
     lacks = in_turn(head)
     return two_streams(log, lacks) if lacks else log
 
@@ -142,35 +136,32 @@ def _unit_of_stamps(log, head):
 
 
 def multiplied(batches, ticks):
-    """Give batches with stamps that are multiplied by a number; dates stay."""
+    """Return batches with stamps that are multiplied by a number; dates stay."""
+    found = []
     for batch in batches:
         at = batch.schema.get_field_index(STAMP)
-        if at >= 0 and not pa.types.is_timestamp(batch.schema.field(at).type):
+        if ticks != 1 and at >= 0 and not pa.types.is_timestamp(batch.schema.field(at).type):
             batch = batch.set_column(at, STAMP, pc.multiply(batch[STAMP], ticks))
-        yield batch
+        found.append(batch)
+    return found
 
 
-def named_batches(names, chosen, batches):
-    """Give the raw batches of a table, from its columns at the positions of ``chosen.raw()``."""
-    raw = chosen.raw()
-
-    def converted(key, column):
+def _raw_batch(names, chosen, columns):
+    """Return the raw batch of some rows, of their columns in the order of ``chosen.raw()``."""
+    raw, arrays = chosen.raw(), {}
+    for key, column in zip(raw, columns, strict=True):
         number = key in CHANNELS or key == TEMPERATURE
         try:
-            return doubles(column) if number else stamp_array(column)
+            arrays[key] = doubles(column) if number else stamp_array(column)
         except pa.ArrowException as error:
             what = "numbers" if number else "stamps"
             raise ImuloopError(
                 f"column '{names[raw[key]]}' holds {column.type}, not {what}"
             ) from error
-
-    for columns in batches:
-        arrays = {key: converted(key, x) for key, x in zip(raw, columns, strict=True)}
-        arrays |= {axis: pc.negate(arrays[axis]) for axis in chosen.turned}
-        if FRACTION in arrays:
-            parts = arrays.pop(FRACTION)
-            arrays[STAMP] = joined_stamps(arrays[STAMP], parts, chosen.part_ns)
-        yield pa.RecordBatch.from_pydict(arrays)
+    arrays |= {axis: pc.negate(arrays[axis]) for axis in chosen.turned}
+    if FRACTION in arrays:
+        arrays[STAMP] = joined_stamps(arrays[STAMP], arrays.pop(FRACTION), chosen.part_ns)
+    return pa.RecordBatch.from_pydict(arrays)
 
 
 def doubles(column):
@@ -179,24 +170,6 @@ def doubles(column):
         # whole numbers of more than 53 bits are rounded
         column = column.cast(pa.float64(), safe=False)
     return column.fill_null(float("nan")) if column.null_count else column
-
-
-def first_rows(batches):
-    """Return the first batches, of `HEAD_ROWS` rows or a few more, and all of them."""
-    head, count = [], 0
-    try:
-        while count < HEAD_ROWS and (batch := next(batches, None)) is not None:
-            count += batch.num_rows
-            head.append(batch)
-    except Exception as error:
-        # for who reads up to there
-        batches = _raised(error)
-    return head, chain(head, batches)
-
-
-def _raised(error):
-    raise error
-    yield
 
 
 def in_turn(head):
@@ -224,11 +197,11 @@ def in_turn(head):
 
 def two_streams(log, lacking):
     """Return the RawLog of a table whose rows hold one sensor; `lacking` is of `in_turn`."""
-    parts, logs = list(log.batches), {}
+    logs = {}
     for quantity, names in SENSORS.items():
         more = [TEMPERATURE] * (log.temperature and quantity == "acceleration")
         kept = []
-        for batch in parts:
+        for batch in log.batches:
             x = np.array([batch[name] for name in names])
             there = ~np.isnan(x) if lacking == "empty" else x != 0
             held = batch.filter(pa.array(there.any(axis=0)))
@@ -252,7 +225,7 @@ def alone(quantity, columns):
     return own | {other: None}
 
 
-def paired(logs, batch_rows=1 << 16):
+def paired(logs):
     """Return the RawLog of two logs, sensor -> that of it alone, each on a clock of its own."""
     streams, columns, total = [], {}, RawLog()
     for quantity, log in logs.items():
@@ -278,7 +251,7 @@ def paired(logs, batch_rows=1 << 16):
                 f"the log has no time column of a usual name ({listed_columns}), and not as many "
                 "rows of one sensor as of the other; name it in columns.time"
             )
-    merged = raw_log(_of_one_unit(streams), columns, batch_rows, total.notes)
+    merged = raw_log(_of_one_unit(streams), columns, total.notes)
     merged.lose(total)
     for log in logs.values():
         # a unit of time that is not known is for the user to declare
