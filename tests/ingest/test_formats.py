@@ -323,11 +323,11 @@ def test_every_bit_comes_back(hard, tmp_path, way):
     path = way.write(tmp_path, stamps, values)
     paths = path if isinstance(path, dict) else {"log": path}
     _, form = find_format(way.declared.get("format"), paths)
-    table = pa.Table.from_batches(form.read(paths, None).batches)
+    table = form.read(paths, None).batch
     read = np.column_stack([table[name] for name in SIX])
     assert read.dtype == float
     np.testing.assert_array_equal(read.view("u8"), way.values(values).astype(float).view("u8"))
-    found, readable, _ = stamp_values(table["stamp"].combine_chunks())
+    found, readable, _ = stamp_values(table["stamp"])
     assert readable.all() and found.dtype == way.stamps(stamps).dtype
     np.testing.assert_array_equal(found, way.stamps(stamps))
 

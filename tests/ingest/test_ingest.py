@@ -1,4 +1,4 @@
-"""One call: files written in one step or not at all, errors of one line, bounded memory."""
+"""One call: files written in one step or not at all, errors of one line."""
 
 import hashlib
 import os
@@ -17,9 +17,6 @@ from imuloop.core.samples import schema
 from imuloop.ingest import ingest as stage
 from ingest.logs import brief
 
-# more than the libraries and a block of a log take, far less than the files below, MB
-MEMORY = 120
-
 
 def in_child(folder, code):
     """Run code in a process of its own in a folder; return what it prints."""
@@ -28,9 +25,6 @@ def in_child(folder, code):
         from pathlib import Path
         from imuloop.core.files import read_json
         from imuloop.ingest.ingest import ingest
-
-        def memory():
-            return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
 
         def run(path):
             ingest(device="imu", session="poses", kind="static", paths=[path],
@@ -82,11 +76,11 @@ def test_where_samples_come_from_is_kept_with_them(path, run):
     assert fields.equals(schema(False, {}))
 
 
-# --- hostile files: one clear line, memory bounded, nothing half-written, nothing outside
+# --- hostile files: one clear line, nothing half-written, nothing outside
 
 
 @pytest.mark.parametrize("line", [pytest.param("7", marks=pytest.mark.study), "\\0"])
-def test_a_line_of_100_MB_costs_its_share_and_little_memory(log, tmp_path, line):
+def test_a_line_of_100_MB_costs_its_share(log, tmp_path, line):
     """A hole in the file, which is zeros without room on the disk: nothing was in it."""
     half = len(log) // 2
     with open(tmp_path / "log.csv", "wb") as file:
@@ -100,13 +94,11 @@ def test_a_line_of_100_MB_costs_its_share_and_little_memory(log, tmp_path, line)
     found = in_child(
         tmp_path,
         """
-        before = memory()
         quality = run("log.csv")
-        print(quality["status"], quality["rows"], quality["bad_lines"], memory() - before)
+        print(quality["status"], quality["rows"], quality["bad_lines"])
         """,
     ).split()
-    assert found[:3] == (["ok", "500", "1"] if line == "\\0" else ["rejected", "500", "1"])
-    assert int(found[3]) < MEMORY
+    assert found == (["ok", "500", "1"] if line == "\\0" else ["rejected", "500", "1"])
 
 
 @pytest.mark.parametrize("kind", ["none", "fifo", "loop", "dangling", "folder", "device"])

@@ -30,8 +30,7 @@ BIG = 140363657976355584
         (lambda i: f"{i}.25" if i != 9 else "oops", lambda i: i + 0.25 if i != 9 else None),
     ],
 )
-def test_numbers_read_at_once_are_those_of_the_text(tmp_path, monkeypatch, stamps, value):
-    monkeypatch.setattr(delimited, "PIECE", 1 << 18)
+def test_numbers_read_at_once_are_those_of_the_text(tmp_path, stamps, value):
     rng, count = np.random.default_rng(3), 12_000
     exact = rng.normal(size=count) * 10.0 ** rng.integers(-300, 300, size=count)
     rows = [f"{stamps(i)},{x!r},0.1,1,2,3,4\n" for i, x in enumerate(exact.tolist())]
@@ -39,7 +38,7 @@ def test_numbers_read_at_once_are_those_of_the_text(tmp_path, monkeypatch, stamp
         rows[i] = rows[i].replace(",1,2,", f",{odd},2,")
     (tmp_path / "log.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "".join(rows))
     log = delimited.read({"log": tmp_path / "log.csv"})
-    table = pa.Table.from_batches(log.batches)
+    table = log.batch
     kept = [i for i in range(count) if "," not in stamps(i)]
     assert log.bad_lines == count - len(kept)
     assert table["stamp"].to_pylist() == [value(i) for i in kept]
@@ -49,10 +48,9 @@ def test_numbers_read_at_once_are_those_of_the_text(tmp_path, monkeypatch, stamp
     np.testing.assert_array_equal(table["az"].to_numpy().astype(float), az[kept])
 
 
-@pytest.mark.parametrize(("separator", "piece"), [(" ", 1 << 22), (",", 1 << 16)])
+@pytest.mark.parametrize("separator", [" ", ","])
 @pytest.mark.parametrize("size", [1 << 16, (1 << 21) + 3])
-def test_a_line_that_is_too_long_is_no_row(log, run, tmp_path, monkeypatch, separator, size, piece):
-    monkeypatch.setattr(delimited, "PIECE", piece)
+def test_a_line_that_is_too_long_is_no_row(log, run, tmp_path, separator, size):
     path = tmp_path / "log.txt"
     every = text(log, sep=separator).splitlines(keepends=True)
     # the longest line of all that counts has a row's columns
@@ -60,7 +58,7 @@ def test_a_line_that_is_too_long_is_no_row(log, run, tmp_path, monkeypatch, sepa
     every.append("0" * size)
     path.write_text("".join(every))
     read = delimited.read({"log": path})
-    samples, whole = pa.Table.from_batches(read.batches).to_pandas(), size <= 1 << 16
+    samples, whole = read.batch.to_pandas(), size <= 1 << 16
     assert read.bad_lines == (1 if whole else 2)
     lost = every[-1] if whole else every[300] + every[-1]
     # blanks hold nothing
@@ -83,23 +81,6 @@ def test_a_bomb_is_refused(run, tmp_path):
         f"unpacked, the file is more than 200 times its {path.stat().st_size} bytes: refused, "
         "no log packs so well"
     )
-
-
-def test_nothing_depends_on_the_size_of_a_piece(run, tmp_path, monkeypatch):
-    log = brief(5000)
-    log["t"] = 1_000_000 + 10_000 * np.arange(5000)
-    # whole and decimal numbers in one column, and faults, all over the file
-    log["ax"] = log["ax"].where(log.index % 50 != 0, 1)
-    log.loc[777::1000, "gy"] = np.nan
-    log.loc[500, "t"] = log.loc[499, "t"]
-    (tmp_path / "log.csv").write_text(text(log))
-    found = []
-    for piece in (1 << 22, 1 << 16):
-        monkeypatch.setattr(delimited, "PIECE", piece)
-        done = run(tmp_path / "log.csv", units={"time": "us"})
-        found.append((done.path.read_bytes(), done.quality))
-    assert found[0] == found[1]
-    assert found[0][1]["non_finite"] == 5
 
 
 def damaged(content, begin, noise):

@@ -35,7 +35,7 @@ rule ingest:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=by_size(950, 200),
+        mem_mb=by_size(950, 6500),
         runtime=by_size(5, 5),
     params:
         device=settings("nominal", "full_scale", "gravity"),

@@ -145,7 +145,7 @@ def _log(series, unread, columns):
     except ImuloopError as error:
         raise type(error)(f"{error}{unread}") from error
     held = [pa.array(series[names[i]]) for i in chosen.raw().values()]
-    log = table_log(names, chosen, [held], headed, notes=notes)
+    log = table_log(names, chosen, held, headed, notes=notes)
     if alone:
         log.columns = listed(names, headed=False)
     return log
@@ -350,7 +350,7 @@ def read_netcdf(paths, columns=None):
                     for text in texts
                 }
                 units[quantity] = " and ".join(sorted(stated))
-    return table_log(names, chosen, [columns], units=units)
+    return table_log(names, chosen, columns, units=units)
 
 
 def _units(variable):

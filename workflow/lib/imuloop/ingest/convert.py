@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, OWN_TIME, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.core.units import TIME as TIME_SCALES
@@ -86,42 +86,27 @@ class Rows:
 
 
 def all_rows(log, units, rate):
-    """Return the `Rows` of a log, which is read to its end; None of a log without any."""
-    batches = [batch for batch in log.batches if batch.num_rows]
-    if not batches:
+    """Return the `Rows` of a log; None of a log without any."""
+    batch, channels, stamps = log.batch, {}, {}
+    if not batch.num_rows:
         return None
-    channels, stamps = {}, {}
-    for name in batches[0].schema.names:
-        parts = [batch.column(name) for batch in batches]
+    for name in batch.schema.names:
         if name in CHANNELS or name == TEMPERATURE:
-            values = [part.to_numpy(zero_copy_only=False) for part in parts]
-            channels[name] = np.concatenate(values)
+            channels[name] = batch[name].to_numpy(zero_copy_only=False)
         else:
-            stamps[name] = joined([stamp_values(part) for part in parts])
+            stamps[name] = stamp_values(batch[name])
     if STAMP in stamps:
         x, readable, dates = stamps[STAMP]
         if not readable.any():
-            raise no_stamps(batches[0].column(STAMP), log.found.get("time"))
+            raise no_stamps(batch[STAMP], log.found.get("time"))
         return Rows(channels, stamps, x, readable, dates, 1e-9 if dates else _scale(log, units))
     if not rate:
         raise ImuloopError(
             f"the log has no time column of a usual name ({log.columns}); "
             "name it in columns.time, or give rate in Hz"
         )
-    x = np.arange(sum(batch.num_rows for batch in batches), dtype=np.int64)
+    x = np.arange(batch.num_rows, dtype=np.int64)
     return Rows(channels, stamps, x, np.ones(len(x), dtype=bool), False, 1 / rate)
-
-
-def joined(parts):
-    """Return the parts of a column of stamps, each as of `stamp_values`, as one."""
-    row, dated = 0, None
-    for values, readable, dates in parts:
-        row += len(values)
-        if readable.any():
-            dated = dates if dated is None else dated
-            if dates != dated:
-                raise RejectedLog(f"the stamps change their kind before row {row}")
-    return *(np.concatenate([part[i] for part in parts]) for i in (0, 1)), bool(dated)
 
 
 def no_samples(log):

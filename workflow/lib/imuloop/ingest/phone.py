@@ -18,11 +18,12 @@ import numpy as np
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.ingest import delimited
 from imuloop.ingest.damage import check_unpacked, reject_damage
-from imuloop.ingest.delimited import text_batches
+from imuloop.ingest.delimited import text_columns
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import AXES, SENSORS, guess, named_sensor, unit_of
+from imuloop.ingest.stamps import stamp_values
 from imuloop.ingest.streams import Stream, raw_log
-from imuloop.ingest.tables import alone, collected, paired
+from imuloop.ingest.tables import alone, paired
 from imuloop.ingest.text_layout import LONGEST_LINE, SPREADSHEET, find_layout
 
 ENDINGS = (".zip",)
@@ -240,10 +241,12 @@ def _table(name, text, turned):
 def _series(source, layout, places):
     """Return stamps, of the first column, numbers, what was left out, and rows without a stamp."""
     count = RawLog()
-    batches = text_batches(source, layout, places, count, stamps=1)
-    fields, lost, dates = collected(batches, "0")
-    stamps, *values = fields.values() if fields and not dates else [np.empty(0)] * len(places)
-    return stamps, values, count, lost
+    stamps, *values = text_columns(source, layout, places, count, stamps=1)
+    stamps, readable, dates = stamp_values(stamps)
+    # dates are no stamps of these apps
+    readable &= not dates
+    values = [x.to_numpy(zero_copy_only=False)[readable] for x in values]
+    return stamps[readable], values, count, np.count_nonzero(~readable)
 
 
 def _sensors(file, names):

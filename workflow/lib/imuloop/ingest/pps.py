@@ -18,8 +18,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.stretches import stretches_of
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import position
-from imuloop.ingest.convert import joined
-from imuloop.ingest.delimited import text_batches
+from imuloop.ingest.delimited import text_columns
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 from imuloop.ingest.text_layout import find_layout
@@ -104,11 +103,10 @@ def read_marks(path, columns):
         position(f"pps.{key}", columns.get(key, i), layout.names, layout.headed)
         for i, key in enumerate(("counter", "time"))
     ]
-    batches = [*text_batches(path, layout, where, RawLog(), 2)]
-    if not batches:
-        raise RejectedLog(f"{path} holds no marks")
-    columns = (joined([stamp_values(batch.column(i)) for batch in batches]) for i in (0, 1))
+    columns = map(stamp_values, text_columns(path, layout, where, RawLog(), 2))
     counters, times, known, dated = _pairs(*columns)
+    if not len(counters):
+        raise RejectedLog(f"{path} holds no marks")
     return counters[known], times[known], dated
 
 

@@ -1,6 +1,5 @@
 """A log as it was written: what each reader gives, before units and time zero."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import pyarrow as pa
@@ -14,7 +13,7 @@ from imuloop.ingest.spellings import AXES, SENSORS
 class RawLog:
     """A log as it was read.
 
-    `batches` are its rows in parts, with the columns `stamp` (int64, float64 or timestamp[ns];
+    `batch` are its rows, with the columns `stamp` (int64, float64 or timestamp[ns];
     absent without a time column), `ax ay az gx gy gz` (of one sensor those alone; `absent_sensor`)
     and, where `temperature`, it too (float64, raw units). `found` and `units` map a quantity to its
     columns, and to the unit that the file states, `nominal` a sensor to the scale of its counts, as
@@ -26,7 +25,7 @@ class RawLog:
     where the log's autopilot has them.
     """
 
-    batches: Iterable[pa.RecordBatch] = ()
+    batch: pa.RecordBatch = field(default_factory=lambda: pa.RecordBatch.from_pydict({}))
     found: dict = field(default_factory=dict)
     units: dict = field(default_factory=dict)
     nominal: dict = field(default_factory=dict)

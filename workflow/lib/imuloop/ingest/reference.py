@@ -4,7 +4,6 @@ import re
 from dataclasses import replace
 
 import numpy as np
-import pyarrow as pa
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.spatial.transform import Rotation
 
@@ -80,9 +79,10 @@ def read_series(path, log_format, columns):
     }
     none = dict.fromkeys(("acceleration", "angular_rate", "temperature"))
     declared = none | {"time": columns.get("time"), "others": others}
-    table = pa.Table.from_batches(form.read({"log": path}, declared).batches)
-    stamps = table[STAMP].combine_chunks() if STAMP in table.column_names else None
-    return stamps, np.array([table[name].to_numpy() for name in others], dtype=float).T
+    table = form.read({"log": path}, declared).batch
+    stamps = table[STAMP] if STAMP in table.schema.names else None
+    values = [table[name].to_numpy(zero_copy_only=False) for name in others]
+    return stamps, np.array(values, dtype=float).T
 
 
 def _read(file, log_file, declared, session, counts):

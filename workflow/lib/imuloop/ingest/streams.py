@@ -106,7 +106,7 @@ def raw_log(streams, columns=None, notes=(), damage=()):
         arrays[STAMP] = stamps
 
     return RawLog(
-        batches=[pa.RecordBatch.from_pydict(arrays)],
+        batch=pa.RecordBatch.from_pydict(arrays),
         found=found,
         units=units,
         columns=f"{clock.name}: {listed([*clock.fields])}",

@@ -57,11 +57,11 @@ def read_parquet(paths, columns=None):
 
     try:
         with file:
-            batches = [*file.iter_batches(columns=used)]
+            table = file.read(columns=used)
     except Exception as error:
         raise RejectedLog(f"the file cannot be read to its end: {error}") from error
-    batches = ([x.column(given.index(i)) for i in chosen.raw().values()] for x in batches)
-    return table_log(names, chosen, batches, **known)
+    held = [table.column(given.index(i)) for i in chosen.raw().values()]
+    return table_log(names, chosen, held, **known)
 
 
 @reject_damage
@@ -75,24 +75,20 @@ def read_feather(paths, columns=None):
     refuse_calibrated(names, {})
     chosen = resolve(names, columns)
 
-    def batches():
-        for number in range(file.num_record_batches):
-            batch = file.get_batch(number)
-            # offsets of a damaged file may lead out of it
-            batch.validate(full=True)
-            yield [batch.column(at) for at in chosen.raw().values()]
-
-    return table_log(names, chosen, batches())
+    table = file.read_all()
+    # offsets of a damaged file may lead out of it
+    table.validate(full=True)
+    return table_log(names, chosen, [table.column(at) for at in chosen.raw().values()])
 
 
-def table_log(names, chosen, batches, headed=True, **known):
+def table_log(names, chosen, columns, headed=True, **known):
     """Return the RawLog of a table with columns of these names, of which `chosen` are read.
 
-    `batches` give the columns at the positions of ``chosen.raw()``, in their order, a part of the
-    rows at once; `known` are attributes that the log states itself.
+    `columns` are those at the positions of ``chosen.raw()``, in their order; `known` are attributes
+    that the log states itself.
     """
     log = RawLog(
-        batches=[_raw_batch(names, chosen, columns) for columns in batches],
+        batch=_raw_batch(names, chosen, columns),
         found=chosen.found(names),
         units={**chosen.units, **known.pop("units", {})},
         columns=listed(names, headed),
@@ -100,11 +96,10 @@ def table_log(names, chosen, batches, headed=True, **known):
         **known,
     )
     # the first rows show the unit of the stamps, and sensors in turn
-    rows = np.cumsum([0] + [batch.num_rows for batch in log.batches])
-    head = log.batches[: np.searchsorted(rows, HEAD_ROWS)]
+    head = log.batch.slice(0, HEAD_ROWS)
     if tick := _unit_of_stamps(log, head):
         ticks, log.units["time"] = tick
-        log.batches = multiplied(log.batches, ticks)
+        log.batch = multiplied(log.batch, ticks)
     lacks = in_turn(head)
     return two_streams(log, lacks) if lacks else log
 
@@ -118,12 +113,12 @@ def _unit_of_stamps(log, head):
     ticks of Xsens.
     """
     name = log.found.get("time")
-    if "time" in log.units or not isinstance(name, str) or not head:
+    if "time" in log.units or not isinstance(name, str):
         return None
-    parts = [stamp_values(batch[STAMP]) for batch in head]
-    stamps = np.concatenate([x[readable] for x, readable, _ in parts])
+    stamps, readable, dates = stamp_values(head[STAMP])
+    stamps = stamps[readable]
     steps = np.diff(stamps)
-    if any(dates for *_, dates in parts) or not (steps > 0).any():
+    if dates or not (steps > 0).any():
         return None
     step = np.median(steps[steps > 0])
     if "_".join(words_of(name)).endswith(_TICKS):
@@ -135,21 +130,20 @@ def _unit_of_stamps(log, head):
     return None
 
 
-def multiplied(batches, ticks):
-    """Return batches with stamps that are multiplied by a number; dates stay."""
-    found = []
-    for batch in batches:
-        at = batch.schema.get_field_index(STAMP)
-        if ticks != 1 and at >= 0 and not pa.types.is_timestamp(batch.schema.field(at).type):
-            batch = batch.set_column(at, STAMP, pc.multiply(batch[STAMP], ticks))
-        found.append(batch)
-    return found
+def multiplied(batch, ticks):
+    """Return a raw batch with stamps that are multiplied by a number; dates stay."""
+    at = batch.schema.get_field_index(STAMP)
+    if ticks == 1 or at < 0 or pa.types.is_timestamp(batch.schema.field(at).type):
+        return batch
+    return batch.set_column(at, STAMP, pc.multiply(batch[STAMP], ticks))
 
 
 def _raw_batch(names, chosen, columns):
-    """Return the raw batch of some rows, of their columns in the order of ``chosen.raw()``."""
+    """Return the raw batch of a table, of its columns in the order of ``chosen.raw()``."""
     raw, arrays = chosen.raw(), {}
     for key, column in zip(raw, columns, strict=True):
+        if isinstance(column, pa.ChunkedArray):
+            column = column.combine_chunks()
         number = key in CHANNELS or key == TEMPERATURE
         try:
             arrays[key] = doubles(column) if number else stamp_array(column)
@@ -178,9 +172,9 @@ def in_turn(head):
     Rows of the accelerometer and of the gyroscope take turns in the head of such a table; where the
     other's columns are empty, some rows may hold both.
     """
-    if not head or not {STAMP, *CHANNELS} <= {*head[0].schema.names}:
+    if not {STAMP, *CHANNELS} <= {*head.schema.names}:
         return ""
-    values = np.array([np.concatenate([b[name] for b in head]) for name in CHANNELS])[:, :HEAD_ROWS]
+    values = np.array([head[name] for name in CHANNELS])
     most = _ALONE * values.shape[1]
 
     def turns(lacks):
@@ -200,14 +194,11 @@ def two_streams(log, lacking):
     logs = {}
     for quantity, names in SENSORS.items():
         more = [TEMPERATURE] * (log.temperature and quantity == "acceleration")
-        kept = []
-        for batch in log.batches:
-            x = np.array([batch[name] for name in names])
-            there = ~np.isnan(x) if lacking == "empty" else x != 0
-            held = batch.filter(pa.array(there.any(axis=0)))
-            kept.append(held.select([STAMP, *names, *more]))
+        x = np.array([log.batch[name] for name in names])
+        there = ~np.isnan(x) if lacking == "empty" else x != 0
+        held = log.batch.filter(pa.array(there.any(axis=0))).select([STAMP, *names, *more])
         found = {key: log.found[key] for key in ("time", quantity, *more)}
-        logs[quantity] = RawLog(batches=kept, found=found, units=log.units)
+        logs[quantity] = RawLog(batch=held, found=found, units=log.units)
     merged = paired(logs)
     merged.columns, merged.simulated = log.columns, log.simulated
     merged.notes[:0] = ["the rows hold the accelerometer and the gyroscope in turn"]
@@ -264,31 +255,20 @@ def paired(logs):
     return merged
 
 
-def collected(batches, stamp=STAMP):
-    """Return the columns of batches as arrays, how many rows lack a stamp, and if these are dates.
-
-    Rows without a stamp are left out.
-    """
-    parts, lost, dates = [], 0, False
-    for batch in batches:
-        fields = {n: batch[n].to_numpy(zero_copy_only=False) for n in batch.schema.names}
-        if stamp in fields:
-            fields[stamp], readable, dates = stamp_values(batch[stamp])
-            lost += int((~readable).sum())
-            fields = {name: x[readable] for name, x in fields.items()}
-        parts.append(fields)
-    names = parts[0] if parts else ()
-    return {n: np.concatenate([part[n] for part in parts]) for n in names}, lost, dates
-
-
 def _stream(quantity, log):
     """Return a log of one sensor as a Stream, and how many of its rows lack a stamp."""
-    fields, lost, dates = collected(log.batches)
-    if not fields:
+    count = log.batch.num_rows
+    if not count:
         raise RejectedLog(f"the log of {quantity} has no rows")
-    if dates:
-        log.units["time"] = "ns"
-    stamps = fields.get(STAMP, np.arange(len(fields[SENSORS[quantity][0]])))
+    fields = {
+        name: log.batch[name].to_numpy(zero_copy_only=False) for name in log.batch.schema.names
+    }
+    stamps, readable = np.arange(count), np.ones(count, dtype=bool)
+    if STAMP in fields:
+        stamps, readable, dates = stamp_values(log.batch[STAMP])
+        if dates:
+            log.units["time"] = "ns"
+    stamps, fields = stamps[readable], {name: x[readable] for name, x in fields.items()}
     axes = dict(zip(AXES, SENSORS[quantity], strict=True))
     values = {axis: fields[name] for axis, name in axes.items()}
     if log.temperature:
@@ -296,7 +276,7 @@ def _stream(quantity, log):
     units = {key: log.units[key] for key in (quantity, TEMPERATURE) if key in log.units}
     if log.units.get("time") in NANOSECONDS:
         units["time"] = log.units["time"]
-    return Stream(_NAMES[quantity], stamps, values, units), lost
+    return Stream(_NAMES[quantity], stamps, values, units), count - len(stamps)
 
 
 def _of_one_unit(streams):
