@@ -41,7 +41,6 @@ class Counts:
     """
 
     read: int = 0
-    kept: int = 0
     outside: int = 0
     non_finite: int = 0
     duplicates: int = 0
@@ -212,7 +211,6 @@ def si_samples(
         out_of_order=good & early,
         without_interval=fits & starts,
         by_usual_step=keep & wide,
-        kept=keep,
     )
     if not keep.any():
         return no_samples(log)

@@ -19,10 +19,9 @@ from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.stamps import stamp_array, stamp_values
 from imuloop.ingest.tables import (
-    alone,
     doubles,
     multiplied,
-    paired,
+    read_pair,
     table_log,
 )
 from imuloop.ingest.text_layout import (
@@ -68,8 +67,7 @@ def read(paths, columns=None):
             raise RejectedLog(f"the folder holds no {IN_FOLDER}")
     layout = find_layout(path)
     if parts := _by_sensor(path, layout):
-        logs = {q: read({"log": text}, alone(q, columns)) for q, text in parts.items()}
-        return paired(logs)
+        return read_pair(read, parts, columns)
     refuse_calibrated(layout.names, {})
     chosen = resolve(layout.names, columns, layout.headed)
     chosen = _with_stamps(layout, chosen, "time" in (columns or {}))
@@ -301,15 +299,9 @@ def _whole(lines):
 
     The last one may lack its line end.
     """
-    # with a line end in each half of that length none is too long
-    half = LONGEST_LINE // 2
-    short = all(lines.find(b"\n", i, i + half) >= 0 for i in range(0, len(lines), half))
-    if short and b'"' not in lines:
-        return lines, 0
     ends = np.flatnonzero(np.frombuffer(lines, np.uint8) == ord("\n")) + 1
-    if lines and not lines.endswith(b"\n"):
-        ends = np.append(ends, len(lines))
-    starts = np.append(0, ends[:-1])[: len(ends)]
+    ends = np.union1d(ends, [len(lines)])
+    starts = np.append(0, ends[:-1])
     bad = ends - starts > LONGEST_LINE
     if b'"' in lines:
         bad |= [lines.count(b'"', a, b) % 2 == 1 for a, b in zip(starts, ends, strict=True)]

@@ -7,7 +7,15 @@ from itertools import combinations
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, ROWS, TEMPERATURE, TIME
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    CHANNELS,
+    ROWS,
+    TEMPERATURE,
+    TIME,
+    Samples,
+)
 from imuloop.ingest.axes import AGREEMENT, Axes
 from imuloop.ingest.constant_stretches import LENGTHS, ConstantStretches, rows_a_value
 from imuloop.ingest.increments import SENSORS
@@ -38,8 +46,6 @@ WRAPPED, FLAT, UNEVEN = 0.9, 0.05, 0.1
 READ_STEPS, FAR_STEPS, OFTEN = 1000, 8, 0.2
 # blocks for variances: rows per block, blocks per piece, and those that are needed
 BLOCK, BLOCKS, LEAST_BLOCKS = 128, 128, 8
-# noise is that of a log that rests for as much of its time
-QUIET_SHARE = 0.25
 # an axis is silent at rest where it never changes in this share of the quieter blocks
 SILENT_SHARE = 0.8
 # a gap that a device may be turned in is longer, s
@@ -93,11 +99,7 @@ def measure(samples, raw_units, figures):
     # where an integer wraps around nothing is known of a turn
     for values, rows in zip(x, wraps, strict=False):
         values[rows] = values[rows + 1] = np.nan
-    stops, way = Stops(rows_per_s, gaps), Axes(rows_per_s)
-    for first in range(0, count, ROWS):
-        piece = dict(zip(names, x[:, first : first + ROWS], strict=True))
-        way.add(piece)
-        stops.add(piece)
+    fit, rests = turns(dict(zip(names, x, strict=True)), rows_per_s, gaps)
     spikes, limits, failed, tops = map(sum, zip(*counts, strict=True))
     variances = dict(zip(CHANNELS, np.concatenate(variances, axis=1), strict=True))
     limits, tops = (dict(zip(CHANNELS, n, strict=True)) for n in (limits, tops))
@@ -132,8 +134,6 @@ def measure(samples, raw_units, figures):
     for name, found in stuck.items():
         values, padded = clipped[name]["values"], padding if name in ANGULAR_RATE else ()
         stuck[name] = [s for s in found if s[2] not in values and s[:2] not in padded]
-    axes = way.fit()
-    rests = stops.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
     if rests:
         row, gap = rests.pop("jump_row"), rests.pop("gap_row")
         rests |= {"jump_s": t[row].item(), "gap_s": None if gap is None else t[gap].item()}
@@ -159,10 +159,24 @@ def measure(samples, raw_units, figures):
             if _copied(x[[a, b]], changed[[a, b]])
         ],
         "silent_at_rest": silent,
-        "axes": axes,
+        "axes": fit,
         "rests": rests,
     }
     return faults, np.array(single)
+
+
+def turns(x, rate, gaps=()):
+    """Return what channels, by name, at a rate show of turns and rests: `axes` and `rests`.
+
+    `gaps` are the rows before a gap.
+    """
+    stops, way = Stops(rate, gaps), Axes(rate)
+    for _, piece in Samples(x).pieces(CHANNELS):
+        piece = dict(zip(CHANNELS, piece, strict=True))
+        way.add(piece)
+        stops.add(piece)
+    axes = way.fit()
+    return axes, stops.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
 
 
 def _without_padding(x, zeros):

@@ -83,7 +83,7 @@ def find_format(name, paths):
         raise ImuloopError(f"'{name}' is not a format{hint}")
     form = FORMATS[name]
     if {*paths} == {*PAIR}:
-        form = replace(form, read=partial(_read_two, form.read), files=PAIR)
+        form = replace(form, read=partial(tables.read_pair, form.read), files=PAIR)
     if {*paths} != {*form.files}:
         raise ImuloopError(
             f"format {name} is read from {' and '.join(form.files)}, given {' and '.join(paths)}"
@@ -102,12 +102,6 @@ def no_log(path):
 
 def _reject(cause, *given, **options):
     raise RejectedLog(cause)
-
-
-def _read_two(read, paths, columns=None):
-    """Read an accelerometer's file and a gyroscope's, on clocks of their own."""
-    logs = {q: read({"log": paths[q]}, tables.alone(q, columns)) for q in PAIR}
-    return tables.paired(logs)
 
 
 def guess_format(paths):

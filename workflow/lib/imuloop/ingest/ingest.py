@@ -298,7 +298,6 @@ def _quality(reasons, figures, counts, log):
         "bad_lines": log.bad_lines,
         "rows_read": counts.read,
         "outside_time_range": counts.outside,
-        "treatment": quality.TREATMENT,
         "columns": log.found,
     }
 

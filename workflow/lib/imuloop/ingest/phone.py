@@ -23,7 +23,7 @@ from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import AXES, SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.stamps import stamp_values
 from imuloop.ingest.streams import Stream, raw_log
-from imuloop.ingest.tables import alone, paired
+from imuloop.ingest.tables import read_pair
 from imuloop.ingest.text_layout import LONGEST_LINE, SPREADSHEET, find_layout
 
 ENDINGS = (".zip",)
@@ -135,7 +135,7 @@ def _plain(archive, members, columns):
             f"says acc and one gyr, but {listed}"
         )
     texts = {q: _text(archive, members[name]) for q, (name,) in by_sensor.items()}
-    log = paired({q: delimited.read({"log": x}, alone(q, columns)) for q, x in texts.items()})
+    log = read_pair(delimited.read, texts, columns)
     log.notes.insert(0, f"the tables {' and '.join(n for (n,) in by_sensor.values())} of the zip")
     return log
 

@@ -11,14 +11,14 @@ from math import log, sqrt
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, Samples
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
 from imuloop.core.units import DEGREE, INCREMENTS
 from imuloop.core.units import TIME as TIME_UNITS
-from imuloop.ingest.axes import Axes
+from imuloop.ingest.faults import turns
 from imuloop.ingest.stamps import declare
-from imuloop.ingest.stops import WINDOW, Stops
+from imuloop.ingest.stops import WINDOW
 
 # the specific force at rest is gravity within this share; that of a log that never rests lies in
 # these parts of it; at a known factor within the last share: biases of a tenth of g, scale errors
@@ -78,13 +78,13 @@ def judged(figures, units, gravity, kind=None, nominal=None):
         if max(wrapped.values()) >= MOST_WRAPS:
             return [text], []
         warnings.append(text)
-    turns = _turn_ratio(figures, gravity)
-    if cause := _increments(figures, units, gravity, *turns):
+    turned = _turn_ratio(figures, gravity)
+    if cause := _increments(figures, units, gravity, *turned):
         reasons.append(cause)
     else:
         scales = (nominal or {}).get("acceleration")
         _force(figures, units["acceleration"], gravity, scales, reasons, warnings)
-        _turns(figures, units["angular_rate"], kind, *turns, reasons, warnings)
+        _turns(figures, units["angular_rate"], kind, *turned, reasons, warnings)
     if kind == "static" and found["rests"]:
         _moved(found["rests"], gravity, reasons, warnings)
     return reasons, warnings
@@ -113,13 +113,9 @@ def milliseconds(columns, figures, points, gravity, rate=None):
 
 def _turns_at(columns, figures, rate, gravity):
     """Return how far the angular rate turns samples of a rate beside gravity; None if unsure."""
-    stops, axes = Stops(rate), Axes(rate)
-    for _, x in Samples(columns).pieces(CHANNELS):
-        stops.add(dict(zip(CHANNELS, x, strict=True)))
-        axes.add(dict(zip(CHANNELS, x, strict=True)))
-    fit = axes.fit()
-    turns = {"axes": fit, "rests": stops.figures(fit and fit["ratio"])}
-    ratio, sure, _ = _turn_ratio(figures | {"faults": figures["faults"] | turns}, gravity)
+    axes, rests = turns(columns, rate)
+    found = {"axes": axes, "rests": rests}
+    ratio, sure, _ = _turn_ratio(figures | {"faults": figures["faults"] | found}, gravity)
     return ratio if sure else None
 
 

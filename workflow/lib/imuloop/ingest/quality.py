@@ -5,7 +5,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from imuloop.core.errors import plural
-from imuloop.core.gaps import GAP_STEPS, gap_limit
+from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
@@ -35,20 +35,6 @@ MOST_DROPPED = 0.05
 IN_TURN = 0.9
 # rates at which IMUs log, Hz
 PLAUSIBLE_RATE = (0.05, 1e5)
-
-TREATMENT = (
-    "Rows whose stamp or one of the six axes is missing, not finite or beyond what any sensor "
-    f"gives (± {BEYOND:g} in SI), rows whose stamp repeats or lies before an earlier one, and "
-    "lines that are no row are dropped and counted, rows identical to the one before too, by "
-    "themselves; nothing is filled or clipped, and nothing "
-    "interpolated but sensors with clocks of their own, with a note. A temperature that is "
-    "missing, or beyond the same, stays missing. A step longer than "
-    f"{GAP_STEPS} median steps is a gap; rate and jitter are of the other steps. More than "
-    f"{MOST_DROPPED:.0%} dropped, fewer than {LEAST_ROWS} rows or less than {LEAST_DURATION:g} s: "
-    "rejected. A row with a spike that no body makes, one value far from neighbours that agree, on "
-    "one axis alone, is dropped and counted. Zeros on all axes, stuck, clipped, held or copied "
-    "values and other spikes are counted and named; they stay in the samples."
-)
 
 
 def measure(columns, raw_units, full_scale=None):

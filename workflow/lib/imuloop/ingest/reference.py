@@ -8,11 +8,9 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.errors import ImuloopError
-from imuloop.core.gaps import gap_limit
 from imuloop.core.rotation import prefix_product, step_vectors
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
-from imuloop.core.stretches import stretches_of
-from imuloop.ingest.attitudes import BRIDGED, COMPARED, Reference, angles, at_instants, turns
+from imuloop.ingest.attitudes import COMPARED, Reference, angles, at_instants, turns
 from imuloop.ingest.columns import STAMP
 from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
@@ -55,9 +53,8 @@ def beside(samples, file, log_file, declared, session, counts):
         return {}, figures, reasons
     if declared["convention"] == "world_to_body":
         found = replace(found, q=found.q * [1, -1, -1, -1])
-    whole = found
     found, jumps = _without_jumps(found, t, w, np.array(frame))
-    figures |= jumps | {"noise": _noise(found), "cut": _stretches(whole, found)}
+    figures |= jumps | {"noise": _noise(found)}
     if reasons := place_faults(found, t, f, np.array(frame), declared):
         return {}, figures, reasons
     columns = at_instants(found, t)
@@ -212,24 +209,6 @@ def _without_jumps(reference, t, w, frame):
     p[leaps] = np.nan
     figures = {"swaps": swaps, "swapped": swapped, "leaps": int(leaps.sum())}
     return replace(reference, p=p), figures
-
-
-def _stretches(whole, cut):
-    """Return start and end, s, of what a reference lacks, by reason; not what a cubic bridges."""
-
-    def spans(missing, least):
-        begin, end = stretches_of(missing).T
-        first, last = np.maximum(begin - 1, 0), np.minimum(end, len(missing) - 1)
-        found = np.column_stack([whole.t[first], whole.t[last]])
-        return found[np.ptp(found, axis=1) > least].tolist()
-
-    bridged = max(BRIDGED, gap_limit(np.median(np.diff(whole.t))))
-    placed, left = (np.isfinite(each.p[:, 0]) for each in (whole, cut))
-    return {
-        "lost": spans(~whole.known, bridged),
-        "swapped": spans(whole.known & ~cut.known, 0.0),
-        "leaps": spans(placed & ~left & cut.known, 0.0),
-    }
 
 
 def _noise(reference):

@@ -127,7 +127,8 @@ class Stops:
         gaps = self._gaps(first, i, j)
         for k in np.flatnonzero(gaps >= 0):
             turn = float(_angle(u[:, i[k]], u[:, j[k]]))
-            self.gap_turn = max(self.gap_turn, (turn, int(gaps[k])), key=_first)
+            if turn > self.gap_turn[0]:
+                self.gap_turn = turn, int(gaps[k])
         i, j = i[gaps < 0], j[gaps < 0]
         change = np.linalg.norm(centre[:, j] - centre[:, i], axis=0)
         speed = np.linalg.norm(turning - bias[:, None], axis=0)
@@ -189,10 +190,6 @@ class Stops:
         spread = MAD * np.median(np.abs(found - middle))
         std = float(value * OF_MEDIAN * spread / np.sqrt(len(found)))
         return {"value": value, "std": std, "moves": len(found)}
-
-
-def _first(pair):
-    return pair[0]
 
 
 def _scale(before, after, steps, near):

@@ -20,12 +20,10 @@ from imuloop.ingest.stamps import (
     stamp_array,
     stamp_values,
 )
-from imuloop.ingest.streams import Stream, raw_log
+from imuloop.ingest.streams import SENSOR_OF, Stream, raw_log
 
 PARQUET_ENDINGS = (".parquet", ".pq")
 FEATHER_ENDINGS = (".feather", ".arrow")
-# what the stream of each sensor is called
-_NAMES = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 # rows by which sensors in turn are told, and the least share of rows of one sensor alone
 HEAD_ROWS, _ALONE = 1000, 0.1
 # rates by which the unit of stamps is told, Hz
@@ -199,14 +197,14 @@ def two_streams(log, lacking):
         held = log.batch.filter(pa.array(there.any(axis=0))).select([STAMP, *names, *more])
         found = {key: log.found[key] for key in ("time", quantity, *more)}
         logs[quantity] = RawLog(batch=held, found=found, units=log.units)
-    merged = paired(logs)
+    merged = _paired(logs)
     merged.columns, merged.simulated = log.columns, log.simulated
     merged.notes[:0] = ["the rows hold the accelerometer and the gyroscope in turn"]
     merged.lose(log)
     return merged
 
 
-def alone(quantity, columns):
+def _alone(quantity, columns):
     """Return what is declared of a table of one sensor among what is of two."""
     [other] = {*SENSORS} - {quantity}
     own = {key: value for key, value in (columns or {}).items() if key in ("time", quantity)}
@@ -216,7 +214,12 @@ def alone(quantity, columns):
     return own | {other: None}
 
 
-def paired(logs):
+def read_pair(read, sources, columns=None):
+    """Return the RawLog of an accelerometer's table and a gyroscope's, each on its own clock."""
+    return _paired({q: read({"log": sources[q]}, _alone(q, columns)) for q in SENSORS})
+
+
+def _paired(logs):
     """Return the RawLog of two logs, sensor -> that of it alone, each on a clock of its own."""
     streams, columns, total = [], {}, RawLog()
     for quantity, log in logs.items():
@@ -276,7 +279,7 @@ def _stream(quantity, log):
     units = {key: log.units[key] for key in (quantity, TEMPERATURE) if key in log.units}
     if log.units.get("time") in NANOSECONDS:
         units["time"] = log.units["time"]
-    return Stream(_NAMES[quantity], stamps, values, units), count - len(stamps)
+    return Stream(SENSOR_OF[quantity], stamps, values, units), count - len(stamps)
 
 
 def _of_one_unit(streams):
