@@ -9,7 +9,6 @@ from imuloop.job_log import open_log, say
 device = Device(
     **snakemake.params.device,
     folder=Path(snakemake.output.samples).parents[1],
-    threads=snakemake.threads,
 )
 (session,) = device.kinds
 name = f"{device.name}/{session}"

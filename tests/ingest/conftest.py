@@ -44,7 +44,7 @@ def run(tmp_path):
             paths = [tmp_path / "log.parquet"]
         target = tmp_path / "out" / "samples.parquet"
         where = {"device": "imu", "session": "poses", "kind": "multi_position"}
-        where |= {key: declared.pop(key) for key in {*where, "batch_rows", "threads"} & {*declared}}
+        where |= {key: declared.pop(key) for key in {*where} & {*declared}}
         ingest(
             **where,
             declared=Declared(**{key: each for key, each in declared.items() if each is not None}),

@@ -3,7 +3,6 @@
 import re
 
 import numpy as np
-import pyarrow as pa
 import pytest
 
 from imuloop.core.errors import ImuloopError, RejectedLog
@@ -154,7 +153,7 @@ def stream(name="imu", fields=(*ACC, *GYRO), stamps=None, **units):
 
 
 def arrays(log):
-    table = pa.Table.from_batches(list(log.batches))
+    table = log.batch
     return {name: table[name].to_numpy() for name in table.column_names}
 
 

@@ -25,7 +25,7 @@ def rates(log):
 
 @pytest.fixture
 def ingested(run, tmp_path):
-    """Ingest increments over some seconds, stamped in us, as CSV, the same in small batches."""
+    """Ingest increments over some seconds, stamped in us, as CSV."""
 
     def call(values, seconds, stamps, drop=(), **more):
         declared = {key: more.pop(key) for key in {*more} & {"units", "columns"}}
@@ -35,9 +35,6 @@ def ingested(run, tmp_path):
         table = table.assign(**more).drop(index=[*drop])
         table.to_csv(tmp_path / "log.csv", index=False, float_format="%.17g")
         done = run(tmp_path / "log.csv", **declared)
-        whole = done.path.read_bytes(), done.quality
-        small = run(tmp_path / "log.csv", batch_rows=7, **declared)
-        assert (small.path.read_bytes(), small.quality) == whole
         assert done.quality["status"] == "ok", done.quality["reasons"]
         return done
 

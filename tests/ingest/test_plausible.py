@@ -6,8 +6,7 @@ import pytest
 
 from bench.realistic.device import record
 from imuloop.core.units import DEGREE
-from imuloop.ingest.axes import KEPT, Axes
-from imuloop.ingest.thinning import EvenSubsample
+from imuloop.ingest.axes import Axes
 from imuloop.simulate.truth import Disturbance, Vibration, example_truth, read_truth
 from ingest import logs
 from ingest.harm import in_bursts, turned
@@ -203,15 +202,6 @@ def test_turns_about_one_axis_tell_that_axis_alone(taken):
         assert taken(other)["warnings"] == []
     [line] = taken(log.assign(gx=log.gy, gy=-log.gx))["warnings"]
     assert "with x as -gy: swapped or mirrored axes (the turns of this log leave" in line
-
-
-def test_rows_of_a_long_log_are_thinned_evenly():
-    thinned = EvenSubsample(KEPT)
-    for start in range(0, 100_000, 777):
-        thinned.add(np.arange(start, min(start + 777, 100_000))[:, None])
-    rows = thinned.rows()[:, 0]
-    assert KEPT <= len(rows) <= 2 * KEPT
-    assert {*np.diff(rows)} == {thinned.stride}
 
 
 # --- clocks of a host

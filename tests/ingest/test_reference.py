@@ -54,13 +54,6 @@ def test_a_sound_reference_is_beside_the_samples(tmp_path):
     assert found["lost"] == pytest.approx(0.03 * 6000, rel=0.5)
     assert found["swapped"] == 5 * found["swaps"] > 0
     assert not found["clock"]["own"]
-    # a loss is of ten rows at least, from the row before it to the one after
-    lengths = {reason: np.diff(spans).ravel() for reason, spans in found["cut"].items()}
-    assert (lengths["lost"] > 0.1).all()
-    rows = 100 * lengths["lost"].sum() - len(lengths["lost"])
-    assert found["lost"] - 12 < rows <= found["lost"] + 1e-6
-    assert len(lengths["swapped"]) == found["swaps"]
-    np.testing.assert_allclose(lengths["swapped"], 0.06, atol=1e-9)
     known = np.isfinite(samples["qw"])
     assert 0.9 < known.mean() < 1
     size = np.linalg.norm([samples[k][known] for k in QUATERNION], axis=0)

@@ -37,9 +37,8 @@ def test_numbers_read_at_once_are_those_of_the_text(tmp_path, stamps, value):
     for i, odd in enumerate(ODD, 7000):
         rows[i] = rows[i].replace(",1,2,", f",{odd},2,")
     (tmp_path / "log.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "".join(rows))
-    log = delimited.read({"log": tmp_path / "log.csv"}, batch_rows=5000)
-    log.threads = 2
-    table = pa.Table.from_batches(log.batches)
+    log = delimited.read({"log": tmp_path / "log.csv"})
+    table = log.batch
     kept = [i for i in range(count) if "," not in stamps(i)]
     assert log.bad_lines == count - len(kept)
     assert table["stamp"].to_pylist() == [value(i) for i in kept]
@@ -49,17 +48,17 @@ def test_numbers_read_at_once_are_those_of_the_text(tmp_path, stamps, value):
     np.testing.assert_array_equal(table["az"].to_numpy().astype(float), az[kept])
 
 
-@pytest.mark.parametrize(("separator", "rows"), [(" ", 1 << 16), (",", 64)])
+@pytest.mark.parametrize("separator", [" ", ","])
 @pytest.mark.parametrize("size", [1 << 16, (1 << 21) + 3])
-def test_a_line_that_is_too_long_is_no_row(log, run, tmp_path, separator, size, rows):
+def test_a_line_that_is_too_long_is_no_row(log, run, tmp_path, separator, size):
     path = tmp_path / "log.txt"
     every = text(log, sep=separator).splitlines(keepends=True)
     # the longest line of all that counts has a row's columns
     every[300] = every[300].rstrip("\n").ljust(size - 1, "0") + "\n"
     every.append("0" * size)
     path.write_text("".join(every))
-    read = delimited.read({"log": path}, batch_rows=rows)
-    samples, whole = pa.Table.from_batches(read.batches).to_pandas(), size <= 1 << 16
+    read = delimited.read({"log": path})
+    samples, whole = read.batch.to_pandas(), size <= 1 << 16
     assert read.bad_lines == (1 if whole else 2)
     lost = every[-1] if whole else every[300] + every[-1]
     # blanks hold nothing
@@ -68,7 +67,7 @@ def test_a_line_that_is_too_long_is_no_row(log, run, tmp_path, separator, size, 
     kept = log if whole else log.drop(index=299)
     np.testing.assert_allclose(samples[SIX], kept[SIX], rtol=1e-4)
     # most of the file is lost
-    [reason] = run(path, batch_rows=rows).quality["reasons"]
+    [reason] = run(path).quality["reasons"]
     assert "of the log's bytes are in" in reason
 
 
@@ -82,22 +81,6 @@ def test_a_bomb_is_refused(run, tmp_path):
         f"unpacked, the file is more than 200 times its {path.stat().st_size} bytes: refused, "
         "no log packs so well"
     )
-
-
-def test_nothing_depends_on_the_size_of_a_batch(run, tmp_path):
-    log = brief(5000)
-    log["t"] = 1_000_000 + 10_000 * np.arange(5000)
-    # whole and decimal numbers in one column, and faults, all over the file
-    log["ax"] = log["ax"].where(log.index % 50 != 0, 1)
-    log.loc[777::1000, "gy"] = np.nan
-    log.loc[500, "t"] = log.loc[499, "t"]
-    (tmp_path / "log.csv").write_text(text(log))
-    found = []
-    for rows in (1 << 16, 70, 700):
-        done = run(tmp_path / "log.csv", units={"time": "us"}, batch_rows=rows)
-        found.append((done.path.read_bytes(), done.quality))
-    assert found[0] == found[1] == found[2]
-    assert found[0][1]["non_finite"] == 5
 
 
 def damaged(content, begin, noise):

@@ -11,7 +11,6 @@ from ingest.text_forms import (
     gyroflow,
     inserted,
     lines,
-    novatel,
     text,
 )
 
@@ -58,7 +57,7 @@ def test_text_that_is_no_log_is_rejected_in_one_line(run, tmp_path, content, rea
     content = content() if callable(content) else content
     path, declared = tmp_path / "log.csv", NUMBERS if isinstance(content, bytes) else {}
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    done = run(path, batch_rows=64, **declared)
+    done = run(path, **declared)
     assert done.quality["status"] == "rejected" and len(done.samples) == 0
     assert {p.name for p in done.path.parent.iterdir()} == {"samples.parquet", "quality.json"}
     first = done.quality["reasons"][0]
@@ -100,7 +99,6 @@ JOINED = {"nsec": 10**9 + np.arange(500)}
          r"column 't': '31\.12\.2023 12h0' is neither a number"),
         (lambda log: log.assign(**JOINED).rename(columns={"t": "sec"}), {}, {},
          "sec and nsec are not whole seconds and a part of a s"),
-        (novatel, {}, {}, r"needs nominal\.acceleration\.scale \(increments: ×"),
         (lambda log: inserted(log, 1, "s,g,g,g,rph,rph,rph"), {}, {},
          r"units\.angular_rate: the log says 'rph'"),
     ],

@@ -108,7 +108,6 @@ def _session(folder, device, session, kind, rng):
         "gaps": {"count": 1, "total_s": 20.0, "longer_than_s": 0.1, "list": []},
         "non_finite": 3,
         "clipped": dict.fromkeys(CHANNELS, None),
-        "treatment": "Rows that are not finite are dropped and counted.",
     }
     write_json(path / "quality.json", quality)
     allan = _allan(list(DEVICES).index(device))

@@ -155,12 +155,6 @@ def prior_digest(wildcards):
     return log_digests(prior_file(wildcards), ".snakemake/imuloop/logs.jsonl")
 
 
-def threads_by_size(wildcards, input):
-    """Return 2 for a large log, of which two parts are worked on at once, else 1."""
-    sizes = [Path(path).stat().st_size for path in input if Path(path).is_file()]
-    return 2 if sum(sizes) > 100e6 else 1
-
-
 def gigabytes(session):
     """Return the size of a session's logs, GB; what is not here yet counts as none."""
     paths = [Path(source_path(source, CACHE)) for source in session["sources"].values()]

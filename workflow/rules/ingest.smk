@@ -33,9 +33,9 @@ rule ingest:
         "device"
     conda:
         "../envs/imuloop.yaml"
-    threads: threads_by_size
+    threads: 1
     resources:
-        mem_mb=by_size(950, 200),
+        mem_mb=by_size(950, 6500),
         runtime=by_size(5, 5),
     params:
         device=settings("nominal", "full_scale", "gravity"),

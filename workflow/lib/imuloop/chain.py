@@ -35,7 +35,6 @@ class Device:
     calibrate: Mapping = field(default_factory=dict)
     diagnose: Mapping = field(default_factory=dict)
     prior: Mapping = field(default_factory=dict)  # file, and type, of `read_priors`
-    threads: int = 1  # how many may work at once; changes nothing in a result
 
     def file(self, name):
         """Return the path of one of the device's results."""
@@ -65,7 +64,6 @@ def ingest(device, session, declared, paths):
         **_written_by_ingest(device, session),
         paths=paths,
         declared=Declared(**stated, **given),
-        threads=device.threads,
     )
 
 

@@ -14,7 +14,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
-from numbers import Integral
 from pathlib import Path
 from urllib.parse import quote
 
@@ -248,7 +247,6 @@ def calibrate(
     label: str = "",
     settings: Mapping | None = None,
     folder: str | Path | None = None,
-    threads: int = 1,
     progress: bool = True,
 ) -> Result:
     """Calibrate and diagnose one device; the same stages, and numbers, as in the workflow.
@@ -279,8 +277,6 @@ def calibrate(
         Settings of the stages by their name, as in the config.
     folder : path-like, optional
         Where results are kept; without, as long as the result lives.
-    threads : int
-        How many may work at once; changes no number.
     progress : bool
         Whether to show how far it is.
 
@@ -301,8 +297,6 @@ def calibrate(
         lacks = "acceleration" if acceleration is None else "angular_rate"
         raise ImuloopError(f"{lacks}: none is given beside t and the other sensor")
     check_name(name)
-    if not isinstance(threads, Integral) or threads < 1:
-        raise ImuloopError(f"threads: {threads}; at least 1 is needed")
     if folder and Path(folder).is_file():
         raise ImuloopError(f"{folder}: a file, where a folder for the results is asked for")
     check_settings(settings or {})
@@ -338,7 +332,6 @@ def calibrate(
         gravity=gravity_of(gravity),
         **figures,
         prior={"file": str(prior)} if prior else {},
-        threads=threads,
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
     failures, notes = [], []

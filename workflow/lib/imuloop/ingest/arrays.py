@@ -91,7 +91,7 @@ def _by_axis(columns):
 
 
 @reject_damage
-def read_matlab(paths, columns=None, batch_rows=1 << 16):
+def read_matlab(paths, columns=None):
     """Read a MATLAB file of version 5 (`-v6`, `-v7`) or 7.3; one that is text is read as a table.
 
     A variable of shape (n, 1) or (1, n) is a column, one of (n, 3) or (3, n) the columns `NAME.x`,
@@ -100,13 +100,13 @@ def read_matlab(paths, columns=None, batch_rows=1 << 16):
     """
     head = _head(paths["log"])
     if head and b"\0" not in head and not (head.startswith(_OCTAVE) or _is_version_5(head)):
-        log = delimited.read(paths, columns, batch_rows)
+        log = delimited.read(paths, columns)
         log.notes.append("the file is text, no MATLAB file: read as a table")
         return log
-    return _log(*variables(paths["log"]), columns, batch_rows)
+    return _log(*variables(paths["log"]), columns)
 
 
-def _log(series, unread, columns, batch_rows):
+def _log(series, unread, columns):
     """Return the RawLog of columns of numbers by name, of which those of one length are read.
 
     `unread` says what else the file holds. The columns of a matrix that is all of a file have
@@ -145,9 +145,7 @@ def _log(series, unread, columns, batch_rows):
     except ImuloopError as error:
         raise type(error)(f"{error}{unread}") from error
     held = [pa.array(series[names[i]]) for i in chosen.raw().values()]
-    parts = range(0, rows, batch_rows)
-    batches = ([column.slice(begin, batch_rows) for column in held] for begin in parts)
-    log = table_log(names, chosen, batches, headed, notes=notes)
+    log = table_log(names, chosen, held, headed, notes=notes)
     if alone:
         log.columns = listed(names, headed=False)
     return log
@@ -262,7 +260,7 @@ def _gather_73(group, prefix, arrays, objects):
 
 
 @reject_damage
-def read_numpy(paths, columns=None, batch_rows=1 << 16):
+def read_numpy(paths, columns=None):
     """Read an array of NumPy (.npy), or several by name (.npz).
 
     A structured array has a column per field. Pickled objects are never loaded.
@@ -286,7 +284,7 @@ def read_numpy(paths, columns=None, batch_rows=1 << 16):
                 arrays[".".join(label)] = part[:, None] if part.ndim == 1 else part
     whose = f" in {', '.join(objects[:3])}" if any(objects) else ""
     unread = f"; the pickled objects{whose} are not loaded: save numbers" if objects else ""
-    return _log(_columns(arrays, unread), unread, columns, batch_rows)
+    return _log(_columns(arrays, unread), unread, columns)
 
 
 def _load(load, name, arrays, objects):
@@ -306,7 +304,7 @@ def _load(load, name, arrays, objects):
 
 
 @reject_damage
-def read_netcdf(paths, columns=None, batch_rows=1 << 16):
+def read_netcdf(paths, columns=None):
     """Read a NetCDF file, whose longest dimension is time.
 
     In `columns` a sensor is one variable of shape (time, 3), or three.
@@ -340,34 +338,30 @@ def read_netcdf(paths, columns=None, batch_rows=1 << 16):
     held = {variable.name: variable for variable, _ in used}.values()
     check_unpacked(os.path.getsize(path), sum(float(v.size) * v.dtype.itemsize for v in held))
 
-    def batches():
-        # an open file, read again, would be as it was
-        with dataset:
-            for begin in range(0, lengths[time], batch_rows):
-                part = slice(begin, begin + batch_rows)
-                rows = {variable.name: _rows(variable, time, part) for variable in held}
-                yield [_column(rows[v.name][:, place], _units(v)) for v, place in used]
-
-    units = {quantity: chosen.units[quantity] for quantity in chosen.increments}
-    for quantity, found in chosen.found(names).items():
-        texts = sorted({_units(series[name][0]) for name in np.atleast_1d(found)} - {""})
-        if quantity != "pps" and texts and not (quantity == "time" and _since(texts[0])):
-            stated = {
-                stated_unit(quantity, text, quantity in chosen.increments) or text for text in texts
-            }
-            units[quantity] = " and ".join(sorted(stated))
-    return table_log(names, chosen, batches(), units=units)
+    with dataset:
+        rows = {variable.name: _rows(variable, time) for variable in held}
+        columns = [_column(rows[v.name][:, place], _units(v)) for v, place in used]
+        units = {quantity: chosen.units[quantity] for quantity in chosen.increments}
+        for quantity, found in chosen.found(names).items():
+            texts = sorted({_units(series[name][0]) for name in np.atleast_1d(found)} - {""})
+            if quantity != "pps" and texts and not (quantity == "time" and _since(texts[0])):
+                stated = {
+                    stated_unit(quantity, text, quantity in chosen.increments) or text
+                    for text in texts
+                }
+                units[quantity] = " and ".join(sorted(stated))
+    return table_log(names, chosen, columns, units=units)
 
 
 def _units(variable):
     return str(getattr(variable, "units", "")).strip()
 
 
-def _rows(variable, time, part):
-    """Return rows `part` of a variable, time along the first axis; masked."""
+def _rows(variable, time):
+    """Return a variable, time along the first axis; masked."""
+    rows = np.ma.asarray(variable[:])
     if variable.dimensions[0] != time:
-        return np.ma.asarray(variable[:, part]).T
-    rows = np.ma.asarray(variable[part])
+        return rows.T
     return rows[:, None] if rows.ndim == 1 else rows
 
 

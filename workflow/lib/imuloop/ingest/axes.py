@@ -15,7 +15,7 @@ from itertools import permutations, product
 import numpy as np
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.ingest.thinning import EvenSubsample, means
+from imuloop.ingest.thinning import means, thinned
 
 # windows of turns, of averages over at least so long, s
 TURN_WINDOW, FINE = 0.25, 0.04
@@ -50,7 +50,7 @@ class Axes:
         self.fine = max(round(TURN_WINDOW * rate / self.rows), 1)
         self.dt = self.rows / rate
         # du, ∫ w u, ∫ w u r of a step; rate of a rest
-        self.steps, self.rests = EvenSubsample(KEPT), EvenSubsample(KEPT)
+        self.steps, self.rests = [np.empty((0, 15))], [np.empty((0, 3))]
         self.gravity = None
 
     def add(self, x):
@@ -72,18 +72,18 @@ class Axes:
         rests = _some(np.flatnonzero(calm & (angle < LEAST_STEP / 4)), RESTS)
         turns = _some(np.flatnonzero(calm & (angle > LEAST_STEP)), TURNS)
         rate = [x[name][: n * width].reshape(n, width) for name in ANGULAR_RATE]
-        self.rests.add(_finite(np.array([r[rests].mean(axis=1) for r in rate]).T))
+        self.rests.append(_finite(np.array([r[rests].mean(axis=1) for r in rate]).T))
         # both windows of a step, one after the other
         both = np.array([np.concatenate([r[turns], r[turns + 1]], axis=1) for r in rate])
         rise = (np.arange(self.fine) + 0.5) / self.fine * self.dt
         weighted = np.concatenate([u[:, turns], u[:, turns + 1]], axis=2)
         weighted *= np.concatenate([rise, rise[::-1]])
         moment = np.einsum("int,jnt->nij", weighted, means(both, self.rows)).reshape(-1, 9)
-        self.steps.add(_finite(np.hstack([change[:, turns].T, weighted.sum(axis=2).T, moment])))
+        self.steps.append(_finite(np.hstack([change[:, turns].T, weighted.sum(axis=2).T, moment])))
 
     def fit(self):
         """Return how well the axes fit, as `axes` in quality.schema.yaml; None of too few turns."""
-        steps, rests = self.steps.rows(), self.rests.rows()
+        steps, rests = (thinned(np.concatenate(x), KEPT) for x in (self.steps, self.rests))
         if len(steps) < LEAST_STEPS:
             return None
         change = steps[:, :3]

@@ -1,6 +1,5 @@
 """A log's clock: stamps that roll over, start again or stray; jumps ahead: `core.segments`."""
 
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,27 +29,6 @@ SPANS = sorted(
 )
 # figures of the stamps as logged, kept where they are rebuilt
 _LOGGED = ("duration_s", "rate_hz", "jitter", "gaps")
-
-
-def with_lookahead(parts, rows=AHEAD):
-    """Give each part with the stamps of at least the next `rows` rows, fewer at the end.
-
-    Parts are tuples of stamps, which of them are readable, and anything else; what follows is
-    (stamps, readable).
-    """
-    held = deque()
-    for part in parts:
-        held.append(part)
-        while sum(len(x) for x, *_ in held) - len(held[0][0]) >= rows:
-            yield held.popleft(), _joined(held, rows)
-    while held:
-        yield held.popleft(), _joined(held, rows)
-
-
-def _joined(parts, rows):
-    if not parts:
-        return np.empty(0), np.empty(0, dtype=bool)
-    return tuple(np.concatenate([part[i][:rows] for part in parts])[:rows] for i in (0, 1))
 
 
 def span(last, first, step, tick=1):
@@ -83,91 +61,60 @@ class Clock:
     resets: int = 0
     strays: int = 0
     _unpadded: int = 0
-    _shift: float = 0
-    _newest: float | None = None
-    _recent: np.ndarray | None = None
-    _last: float | None = None
     _falls: int = 0
 
-    def mended(self, x, readable, after=None, tick=None):
+    def mended(self, x, readable, tick=None):
         """Return stamps as of a clock that never falls, and which of them can be used.
 
         Single late rows stay as they are: rows that follow leap back to where the stamps were.
-        `x` and `readable` are stamps as logged, of the rows after those of the last call, and which
-        of them are readable; `after` the same of the next `AHEAD` rows, fewer only at the end of
-        the log; `tick` nanoseconds per unit, None for dates, which do not roll over.
+        `x` and `readable` are stamps as logged, and which of them are readable; `tick` nanoseconds
+        per unit, None for dates, which do not roll over.
         """
-        after = after or (x[:0], readable[:0])
         own = np.flatnonzero(readable)
-        if not own.size:
-            return x, readable
         values = x[own]
-        following = after[0][after[1]][:1]
-        around = np.concatenate(([values[0] if self._last is None else self._last], values))
-        falls = np.append(around[1:] < around[:-1], following < values[-1])
-        self._last = values[-1].item()
-        if not falls.any():
-            self._extend(values)
-            return x + self._shift if self._shift else x, readable
+        falls = np.flatnonzero(np.diff(values) < 0)
         if tick is None or (tick == 10**9 and values.dtype.kind == "f"):
             second = 1 if tick else 10**9
-            last, first = around[:-1][falls[: own.size]], values[falls[: own.size]]
+            last, first = values[falls], values[falls + 1]
             fell = (last // second == first // second) & (last - first > 0.1 * second)
-            self._unpadded += np.count_nonzero(fell & (first % second < 0.2 * second))
+            self._unpadded = np.count_nonzero(fell & (first % second < 0.2 * second))
 
-        known, valid = x, readable
-        if len(after[0]):
-            known, valid = np.concatenate((x, after[0])), np.concatenate((readable, after[1]))
-        readable, mended, begin = readable.copy(), x + self._shift, 0
-        # the row after a fall, and the one before it
-        for i in np.flatnonzero(falls[: own.size] | np.append(falls[1:], False)[: own.size]):
-            if self._falls == MOST_FALLS:
-                break
-            self._falls += 1
-            self._extend(values[begin:i])
+        mended, usable = x.copy(), readable.copy()
+        # the newest stamp since the clock was mended, the last stamps, and what is added by now
+        newest, recent, shift, begin = -np.inf, values[:0], 0, 0
+        # the row before a fall, and the one after it
+        judged = np.union1d(falls, falls + 1)[:MOST_FALLS]
+        self._falls = len(judged)
+        for i in judged:
+            if begin < i:
+                newest = max(newest, values[begin:i].max().item())
+            recent = np.concatenate((recent, values[begin:i][-AHEAD:]))[-AHEAD:]
             begin, row = i, own[i]
             window = slice(row, row + AHEAD)
-            stamps = known[window][valid[window]]
-            if self._strays(stamps):
-                readable[row] = False
+            stamps = x[window][readable[window]]
+            if _strays(stamps, newest):
+                usable[row] = False
                 self.strays += 1
                 begin = i + 1
-            elif self._newest is not None and values[i] < self._newest:
-                shift = self._judged(stamps, len(known[window]) == AHEAD, tick)
-                if shift:
-                    self._shift += shift
-                    self._newest = None
-                    mended[row:] = x[row:] + self._shift
-        self._extend(values[begin:])
-        return mended, readable
+            elif newest > values[i]:
+                whole = len(x[window]) == AHEAD
+                if added := self._judged(stamps, newest, recent, shift, whole, tick):
+                    shift += added
+                    newest = -np.inf
+                    mended[row:] = x[row:] + shift
+        return mended, usable
 
     def span_in(self, tick):
         """Return the span of the counter in units of `tick` ns; None where it did not roll over."""
         return self.span_s and round(self.span_s * 1e9) // tick
 
-    def _extend(self, values):
-        """Take note of stamps as logged."""
-        if values.size:
-            newest = values.max().item()
-            self._newest = newest if self._newest is None else max(self._newest, newest)
-            recent = values[:0] if self._recent is None else self._recent
-            self._recent = np.concatenate((recent, values[-AHEAD:]))[-AHEAD:]
-
-    def _strays(self, stamps):
-        """Tell whether the rows after the first go on as if it were not there."""
-        low = -np.inf if self._newest is None else self._newest
-        first, rest = stamps[0], stamps[1:]
-        if not (rest.size and low < rest[0] < first):
-            return False
-        return np.count_nonzero((rest > low) & (rest <= first)) >= 2
-
     # stamps of a broken log can be of any size
     @np.errstate(over="ignore", invalid="ignore")
-    def _judged(self, stamps, whole_window, tick):
+    def _judged(self, stamps, last, recent, shift, whole_window, tick):
         """Return what is to be added from a fall of the stamps on; 0 for a late row."""
-        first, last = stamps[0].item(), self._newest
-        steps = np.concatenate((np.diff(self._recent), np.diff(stamps)))
-        largest = max(abs(first), abs(last), abs(self._shift))
+        first = stamps[0].item()
+        steps = np.concatenate((np.diff(recent), np.diff(stamps)))
+        largest = max(abs(first), abs(last), abs(shift))
         if not (steps > 0).any() or largest > _LARGEST or last - first > _LARGEST_FALL:
             return 0
         step = np.median(steps[steps > 0]).item()
@@ -218,6 +165,14 @@ class Clock:
             ),
         )
         return [] if self.fault() else [line for count, line in found if count]
+
+
+def _strays(stamps, newest):
+    """Tell whether the rows after the first go on as if it were not there."""
+    first, rest = stamps[0], stamps[1:]
+    if not (rest.size and newest < rest[0] < first):
+        return False
+    return np.count_nonzero((rest > newest) & (rest <= first)) >= 2
 
 
 def _times(count):

@@ -1,19 +1,18 @@
-"""From raw batches to samples: SI units, time from zero, faulty rows dropped and counted."""
+"""From the rows of a log to samples: SI units, time from zero, faulty rows dropped and counted."""
 
 from collections import Counter
 from dataclasses import dataclass, field
 
 import numpy as np
-import pyarrow as pa
 
-from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import ACCELERATION, CHANNELS, LOGGED_TIME, OWN_TIME, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import increments, misread
-from imuloop.ingest.clocks import Clock, with_lookahead
+from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import HELD, STAMP
-from imuloop.ingest.even_stamps import POINTS, spread
+from imuloop.ingest.even_stamps import spread
 from imuloop.ingest.spellings import unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
@@ -24,7 +23,6 @@ from imuloop.ingest.stamps import (
     no_stamps,
     stamp_values,
 )
-from imuloop.ingest.thinning import EvenSubsample
 
 # what no sensor gives, whatever it is logged in: counts of 32 bits, taken for SI, end at 4.3e9; the
 # widest accelerometers at 2e6 m/s^2
@@ -37,13 +35,12 @@ class Counts:
 
     `identical` are rows that repeat the one before in stamp and all values: nothing is lost.
     `like_gravity` and `in_two_units` are as of `misread`.
-    `points` are number and time of some rows; `outside_marks` samples before the first and after
-    the last 1PPS mark; `start_ns` the moment of the first sample, ns since 1970, None without
+    `points` are number and time of each row, (n, 2); `outside_marks` samples before the first and
+    after the last 1PPS mark; `start_ns` the moment of the first sample, ns since 1970, None without
     dates, `begin_s` how long it is after the log's first stamp, s.
     """
 
     read: int = 0
-    kept: int = 0
     outside: int = 0
     non_finite: int = 0
     duplicates: int = 0
@@ -62,7 +59,7 @@ class Counts:
     like_gravity: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=int))
     in_two_units: Counter = field(default_factory=Counter)
     outside_marks: np.ndarray = field(default_factory=lambda: np.zeros(2, dtype=int))
-    points: EvenSubsample = field(default_factory=lambda: EvenSubsample(POINTS))
+    points: np.ndarray = field(default_factory=lambda: np.empty((0, 2)))
 
     def add(self, **rows):
         """Count rows, a mask each."""
@@ -70,7 +67,56 @@ class Counts:
             setattr(self, name, getattr(self, name) + int(np.count_nonzero(mask)))
 
 
-def si_batches(
+@dataclass(frozen=True)
+class Rows:
+    """All rows of a log.
+
+    `channels` are numbers by name, as logged; `stamps` are columns of stamps by name, as of
+    `stamp_values`; `x` are the stamps of the rows, or their numbers, of `scale` s each, `readable`
+    which of them are, `dates` whether they are ns since 1970.
+    """
+
+    channels: dict
+    stamps: dict
+    x: np.ndarray
+    readable: np.ndarray
+    dates: bool
+    scale: float
+
+
+def all_rows(log, units, rate):
+    """Return the `Rows` of a log; None of a log without any."""
+    batch, channels, stamps = log.batch, {}, {}
+    if not batch.num_rows:
+        return None
+    for name in batch.schema.names:
+        if name in CHANNELS or name == TEMPERATURE:
+            channels[name] = batch[name].to_numpy(zero_copy_only=False)
+        else:
+            stamps[name] = stamp_values(batch[name])
+    if STAMP in stamps:
+        x, readable, dates = stamps[STAMP]
+        if not readable.any():
+            raise no_stamps(batch[STAMP], log.found.get("time"))
+        return Rows(channels, stamps, x, readable, dates, 1e-9 if dates else _scale(log, units))
+    if not rate:
+        raise ImuloopError(
+            f"the log has no time column of a usual name ({log.columns}); "
+            "name it in columns.time, or give rate in Hz"
+        )
+    x = np.arange(batch.num_rows, dtype=np.int64)
+    return Rows(channels, stamps, x, np.ones(len(x), dtype=bool), False, 1 / rate)
+
+
+def no_samples(log):
+    """Return the columns of samples of a log, without any row."""
+    names = [TIME, *CHANNELS, *[TEMPERATURE] * log.temperature]
+    names += [OWN_TIME[log.slower]] if log.slower else []
+    return {name: np.empty(0) for name in names}
+
+
+def si_samples(
+    rows,
     log,
     *,
     units,
@@ -83,15 +129,16 @@ def si_batches(
     timeline=None,
     packets=None,
 ):
-    """Give the samples of a RawLog, batch by batch, `t` strictly increasing from 0.
+    """Return the columns of the samples of a RawLog, `t` strictly increasing from 0.
 
     Of a sensor that the log lacks they are zero.
-    `units` and `raw_units` are the unit of each quantity and the `RawUnit` of each sensor; `rate`,
-    Hz, stamps rows of a log without stamps; `time_range` is a half-open crop, seconds from the
-    log's first stamp or ISO 8601, None is open; `counts` are filled on the way. With `even` samples
-    (`even_stamps.Even`) `t` is rebuilt from the row number and `t_logged` is as stamped; `usual` is
-    the step of the stamps, s, that increments after a gap are of; with a `timeline`, of 1PPS, `t`
-    is GNSS time; `packets` are as of `even_stamps.packet_step`.
+    `rows` are as of `all_rows`; `units` and `raw_units` are the unit of each quantity and the
+    `RawUnit` of each sensor; `rate`, Hz, stamps rows of a log without stamps; `time_range` is a
+    half-open crop, seconds from the log's first stamp or ISO 8601, None is open; `counts` are
+    filled on the way. With `even` samples (`even_stamps.Even`) `t` is rebuilt from the row number
+    and `t_logged` is as stamped; `usual` is the step of the stamps, s, that increments after a gap
+    are of; with a `timeline`, of 1PPS, `t` is GNSS time; `packets` are as of
+    `even_stamps.packet_step`.
     """
     step = even and even.step
     channels = (*CHANNELS, TEMPERATURE) if log.temperature else CHANNELS
@@ -102,111 +149,89 @@ def si_batches(
         raise ImuloopError(
             f"units of {' and '.join(summed)}: increments of two sensors have to be on one clock"
         )
-    origin = zero = last = held = None
-    for (x, readable, absolute, scale, batch), after in with_lookahead(_clocked(log, units, rate)):
-        absent = dict.fromkeys({*CHANNELS} - {*batch.schema.names}, np.zeros(batch.num_rows))
-        logged = (name for name in channels if name not in absent)
-        raw = absent | {name: batch.column(name).to_numpy(zero_copy_only=False) for name in logged}
-        counts.read += batch.num_rows
-        stamped = STAMP in batch.schema.names
-        same, last = _identical(x, readable, raw, last)
-        counts.like_gravity += misread.like_gravity(raw)
-        if stamped:
-            counts.in_two_units.update(misread.in_two_units(x, raw))
-        # numbers of samples, among which a row that is written twice is one
-        rows = counts.read - batch.num_rows - counts.identical + np.arange(len(x)) - same.cumsum()
-        if not readable.any() and origin is None:
-            if batch.num_rows:
-                raise no_stamps(batch.column(STAMP), log.found.get("time"))
-            continue
-        if stamped:
-            tick = None if absolute else NANOSECONDS[units["time"]]
-            if packets:
-                x, held = spread(x, readable & ~same, after, held, packets[0] / scale, packets[1])
-            x, readable = counts.clock.mended(x, readable, after, tick)
-            if timeline:
-                x, scale = np.where(readable, timeline.at(x), 0.0), 1.0
-        if origin is None:
-            if not readable.any():
-                counts.non_finite += batch.num_rows
-                continue
-            origin, dated = x[readable.argmax()].item(), absolute
-            if stamped and not absolute and not timeline:
-                check_unit(origin, units["time"])
-            counts.time_unit = _time_unit(stamped, absolute, units, rate, timeline)
-            # before all stamps, so that the first one counts as later
-            newest = origin - 1
-            moment = _moment(origin, units, absolute, timeline) if stamped else None
-            window = _window(time_range, moment)
-        if absolute != dated and readable.any():
-            raise RejectedLog(f"the stamps change their kind before row {counts.read}")
-
-        before = _newest_before(x, readable, newest)
-        newest = max(newest, x[readable].max().item()) if readable.any() else newest
-        # a row without a stamp lies where the log has got to
-        elapsed = (np.where(readable, x, before) - origin) * scale
-        inside = (elapsed >= window[0]) & (elapsed < window[1])
-        starts = wide = np.zeros(len(x), dtype=bool)
-        if summed:
-            # where intervals are logged, steps are not needed
-            constant = 1.0 if "interval" in units else step if stamped else scale
-            steps, starts, wide = increments.steps(x, before, origin, scale, usual, constant)
-            raw |= increments.rates(raw, batch, units, steps)
-        values = {name: _si(name, raw[name], units, raw_units) for name in channels} | absent
-        missing, beyond, bad = {}, {}, ~readable
-        for name in channels:
-            # one comparison where, as nearly always, all can be used
-            if np.abs(values[name]).max(initial=0.0) <= BEYOND:
-                continue
-            missing[name] = ~np.isfinite(raw[name])
-            beyond[name] = ~missing[name] & (np.abs(values[name]) > BEYOND)
-            if name != TEMPERATURE:
-                bad |= missing[name] | beyond[name]
-        # a clock that is rebuilt takes the rows as they come, however late their stamps are
-        early = (x < before) & (step is None)
-        inside &= ~same
-        good = inside & ~bad
-        # and samples that came together
-        repeated = (x == before) & (step is None)
-        fits = good & ~repeated & ~early
-        keep = fits & ~starts
-        counts.add(
-            identical=same,
-            outside=~inside & ~same,
-            non_finite=inside & bad,
-            duplicates=good & repeated,
-            out_of_order=good & early,
-            without_interval=fits & starts,
-            by_usual_step=keep & wide,
-            kept=keep,
-        )
-        for name in missing:
-            counts.missing_values[name] += int((inside & missing[name]).sum())
-            counts.impossible_values[name] += int((inside & beyond[name]).sum())
-        if not keep.any():
-            continue
-        # no copies where, as nearly always, all are kept
-        keep = slice(None) if keep.all() else keep
-        if zero is None:
-            zero, first = x[keep][0].item(), rows[keep][0].item()
-            counts.begin_s = float((zero - origin) * scale)
-            if stamped:
-                counts.start_ns = _moment(zero, units, absolute, timeline)
-        samples = {TIME: (x[keep] - zero) * scale}
-        if step is not None:
-            number = even.number(rows[keep]) - even.number(first)
-            samples = {TIME: number * step, LOGGED_TIME: samples[TIME]}
-        elif timeline:
-            counts.outside_marks += timeline.outside(x[keep])
-        elif stamped:
-            counts.points.add(np.column_stack([rows[keep], samples[TIME]]))
-        if TEMPERATURE in missing:
-            values[TEMPERATURE][missing[TEMPERATURE] | beyond[TEMPERATURE]] = np.nan
-        samples |= {name: values[name][keep] for name in channels}
-        if log.slower:
-            held = batch.column(HELD).to_numpy()[keep]
-            samples[OWN_TIME[log.slower]] = _own_time((held - zero) * scale, samples)
-        yield pa.RecordBatch.from_pydict(samples)
+    if rows is None:
+        return no_samples(log)
+    x, readable, scale, stamped = rows.x, rows.readable, rows.scale, STAMP in rows.stamps
+    absent = dict.fromkeys({*CHANNELS} - {*rows.channels}, np.zeros(len(x)))
+    raw = absent | rows.channels
+    counts.read = len(x)
+    same = _identical(x, readable, raw)
+    counts.like_gravity = misread.like_gravity(raw)
+    # numbers of samples, among which a row that is written twice is one
+    number = np.arange(len(x)) - same.cumsum()
+    if stamped:
+        counts.in_two_units.update(misread.in_two_units(x, raw))
+        tick = None if rows.dates else NANOSECONDS[units["time"]]
+        if packets:
+            x = spread(x, readable & ~same, packets[0] / scale, packets[1])
+        x, readable = counts.clock.mended(x, readable, tick)
+        if timeline:
+            x, scale = np.where(readable, timeline.at(x), 0.0), 1.0
+    if not readable.any():
+        counts.non_finite = len(x)
+        return no_samples(log)
+    origin = x[readable.argmax()].item()
+    if stamped and not rows.dates and not timeline:
+        check_unit(origin, units["time"])
+    counts.time_unit = _time_unit(stamped, rows.dates, units, rate, timeline)
+    moment = _moment(origin, units, rows.dates, timeline) if stamped else None
+    window = _window(time_range, moment)
+    before = _newest_before(x, readable, origin)
+    # a row without a stamp lies where the log has got to
+    elapsed = (np.where(readable, x, before) - origin) * scale
+    inside = (elapsed >= window[0]) & (elapsed < window[1]) & ~same
+    starts = wide = np.zeros(len(x), dtype=bool)
+    if summed:
+        # where intervals are logged, steps are not needed
+        constant = 1.0 if "interval" in units else step if stamped else scale
+        steps, starts, wide = increments.steps(x, before, origin, scale, usual, constant)
+        raw |= increments.rates(raw, rows.stamps, units, steps)
+    values = {name: _si(name, raw[name], units, raw_units) for name in channels} | absent
+    bad = ~readable
+    for name in channels:
+        missing = ~np.isfinite(raw[name])
+        beyond = ~missing & (np.abs(values[name]) > BEYOND)
+        counts.missing_values[name] = int((inside & missing).sum())
+        counts.impossible_values[name] = int((inside & beyond).sum())
+        if name == TEMPERATURE:
+            values[name] = np.where(missing | beyond, np.nan, values[name])
+        else:
+            bad |= missing | beyond
+    # a clock that is rebuilt takes the rows as they come, however late their stamps are, and
+    # samples that came together
+    early, repeated = (x < before) & (step is None), (x == before) & (step is None)
+    good = inside & ~bad
+    fits = good & ~repeated & ~early
+    keep = fits & ~starts
+    counts.add(
+        identical=same,
+        outside=~inside & ~same,
+        non_finite=inside & bad,
+        duplicates=good & repeated,
+        out_of_order=good & early,
+        without_interval=fits & starts,
+        by_usual_step=keep & wide,
+    )
+    if not keep.any():
+        return no_samples(log)
+    x, number = x[keep], number[keep]
+    zero = x[0].item()
+    counts.begin_s = float((zero - origin) * scale)
+    if stamped:
+        counts.start_ns = _moment(zero, units, rows.dates, timeline)
+    t = (x - zero) * scale
+    samples = {TIME: t} | {name: values[name][keep] for name in channels}
+    if step is not None:
+        number = even.number(number)
+        samples |= {TIME: (number - number[0]) * step, LOGGED_TIME: t}
+    elif timeline:
+        counts.outside_marks = timeline.outside(x)
+    elif stamped:
+        counts.points = np.column_stack([number, t])
+    if log.slower:
+        own = (rows.stamps[HELD][0][keep] - zero) * scale
+        samples[OWN_TIME[log.slower]] = _own_time(own, samples)
+    return samples
 
 
 def _own_time(stamped, samples):
@@ -217,22 +242,15 @@ def _own_time(stamped, samples):
     return samples[TIME][first][which]
 
 
-def _identical(x, readable, raw, last):
-    """Return which rows repeat the one before in stamp and all values, and the last row.
-
-    `last` is that of the batch before, None of the first.
-    """
+def _identical(x, readable, raw):
+    """Return which rows repeat the one before in stamp and all values."""
     same = np.zeros(len(x), dtype=bool)
-    if not len(x):
-        return same, last
     at = np.flatnonzero((x[1:] == x[:-1]) & readable[1:]) + 1
     for values in raw.values():
         one, other = values[at], values[at - 1]
         at = at[(one == other) | (np.isnan(one) & np.isnan(other))]
     same[at] = True
-    first, end = ([x[i], *(values[i] for values in raw.values())] for i in (0, -1))
-    same[0] = last is not None and np.array_equal(first, last, equal_nan=True)
-    return same, end
+    return same
 
 
 # a count of 1e306 has no value in SI
@@ -261,34 +279,6 @@ def _time_unit(stamped, absolute, units, rate, timeline):
     return f"1/({rate:g} Hz)"
 
 
-def counter_batches(log, units, clock):
-    """Give the counter of a log, mended, which can be used, and the raw batch."""
-    if "time" not in log.found:
-        raise ImuloopError("pps: the log has no time column, which is to be the local counter")
-    for (x, readable, absolute, _, batch), after in with_lookahead(_clocked(log, units, None)):
-        if absolute:
-            raise ImuloopError("pps: the log's stamps are dates, not a local counter")
-        yield *clock.mended(x, readable, after, NANOSECONDS[units["time"]]), batch
-
-
-def _clocked(log, units, rate):
-    """Give stamps, which are readable, whether they are dates, seconds per unit, and the batch."""
-    row = 0
-    for batch in log.batches:
-        if STAMP in batch.schema.names:
-            x, readable, absolute = stamp_values(batch.column(STAMP))
-            yield x, readable, absolute, 1e-9 if absolute else _scale(log, units), batch
-        elif rate:
-            rows = np.arange(row, row + batch.num_rows, dtype=np.int64)
-            yield rows, np.ones(len(rows), dtype=bool), False, 1 / rate, batch
-        else:
-            raise ImuloopError(
-                f"the log has no time column of a usual name ({log.columns}); "
-                "name it in columns.time, or give rate in Hz"
-            )
-        row += batch.num_rows
-
-
 def _scale(log, units):
     """Return seconds per unit of stamps that are numbers."""
     if is_iso(units["time"]):
@@ -301,11 +291,10 @@ def _scale(log, units):
     return TIME_SCALES[units["time"]]
 
 
-def _newest_before(x, readable, newest):
-    """Return the newest stamp before each row."""
-    lowest = np.iinfo(np.int64).min if x.dtype.kind == "i" else -np.inf
-    seen = np.maximum.accumulate(np.where(readable, x, lowest))
-    return np.maximum(np.concatenate(([newest], seen[:-1])).astype(seen.dtype), newest)
+def _newest_before(x, readable, origin):
+    """Return the newest stamp before each row, one before `origin` where there is none."""
+    seen = np.maximum.accumulate(np.where(readable, x, origin - 1))
+    return np.concatenate(([origin - 1], seen[:-1])).astype(seen.dtype)
 
 
 def _window(time_range, first):

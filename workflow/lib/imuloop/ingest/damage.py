@@ -34,36 +34,25 @@ def reject_damage(read):
     form = read.__module__.rpartition(".")[2] if read.__name__ == "read" else read.__name__[5:]
 
     @functools.wraps(read)
-    def reader(paths, columns=None, batch_rows=1 << 16):
+    def reader(paths, columns=None):
         path = Path(paths["log"])
 
-        def foreseen(error):
-            if isinstance(error, (ImuloopError, MemoryError)):
-                return error
-            if isinstance(error, ImportError):
-                package = str(error.name).partition(".")[0]
-                # an extra of the project is called as the format that needs it
-                return ImuloopError(
-                    f"format {form} needs the package {package}, which is not installed: pip "
-                    f"install '.[{form}]'"
-                )
+        try:
+            return read(paths, columns)
+        except (ImuloopError, MemoryError):
+            raise
+        except ImportError as error:
+            package = str(error.name).partition(".")[0]
+            # an extra of the project is called as the format that needs it
+            raise ImuloopError(
+                f"format {form} needs the package {package}, which is not installed: pip "
+                f"install '.[{form}]'"
+            ) from error
+        except Exception as error:
             why = cause(error).replace(str(path), "the file")
-            return RejectedLog(
+            raise RejectedLog(
                 f"{path.name} is no whole file of the format {form} ({why}): copy it again, or "
                 "save it anew"
-            )
-
-        def whole(batches):
-            try:
-                yield from batches
-            except Exception as error:
-                raise foreseen(error) from error
-
-        try:
-            log = read(paths, columns, batch_rows)
-        except Exception as error:
-            raise foreseen(error) from error
-        log.batches = whole(log.batches)
-        return log
+            ) from error
 
     return reader

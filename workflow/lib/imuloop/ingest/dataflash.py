@@ -36,7 +36,7 @@ _LEAST_SHARE = 0.01
 
 
 @reject_damage
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None):
     """Read a DataFlash log.
 
     The streams are messages with their instance, ``IMU_0``; in older logs without instances
@@ -67,7 +67,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         "ArduPilot logs after its own calibration; IMU after a low-pass filter, ACC and GYR before"
     )
     lost = damage or ([f"{plural(bad, 'row')} cannot be read"] if bad else [])
-    raw = raw_log(streams, columns, batch_rows, [*damage, note], lost)
+    raw = raw_log(streams, columns, [*damage, note], lost)
     raw.bad_lines = bad
     return raw
 

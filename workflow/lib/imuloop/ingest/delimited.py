@@ -15,21 +15,14 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.samples import refuse_calibrated
 from imuloop.core.units import STANDARD_GRAVITY, TIME
 from imuloop.ingest.columns import STAMP, listed, resolve
-from imuloop.ingest.damage import MOST_TIMES, check_unpacked
-from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import SENSORS, guess, named_sensor, unit_of
 from imuloop.ingest.stamps import stamp_array, stamp_values
 from imuloop.ingest.tables import (
-    HEAD_ROWS,
-    alone,
     doubles,
-    first_rows,
     multiplied,
-    named_batches,
-    paired,
+    read_pair,
     table_log,
-    told_by_head,
 )
 from imuloop.ingest.text_layout import (
     BLANKS,
@@ -41,9 +34,8 @@ from imuloop.ingest.text_layout import (
     fields_of,
     find_layout,
     is_number,
-    opened,
     rewritten,
-    size_of,
+    unpacked,
     unreadable,
 )
 
@@ -54,8 +46,6 @@ IN_FOLDER = "data.csv"
 _WORDS = re.compile(rb"(?m)^[ \t]*[^\d\s+\-.,;][^\n]*")
 # most texts in a column that names the sensors, and lines in which their comments stand
 _KINDS, _COMMENTS = 20, 200
-# typical length of a row, bytes: turns rows a batch into bytes a block
-_ROW_BYTES = 64
 # zeros and erased memory become a byte that no number has, so that they spoil their own row alone
 _EMPTY = b"\x01"
 _ASCII = bytes(ord(_EMPTY) if i in (0, 255) else i if i < 128 else ord("?") for i in range(256))
@@ -64,7 +54,7 @@ _GYROFLOW = (["GYROFLOW IMU LOG"], ["CAMERA IMU LOG"])
 _SCALES = {"tscale": 1e-3, "ascale": 1.0, "gscale": 1.0}
 
 
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None):
     """Read a text table, a path or bytes; a compressed file (.gz, .bz2, ...) is unpacked.
 
     Of a sensor's folder of an EuRoC recording, ``imu0``, it is the table in it, whose header gives
@@ -77,8 +67,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
             raise RejectedLog(f"the folder holds no {IN_FOLDER}")
     layout = find_layout(path)
     if parts := _by_sensor(path, layout):
-        logs = {q: read({"log": text}, alone(q, columns), batch_rows) for q, text in parts.items()}
-        return paired(logs, batch_rows)
+        return read_pair(read, parts, columns)
     refuse_calibrated(layout.names, {})
     chosen = resolve(layout.names, columns, layout.headed)
     chosen = _with_stamps(layout, chosen, "time" in (columns or {}))
@@ -86,17 +75,13 @@ def read(paths, columns=None, batch_rows=1 << 16):
     skipped = len(layout.before) if not units else 0
     notes = [f"{skipped} line(s) before the table skipped"] if skipped else []
 
-    def batches(log, rows):
-        places = [*chosen.raw().values()]
-        read = text_batches(path, layout, places, rows, log, chosen.stamps())
-        read = named_batches(layout.names, chosen, read)
-        return multiplied(read, tick) if tick != 1 else read
-
     known = {"units": _units_below(layout, chosen) | units, "nominal": nominal, "notes": notes}
-    log = table_log(layout.names, chosen, (), layout.headed, **known)
-    log.batches = batches(log, batch_rows)
-    head, _ = first_rows(batches(RawLog(), HEAD_ROWS))
-    return told_by_head(log, head)
+    places, count = [*chosen.raw().values()], RawLog()
+    held = text_columns(path, layout, places, count, chosen.stamps())
+    log = table_log(layout.names, chosen, held, layout.headed, **known)
+    log.batch = multiplied(log.batch, tick)
+    log.lose(count)
+    return log
 
 
 def _by_sensor(source, layout):
@@ -110,10 +95,7 @@ def _by_sensor(source, layout):
             break
     else:
         return {}
-    with opened(source) as stream:
-        text = stream.read(MOST_TIMES * size_of(source) + 1)
-    check_unpacked(size_of(source), len(text))
-    lines = [decoded(line) for line in text.splitlines()]
+    lines = [decoded(line) for line in unpacked(source).splitlines()]
     rows = [fields_of(line, layout.separator) for line in lines if not COMMENT.match(line)]
     # one sensor's rows may all come before the other's
     names = {q: [x for x in _texts(rows, at) if named_sensor(x) == q] for q in SENSORS}
@@ -192,34 +174,20 @@ def _gyroflow(layout):
     return units, nominal, 1 if unit else tick
 
 
-def text_batches(source, layout, positions, batch_rows, log, stamps=None):
-    """Give columns of a text table (path or bytes), about `batch_rows` rows at once.
+def text_columns(source, layout, positions, log, stamps=None):
+    """Return columns of a text table (path or bytes).
 
     The first `stamps` of the columns at `positions` are stamps, as of `stamp_array`, the others
-    float64; all are text if None. `log` counts bad lines and bytes, and has the number of threads.
+    float64; all are text if None. `log` counts bad lines and bytes.
     """
     kinds = [pa.string()] * len(positions)
     if stamps is not None:
         kinds = [_stamp_kind(layout, at) for at in positions[:stamps]]
         kinds += [pa.float64()] * len(positions[stamps:])
-
-    def work(piece):
-        text, bad_lines, lost, taken = piece
-        batch, more, bytes_ = _parsed(text, layout, positions, kinds, stamps)
-        return batch, bad_lines + more, lost + bytes_, taken
-
+    text = _plain(unpacked(source)[layout.start :], layout, log)
     try:
-        with opened(source) as stream:
-            stream.read(layout.start)
-            # any row must fit
-            size = max(batch_rows * _ROW_BYTES, LONGEST_LINE)
-            pieces = _pieces(stream, size_of(source), size, layout)
-            for batch, bad_lines, lost, taken in ordered_map(work, pieces, log.threads):
-                log.bad_lines += bad_lines
-                log.lost_bytes += lost
-                log.text_bytes += taken
-                yield batch
-    except (pa.ArrowInvalid, OSError) as error:
+        return _parsed(text, layout, positions, kinds, stamps, log)
+    except pa.ArrowInvalid as error:
         raise unreadable(error) from error
 
 
@@ -234,34 +202,31 @@ def _stamp_kind(layout, at):
     return pa.string()
 
 
-def _parsed(text, layout, positions, kinds, stamps):
-    """Return the columns of a text, how many lines are no row, and the bytes of these."""
-    numeric = stamps is not None
+def _parsed(text, layout, positions, kinds, stamps, log):
+    """Return the columns of a text; lines that are no row are counted in `log`."""
+    numeric, before = stamps is not None, log.bad_lines
     try:
-        columns, bad_lines, lost = _columns(text, layout, positions, kinds)
+        columns = _columns(text, layout, positions, kinds, log)
     except pa.ArrowInvalid:
         # what is no number spoils its own row alone
         numeric = False
-        as_text = [pa.string()] * len(positions)
-        columns, bad_lines, lost = _columns(text, layout, positions, as_text)
+        columns = _columns(text, layout, positions, [pa.string()] * len(positions), log)
     if stamps and all(column.null_count for column in columns):
         # rows without a stamp and any value are none, as below the last one of a shorter sensor
         held = pa.array(np.any([column.is_valid() for column in columns], axis=0))
         columns = [column.filter(held) for column in columns]
-    if bad_lines or not numeric:
+    if log.bad_lines > before or not numeric:
         _check_headers(text, layout, positions)
-    if stamps is not None:
-        columns = [*map(stamp_array, columns[:stamps]), *map(_numbers, columns[stamps:])]
-    return pa.RecordBatch.from_arrays(columns, [*map(str, range(len(columns)))]), bad_lines, lost
+    if stamps is None:
+        return columns
+    return [*map(stamp_array, columns[:stamps]), *map(_numbers, columns[stamps:])]
 
 
-def _columns(text, layout, positions, kinds):
-    bad_lines = lost = 0
+def _columns(text, layout, positions, kinds, log):
+    bad_lines = []
 
     def bad(row):
-        nonlocal bad_lines, lost
-        bad_lines += 1
-        lost += _weight(row.text.encode())
+        bad_lines.append(row.text.encode())
         return "skip"
 
     names = [str(i) for i in positions]
@@ -269,7 +234,6 @@ def _columns(text, layout, positions, kinds):
         pa.BufferReader(text),
         read_options=pyarrow.csv.ReadOptions(
             column_names=[str(i) for i in range(len(layout.names))],
-            block_size=len(text),
             use_threads=False,
         ),
         parse_options=pyarrow.csv.ParseOptions(
@@ -284,15 +248,14 @@ def _columns(text, layout, positions, kinds):
             decimal_point="," if layout.decimal_comma else ".",
         ),
     )
-    # a block of text, a chunk, where it holds a row
-    columns = [
-        x.chunk(0) if (x := table[name]).num_chunks else x.combine_chunks() for name in names
-    ]
+    log.bad_lines += len(bad_lines)
+    log.lost_bytes += sum(map(_weight, bad_lines))
+    columns = [table[name].combine_chunks() for name in names]
     if layout.decimal_comma:
         columns = [
             pc.replace_substring(x, ",", ".") if x.type == pa.string() else x for x in columns
         ]
-    return columns, bad_lines, lost
+    return columns
 
 
 def _delimiter(layout):
@@ -336,15 +299,9 @@ def _whole(lines):
 
     The last one may lack its line end.
     """
-    # with a line end in each half of that length none is too long
-    half = LONGEST_LINE // 2
-    short = all(lines.find(b"\n", i, i + half) >= 0 for i in range(0, len(lines), half))
-    if short and b'"' not in lines:
-        return lines, 0
     ends = np.flatnonzero(np.frombuffer(lines, np.uint8) == ord("\n")) + 1
-    if lines and not lines.endswith(b"\n"):
-        ends = np.append(ends, len(lines))
-    starts = np.append(0, ends[:-1])[: len(ends)]
+    ends = np.union1d(ends, [len(lines)])
+    starts = np.append(0, ends[:-1])
     bad = ends - starts > LONGEST_LINE
     if b'"' in lines:
         bad |= [lines.count(b'"', a, b) % 2 == 1 for a, b in zip(starts, ends, strict=True)]
@@ -354,36 +311,22 @@ def _whole(lines):
     return b"".join([lines[a:b] for a, b in kept]), int(bad.sum())
 
 
-def _pieces(stream, packed, size, layout):
-    """Give the lines of a stream in plain ASCII, some `size` bytes at once.
+def _plain(text, layout, log):
+    """Return the lines of a text in plain ASCII.
 
-    Blanks that follow each other become a tab, and what the `layout` rewrites is rewritten; the
-    stream comes out of `packed` bytes. With the text, whole lines, come the number of lines left
-    out and the bytes in them, and bytes of the text read, empty ones left out.
+    Blanks that follow each other become a tab, and what the `layout` rewrites is rewritten. `log`
+    counts the bytes, without empty ones, and the lines that are left out.
     """
-    rest, taken, written, lost, ended = b"", 0, 0, 0, False
-    while not ended:
-        piece = stream.read(size)
-        taken += len(piece)
-        check_unpacked(packed, taken)
-        ended = not piece
-        if not piece.isascii() or b"\0" in piece:
-            piece = piece.translate(_ASCII)
-        written += _weight(piece)
-        text = rest + piece
-        end = len(text) if ended else text.rfind(b"\n") + 1
-        head = text[:end]
-        lines, bad_lines = _whole(head)
-        # enough of a line to show that it is too long
-        rest = text[end : end + LONGEST_LINE + 1]
-        lost += _weight(text[end + LONGEST_LINE + 1 :])
-        if bad_lines:
-            lost += _weight(head) - _weight(lines)
-        lines = rewritten(lines, layout.rewrites)
-        if layout.separator == BLANKS:
-            lines = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines)
-            # no comma: that may be decimal
-            lines = re.sub(rb"[ \t]+", b"\t", lines)
-        if lines or bad_lines:
-            yield lines or b"\n", bad_lines, lost, written
-            lost = written = 0
+    if not text.isascii() or b"\0" in text:
+        text = text.translate(_ASCII)
+    lines, bad_lines = _whole(text)
+    weight = _weight(text)
+    log.bad_lines += bad_lines
+    log.text_bytes += weight
+    log.lost_bytes += weight - _weight(lines) if bad_lines else 0
+    lines = rewritten(lines, layout.rewrites)
+    if layout.separator == BLANKS:
+        lines = re.sub(rb"(?m)^[ \t]+|[ \t\r]+$", b"", lines)
+        # no comma: that may be decimal
+        lines = re.sub(rb"[ \t]+", b"\t", lines)
+    return lines or b"\n"

@@ -9,7 +9,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 
 from imuloop.core.errors import plural
 from imuloop.core.gaps import gap_limit
-from imuloop.core.samples import ANGULAR_RATE, TIME, Samples
+from imuloop.core.samples import ANGULAR_RATE, TIME
 from imuloop.core.stamps import Scatter
 
 # stamps come in bursts where the median step is less than this share of the sensor's step
@@ -44,8 +44,8 @@ _LEAST_BEATS, _BEAT_OFF, _BEAT_WIDTH = 10, 3.0, 1.5
 # rows that share a stamp are a packet where half of such are as far from the next stamp, or the one
 # before, as their number of steps, but for this part of one; fewer repeats are dropped
 _PACKET, _LEAST_REPEATS = 0.5, 10
-# points of a line, at most twice so many, and parts of a log whose stamps must lie on one
-POINTS, _PARTS = 1 << 17, 20
+# parts of a log whose stamps must lie on one line
+_PARTS = 20
 # a line whose rate differs more from the declared one is not the sensor's
 _RATE_SHARE = 0.02
 # stretches between bursts that are shorter on average hold no rest, s; of so many nothing is left,
@@ -79,7 +79,7 @@ class Even:
 
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def even_samples(path, counts, measured, rate=None, increments=False, packets=None):
+def even_samples(samples, counts, measured, rate=None, increments=False, packets=None):
     """Return the `Even` samples of a log whose stamps are to be rebuilt; None to keep them.
 
     A host stamps what it receives, with a delay that varies, and receives several samples of a
@@ -95,8 +95,8 @@ def even_samples(path, counts, measured, rate=None, increments=False, packets=No
 
     Parameters
     ----------
-    path : path-like
-        Samples as stamped.
+    samples : dict
+        Columns of the samples as stamped.
     counts, measured : Counts, dict
         Their counts and quality figures.
     rate : float, optional
@@ -106,7 +106,7 @@ def even_samples(path, counts, measured, rate=None, increments=False, packets=No
     packets : tuple, optional
         Result of `packet_step`.
     """
-    points = counts.points.rows()
+    points = counts.points
     if counts.clock.resets or len(points) < 10 * _PARTS:
         return None
     rows, t = points.T
@@ -121,7 +121,7 @@ def even_samples(path, counts, measured, rate=None, increments=False, packets=No
     on_line = _on_line(away, step, packets, bursts)
     even = Even(step) if on_line else None
     grid, clean = _grid(t), False
-    if numbered := _numbered(path, counts.points, packets):
+    if numbered := _numbered(rows, t, packets):
         first, lost, number, t, width = numbered
         losses = np.flatnonzero(np.diff(lost)) + 1
         own_step, _ = _line(number, t)
@@ -138,8 +138,7 @@ def even_samples(path, counts, measured, rate=None, increments=False, packets=No
     if packets:
         return even
     scatter = Scatter(even.step, grid)
-    for _, (t, *w) in Samples(path).pieces((TIME, *ANGULAR_RATE)):
-        scatter.add(t, w)
+    scatter.add(samples[TIME], [samples[name] for name in ANGULAR_RATE])
     if clean:
         # a slower sensor on this grid of stamps has the same stamps: the gyroscope knows
         return replace(even, complete=True) if scatter.even else None
@@ -172,15 +171,13 @@ def _on_line(away, step, packets, bursts):
     return np.ptp([np.median(part) for part in parts]) <= limit and scatter <= _LONGEST_PAUSE
 
 
-def _numbered(path, points, packets):
+def _numbered(rows, t, packets):
     """Return the number of each sample by the sensor's clock.
 
     Parameters
     ----------
-    path : path-like
-        Samples as stamped.
-    points : EvenSubsample
-        Row number and time, s, of some of them; of a packet its first row.
+    rows, t : array
+        Number and time, s, of each row; of a packet its first row.
     packets : tuple or None
         Result of `packet_step`.
 
@@ -191,24 +188,16 @@ def _numbered(path, points, packets):
         of its sample, and its time, s. Last, how far the stamps scatter about the clock, samples.
         None where the stamps show no clock.
     """
-    rows, t = points.rows().T
-    rows = rows.astype(int)
-    if points.stride == 1:
-        size, rows, t = _transfers(rows, t)
-        clock = _clock(t)
-    else:
-        # every n-th row shows no clock; all rows at the start, one for each packet, do
-        dense = Samples(path).read((TIME,), 0, POINTS)[0]
-        size = round(np.median(np.diff(rows)) / points.stride)
-        clock = _clock(dense) if _transfers(np.arange(len(dense)), dense)[0] == 1 else None
+    size, rows, t = _transfers(rows.astype(int), t)
+    clock = _clock(t)
     if not clock:
         return None
     # the row that the stamp is for
     stamped = rows - rows[0]
-    if size == points.stride == 1 and packets and packets[1]:
+    if size == 1 and packets and packets[1]:
         stamped = stamped + np.diff(rows, append=rows[-1] + 1) - 1
         stamped = stamped - stamped[0]
-    place = t * clock - _phase(t * clock, max(_PHASE // points.stride, _SMOOTH))
+    place = t * clock - _phase(t * clock, _PHASE)
     index = np.rint(place).astype(int)
     if size * (index[-1] - index[0]) < (1 - _RATE_SHARE) * stamped[-1]:
         # a clock of the transfers, not of the sensor
@@ -320,7 +309,7 @@ def packet_step(counts, rate=None):
     None where such rows are no packet: then the stamps around them go on as always. The step is by
     the declared `rate`, Hz, else that from stamp to stamp over the number of rows.
     """
-    points = counts.points.rows()
+    points = counts.points
     if counts.duplicates < _LEAST_REPEATS or len(points) < 3:
         return None
     rows, t = points.T
@@ -335,33 +324,22 @@ def packet_step(counts, rate=None):
     return (step, last) if share >= _PACKET else None
 
 
-def spread(x, readable, after, held, step, last):
+def spread(x, readable, step, last):
     """Return stamps in which rows that share one are a `step` apart, in units of the stamps.
 
-    Theirs is of the `last` row, else of the first; `after` is as of `with_lookahead`, `held` what
-    the last call gave, None at first: the last stamp, its rows, and the stamp before. No row comes
-    before the stamp before, nor after the next one.
+    Theirs is of the `last` row, else of the first. No row comes before the stamp before, nor after
+    the next one.
     """
-    own, n = np.concatenate((x[readable], after[0][after[1]])), np.count_nonzero(readable)
-    if not n:
-        return x, held
+    own = x[readable]
     starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
     stamps, size = own[starts], np.diff(starts, append=len(own))
-    packet = np.repeat(np.arange(len(starts)), size)[:n]
-    number, before = np.arange(n) - starts[packet], stamps[0]
-    if held and held[0] == stamps[0]:
-        # the packet began in the rows of the last call
-        number[packet == 0] += held[1]
-        size[0] += held[1]
-        before = held[2]
-    elif held:
-        before = held[0]
-    away = np.diff(stamps, prepend=before) if last else np.diff(stamps, append=stamps[-1])
+    packet = np.repeat(np.arange(len(starts)), size)
+    number = np.arange(len(own)) - starts[packet]
+    away = np.diff(stamps, prepend=stamps[0]) if last else np.diff(stamps, append=stamps[-1])
     width = np.where(away > 0, np.minimum(step, away / size), step)[packet]
     moved = x.copy()
-    moved[readable] = own[:n] + ((number - (size[packet] - 1) * last) * width).astype(x.dtype)
-    end = packet[-1]
-    return moved, (stamps[end], number[-1] + 1, stamps[end - 1] if end else before)
+    moved[readable] = own + ((number - (size[packet] - 1) * last) * width).astype(x.dtype)
+    return moved
 
 
 def rebuilt(logged, even, counts, packets=None):

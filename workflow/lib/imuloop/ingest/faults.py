@@ -1,4 +1,4 @@
-"""What is wrong in the samples themselves, measured piece by piece; nothing is changed.
+"""What is wrong in the samples themselves; nothing is changed.
 
 Each sensor's channels are measured by themselves, axes and rests across both.
 """
@@ -7,17 +7,19 @@ from itertools import combinations
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, ROWS, TEMPERATURE, TIME
-from imuloop.ingest.axes import AGREEMENT, Axes
-from imuloop.ingest.constant_stretches import (
-    LENGTHS,
-    ConstantStretches,
-    held_lengths,
-    rows_a_value,
+from imuloop.core.samples import (
+    ACCELERATION,
+    ANGULAR_RATE,
+    CHANNELS,
+    ROWS,
+    TEMPERATURE,
+    TIME,
+    Samples,
 )
+from imuloop.ingest.axes import AGREEMENT, Axes
+from imuloop.ingest.constant_stretches import LENGTHS, ConstantStretches, rows_a_value
 from imuloop.ingest.increments import SENSORS
-from imuloop.ingest.ordered_map import ordered_map
-from imuloop.ingest.spikes import EDGE, isolated
+from imuloop.ingest.spikes import isolated
 from imuloop.ingest.stops import Stops
 
 # Hz; no sensor is as fast
@@ -44,8 +46,6 @@ WRAPPED, FLAT, UNEVEN = 0.9, 0.05, 0.1
 READ_STEPS, FAR_STEPS, OFTEN = 1000, 8, 0.2
 # blocks for variances: rows per block, blocks per piece, and those that are needed
 BLOCK, BLOCKS, LEAST_BLOCKS = 128, 128, 8
-# noise is that of a log that rests for as much of its time
-QUIET_SHARE = 0.25
 # an axis is silent at rest where it never changes in this share of the quieter blocks
 SILENT_SHARE = 0.8
 # a gap that a device may be turned in is longer, s
@@ -54,72 +54,53 @@ TURN_GAP = 0.2
 
 # a damaged file may hold 1e306, which a sum of squares does not
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def measure(samples, metadata, figures, threads=1):
+def measure(samples, raw_units, figures):
     """Return the faults of samples, empty of none, and row and channel of each spike, (2, k).
 
-    `figures` are quality figures with ``rate_hz``, ``gaps``, ``quantisation_step`` and ``range``;
-    a spike is as of `isolated`.
+    `raw_units` are the `RawUnit` of each sensor; `figures` are quality figures with ``rate_hz``,
+    ``gaps``, ``quantisation_step`` and ``range``; a spike is as of `isolated`.
     """
-    rate, ranges = figures["rate_hz"], figures["range"]
+    rate, ranges, count = figures["rate_hz"], figures["range"], len(samples)
     # stamps of a damaged file may lie 1e-300 s apart: no block of a second holds the rows
-    if not len(samples) or not 0 < (rate or 0) < MOST_RATE:
+    if not count or not 0 < (rate or 0) < MOST_RATE:
         return {}, np.empty((2, 0), dtype=int)
     names = [name for name in (*CHANNELS, TEMPERATURE) if name in samples]
-    pairs = list(combinations(range(len(names)), 2))
     steps = {name: step or 0.0 for name, step in figures["quantisation_step"].items()}
-    units = metadata.get("raw_units", {}).items()
-    zeros = {name: -unit["offset"] * unit["scale"] for s, unit in units for name in SENSORS[s]}
-    longest = max(figures["gaps"]["longer_than_s"] or 0.0, TURN_GAP)
-    gaps, _, lasting = long_steps(samples, longest) if figures["gaps"]["count"] else ((), (), 0.0)
+    zeros = {
+        name: -unit.offset * unit.scale for s, unit in raw_units.items() for name in SENSORS[s]
+    }
+    t, x = samples[TIME], samples.read(names, 0, count)
+    long = np.diff(t)
+    gaps = np.flatnonzero(long > max(figures["gaps"]["longer_than_s"] or 0.0, TURN_GAP))
     # where single rows are lost fewer come in a second than the usual step says
-    rows_per_s = (len(samples) - 1 - len(gaps)) / (figures["duration_s"] - np.sum(lasting))
-    constant = {name: ConstantStretches(steps[name]) for name in CHANNELS}
-    stops, way = Stops(rows_per_s, gaps), Axes(rows_per_s)
-
-    def at(row):
-        return samples.read((TIME,), row, row + 1).item()
-
-    @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-    def counted(first):
-        """Return of a piece rows, spikes, changes, wraps, variances of blocks, and what adds up."""
-        low, end = max(first - EDGE, 0), min(first + ROWS, len(samples))
-        x = samples.read(names, low, min(end + EDGE, len(samples)))
-        single = isolated(x[:6], np.array([steps[name] for name in CHANNELS]))
-        channel, row = np.nonzero(single[:, first - low : end - low])
+    rows_per_s = (count - 1 - len(gaps)) / (figures["duration_s"] - long[gaps].sum())
+    single = np.nonzero(isolated(x[:6], np.array([steps[name] for name in CHANNELS])))[::-1]
+    padding = _without_padding(x, np.array([[zeros[name]] for name in CHANNELS])).tolist()
+    zero_rows, in_turn, zero_reads = (dict(zip(SENSORS, each, strict=True)) for each in padding)
+    changed = x[:, 1:] != x[:, :-1]
+    constant = {
+        name: ConstantStretches(values, steps[name])
+        for name, values in zip(CHANNELS, x, strict=False)
+    }
+    counts, variances, wraps = [], [], []
+    for first in range(0, count, ROWS):
         # a few rows before those of the piece show what ends in them
-        before = x[:, max(first - low - 2 * REACH, 0) : end - low]
-        lead = before.shape[1] - (end - first)
-        padding = _without_padding(before, np.array([[zeros.get(n, 0.0)] for n in CHANNELS]), lead)
-        x = before[:, lead:]
-        changed = x[:, 1:] != x[:, :-1]
-        known = zip(CHANNELS, before, strict=False)
-        *numbers, wraps = zip(
-            *[_counts(v, lead, ranges[n], steps[n]) for n, v in known], strict=True
-        )
-        if TEMPERATURE in names:
-            numbers[0] += (_spikes(before[-1], np.abs(np.diff(before[-1])), steps[TEMPERATURE]),)
-        common = [_common_changes(x, changed, a, b) for a, b in pairs]
-        held = [held_lengths(changed[:3]), held_lengths(changed[3:6])]
-        counts = [padding, *map(np.array, (common, held, *numbers, [len(at) for at in wraps]))]
-        variances = np.array([_variances(values) for values in x[:6]])
-        return x, [row + first, channel], changed, wraps, variances, counts
-
-    found, row = [], 0
-    for x, *more in ordered_map(counted, range(0, len(samples), ROWS), threads):
-        changed, wraps = more[1:3]
-        found.append([more[0], *more[3:]])
-        for name, values, changes in zip(CHANNELS, x, changed, strict=False):
-            constant[name].add(values, row, np.flatnonzero(changes) + 1)
-        # where an integer wraps around nothing is known of a turn
-        for values, rows in zip(x, wraps, strict=False):
-            values[rows[rows > 0]] = values[rows[rows > 0] + 1] = np.nan
-        way.add(dict(zip(CHANNELS, x, strict=False)))
-        stops.add(dict(zip(CHANNELS, x, strict=False)))
-        row += x.shape[1]
-    single, variances, counts = zip(*found, strict=True)
-    summed = map(sum, zip(*counts, strict=True))
-    padding, common, held, spikes, limits, failed, tops, wraps = summed
-    zero_rows, in_turn, zero_reads = (dict(zip(SENSORS, n, strict=True)) for n in padding.tolist())
+        lead = min(first, 2 * REACH)
+        known = dict(zip(names, x[:, first - lead : first + ROWS], strict=True))
+        found = [_counts(known[name], lead, ranges[name], steps[name]) for name in CHANNELS]
+        *numbers, rows = zip(*found, strict=True)
+        if TEMPERATURE in known:
+            warmth = known[TEMPERATURE]
+            numbers[0] += (_spikes(warmth, np.abs(np.diff(warmth)), steps[TEMPERATURE]),)
+        counts.append([*map(np.array, numbers)])
+        wraps.append([first + at for at in rows])
+        variances.append([_variances(known[name][lead:]) for name in CHANNELS])
+    wraps = [np.concatenate(rows) for rows in zip(*wraps, strict=True)]
+    # where an integer wraps around nothing is known of a turn
+    for values, rows in zip(x, wraps, strict=False):
+        values[rows] = values[rows + 1] = np.nan
+    fit, rests = turns(dict(zip(names, x, strict=True)), rows_per_s, gaps)
+    spikes, limits, failed, tops = map(sum, zip(*counts, strict=True))
     variances = dict(zip(CHANNELS, np.concatenate(variances, axis=1), strict=True))
     limits, tops = (dict(zip(CHANNELS, n, strict=True)) for n in (limits, tops))
     spikes = dict(zip(names, spikes, strict=True))
@@ -135,7 +116,7 @@ def measure(samples, metadata, figures, threads=1):
     ]
     stuck |= {name: [] for name in silent}
     # all axes of a gyroscope stuck at zero is padding too
-    zero = ({r[:2] for r in stuck[n] if r[2] == zeros.get(n, 0)} for n in ANGULAR_RATE)
+    zero = ({r[:2] for r in stuck[n] if r[2] == zeros[n]} for n in ANGULAR_RATE)
     padding = set.intersection(*zero)
     zero_rows["angular_rate"] += sum(length for length, _ in padding)
     clipped = {name: {"values": [], "rows": 0} for name in CHANNELS}
@@ -153,41 +134,55 @@ def measure(samples, metadata, figures, threads=1):
     for name, found in stuck.items():
         values, padded = clipped[name]["values"], padding if name in ANGULAR_RATE else ()
         stuck[name] = [s for s in found if s[2] not in values and s[:2] not in padded]
-    axes = way.fit()
-    rests = stops.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
     if rests:
         row, gap = rests.pop("jump_row"), rests.pop("gap_row")
-        rests |= {"jump_s": at(row), "gap_s": None if gap is None else at(gap)}
+        rests |= {"jump_s": t[row].item(), "gap_s": None if gap is None else t[gap].item()}
     failed = dict(zip(CHANNELS, failed.tolist(), strict=True))
-    for sensor, count in zero_reads.items():
-        if count > OFTEN * len(samples):
-            failed |= dict.fromkeys(SENSORS[sensor], count)
+    for sensor, rows in zero_reads.items():
+        if rows > OFTEN * count:
+            failed |= dict.fromkeys(SENSORS[sensor], rows)
     faults = {
         "zero_rows": zero_rows,
         "in_turn": in_turn,
         "failed_reads": failed,
-        "stuck": {name: _stuck_figures(stuck[name], rate, at) for name in CHANNELS},
+        "stuck": {name: _stuck_figures(stuck[name], rate, t) for name in CHANNELS},
         "spikes": {name: int(n) for name, n in spikes.items()},
-        "wraps": dict(zip(CHANNELS, wraps.tolist(), strict=True)),
+        "wraps": {name: len(rows) for name, rows in zip(CHANNELS, wraps, strict=True)},
         "clipped_at": clipped,
-        "rows_a_value": {s: rows_a_value(each) for s, each in zip(SENSORS, held, strict=True)},
+        "rows_a_value": {
+            sensor: rows_a_value(each)
+            for sensor, each in zip(SENSORS, (changed[:3], changed[3:6]), strict=True)
+        },
         "copies": [
             [names[a], names[b]]
-            for (a, b), (changed, alike) in zip(pairs, common, strict=True)
-            if changed >= LEAST_CHANGES and alike >= COPIED_SHARE * changed
+            for a, b in combinations(range(len(names)), 2)
+            if _copied(x[[a, b]], changed[[a, b]])
         ],
         "silent_at_rest": silent,
-        "axes": axes,
+        "axes": fit,
         "rests": rests,
     }
-    return faults, np.hstack(single)
+    return faults, np.array(single)
 
 
-def _without_padding(x, zeros, lead):
+def turns(x, rate, gaps=()):
+    """Return what channels, by name, at a rate show of turns and rests: `axes` and `rests`.
+
+    `gaps` are the rows before a gap.
+    """
+    stops, way = Stops(rate, gaps), Axes(rate)
+    for _, piece in Samples(x).pieces(CHANNELS):
+        piece = dict(zip(CHANNELS, piece, strict=True))
+        way.add(piece)
+        stops.add(piece)
+    axes = way.fit()
+    return axes, stops.figures(axes["ratio"] if axes and axes["best"] > AGREEMENT else None)
+
+
+def _without_padding(x, zeros):
     """Put not-a-number for the rows of padding; return counts of rows by sensor, (3, 2).
 
-    Of the rows after `lead`: padding, all axes of this sensor alone at zero, and so in a single
-    row.
+    Padding, all axes of this sensor alone at zero, and so in a single row.
     """
     zero = x[:6] == zeros
     alone = np.array([zero[:3].all(axis=0), zero[3:].all(axis=0)])
@@ -195,15 +190,14 @@ def _without_padding(x, zeros, lead):
     padded = np.array([alone[0], alone.all(axis=0)])
     for axes, rows in zip((x[:3], x[3:6]), padded, strict=True):
         axes[:, rows] = np.nan
-    alone = alone[:, lead:]
     single = alone[:, 1:-1] & ~alone[:, :-2] & ~alone[:, 2:]
     of_one = alone & ~alone[::-1]
-    return np.array([each.sum(axis=1) for each in (padded[:, lead:], of_one, single)])
+    return np.array([each.sum(axis=1) for each in (padded, of_one, single)])
 
 
-def _stuck_figures(found, rate, at):
+def _stuck_figures(found, rate, t):
     """Return how often, for how many rows, how long at most and when an axis was stuck."""
-    spans = [[at(i), at(i + n - 1)] for i, n in sorted((i, n) for n, i, _ in found)]
+    spans = [[t[i].item(), t[i + n - 1].item()] for i, n in sorted((i, n) for n, i, _ in found)]
     return {
         "stretches": len(found),
         "rows": sum(stretch[0] for stretch in found),
@@ -213,32 +207,12 @@ def _stuck_figures(found, rate, at):
     }
 
 
-def time_steps(samples):
-    """Give the first row of each piece, the times before its steps, and the steps, s."""
-    last = np.empty(0)
-    for row, (t,) in samples.pieces((TIME,)):
-        t = np.concatenate([last, t])
-        yield row - len(last), t[:-1], np.diff(t)
-        last = t[-1:]
-
-
-def long_steps(samples, longest):
-    """Return the row before each step of time longer than `longest`, s, its time, and the step.
-
-    What is that long is for the caller to say: a gap, or one that a device may be turned in.
-    """
-    found = [(np.empty(0, dtype=int), np.empty(0), np.empty(0))]
-    for row, t, steps in time_steps(samples):
-        at = np.flatnonzero(steps > longest)
-        found.append((row + at, t[at], steps[at]))
-    return tuple(map(np.concatenate, zip(*found, strict=True)))
-
-
-def _common_changes(x, changed, a, b):
-    """Return how often the one changes, more or less than the other, and how often both alike."""
-    same = x[a] == x[b]
-    alike = same[1:] & same[:-1] & changed[a]
-    return max(map(np.count_nonzero, changed[[a, b]])), np.count_nonzero(alike)
+def _copied(x, changed):
+    """Tell whether of two channels, (2, n), one is a copy of the other."""
+    same = x[0] == x[1]
+    alike = np.count_nonzero(same[1:] & same[:-1] & changed[0])
+    changes = max(map(np.count_nonzero, changed))
+    return changes >= LEAST_CHANGES and alike >= COPIED_SHARE * changes
 
 
 def _at_limits(x, limits, step):
@@ -282,8 +256,7 @@ def _clipped(axes, ranges, steps, rate):
     for name, limits, constant, stuck, spikes, (*tops, elsewhere) in axes:
         for value, (at, *near), flat in zip(ranges[name], limits, tops, strict=True):
             here = [s[0] for s in stuck if s[2] == value]
-            wide = constant.wide >= 0.5 * constant.varied
-            cut = at**2 >= CUT_TAIL * near[0] if wide else at >= STEEP * max(near)
+            cut = at**2 >= CUT_TAIL * near[0] if constant.wide else at >= STEEP * max(near)
             cut &= at >= LEAST_CLIPPED and spikes < at / 2 and constant.fine
             raw = abs(value / steps[name]) if steps[name] else 0.0
             cut |= at >= LEAST_RAIL and any(abs(round(raw, 1) - rail) < 0.5 for rail in RAILS)

@@ -19,7 +19,7 @@ _PACKED = (".gz", ".bz2", ".zst", ".lz4")
 class LogFormat:
     """A log format: its reader, and what its files are called.
 
-    ``read(paths, columns, batch_rows) -> RawLog`` takes the role of each file, `files`, to its
+    ``read(paths, columns) -> RawLog`` takes the role of each file, `files`, to its
     path, what the config says of columns, and about how many rows are given at once. It raises
     ImuloopError where a declaration does not fit, RejectedLog for a broken file. `endings` are
     those of file names, lower case; a `folder` may hold files of them.
@@ -83,7 +83,7 @@ def find_format(name, paths):
         raise ImuloopError(f"'{name}' is not a format{hint}")
     form = FORMATS[name]
     if {*paths} == {*PAIR}:
-        form = replace(form, read=partial(_read_two, form.read), files=PAIR)
+        form = replace(form, read=partial(tables.read_pair, form.read), files=PAIR)
     if {*paths} != {*form.files}:
         raise ImuloopError(
             f"format {name} is read from {' and '.join(form.files)}, given {' and '.join(paths)}"
@@ -102,12 +102,6 @@ def no_log(path):
 
 def _reject(cause, *given, **options):
     raise RejectedLog(cause)
-
-
-def _read_two(read, paths, columns=None, batch_rows=1 << 16):
-    """Read an accelerometer's file and a gyroscope's, on clocks of their own."""
-    logs = {q: read({"log": paths[q]}, tables.alone(q, columns), batch_rows) for q in PAIR}
-    return tables.paired(logs, batch_rows)
 
 
 def guess_format(paths):

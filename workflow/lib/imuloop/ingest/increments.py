@@ -3,10 +3,9 @@
 import numpy as np
 
 from imuloop.core.gaps import gap_limit
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import INCREMENTS
 from imuloop.core.units import TIME as TIME_SCALES
-from imuloop.ingest.stamps import stamp_values
 
 SENSORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
 # jitter of the stamps that is worth a warning, of a step: it becomes noise of the same share
@@ -23,10 +22,9 @@ def by_stamps(log, units):
     return bool(factors(units)) and "time" in log.found and "interval" not in log.found
 
 
-def usual_step(batches):
-    """Return the median step of samples (batches with `t`), s; None of fewer than two."""
-    steps = np.diff(np.concatenate([np.empty(0), *(batch[TIME] for batch in batches)]))
-    return float(np.median(steps, overwrite_input=True)) if len(steps) else None
+def usual_step(t):
+    """Return the median step of samples at `t`, s; None of fewer than two."""
+    return float(np.median(np.diff(t))) if len(t) > 1 else None
 
 
 # stamps and values of a broken log can be of any size
@@ -48,16 +46,17 @@ def steps(x, before, origin, scale, usual, constant):
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def rates(raw, batch, units, steps):
+def rates(raw, stamps, units, steps):
     """Return the channels of increments in SI per second.
 
-    The interval is the logged one, not-a-number where none is readable, else that of `steps`.
+    The interval is the one among the logged `stamps`, not-a-number where none is readable, else
+    that of `steps`.
     """
     found = {}
     for sensor, factor in factors(units).items():
         dt = steps
-        if f"interval.{sensor}" in batch.schema.names:
-            values, readable, _ = stamp_values(batch.column(f"interval.{sensor}"))
+        if f"interval.{sensor}" in stamps:
+            values, readable, _ = stamps[f"interval.{sensor}"]
             dt = values * TIME_SCALES[units["interval"]]
             dt = np.where(readable & (values > 0), dt, np.nan)
         found |= {name: raw[name] * factor / dt for name in SENSORS[sensor]}

@@ -1,34 +1,25 @@
 """One raw log into canonical samples and its quality figures."""
 
-import json
 import os
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.places import PAIR, for_reader, in_config
-from imuloop.core.samples import (
-    CHANNELS,
-    LOGGED_TIME,
-    METADATA_KEY,
-    OWN_TIME,
-    TEMPERATURE,
-    parquet_file,
-    schema,
-)
+from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME, schema
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
-from imuloop.ingest import clocks, even_stamps, increments, quality, slower_sensor
+from imuloop.ingest import clocks, even_stamps, increments, quality, reference, slower_sensor
 from imuloop.ingest import pps as marks
-from imuloop.ingest.convert import Counts, si_batches
+from imuloop.ingest.convert import Counts, all_rows, no_samples, si_samples
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged, milliseconds
-from imuloop.ingest.raw_log import RawLog, absent_sensor, rechunked
-from imuloop.ingest.reference import attach
+from imuloop.ingest.raw_log import RawLog, absent_sensor
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.spellings import SENSORS, UNITS, stated_unit, unknown_unit
 from imuloop.ingest.stamps import is_iso, iso_text
@@ -86,8 +77,6 @@ def ingest(
     samples_path,
     quality_path,
     declared=None,
-    batch_rows=1 << 16,
-    threads=1,
 ):
     """Write samples.parquet and quality.json of one session, each in one step.
 
@@ -102,8 +91,6 @@ def ingest(
         Files of the log, or its folder, in the order of the declared sources.
     declared : Declared, optional
         What the config says of the log.
-    batch_rows, threads : int
-        Rows read at once, about, and how many may work at once; neither changes the result.
 
     Raises
     ------
@@ -122,19 +109,11 @@ def ingest(
     rejected = timeline = logged = even = usual = absent = wrong_unit = None
     reasons, counts = [], Counts()
 
-    def opened():
-        log = form.read(files, columns or None, batch_rows)
-        log.threads = threads
-        return log
-
-    def write_and_measure(log, counts, batches, rebuilt=False):
-        return measured(_write(temporary, batches, log, counts, origin, rebuilt, full_scale))
-
-    def measured(parts=None):
+    def measured():
         if log.slower:
-            figures = slower_sensor.measure(temporary, log.slower, full_scale, threads)
+            figures = slower_sensor.measure(samples, log.slower, raw_units, full_scale)
         else:
-            figures = quality.measure(temporary, full_scale, threads, parts)
+            figures = quality.measure(samples, raw_units, full_scale)
         return _without(absent, figures)
 
     try:
@@ -142,7 +121,7 @@ def ingest(
         before = _state(paths)
         log_format, form = find_format(declared.format, files)
         try:
-            log = opened()
+            log = form.read(files, columns or None)
             absent = absent_sensor(log, columns)
         except RejectedLog as error:
             log, rejected = RawLog(), error
@@ -156,79 +135,79 @@ def ingest(
             origin["known_rotation"] = declared.known_rotation
         how = {"units": units, "raw_units": raw_units, "rate": rate}
         how["time_range"] = declared.time_range
-        with replaced(samples_path) as temporary:
-            try:
-                if rejected:
-                    raise rejected
-                if declared.pps or marks_file:
-                    timeline = marks.find_timeline(log, units, declared.pps, marks_file)
-                    how["timeline"], log = timeline, opened()
-                if increments.by_stamps(log, units):
-                    # the usual step has to be known before gaps are
-                    usual = increments.usual_step(si_batches(log, **how, counts=Counts()))
-                    how["usual"], log = usual, opened()
-                figures = write_and_measure(log, counts, si_batches(log, **how, counts=counts))
-                unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
-                if unstated and counts.time_unit == "s":
-                    what = temporary, figures, counts.points.rows(), declared.gravity, rate
-                    wrong_unit = milliseconds(*what)
-                summed = bool(increments.factors(units))
-                packets = even_stamps.packet_step(counts, rate) or even_stamps.packet_step(counts)
-                even = even_stamps.even_samples(temporary, counts, figures, rate, summed, packets)
-                if even or packets:
-                    # once more from the start, now that the line or the step is known
-                    as_logged, counts, logged, log = counts, Counts(), figures, opened()
-                    if even:
-                        how |= {"even": even, "usual": None}
-                    else:
-                        how["packets"] = packets
-                    batches = si_batches(log, **how, counts=counts)
-                    figures = write_and_measure(log, counts, batches, rebuilt=bool(even))
-            except RejectedLog as error:
-                reasons, logged = [str(error)], None
-                figures = write_and_measure(log, counts, ())
-            fault = even_stamps.broken(figures, rate)
-            many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
-            dropped, at = figures.pop("isolated")
-            if len(dropped):
-                counts.spiked = len(np.unique(dropped))
-                number = np.bincount(at, minlength=len(CHANNELS)).tolist()
-                counts.spike_values = dict(zip(CHANNELS, number, strict=True))
-                _rewrite(temporary, dropped)
-                # the gaps that this leaves are counted as spikes
-                gaps = {"gaps": figures["gaps"]}
-                figures = measured() | gaps
-                del figures["isolated"]
-            known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
-            if known := {name: found for name, found in known.items() if found}:
-                origin |= known
-                _rewrite(temporary, [], known)
-            if _state(paths) != before:
-                reasons = ["the file changed while it was read"]
-            wrong, doubted = [], []
-            # without gravity there is no yardstick
-            if absent != "acceleration":
-                wrong, doubted = judged(
-                    figures, raw_units, declared.gravity, kind, declared.nominal
-                )
-            if fault:
-                # the rate is wrong, and what was found by it
-                wrong, doubted = ([fault], []) if many else ([], [fault])
-            if wrong_unit:
-                wrong.append(wrong_unit)
-            lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
-            if unread := quality.unread(figures, counts):
-                reasons, wrong, doubted, logged = reasons or unread, [], [], None
-            reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
-            if declared.reference and not (reasons or wrong):
-                own = declared.of_log() | {"units": units}
-                both = reference_file, files.get("log")
-                beside, wrong = attach(temporary, *both, declared.reference, own, counts)
-                origin["reference"] = beside
-            misdeclared = bool(wrong and not reasons)
-            reasons = reasons or wrong
-            if reasons:
-                _write(temporary, (), log, counts, origin)
+        try:
+            if rejected:
+                raise rejected
+            rows = all_rows(log, units, rate)
+            if declared.pps or marks_file:
+                timeline = marks.find_timeline(rows, log, units, declared.pps, marks_file)
+                how["timeline"] = timeline
+            if increments.by_stamps(log, units):
+                # the usual step has to be known before gaps are
+                usual = increments.usual_step(si_samples(rows, log, **how, counts=Counts())[TIME])
+                how["usual"] = usual
+            samples = si_samples(rows, log, **how, counts=counts)
+            figures = measured()
+            unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
+            if unstated and counts.time_unit == "s":
+                what = samples, figures, counts.points, declared.gravity, rate
+                wrong_unit = milliseconds(*what)
+            summed = bool(increments.factors(units))
+            packets = even_stamps.packet_step(counts, rate) or even_stamps.packet_step(counts)
+            even = even_stamps.even_samples(samples, counts, figures, rate, summed, packets)
+            if even or packets:
+                # once more, now that the line or the step is known
+                as_logged, counts, logged = counts, Counts(), figures
+                how |= {"even": even, "usual": None} if even else {"packets": packets}
+                samples = si_samples(rows, log, **how, counts=counts)
+                figures = measured()
+        except RejectedLog as error:
+            reasons, logged, samples = [str(error)], None, no_samples(log)
+            figures = measured()
+        if counts.start_ns is not None:
+            origin["start"] = iso_text(counts.start_ns)
+        if counts.time_unit:
+            origin["units"]["time"] = counts.time_unit
+        fault = even_stamps.broken(figures, rate)
+        many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
+        dropped, at = figures.pop("isolated")
+        if len(dropped):
+            counts.spiked = len(np.unique(dropped))
+            number = np.bincount(at, minlength=len(CHANNELS)).tolist()
+            counts.spike_values = dict(zip(CHANNELS, number, strict=True))
+            samples = {name: np.delete(x, dropped) for name, x in samples.items()}
+            # the gaps that this leaves are counted as spikes
+            gaps = {"gaps": figures["gaps"]}
+            figures = measured() | gaps
+            del figures["isolated"]
+        known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
+        origin |= {name: found for name, found in known.items() if found}
+        if _state(paths) != before:
+            reasons = ["the file changed while it was read"]
+        wrong, doubted = [], []
+        # without gravity there is no yardstick
+        if absent != "acceleration":
+            wrong, doubted = judged(figures, raw_units, declared.gravity, kind, declared.nominal)
+        if fault:
+            # the rate is wrong, and what was found by it
+            wrong, doubted = ([fault], []) if many else ([], [fault])
+        if wrong_unit:
+            wrong.append(wrong_unit)
+        lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
+        if unread := quality.unread(figures, counts):
+            reasons, wrong, doubted, logged = reasons or unread, [], [], None
+        reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
+        if declared.reference and not (reasons or wrong):
+            own = declared.of_log() | {"units": units}
+            both = reference_file, files.get("log")
+            columns, beside, wrong = reference.beside(
+                samples, *both, declared.reference, own, counts
+            )
+            origin["reference"] = beside
+            samples |= columns
+        misdeclared = bool(wrong and not reasons)
+        reasons = reasons or wrong
+        _write(samples_path, no_samples(log) if reasons else samples, origin)
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
         kind_of_error, text = type(error), error
@@ -319,7 +298,6 @@ def _quality(reasons, figures, counts, log):
         "bad_lines": log.bad_lines,
         "rows_read": counts.read,
         "outside_time_range": counts.outside,
-        "treatment": quality.TREATMENT,
         "columns": log.found,
     }
 
@@ -332,63 +310,29 @@ def write_rejected(*, device, session, kind, samples_path, quality_path, reason)
     units = {quantity: known[0] for quantity, known in UNITS.items()}
     raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in SENSORS}
     origin = _origin(device, session, kind, units, raw_units, None, {})
-    with replaced(samples_path) as temporary:
-        pq.write_table(schema(origin).empty_table(), temporary)
-        figures = quality.measure(temporary)
-        del figures["isolated"]
+    samples = no_samples(RawLog())
+    _write(samples_path, samples, origin)
+    figures = quality.measure(samples, raw_units)
+    del figures["isolated"]
     found = _quality([reason], figures, Counts(), RawLog()) | origin
     write_json(quality_path, found | {"misdeclared": True})
 
 
-def _write(path, batches, log, counts, origin, rebuilt=False, full_scale=None):
-    """Write samples as Parquet and return the parts of their quality, as of `quality.part`.
-
-    `origin` learns start and time unit on the way.
-    """
-    parts, channels = [], [*CHANNELS, *[TEMPERATURE] * log.temperature]
-    more = [*[TEMPERATURE] * log.temperature, *[LOGGED_TIME] * rebuilt]
-    more += [OWN_TIME[log.slower]] if log.slower else []
-    plain = schema({}, more).remove_metadata()
-    with _writer(path, plain) as writer:
-        for table in rechunked(batches, ROW_GROUP):
-            writer.write_table(table.select(plain.names), row_group_size=ROW_GROUP)
-            parts.append(quality.part([table[name].to_numpy() for name in channels], full_scale))
-        if counts.start_ns is not None:
-            origin["start"] = iso_text(counts.start_ns)
-        if counts.time_unit:
-            origin["units"]["time"] = counts.time_unit
-        writer.add_key_value_metadata(schema(origin).metadata)
-    return parts
-
-
-def _writer(path, plain):
-    """Return the writer of a samples file: values of few levels as numbers of these, stamps not."""
-    # what is known at the end only cannot be in an Arrow schema; doubles need none
-    return pq.ParquetWriter(
-        path,
-        plain,
-        compression="zstd",
-        store_schema=False,
-        use_dictionary=[*CHANNELS, TEMPERATURE],
-        use_byte_stream_split=[
-            name for name in plain.names if name not in (*CHANNELS, TEMPERATURE)
-        ],
-    )
-
-
-def _rewrite(path, dropped, known=None):
-    """Write samples again without some rows, and with more metadata."""
-    with replaced(path) as temporary, parquet_file(path) as file:
-        form, first = file.schema_arrow, 0
-        metadata = json.loads(form.metadata[METADATA_KEY]) | (known or {})
-        plain = form.remove_metadata()
-        with _writer(temporary, plain) as writer:
-            for g in range(file.num_row_groups):
-                table = file.read_row_group(g)
-                keep = ~np.isin(np.arange(first, first + len(table)), dropped)
-                first += len(table)
-                writer.write_table(table.filter(keep), row_group_size=ROW_GROUP)
-            writer.add_key_value_metadata({METADATA_KEY: json.dumps(metadata).encode()})
+def _write(path, samples, origin):
+    """Write columns of samples as Parquet: values of few levels as numbers of these, stamps not."""
+    table, levels = pa.table(samples), (*CHANNELS, TEMPERATURE)
+    with replaced(path) as temporary:
+        with pq.ParquetWriter(
+            temporary,
+            table.schema,
+            compression="zstd",
+            # doubles need none
+            store_schema=False,
+            use_dictionary=[name for name in samples if name in levels],
+            use_byte_stream_split=[name for name in samples if name not in levels],
+        ) as writer:
+            writer.write_table(table, row_group_size=ROW_GROUP)
+            writer.add_key_value_metadata(schema(origin).metadata)
 
 
 def used_raw_units(log, units, nominal):

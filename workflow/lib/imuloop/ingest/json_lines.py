@@ -3,34 +3,28 @@
 import csv
 import io
 import json
+import os
 from collections.abc import Mapping
 from itertools import islice
 
 from imuloop.core.errors import RejectedLog, one_line
 from imuloop.ingest import delimited
-from imuloop.ingest.damage import MOST_TIMES, check_unpacked
-from imuloop.ingest.text_layout import JSON_DOCUMENT, LONGEST_LINE, opened, size_of, unreadable
+from imuloop.ingest.damage import check_unpacked
+from imuloop.ingest.text_layout import JSON_DOCUMENT, LONGEST_LINE, unpacked
 
 ENDINGS = (".jsonl", ".ndjson", ".json")
 # rows whose names are those of the table, and the deepest object in them
 _NAMED, _DEEPEST = 1000, 4
 
 
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None):
     """Read JSON lines; a compressed file is unpacked.
 
     The members of an object in an object are `OBJECT.MEMBER`, those of a list `LIST[0]` and on.
     Columns are the members of the first rows; a line that is no object is a bad line.
     """
     path = paths["log"]
-    packed = size_of(path)
-    try:
-        with opened(path) as stream:
-            text = stream.read(MOST_TIMES * packed + 1)
-    except OSError as error:
-        raise unreadable(error) from error
-    check_unpacked(packed, len(text))
-    lines = text.splitlines()
+    lines = unpacked(path).splitlines()
     rows = [each for each in map(_members, islice(lines, _NAMED)) if each]
     names = list(dict.fromkeys(name for row in rows for name in row))
     if len(rows) < 2:
@@ -44,8 +38,9 @@ def read(paths, columns=None, batch_rows=1 << 16):
         elif line.strip():
             # a row of one field, which no table of several has
             writer.writerow(["?" * min(len(line), LONGEST_LINE)])
-        check_unpacked(packed, table.tell())
-    return delimited.read({"log": table.getvalue().encode()}, columns, batch_rows)
+        # each line has all names, however few of them it holds
+        check_unpacked(os.path.getsize(path), table.tell())
+    return delimited.read({"log": table.getvalue().encode()}, columns)
 
 
 def holds_log(path):

@@ -18,11 +18,12 @@ import numpy as np
 from imuloop.core.errors import ImuloopError, RejectedLog, one_line
 from imuloop.ingest import delimited
 from imuloop.ingest.damage import check_unpacked, reject_damage
-from imuloop.ingest.delimited import text_batches
+from imuloop.ingest.delimited import text_columns
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import AXES, SENSORS, guess, named_sensor, unit_of
+from imuloop.ingest.stamps import stamp_values
 from imuloop.ingest.streams import Stream, raw_log
-from imuloop.ingest.tables import alone, collected, paired
+from imuloop.ingest.tables import read_pair
 from imuloop.ingest.text_layout import LONGEST_LINE, SPREADSHEET, find_layout
 
 ENDINGS = (".zip",)
@@ -73,7 +74,7 @@ class _Table:
 
 
 @reject_damage
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None):
     """Read a zip of tables as phyphox and Sensor Logger export it, or of one or two text tables.
 
     Of Sensor Logger, what is not calibrated by the phone goes before what is; acceleration
@@ -87,12 +88,10 @@ def read(paths, columns=None, batch_rows=1 << 16):
         about = _cells(archive, members, "Metadata")[:2]
         about = dict(zip(*([x.strip().lower() for x in row] for row in about), strict=False))
         turned = about.get("platform") == "ios" and about.get("standardisation") != "true"
-        tables = [
-            _table(name, _text(archive, info), turned, batch_rows) for name, info in members.items()
-        ]
+        tables = [_table(name, _text(archive, info), turned) for name, info in members.items()]
         tables = [table for table in tables if table]
         if not tables:
-            return _plain(archive, members, columns, batch_rows)
+            return _plain(archive, members, columns)
         events = _events(archive, members)
     app = tables[0].app
     tables = [table for table in tables if table.app == app]
@@ -110,7 +109,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
         for table in tables:
             if columns[quantity] == table.stream.name and len(table.sensors) == 1:
                 columns[quantity] = table.columns(*table.sensors)
-    log = raw_log([table.stream for table in tables], columns, batch_rows, notes)
+    log = raw_log([table.stream for table in tables], columns, notes)
     used = {log.found[quantity][0] for quantity in SENSORS}
     for table in tables:
         if any(f"{table.stream.name}.{field}" in used for field in table.stream.fields):
@@ -118,13 +117,13 @@ def read(paths, columns=None, batch_rows=1 << 16):
     return log
 
 
-def _plain(archive, members, columns, batch_rows):
+def _plain(archive, members, columns):
     """Return the log of a zip that holds one table, or one of each sensor by their names."""
     members = {name: info for name, info in members.items() if _is_table(archive, info)}
     by_sensor = {q: [n for n in members if named_sensor(n) == q] for q in SENSORS}
     if len(members) == 1:
         [(name, info)] = members.items()
-        log = delimited.read({"log": _text(archive, info)}, columns, batch_rows)
+        log = delimited.read({"log": _text(archive, info)}, columns)
         log.notes.insert(0, f"the table {name} of the zip")
         return log
     if any(name.startswith("xl/") or name == "content.xml" for name in archive.namelist()):
@@ -136,10 +135,7 @@ def _plain(archive, members, columns, batch_rows):
             f"says acc and one gyr, but {listed}"
         )
     texts = {q: _text(archive, members[name]) for q, (name,) in by_sensor.items()}
-    log = paired(
-        {q: delimited.read({"log": x}, alone(q, columns), batch_rows) for q, x in texts.items()},
-        batch_rows,
-    )
+    log = read_pair(delimited.read, texts, columns)
     log.notes.insert(0, f"the tables {' and '.join(n for (n,) in by_sensor.values())} of the zip")
     return log
 
@@ -213,7 +209,7 @@ def _with_pauses(tables, events, notes):
     return longer
 
 
-def _table(name, text, turned, batch_rows):
+def _table(name, text, turned):
     """Return the table, with specific force where iOS has its opposite; None if of no sensor."""
     try:
         layout = find_layout(text)
@@ -229,7 +225,7 @@ def _table(name, text, turned, batch_rows):
     marks, time_unit, best = _APPS[app]
     time = lower.index(marks[0])
     others = {each: i for i, each in reversed([*enumerate(names)]) if i != time}
-    stamps, values, count, lost = _series(text, layout, [time, *others.values()], batch_rows)
+    stamps, values, count, lost = _series(text, layout, [time, *others.values()])
     count.bad_lines += lost
     fields = dict(zip(others, values, strict=True))
     units = {"time": time_unit}
@@ -242,13 +238,15 @@ def _table(name, text, turned, batch_rows):
     return _Table(app, Stream(name, stamps, fields, units), sensors, count)
 
 
-def _series(source, layout, places, batch_rows):
+def _series(source, layout, places):
     """Return stamps, of the first column, numbers, what was left out, and rows without a stamp."""
     count = RawLog()
-    batches = text_batches(source, layout, places, batch_rows, count, stamps=1)
-    fields, lost, dates = collected(batches, "0")
-    stamps, *values = fields.values() if fields and not dates else [np.empty(0)] * len(places)
-    return stamps, values, count, lost
+    stamps, *values = text_columns(source, layout, places, count, stamps=1)
+    stamps, readable, dates = stamp_values(stamps)
+    # dates are no stamps of these apps
+    readable &= not dates
+    values = [x.to_numpy(zero_copy_only=False)[readable] for x in values]
+    return stamps[readable], values, count, np.count_nonzero(~readable)
 
 
 def _sensors(file, names):

@@ -11,14 +11,14 @@ from math import log, sqrt
 
 import numpy as np
 
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, Samples
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
 from imuloop.core.units import ACCELERATION as ACCELERATION_UNITS
 from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
 from imuloop.core.units import DEGREE, INCREMENTS
 from imuloop.core.units import TIME as TIME_UNITS
-from imuloop.ingest.axes import Axes
+from imuloop.ingest.faults import turns
 from imuloop.ingest.stamps import declare
-from imuloop.ingest.stops import WINDOW, Stops
+from imuloop.ingest.stops import WINDOW
 
 # the specific force at rest is gravity within this share; that of a log that never rests lies in
 # these parts of it; at a known factor within the last share: biases of a tenth of g, scale errors
@@ -78,23 +78,23 @@ def judged(figures, units, gravity, kind=None, nominal=None):
         if max(wrapped.values()) >= MOST_WRAPS:
             return [text], []
         warnings.append(text)
-    turns = _turn_ratio(figures, gravity)
-    if cause := _increments(figures, units, gravity, *turns):
+    turned = _turn_ratio(figures, gravity)
+    if cause := _increments(figures, units, gravity, *turned):
         reasons.append(cause)
     else:
         scales = (nominal or {}).get("acceleration")
         _force(figures, units["acceleration"], gravity, scales, reasons, warnings)
-        _turns(figures, units["angular_rate"], kind, *turns, reasons, warnings)
+        _turns(figures, units["angular_rate"], kind, *turned, reasons, warnings)
     if kind == "static" and found["rests"]:
         _moved(found["rests"], gravity, reasons, warnings)
     return reasons, warnings
 
 
-def milliseconds(path, figures, points, gravity, rate=None):
+def milliseconds(columns, figures, points, gravity, rate=None):
     """Return why stamps that are taken as seconds are milliseconds; None if they may be seconds.
 
-    Takes samples and their quality figures, `points` of row number and time, s, local gravity,
-    m/s^2, and the declared rate, Hz.
+    Takes columns of samples and their quality figures, `points` of row number and time, s, local
+    gravity, m/s^2, and the declared rate, Hz.
     """
     taken, factor, why = figures["rate_hz"], 1 / TIME_UNITS["ms"], None
     if not figures["faults"] or not taken or taken * factor > MOST_RATE:
@@ -102,7 +102,7 @@ def milliseconds(path, figures, points, gravity, rate=None):
     if rate:
         if rate > taken * factor / 2:
             why = f"the declared rate is {_about(rate / taken)} times the rate in seconds"
-    elif (ratio := _turns_at(path, figures, taken * factor, gravity)) and (
+    elif (ratio := _turns_at(columns, figures, taken * factor, gravity)) and (
         TURNS_IN_MS[0] < ratio < TURNS_IN_MS[1]
     ):
         why = f"turns measured by the gyroscope are {_about(ratio * factor)} times those of gravity"
@@ -111,15 +111,11 @@ def milliseconds(path, figures, points, gravity, rate=None):
     return why and f"the stamps look like milliseconds: {why}; {declare('ms')}, or s if they are"
 
 
-def _turns_at(path, figures, rate, gravity):
+def _turns_at(columns, figures, rate, gravity):
     """Return how far the angular rate turns samples of a rate beside gravity; None if unsure."""
-    stops, axes = Stops(rate), Axes(rate)
-    for _, x in Samples(path).pieces(CHANNELS):
-        stops.add(dict(zip(CHANNELS, x, strict=True)))
-        axes.add(dict(zip(CHANNELS, x, strict=True)))
-    fit = axes.fit()
-    turns = {"axes": fit, "rests": stops.figures(fit and fit["ratio"])}
-    ratio, sure, _ = _turn_ratio(figures | {"faults": figures["faults"] | turns}, gravity)
+    axes, rests = turns(columns, rate)
+    found = {"axes": axes, "rests": rests}
+    ratio, sure, _ = _turn_ratio(figures | {"faults": figures["faults"] | found}, gravity)
     return ratio if sure else None
 
 

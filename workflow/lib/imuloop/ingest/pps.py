@@ -18,8 +18,7 @@ from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.stretches import stretches_of
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import position
-from imuloop.ingest.convert import counter_batches
-from imuloop.ingest.delimited import text_batches
+from imuloop.ingest.delimited import text_columns
 from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 from imuloop.ingest.text_layout import find_layout
@@ -31,7 +30,6 @@ _NEIGHBOURS = 5
 # GNSS time of a mark is a whole second, but for its rounding, s
 _WHOLE = 1e-3
 _WEEK = 604_800
-_MARK_ROWS = 1 << 16
 
 
 @dataclass(frozen=True)
@@ -64,33 +62,33 @@ class Timeline:
         return np.array([np.count_nonzero(seconds < 0), np.count_nonzero(after)])
 
 
-def find_timeline(log, units, columns, path=None):
-    """Return GNSS time over the counter of a log, its time column; the log is read to its end.
+def find_timeline(rows, log, units, columns, path=None):
+    """Return GNSS time over the counter of a log, its time column.
 
-    Marks are ``counter`` and ``time`` of `columns`, those of the log, or of the text table at
-    `path`. Marks that do not fit the log reject it.
+    `rows` are as of `convert.all_rows`. Marks are ``counter`` and ``time`` of `columns`, those of
+    the log, or of the text table at `path`. Marks that do not fit the log reject it.
     """
     if path is None and not log.found.get("pps"):
         raise ImuloopError("pps: only tables hold columns of marks; name a file in pps.file")
+    if "time" not in log.found:
+        raise ImuloopError("pps: the log has no time column, which is to be the local counter")
+    if rows and rows.dates:
+        raise ImuloopError("pps: the log's stamps are dates, not a local counter")
     marks = None if path is None else read_marks(path, columns)
-    clock, limits, found = Clock(), [], []
-    tick = NANOSECONDS.get(units["time"])
-    for mended, usable, batch in counter_batches(log, units, clock):
-        if usable.any():
-            limits += [mended[usable].min().item(), mended[usable].max().item()]
-            limits = [min(limits), max(limits)]
-        if marks is None:
-            counter, time, known, dated = _pairs(batch["pps.counter"], batch["pps.time"])
-            known &= usable
-            found.append((*_changes(counter[known], time[known]), dated))
+    clock, limits, tick = Clock(), [], NANOSECONDS.get(units["time"])
+    if rows:
+        mended, usable = clock.mended(rows.x, rows.readable, tick)
+        known = mended[usable]
+        limits = [known.min().item(), known.max().item()] if len(known) else []
     if clock.resets:
         raise RejectedLog("1PPS: the local counter starts again, so that its marks are lost")
     if marks is None:
-        found = [each for each in found if len(each[0])]
-        if not found:
+        if rows:
+            counter, time, known, dated = _pairs(*map(rows.stamps.get, ("pps.counter", "pps.time")))
+            known &= usable
+        if not (rows and known.any()):
             raise RejectedLog("1PPS: the log holds no marks")
-        counters, times = (np.concatenate([each[i] for each in found]) for i in (0, 1))
-        marks = *_changes(counters, times), found[0][2]
+        marks = *_changes(counter[known], time[known]), dated
     counters, times, dated = _beside(*marks, clock.span_in(tick), limits, tick)
     return timeline(counters, times, dated, limits, tick * 1e-9)
 
@@ -105,17 +103,17 @@ def read_marks(path, columns):
         position(f"pps.{key}", columns.get(key, i), layout.names, layout.headed)
         for i, key in enumerate(("counter", "time"))
     ]
-    parts = [_pairs(*each) for each in text_batches(path, layout, where, _MARK_ROWS, RawLog(), 2)]
-    if not parts:
+    columns = map(stamp_values, text_columns(path, layout, where, RawLog(), 2))
+    counters, times, known, dated = _pairs(*columns)
+    if not len(counters):
         raise RejectedLog(f"{path} holds no marks")
-    counters, times = (np.concatenate([part[i][part[2]] for part in parts]) for i in (0, 1))
-    return counters, times, parts[0][3]
+    return counters[known], times[known], dated
 
 
 def _pairs(counters, times):
-    """Return two columns as numbers, which rows have both, and whether the times are dates."""
-    counters, fine, _ = stamp_values(counters)
-    times, known, dated = stamp_values(times)
+    """Return two columns of stamps as numbers, which rows have both, and if the times are dates."""
+    counters, fine, _ = counters
+    times, known, dated = times
     return counters, times, fine & known, dated
 
 

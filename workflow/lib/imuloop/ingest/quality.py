@@ -1,26 +1,23 @@
 """How good a log is: steps of time, gaps, faults, plausibility, and whether it can be used."""
 
-from functools import partial
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
 from imuloop.core.errors import plural
-from imuloop.core.gaps import GAP_STEPS, gap_limit
+from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     CHANNELS,
     TEMPERATURE,
+    TIME,
     Samples,
-    read_metadata,
 )
 from imuloop.core.units import TIME as TIME_SCALES
 from imuloop.ingest import fault_lines, faults, misread
 from imuloop.ingest.convert import BEYOND
 from imuloop.ingest.increments import SENSORS
-from imuloop.ingest.ordered_map import ordered_map
 from imuloop.ingest.stamps import declare
 
 # at most so many gaps are listed; all are counted
@@ -39,68 +36,43 @@ IN_TURN = 0.9
 # rates at which IMUs log, Hz
 PLAUSIBLE_RATE = (0.05, 1e5)
 
-TREATMENT = (
-    "Rows whose stamp or one of the six axes is missing, not finite or beyond what any sensor "
-    f"gives (± {BEYOND:g} in SI), rows whose stamp repeats or lies before an earlier one, and "
-    "lines that are no row are dropped and counted, rows identical to the one before too, by "
-    "themselves; nothing is filled or clipped, and nothing "
-    "interpolated but sensors with clocks of their own, with a note. A temperature that is "
-    "missing, or beyond the same, stays missing. A step longer than "
-    f"{GAP_STEPS} median steps is a gap; rate and jitter are of the other steps. More than "
-    f"{MOST_DROPPED:.0%} dropped, fewer than {LEAST_ROWS} rows or less than {LEAST_DURATION:g} s: "
-    "rejected. A row with a spike that no body makes, one value far from neighbours that agree, on "
-    "one axis alone, is dropped and counted. Zeros on all axes, stuck, clipped, held or copied "
-    "values and other spikes are counted and named; they stay in the samples."
-)
 
+def measure(columns, raw_units, full_scale=None):
+    """Return the quality figures of samples, columns by name, as in quality.json.
 
-def measure(path, full_scale=None, threads=1, parts=None):
-    """Return the quality figures of a samples file, as in quality.json, piece by piece.
-
-    `full_scale` holds ``acceleration`` (m/s^2) and ``angular_rate`` (rad/s), for clipping; `parts`
-    are those of `part` of its rows where they are known. What the rows cannot give is None. Under
-    ``isolated`` are row and channel of each spike to be dropped.
+    `raw_units` are the `RawUnit` of each sensor; `full_scale` holds ``acceleration`` (m/s^2) and
+    ``angular_rate`` (rad/s), for clipping. What the rows cannot give is None. Under ``isolated``
+    are row and channel of each spike to be dropped.
     """
-    samples = Samples(path)
+    samples = Samples(columns)
     names = [name for name in (*CHANNELS, TEMPERATURE) if name in samples]
-    if parts is None:
-        pieces = (columns for _, columns in samples.pieces(names))
-        parts = ordered_map(partial(part, full_scale=full_scale), pieces, threads)
-    parts = list(zip(*parts, strict=True)) or [[]] * 3
-    scales = _scales(full_scale)
-    figures = _time_figures(samples)
-    figures |= _channel_figures(len(samples), names, scales, *parts)
-    found, isolated = faults.measure(samples, read_metadata(path), figures, threads)
+    figures = _time_figures(samples[TIME]) | _channel_figures(samples, names, _scales(full_scale))
+    found, isolated = faults.measure(samples, raw_units, figures)
     return {**figures, "faults": found, "isolated": isolated}
 
 
-def _time_figures(samples):
-    """Return the figures of the steps of time; one array as long as the log is held, no more."""
+def _time_figures(t):
+    """Return the figures of the steps of time."""
     gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
     figures = {
-        "rows": len(samples),
+        "rows": len(t),
         "duration_s": 0.0,
         "rate_hz": None,
         "jitter": {"std_s": None, "max_s": None},
         "gaps": gaps,
     }
-    if len(samples) < 2:
+    if len(t) < 2:
         return figures
-    steps = np.empty(len(samples) - 1)
-    for row, _, part in faults.time_steps(samples):
-        steps[row : row + len(part)] = part
+    steps = np.diff(t)
     figures["duration_s"] = float(steps.sum())
-    # which leaves them in another order
-    median = float(np.median(steps, overwrite_input=True))
+    median = float(np.median(steps))
     limit = gaps["longer_than_s"] = gap_limit(median)
-    wide = steps > limit
-    if wide.any():
-        rows, starts, long = faults.long_steps(samples, limit)
-        gaps["count"], gaps["total_s"] = len(rows), float(long.sum())
-        listed = zip(starts[:LISTED_GAPS].tolist(), long[:LISTED_GAPS].tolist(), strict=True)
-        gaps["list"] = [{"start_s": start, "duration_s": step} for start, step in listed]
-    away, count = steps, len(steps) - gaps["count"]
-    away -= median
+    wide = np.flatnonzero(steps > limit)
+    gaps["count"], gaps["total_s"] = len(wide), float(steps[wide].sum())
+    listed = wide[:LISTED_GAPS]
+    listed = zip(t[listed].tolist(), steps[listed].tolist(), strict=True)
+    gaps["list"] = [{"start_s": start, "duration_s": step} for start, step in listed]
+    away, count = steps - median, len(steps) - gaps["count"]
     away[wide] = 0.0
     mean = away.sum() / count
     # infinite where the steps of a damaged file are 1e-318 s
@@ -120,37 +92,30 @@ def _scales(full_scale):
 
 # a damaged file may hold 1e306
 @np.errstate(over="ignore", invalid="ignore")
-def part(x, full_scale=None):
-    """Return what some rows alone show, of the channels' values, temperature last.
-
-    Ends and smallest step of each channel; samples at each full scale; sums of both magnitudes.
-    """
-    clipped = [
-        0 if scale is None else np.count_nonzero(np.abs(values) >= CLIPPED_SHARE * scale)
-        for values, scale in zip(x, _scales(full_scale).values(), strict=False)
-    ]
-    magnitudes = [np.sqrt(sum(v * v for v in axes)).sum() for axes in (x[:3], x[3:6])]
-    return [_levels(values) for values in x], clipped, magnitudes
-
-
-@np.errstate(over="ignore", invalid="ignore")
-def _channel_figures(rows, names, scales, ends, clipped, magnitudes):
-    """Return the figures of the channels, of those of the row groups."""
+def _channel_figures(samples, names, scales):
+    """Return the figures of the channels, those of `names`; `scales` are as of `_scales`."""
+    rows, x = len(samples), samples.read(names, 0, len(samples))
     # without a value there is neither an end nor a step
-    ends = np.transpose([[(np.nan, np.nan, np.inf)] * len(names), *ends], (2, 0, 1))
-    low, high, step = np.fmin.reduce(ends[0]), np.fmax.reduce(ends[1]), ends[2].min(axis=0)
+    ends = np.array([[(np.nan, np.nan, np.inf)] * len(names)])
+    if rows:
+        pieces = (columns for _, columns in samples.pieces(names))
+        ends = np.array([[_levels(values) for values in columns] for columns in pieces])
+    low, high = np.fmin.reduce(ends[..., 0]), np.fmax.reduce(ends[..., 1])
+    step = ends[..., 2].min(axis=0)
     ranges = {
         name: [a, b] if a <= b else None
         for name, a, b in zip(names, low.tolist(), high.tolist(), strict=True)
     }
-    clipped = np.sum([[0] * len(scales), *clipped], axis=0)
-    if rows:
-        magnitudes = np.sum(magnitudes, axis=0) / rows
+    clipped = [
+        scale and np.count_nonzero(np.abs(values) >= CLIPPED_SHARE * scale)
+        for values, scale in zip(x, scales.values(), strict=False)
+    ]
+    magnitudes = [
+        float(np.sqrt(sum(v * v for v in axes)).mean()) if rows else None
+        for axes in (x[:3], x[3:6])
+    ]
     return {
-        "clipped": {
-            name: None if scale is None else int(count)
-            for (name, scale), count in zip(scales.items(), clipped, strict=True)
-        },
+        "clipped": dict(zip(scales, clipped, strict=True)),
         # one row changes nothing
         "constant": [n for n, ends in ranges.items() if rows > 1 and ends and ends[0] == ends[1]],
         "range": ranges,
@@ -158,8 +123,8 @@ def _channel_figures(rows, names, scales, ends, clipped, magnitudes):
             name: float(each) if each < np.inf else None
             for name, each in zip(names, step, strict=True)
         },
-        "mean_specific_force": float(magnitudes[0]) if rows else None,
-        "mean_angular_rate": float(magnitudes[1]) if rows else None,
+        "mean_specific_force": magnitudes[0],
+        "mean_angular_rate": magnitudes[1],
         "temperature_range": ranges.get(TEMPERATURE),
     }
 

@@ -1,6 +1,5 @@
 """A log as it was written: what each reader gives, before units and time zero."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import pyarrow as pa
@@ -12,21 +11,21 @@ from imuloop.ingest.spellings import AXES, SENSORS
 
 @dataclass
 class RawLog:
-    """A log being read; the counts grow while `batches` is consumed.
+    """A log as it was read.
 
-    `batches` have the columns `stamp` (int64, float64 or timestamp[ns]; absent without a time
-    column), `ax ay az gx gy gz` (of one sensor those alone; `absent_sensor`) and, where
-    `temperature`, it too (float64, raw units). `found` and `units` map a quantity to its columns,
-    and to the unit that the file states, `nominal` a sensor to the scale of its counts, as in the
-    config, where the file states that; `columns` lists all columns, `unread` is how many of a
-    table's are not read, `notes` say how the file was read. `lost_bytes` are those in `bad_lines`,
-    `text_bytes` those in all lines, without blanks and unwritten memory; `slower` is the sensor, of
-    two with clocks of their own, whose samples are put beside those of the other: its own stamps
-    are the column `held` then; `sensor_ids`, by sensor, number and slot of its own where the log's
-    autopilot has them. `threads`, set before the first batch is taken, changes no result.
+    `batch` are its rows, with the columns `stamp` (int64, float64 or timestamp[ns];
+    absent without a time column), `ax ay az gx gy gz` (of one sensor those alone; `absent_sensor`)
+    and, where `temperature`, it too (float64, raw units). `found` and `units` map a quantity to its
+    columns, and to the unit that the file states, `nominal` a sensor to the scale of its counts, as
+    in the config, where the file states that; `columns` lists all columns, `unread` is how many of
+    a table's are not read, `notes` say how the file was read. `lost_bytes` are those in
+    `bad_lines`, `text_bytes` those in all lines, without blanks and unwritten memory; `slower` is
+    the sensor, of two with clocks of their own, whose samples are put beside those of the other:
+    its own stamps are the column `held` then; `sensor_ids`, by sensor, number and slot of its own
+    where the log's autopilot has them.
     """
 
-    batches: Iterable[pa.RecordBatch] = ()
+    batch: pa.RecordBatch = field(default_factory=lambda: pa.RecordBatch.from_pydict({}))
     found: dict = field(default_factory=dict)
     units: dict = field(default_factory=dict)
     nominal: dict = field(default_factory=dict)
@@ -39,7 +38,6 @@ class RawLog:
     columns: str = ""
     unread: int = 0
     sensor_ids: dict = field(default_factory=dict)
-    threads: int = 1
 
     @property
     def temperature(self):
@@ -65,22 +63,3 @@ def absent_sensor(log, columns):
         if len(lacks) > 1 or not (said or log.unread < len(AXES)):
             raise lacking(quantity, log.columns)
     return lacks[0] if lacks else None
-
-
-def rechunked(batches, rows):
-    """Give the rows of `batches` in tables of `rows` rows, the last one shorter.
-
-    Makes everything that follows independent of the sizes in which a reader happens to read.
-    """
-    held, count = [], 0
-    for batch in batches:
-        while count + batch.num_rows >= rows:
-            head = batch.slice(0, rows - count)
-            batch = batch.slice(rows - count)
-            yield pa.Table.from_batches([*held, head]).combine_chunks()
-            held, count = [], 0
-        if batch.num_rows:
-            held.append(batch)
-            count += batch.num_rows
-    if held:
-        yield pa.Table.from_batches(held).combine_chunks()

@@ -1,27 +1,16 @@
 """A reference beside a log: attitudes and places of a body on the device, on the log's clock."""
 
-import json
 import re
 from dataclasses import replace
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.spatial.transform import Rotation
 
 from imuloop.core.errors import ImuloopError
-from imuloop.core.gaps import gap_limit
 from imuloop.core.rotation import prefix_product, step_vectors
-from imuloop.core.samples import (
-    ACCELERATION,
-    ANGULAR_RATE,
-    METADATA_KEY,
-    TIME,
-    read_columns,
-)
-from imuloop.core.stretches import stretches_of
-from imuloop.ingest.attitudes import BRIDGED, COMPARED, Reference, angles, at_instants, turns
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
+from imuloop.ingest.attitudes import COMPARED, Reference, angles, at_instants, turns
 from imuloop.ingest.columns import STAMP
 from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
@@ -35,16 +24,16 @@ LEAP, TIMES = 0.02, 8.0
 SWAPPED, BLOCK = 0.2, 2.0
 
 
-def attach(samples_path, file, log_file, declared, session, counts):
-    """Add a reference to samples.parquet; return its figures, and why it cannot be used, if so.
+def beside(samples, file, log_file, declared, session, counts):
+    """Return a reference at the samples' instants; its figures; and why it cannot be used, if so.
 
-    Columns `ORIENTATION` (body to world) and `POSITION`, at the samples' instants, not-a-number
-    where the reference was lost.
+    It has the columns `ORIENTATION` (body to world) and `POSITION`, not-a-number where the
+    reference was lost; none if it cannot be used.
 
     Parameters
     ----------
-    samples_path : path-like
-        Samples of the session, which are written again.
+    samples : dict
+        Columns of the session's samples.
     file, log_file : path-like
         File of the reference, which may be the log, and of the log.
     declared, session : dict
@@ -53,39 +42,24 @@ def attach(samples_path, file, log_file, declared, session, counts):
     counts : Counts
         When the first sample was: ``start_ns`` where stamps are dates, ``begin_s``.
     """
-    table = pq.read_table(samples_path)
-    samples = read_columns(samples_path, (TIME, *ACCELERATION, *ANGULAR_RATE))
-    t, w = samples[TIME], np.column_stack([samples[c] for c in ANGULAR_RATE])
+    t = samples[TIME]
+    f, w = (np.column_stack([samples[c] for c in axes]) for axes in (ACCELERATION, ANGULAR_RATE))
     raw, figures = _read(file, log_file, declared, session, counts)
     found, shift = _on_clock(raw, t, w)
     figures["clock"] = {"offset_s": shift, "own": abs(shift) > SAME_CLOCK}
-    f = np.column_stack([samples[c] for c in ACCELERATION])
     reasons, frame, residual = convention_faults(found, t, w, f, declared["convention"])
     figures |= {"unexplained": residual, "frame": frame}
-    if not reasons:
-        if declared["convention"] == "world_to_body":
-            found = replace(found, q=found.q * [1, -1, -1, -1])
-        whole = found
-        found, jumps = _without_jumps(found, t, w, np.array(frame))
-        figures |= jumps | {"noise": _noise(found), "cut": _stretches(whole, found)}
-        reasons = place_faults(found, t, f, np.array(frame), declared)
-    if not reasons:
-        columns = at_instants(found, t)
-        figures["coverage"] = float(np.isfinite(columns["qw"]).mean())
-        for name, values in columns.items():
-            table = table.append_column(name, pa.array(values, pa.float64()))
-        known = table.schema.metadata
-        known = {
-            **known,
-            METADATA_KEY: json.dumps(json.loads(known[METADATA_KEY]) | {"reference": figures}),
-        }
-        pq.write_table(
-            table.replace_schema_metadata(known),
-            samples_path,
-            compression="zstd",
-            row_group_size=1 << 17,
-        )
-    return figures, reasons
+    if reasons:
+        return {}, figures, reasons
+    if declared["convention"] == "world_to_body":
+        found = replace(found, q=found.q * [1, -1, -1, -1])
+    found, jumps = _without_jumps(found, t, w, np.array(frame))
+    figures |= jumps | {"noise": _noise(found)}
+    if reasons := place_faults(found, t, f, np.array(frame), declared):
+        return {}, figures, reasons
+    columns = at_instants(found, t)
+    figures["coverage"] = float(np.isfinite(columns["qw"]).mean())
+    return columns, figures, []
 
 
 def read_series(path, log_format, columns):
@@ -102,9 +76,10 @@ def read_series(path, log_format, columns):
     }
     none = dict.fromkeys(("acceleration", "angular_rate", "temperature"))
     declared = none | {"time": columns.get("time"), "others": others}
-    table = pa.Table.from_batches(form.read({"log": path}, declared, 1 << 16).batches)
-    stamps = table[STAMP].combine_chunks() if STAMP in table.column_names else None
-    return stamps, np.array([table[name].to_numpy() for name in others], dtype=float).T
+    table = form.read({"log": path}, declared).batch
+    stamps = table[STAMP] if STAMP in table.schema.names else None
+    values = [table[name].to_numpy(zero_copy_only=False) for name in others]
+    return stamps, np.array(values, dtype=float).T
 
 
 def _read(file, log_file, declared, session, counts):
@@ -234,24 +209,6 @@ def _without_jumps(reference, t, w, frame):
     p[leaps] = np.nan
     figures = {"swaps": swaps, "swapped": swapped, "leaps": int(leaps.sum())}
     return replace(reference, p=p), figures
-
-
-def _stretches(whole, cut):
-    """Return start and end, s, of what a reference lacks, by reason; not what a cubic bridges."""
-
-    def spans(missing, least):
-        begin, end = stretches_of(missing).T
-        first, last = np.maximum(begin - 1, 0), np.minimum(end, len(missing) - 1)
-        found = np.column_stack([whole.t[first], whole.t[last]])
-        return found[np.ptp(found, axis=1) > least].tolist()
-
-    bridged = max(BRIDGED, gap_limit(np.median(np.diff(whole.t))))
-    placed, left = (np.isfinite(each.p[:, 0]) for each in (whole, cut))
-    return {
-        "lost": spans(~whole.known, bridged),
-        "swapped": spans(whole.known & ~cut.known, 0.0),
-        "leaps": spans(placed & ~left & cut.known, 0.0),
-    }
 
 
 def _noise(reference):

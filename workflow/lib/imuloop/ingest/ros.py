@@ -39,7 +39,7 @@ _UNWRITTEN = ("-wal", "-journal")
 
 
 @reject_damage
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None):
     """Read the topics of inertial messages of a bag.
 
     The stamps are those of the headers in ns; where a topic's never change, the times of receipt.
@@ -73,7 +73,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
                     f"recording was cut off, mend it with {tool}"
                 ) from error
     streams, about = _streams(topics)
-    log = raw_log(streams, columns, batch_rows, damage=damage)
+    log = raw_log(streams, columns, damage=damage)
     found = [name for each in log.found.values() for name in np.atleast_1d(each)]
     about = [line for name, line in about if any(field.startswith(f"{name}.") for field in found)]
     log.notes[:0] = notes + damage + about

@@ -4,15 +4,9 @@ Values that rows hold would look like firmware that holds them, or like a filter
 they hold like a step.
 """
 
-import tempfile
-from contextlib import contextmanager
-from pathlib import Path
-
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
-from imuloop.core.samples import CHANNELS, OWN_TIME, SENSORS, TIME, Samples
+from imuloop.core.samples import CHANNELS, OWN_TIME, SENSORS, TIME
 from imuloop.ingest import quality
 from imuloop.ingest.increments import SENSORS as QUANTITIES
 
@@ -20,39 +14,23 @@ from imuloop.ingest.increments import SENSORS as QUANTITIES
 BY_CHANNEL = ("failed_reads", "stuck", "spikes", "wraps", "clipped_at")
 
 
-def first_rows(path, sensor):
-    """Return the rows of a samples file in which a sensor has a new sample."""
-    own = Samples(path)[OWN_TIME[sensor]]
-    return np.flatnonzero(np.diff(own, prepend=-np.inf) > 0)
-
-
-@contextmanager
-def own_samples(path, sensor):
-    """Give the path of samples in which each of a sensor is once, at its own stamps."""
-    table = pq.read_table(path).take(pa.array(first_rows(path, sensor)))
-    own = table[OWN_TIME[sensor]].to_numpy()
-    stamps = pa.array(own - own[:1].sum())
-    table = table.drop_columns([OWN_TIME[sensor]])
-    table = table.set_column(table.column_names.index(TIME), TIME, stamps)
-    with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        target = Path(folder, "own.parquet")
-        pq.write_table(table, target)
-        yield target
-
-
-def measure(path, sensor, full_scale, threads):
+def measure(columns, sensor, raw_units, full_scale):
     """Return quality figures in which the slower sensor's channels are by its own samples.
 
     Under ``slower`` are the sensor, its rate and its rows. A spike of it is in all rows that hold
-    it.
+    it. Parameters are as of `quality.measure`.
     """
-    figures, axes = quality.measure(path, full_scale, threads), SENSORS[sensor]
-    with own_samples(path, sensor) as target:
-        own = quality.measure(target, full_scale, threads)
+    figures, axes = quality.measure(columns, raw_units, full_scale), SENSORS[sensor]
+    stamps = columns[OWN_TIME[sensor]]
+    # the rows with a new sample
+    first = np.flatnonzero(np.diff(stamps, prepend=-np.inf) > 0)
+    own = {name: x[first] for name, x in columns.items()}
+    own[TIME] = stamps[first] - stamps[first][:1].sum()
+    own = quality.measure(own, raw_units, full_scale)
     of_slower = np.isin(CHANNELS, axes)
     rows, at = figures["isolated"]
     own_rows, own_at = own["isolated"]
-    edges = np.append(first_rows(path, sensor), figures["rows"])
+    edges = np.append(first, figures["rows"])
     held = [np.arange(edges[k], edges[k + 1]) for k in np.unique(own_rows[of_slower[own_at]])]
     rows = np.concatenate([rows[~of_slower[at]], *held])
     at = np.append(at[~of_slower[at]], own_at[of_slower[own_at]])

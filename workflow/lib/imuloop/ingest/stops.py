@@ -18,7 +18,7 @@ from imuloop.core.rotation import exponential, matrix, prefix_product
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, sums_over
 from imuloop.core.sphere import count_attitudes
 from imuloop.core.stretches import stretches_of
-from imuloop.ingest.thinning import EvenSubsample, means
+from imuloop.ingest.thinning import means, thinned
 
 # windows, of averages over at least so long, s
 WINDOW, FINE = 0.5, 0.04
@@ -59,8 +59,7 @@ class Stops:
         self.width, self.dt = self.rows * self.fine, self.rows / rate
         # per stop: first row, windows, force, rate; per window: change of the mean rate to the next
         # one and of the fine means, squared
-        self.stops, self.changes = EvenSubsample(KEPT_STOPS), EvenSubsample(KEPT_WINDOWS)
-        self.moves = EvenSubsample(KEPT_MOVES)
+        self.stops, self.changes, self.moves = [np.empty((0, 8))], [np.empty((0, 2))], []
         # largest change of the force without a turn, m/s^2, its row, and the angle that the rate
         # turns meanwhile, rad; largest turn of gravity over a gap, rad, and the row before the gap
         self.jump, self.gap_turn = (0.0, 0, 0.0), (0.0, None)
@@ -86,7 +85,7 @@ class Stops:
         self.windows += int(known.sum())
         if not known.any():
             return
-        self.changes.add(_changes(rate, turning)[known[:-1] & known[1:]])
+        self.changes.append(_changes(rate, turning)[known[:-1] & known[1:]])
         # what rounding leaves of a force that does not change is as quiet as nothing
         floor = 1e-20 * (size[known] ** 2).min()
         quiet = known & (spread <= QUIET * max(np.quantile(spread[known], 0.05), floor))
@@ -102,7 +101,7 @@ class Stops:
         stops = np.column_stack([np.concatenate(starts), np.concatenate(ends)])
         windows = np.diff(stops, axis=1)
         both = sums_over(np.vstack([centre, turning]).T, stops) / windows
-        self.stops.add(np.hstack([first + stops[:, :1] * width, windows, both]))
+        self.stops.append(np.hstack([first + stops[:, :1] * width, windows, both]))
         # as of two stops alone a slow turn would pass for it
         bias = np.median(both[:, 3:], axis=0)
         self._judge(stops, u, centre, turning, bias, first)
@@ -111,9 +110,7 @@ class Stops:
             turn, gap = _angle(u[:, a - 1], u[:, b]), self._gaps(first, a - 1, b)
             if gap < 0 and turn > LEAST_TURN and (b - a) * self.fine * self.dt < LONGEST_MOVE:
                 steps = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - self.fine]
-                move = np.empty(1, dtype=object)
-                move[0] = u[:, a - 1], u[:, b], (steps.T - bias) * self.dt
-                self.moves.add(move)
+                self.moves.append((u[:, a - 1], u[:, b], (steps.T - bias) * self.dt))
 
     def _gaps(self, first, i, j):
         """Return the last rows before gaps from windows i to windows j, -1 where there is none."""
@@ -130,7 +127,8 @@ class Stops:
         gaps = self._gaps(first, i, j)
         for k in np.flatnonzero(gaps >= 0):
             turn = float(_angle(u[:, i[k]], u[:, j[k]]))
-            self.gap_turn = max(self.gap_turn, (turn, int(gaps[k])), key=_first)
+            if turn > self.gap_turn[0]:
+                self.gap_turn = turn, int(gaps[k])
         i, j = i[gaps < 0], j[gaps < 0]
         change = np.linalg.norm(centre[:, j] - centre[:, i], axis=0)
         speed = np.linalg.norm(turning - bias[:, None], axis=0)
@@ -146,7 +144,7 @@ class Stops:
         `guess` is the scale of the angular rate, as turns inside the moves have it; one if None.
         In place of `jump_s` and `gap_s` are their rows.
         """
-        stops = self.stops.rows()
+        stops = thinned(np.concatenate(self.stops), KEPT_STOPS)
         if not len(stops):
             return None
         force, weight = stops[:, 2:5], stops[:, 1]
@@ -156,7 +154,8 @@ class Stops:
         u = force / size[:, None]
         usual = u[np.argmin(np.linalg.norm((u - np.median(u, axis=0)).T, axis=0))]
         apart = 2 * np.arcsin(np.minimum(np.linalg.norm((u - usual).T, axis=0) / 2, 1))
-        changes = np.median(self.changes.rows(), axis=0) if self.changes.count else [0.0, 0.0]
+        changes = thinned(np.concatenate(self.changes), KEPT_WINDOWS)
+        changes = np.median(changes, axis=0) if len(changes) else [0.0, 0.0]
         turn_ratio = self.scale(guess)
         jump, row, angle = self.jump
         # a scale that is too small makes turns look as if there were none
@@ -182,18 +181,15 @@ class Stops:
         their number. None where too few moves can be explained by any scale.
         """
         near = NEAR * (guess or 1.0)
-        found = np.log([k for move in self.moves.rows() if (k := _scale(*move, near))])
-        if len(found) < max(LEAST_MOVES, self.moves.count / 2):
+        moves = thinned(self.moves, KEPT_MOVES)
+        found = np.log([k for move in moves if (k := _scale(*move, near))])
+        if len(found) < max(LEAST_MOVES, len(moves) / 2):
             return None
         middle = np.median(found)
         value = float(np.exp(middle))
         spread = MAD * np.median(np.abs(found - middle))
         std = float(value * OF_MEDIAN * spread / np.sqrt(len(found)))
         return {"value": value, "std": std, "moves": len(found)}
-
-
-def _first(pair):
-    return pair[0]
 
 
 def _scale(before, after, steps, near):

@@ -15,7 +15,7 @@ from imuloop.ingest.raw_log import RawLog
 from imuloop.ingest.spellings import AXES, guess
 from imuloop.ingest.stamps import NANOSECONDS
 
-_SENSOR_OF = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
+SENSOR_OF = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 # clocks whose steps agree to this share are as fast
 _AS_FAST = 0.05
 
@@ -38,7 +38,7 @@ class Stream:
         return np.array([np.asarray(self.fields[name], dtype=float) for name in names])
 
 
-def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
+def raw_log(streams, columns=None, notes=(), damage=()):
     """Return the RawLog of the streams that hold acceleration and angular rate.
 
     Two of one clock are put beside each other. Of two clocks the stamps are those of the faster
@@ -87,8 +87,8 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
             values *= [[-1.0 if without_sign(column)[1] else 1.0] for column in declared]
         if own is not clock and not np.array_equal(own.stamps, clock.stamps):
             values, arrays[HELD], note = _nearest(clock, own, values)
-            slower, notes = _SENSOR_OF[quantity], [*notes, f"{quantity} of {own.name} {note}"]
-        arrays |= dict(zip(SENSORS[_SENSOR_OF[quantity]], values, strict=True))
+            slower, notes = SENSOR_OF[quantity], [*notes, f"{quantity} of {own.name} {note}"]
+        arrays |= dict(zip(SENSORS[SENSOR_OF[quantity]], values, strict=True))
         units |= {q: unit for q, unit in own.units.items() if q == quantity}
         found[quantity] = [f"{own.name}.{field}" for field in fields]
     if stream:
@@ -105,13 +105,8 @@ def raw_log(streams, columns=None, batch_rows=1 << 16, notes=(), damage=()):
         found["time"] = columns.get("time") or f"{clock.name} stamps"
         arrays[STAMP] = stamps
 
-    def batches():
-        for begin in range(0, len(stamps), batch_rows):
-            part = slice(begin, begin + batch_rows)
-            yield pa.RecordBatch.from_pydict({n: pa.array(x[part]) for n, x in arrays.items()})
-
     return RawLog(
-        batches=batches(),
+        batch=pa.RecordBatch.from_pydict(arrays),
         found=found,
         units=units,
         columns=f"{clock.name}: {listed([*clock.fields])}",
@@ -142,7 +137,7 @@ def _signed(stream):
 
 def _chosen(columns, streams):
     """Return sensor -> (stream, its three fields)."""
-    logged = [quantity for quantity in _SENSOR_OF if columns.get(quantity, "") is not None]
+    logged = [quantity for quantity in SENSOR_OF if columns.get(quantity, "") is not None]
     if not logged:
         raise ImuloopError("no sensor: columns.acceleration and columns.angular_rate are null")
     chosen = {quantity: _declared(quantity, columns, streams) for quantity in logged}

@@ -1,7 +1,6 @@
 """Logs that are tables: columns of numbers, of both sensors, of one, or of both in turn."""
 
 from dataclasses import replace
-from itertools import chain
 
 import numpy as np
 import pyarrow as pa
@@ -21,12 +20,10 @@ from imuloop.ingest.stamps import (
     stamp_array,
     stamp_values,
 )
-from imuloop.ingest.streams import Stream, raw_log
+from imuloop.ingest.streams import SENSOR_OF, Stream, raw_log
 
 PARQUET_ENDINGS = (".parquet", ".pq")
 FEATHER_ENDINGS = (".feather", ".arrow")
-# what the stream of each sensor is called
-_NAMES = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
 # rows by which sensors in turn are told, and the least share of rows of one sensor alone
 HEAD_ROWS, _ALONE = 1000, 0.1
 # rates by which the unit of stamps is told, Hz
@@ -35,7 +32,7 @@ _RATES = (0.1, 1e5)
 _TICKS, _TICKS_US, _LONG_STEP = "sample_time_fine", 100, 5000
 
 
-def read_parquet(paths, columns=None, batch_rows=1 << 16):
+def read_parquet(paths, columns=None):
     """Read a Parquet table; ``simulated`` and ``units`` of the project's metadata are passed on."""
     try:
         file = pq.ParquetFile(paths["log"])
@@ -56,19 +53,17 @@ def read_parquet(paths, columns=None, batch_rows=1 << 16):
     # columns are read by name: of one that repeats all come, in the order of the file
     given = [i for name in used for i, other in enumerate(names) if other == name]
 
-    def batches():
+    try:
         with file:
-            try:
-                for batch in file.iter_batches(batch_rows, columns=used):
-                    yield [batch.column(given.index(i)) for i in chosen.raw().values()]
-            except Exception as error:
-                raise RejectedLog(f"the file cannot be read to its end: {error}") from error
-
-    return table_log(names, chosen, batches(), **known)
+            table = file.read(columns=used)
+    except Exception as error:
+        raise RejectedLog(f"the file cannot be read to its end: {error}") from error
+    held = [table.column(given.index(i)) for i in chosen.raw().values()]
+    return table_log(names, chosen, held, **known)
 
 
 @reject_damage
-def read_feather(paths, columns=None, batch_rows=1 << 16):
+def read_feather(paths, columns=None):
     """Read a Feather file of version 2, which is an Arrow file."""
     with open(paths["log"], "rb") as file:
         if file.read(4) == b"FEA1":
@@ -78,39 +73,31 @@ def read_feather(paths, columns=None, batch_rows=1 << 16):
     refuse_calibrated(names, {})
     chosen = resolve(names, columns)
 
-    def batches():
-        for number in range(file.num_record_batches):
-            batch = file.get_batch(number)
-            # offsets of a damaged file may lead out of it
-            batch.validate(full=True)
-            for begin in range(0, batch.num_rows, batch_rows):
-                part = batch.slice(begin, batch_rows)
-                yield [part.column(at) for at in chosen.raw().values()]
-
-    return table_log(names, chosen, batches())
+    table = file.read_all()
+    # offsets of a damaged file may lead out of it
+    table.validate(full=True)
+    return table_log(names, chosen, [table.column(at) for at in chosen.raw().values()])
 
 
-def table_log(names, chosen, batches, headed=True, **known):
+def table_log(names, chosen, columns, headed=True, **known):
     """Return the RawLog of a table with columns of these names, of which `chosen` are read.
 
-    `batches` give the columns at the positions of ``chosen.raw()``, in their order, a part of the
-    rows at once; `known` are attributes that the log states itself.
+    `columns` are those at the positions of ``chosen.raw()``, in their order; `known` are attributes
+    that the log states itself.
     """
-    units = {**chosen.units, **known.pop("units", {})}
-    found, columns = chosen.found(names), listed(names, headed)
-    batches = named_batches(names, chosen, batches)
-    unread = len(names) - len(set(chosen.raw().values()))
-    log = RawLog(batches=batches, found=found, units=units, columns=columns, unread=unread, **known)
-    head, log.batches = first_rows(log.batches)
-    return told_by_head(log, head)
-
-
-def told_by_head(log, head):
-    """Return a log as its first rows show it: the unit of its stamps, sensors in turn."""
+    log = RawLog(
+        batch=_raw_batch(names, chosen, columns),
+        found=chosen.found(names),
+        units={**chosen.units, **known.pop("units", {})},
+        columns=listed(names, headed),
+        unread=len(names) - len(set(chosen.raw().values())),
+        **known,
+    )
+    # the first rows show the unit of the stamps, and sensors in turn
+    head = log.batch.slice(0, HEAD_ROWS)
     if tick := _unit_of_stamps(log, head):
         ticks, log.units["time"] = tick
-        if ticks != 1:
-            log.batches = multiplied(log.batches, ticks)
+        log.batch = multiplied(log.batch, ticks)
     lacks = in_turn(head)
     return two_streams(log, lacks) if lacks else log
 
@@ -124,12 +111,12 @@ def _unit_of_stamps(log, head):
     ticks of Xsens.
     """
     name = log.found.get("time")
-    if "time" in log.units or not isinstance(name, str) or not head:
+    if "time" in log.units or not isinstance(name, str):
         return None
-    parts = [stamp_values(batch[STAMP]) for batch in head]
-    stamps = np.concatenate([x[readable] for x, readable, _ in parts])
+    stamps, readable, dates = stamp_values(head[STAMP])
+    stamps = stamps[readable]
     steps = np.diff(stamps)
-    if any(dates for *_, dates in parts) or not (steps > 0).any():
+    if dates or not (steps > 0).any():
         return None
     step = np.median(steps[steps > 0])
     if "_".join(words_of(name)).endswith(_TICKS):
@@ -141,36 +128,32 @@ def _unit_of_stamps(log, head):
     return None
 
 
-def multiplied(batches, ticks):
-    """Give batches with stamps that are multiplied by a number; dates stay."""
-    for batch in batches:
-        at = batch.schema.get_field_index(STAMP)
-        if at >= 0 and not pa.types.is_timestamp(batch.schema.field(at).type):
-            batch = batch.set_column(at, STAMP, pc.multiply(batch[STAMP], ticks))
-        yield batch
+def multiplied(batch, ticks):
+    """Return a raw batch with stamps that are multiplied by a number; dates stay."""
+    at = batch.schema.get_field_index(STAMP)
+    if ticks == 1 or at < 0 or pa.types.is_timestamp(batch.schema.field(at).type):
+        return batch
+    return batch.set_column(at, STAMP, pc.multiply(batch[STAMP], ticks))
 
 
-def named_batches(names, chosen, batches):
-    """Give the raw batches of a table, from its columns at the positions of ``chosen.raw()``."""
-    raw = chosen.raw()
-
-    def converted(key, column):
+def _raw_batch(names, chosen, columns):
+    """Return the raw batch of a table, of its columns in the order of ``chosen.raw()``."""
+    raw, arrays = chosen.raw(), {}
+    for key, column in zip(raw, columns, strict=True):
+        if isinstance(column, pa.ChunkedArray):
+            column = column.combine_chunks()
         number = key in CHANNELS or key == TEMPERATURE
         try:
-            return doubles(column) if number else stamp_array(column)
+            arrays[key] = doubles(column) if number else stamp_array(column)
         except pa.ArrowException as error:
             what = "numbers" if number else "stamps"
             raise ImuloopError(
                 f"column '{names[raw[key]]}' holds {column.type}, not {what}"
             ) from error
-
-    for columns in batches:
-        arrays = {key: converted(key, x) for key, x in zip(raw, columns, strict=True)}
-        arrays |= {axis: pc.negate(arrays[axis]) for axis in chosen.turned}
-        if FRACTION in arrays:
-            parts = arrays.pop(FRACTION)
-            arrays[STAMP] = joined_stamps(arrays[STAMP], parts, chosen.part_ns)
-        yield pa.RecordBatch.from_pydict(arrays)
+    arrays |= {axis: pc.negate(arrays[axis]) for axis in chosen.turned}
+    if FRACTION in arrays:
+        arrays[STAMP] = joined_stamps(arrays[STAMP], arrays.pop(FRACTION), chosen.part_ns)
+    return pa.RecordBatch.from_pydict(arrays)
 
 
 def doubles(column):
@@ -181,33 +164,15 @@ def doubles(column):
     return column.fill_null(float("nan")) if column.null_count else column
 
 
-def first_rows(batches):
-    """Return the first batches, of `HEAD_ROWS` rows or a few more, and all of them."""
-    head, count = [], 0
-    try:
-        while count < HEAD_ROWS and (batch := next(batches, None)) is not None:
-            count += batch.num_rows
-            head.append(batch)
-    except Exception as error:
-        # for who reads up to there
-        batches = _raised(error)
-    return head, chain(head, batches)
-
-
-def _raised(error):
-    raise error
-    yield
-
-
 def in_turn(head):
     """Return what tells the sensor that a row lacks, "zero" or "empty", "" if rows hold both.
 
     Rows of the accelerometer and of the gyroscope take turns in the head of such a table; where the
     other's columns are empty, some rows may hold both.
     """
-    if not head or not {STAMP, *CHANNELS} <= {*head[0].schema.names}:
+    if not {STAMP, *CHANNELS} <= {*head.schema.names}:
         return ""
-    values = np.array([np.concatenate([b[name] for b in head]) for name in CHANNELS])[:, :HEAD_ROWS]
+    values = np.array([head[name] for name in CHANNELS])
     most = _ALONE * values.shape[1]
 
     def turns(lacks):
@@ -224,25 +189,22 @@ def in_turn(head):
 
 def two_streams(log, lacking):
     """Return the RawLog of a table whose rows hold one sensor; `lacking` is of `in_turn`."""
-    parts, logs = list(log.batches), {}
+    logs = {}
     for quantity, names in SENSORS.items():
         more = [TEMPERATURE] * (log.temperature and quantity == "acceleration")
-        kept = []
-        for batch in parts:
-            x = np.array([batch[name] for name in names])
-            there = ~np.isnan(x) if lacking == "empty" else x != 0
-            held = batch.filter(pa.array(there.any(axis=0)))
-            kept.append(held.select([STAMP, *names, *more]))
+        x = np.array([log.batch[name] for name in names])
+        there = ~np.isnan(x) if lacking == "empty" else x != 0
+        held = log.batch.filter(pa.array(there.any(axis=0))).select([STAMP, *names, *more])
         found = {key: log.found[key] for key in ("time", quantity, *more)}
-        logs[quantity] = RawLog(batches=kept, found=found, units=log.units)
-    merged = paired(logs)
+        logs[quantity] = RawLog(batch=held, found=found, units=log.units)
+    merged = _paired(logs)
     merged.columns, merged.simulated = log.columns, log.simulated
     merged.notes[:0] = ["the rows hold the accelerometer and the gyroscope in turn"]
     merged.lose(log)
     return merged
 
 
-def alone(quantity, columns):
+def _alone(quantity, columns):
     """Return what is declared of a table of one sensor among what is of two."""
     [other] = {*SENSORS} - {quantity}
     own = {key: value for key, value in (columns or {}).items() if key in ("time", quantity)}
@@ -252,7 +214,12 @@ def alone(quantity, columns):
     return own | {other: None}
 
 
-def paired(logs, batch_rows=1 << 16):
+def read_pair(read, sources, columns=None):
+    """Return the RawLog of an accelerometer's table and a gyroscope's, each on its own clock."""
+    return _paired({q: read({"log": sources[q]}, _alone(q, columns)) for q in SENSORS})
+
+
+def _paired(logs):
     """Return the RawLog of two logs, sensor -> that of it alone, each on a clock of its own."""
     streams, columns, total = [], {}, RawLog()
     for quantity, log in logs.items():
@@ -278,7 +245,7 @@ def paired(logs, batch_rows=1 << 16):
                 f"the log has no time column of a usual name ({listed_columns}), and not as many "
                 "rows of one sensor as of the other; name it in columns.time"
             )
-    merged = raw_log(_of_one_unit(streams), columns, batch_rows, total.notes)
+    merged = raw_log(_of_one_unit(streams), columns, total.notes)
     merged.lose(total)
     for log in logs.values():
         # a unit of time that is not known is for the user to declare
@@ -291,31 +258,20 @@ def paired(logs, batch_rows=1 << 16):
     return merged
 
 
-def collected(batches, stamp=STAMP):
-    """Return the columns of batches as arrays, how many rows lack a stamp, and if these are dates.
-
-    Rows without a stamp are left out.
-    """
-    parts, lost, dates = [], 0, False
-    for batch in batches:
-        fields = {n: batch[n].to_numpy(zero_copy_only=False) for n in batch.schema.names}
-        if stamp in fields:
-            fields[stamp], readable, dates = stamp_values(batch[stamp])
-            lost += int((~readable).sum())
-            fields = {name: x[readable] for name, x in fields.items()}
-        parts.append(fields)
-    names = parts[0] if parts else ()
-    return {n: np.concatenate([part[n] for part in parts]) for n in names}, lost, dates
-
-
 def _stream(quantity, log):
     """Return a log of one sensor as a Stream, and how many of its rows lack a stamp."""
-    fields, lost, dates = collected(log.batches)
-    if not fields:
+    count = log.batch.num_rows
+    if not count:
         raise RejectedLog(f"the log of {quantity} has no rows")
-    if dates:
-        log.units["time"] = "ns"
-    stamps = fields.get(STAMP, np.arange(len(fields[SENSORS[quantity][0]])))
+    fields = {
+        name: log.batch[name].to_numpy(zero_copy_only=False) for name in log.batch.schema.names
+    }
+    stamps, readable = np.arange(count), np.ones(count, dtype=bool)
+    if STAMP in fields:
+        stamps, readable, dates = stamp_values(log.batch[STAMP])
+        if dates:
+            log.units["time"] = "ns"
+    stamps, fields = stamps[readable], {name: x[readable] for name, x in fields.items()}
     axes = dict(zip(AXES, SENSORS[quantity], strict=True))
     values = {axis: fields[name] for axis, name in axes.items()}
     if log.temperature:
@@ -323,7 +279,7 @@ def _stream(quantity, log):
     units = {key: log.units[key] for key in (quantity, TEMPERATURE) if key in log.units}
     if log.units.get("time") in NANOSECONDS:
         units["time"] = log.units["time"]
-    return Stream(_NAMES[quantity], stamps, values, units), lost
+    return Stream(SENSOR_OF[quantity], stamps, values, units), count - len(stamps)
 
 
 def _of_one_unit(streams):

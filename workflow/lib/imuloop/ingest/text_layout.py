@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.csv
 
 from imuloop.core.errors import RejectedLog, one_line
+from imuloop.ingest.damage import check_unpacked
 from imuloop.ingest.spellings import AXES, SENSORS, guess, stated_unit
 
 # how much of a file is looked at to find its layout, bytes
@@ -168,9 +169,19 @@ def opened(source):
     return pa.input_stream(pa.py_buffer(source) if held else source, compression="detect")
 
 
-def size_of(source):
-    """Return the bytes of a file, as it is packed, or of bytes."""
-    return len(source) if isinstance(source, bytes) else os.path.getsize(source)
+def unpacked(source):
+    """Return all of the text of a file, unpacked, or of bytes."""
+    packed = len(source) if isinstance(source, bytes) else os.path.getsize(source)
+    parts, size = [], 0
+    try:
+        with opened(source) as stream:
+            while part := stream.read(1 << 22):
+                parts.append(part)
+                size += len(part)
+                check_unpacked(packed, size)
+    except OSError as error:
+        raise unreadable(error) from error
+    return b"".join(parts)
 
 
 def _commented_header(comment, separator, width):

@@ -3,24 +3,12 @@
 import numpy as np
 
 
-class EvenSubsample:
-    """Rows of arrays evenly spread over all that were added, at most twice `kept`."""
-
-    def __init__(self, kept):
-        self.kept, self.stride, self.seen, self.parts, self.count = kept, 1, 0, [], 0
-
-    def add(self, rows):
-        """Take in rows, shape (n, k) or (n,)."""
-        # a copy, so that few rows do not hold all others
-        self.parts.append(rows[-self.seen % self.stride :: self.stride].copy())
-        self.seen, self.count = self.seen + len(rows), self.count + len(self.parts[-1])
-        while self.count > 2 * self.kept:
-            self.parts, self.stride = [self.rows()[::2]], 2 * self.stride
-            self.count = len(self.parts[0])
-
-    def rows(self):
-        """Return those kept, in order, as one array."""
-        return np.concatenate(self.parts) if self.count else np.empty((0, 0))
+def thinned(rows, kept):
+    """Return some of the rows, evenly spread, at most twice `kept`."""
+    stride = 1
+    while len(rows) > 2 * kept * stride:
+        stride *= 2
+    return rows[::stride]
 
 
 def means(x, rows):

@@ -37,7 +37,7 @@ _NO_ACCELERATION = 0x7FFFFFFF
 
 
 @reject_damage
-def read(paths, columns=None, batch_rows=1 << 16):
+def read(paths, columns=None):
     """Read a ULog file.
 
     The streams are the topics with their instance, ``sensor_accel_0``; `columns` names streams, or
@@ -61,7 +61,7 @@ def read(paths, columns=None, batch_rows=1 << 16):
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
-    raw = raw_log(streams, columns, batch_rows, notes, damage)
+    raw = raw_log(streams, columns, notes, damage)
     raw.sensor_ids = _sensor_ids(log, raw.found)
     for topic in _CORRECTED:
         if any(name.startswith(topic) for name in raw.found.get("acceleration", ())):
