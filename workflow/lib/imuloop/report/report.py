@@ -13,7 +13,6 @@ from imuloop.noise.filters import RANGE
 from imuloop.report.card import headline
 from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.drawing import write_svg
-from imuloop.report.figures.family import control_charts
 from imuloop.report.figures.loop import loop_picture, reach
 from imuloop.report.page import write_page
 from imuloop.report.tables import comparison as tables
@@ -55,11 +54,9 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
     intervals = figures.parameter_comparison(() if together else several, drawings)
     types = read_json(family_path)["types"] if family_path else {}
     families = [
-        _family(*each, {d["device"]: d["label"] for d in devices}, drawings)
-        for each in types.items()
+        _family(*each, {d["device"]: d["label"] for d in devices}) for each in types.items()
     ]
-    charts = [picture for family in families for picture in family["charts"]]
-    for picture in (*allan, *intervals, *charts):
+    for picture in (*allan, *intervals):
         write_svg(drawings, picture.stem, picture)
     # on one axis they can be compared by eye
     ends = reach([error for d in devices for error in d["loop"]])
@@ -106,13 +103,12 @@ def _section(folder):
     return re.sub("<!-- why -->.*?<!-- /why -->", "", text, flags=re.DOTALL)
 
 
-def _family(name, found, labels, drawings):
+def _family(name, found, labels):
     """Return what is laid out of a type, by its name and its content of family.json."""
     return {
         "name": name,
         "finding": of_type.finding(found, labels),
         "tables": of_type.family_tables(found, labels),
-        "charts": control_charts(name, found, labels, drawings),
     }
 
 
