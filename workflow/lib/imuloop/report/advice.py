@@ -14,7 +14,6 @@ from imuloop.report.recording import (
     enough,
     first_session,
     hole,
-    initial_rest,
     limit,
     static_record,
 )
@@ -75,7 +74,7 @@ def next_steps(device):
     of it.
     """
     mend = (_rejected, _doubted, first_session, _clipped, _short_rests, _tilted_rests)
-    record = (_unexplained, limit, hole, initial_rest, _heat_and_cool)
+    record = (_unexplained, limit, hole, _heat_and_cool)
     ranks = mend, record, (static_record,)
     # what is wrong with a log or its entry makes every other number doubtful
     misdeclared = any(s.quality["misdeclared"] for s in device.sessions)

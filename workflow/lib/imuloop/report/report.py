@@ -72,7 +72,6 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
             zip(devices, *(tables.cells(devices, sensor) for sensor in tables.COLUMNS), strict=True)
         ),
         columns=tables.COLUMNS,
-        best=tables.best_words(devices),
         loops=[loop_picture(d["device"], d["loop"], ends) if together else None for d in devices],
         rank=tables.verdict_rank,
         verdict_parts=tables.verdict_parts,
