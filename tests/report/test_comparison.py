@@ -18,18 +18,16 @@ from imuloop.report.tables.comparison import (
 from imuloop.report.verdict import answers
 
 
-def test_two_allan_curves_are_compared_where_both_are_and_one_is_told(tmp_path):
+def test_allan_curves_are_told_by_their_lowest_value(tmp_path):
     def device(label, level):
         curve = {"tau_s": [0.1, 10.0], "adev": [level, level]}
         return {"label": label, "allan": {"ax": curve}}
 
     one, two = device("A", 2e-3), device("B", 1e-3)
     (picture,) = allan_comparison([one], tmp_path, together=True)
-    assert picture.caption == "Accelerometer x: over 1.0 s 0.00200 m/s²."
+    assert picture.caption == "Accelerometer x, m/s²: A down to 0.00200."
     (picture,) = allan_comparison([one, two], tmp_path, together=True)
-    assert picture.caption.endswith(
-        "over 1.0 s B is steadiest, 0.00100 m/s²; A least, 0.00200 m/s²."
-    )
+    assert picture.caption.endswith("A down to 0.00200; B down to 0.00100.")
     with open(tmp_path / "comparison_allan_ax.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["device"] for row in rows] == ["A", "A", "B", "B"]

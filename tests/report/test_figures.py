@@ -1,8 +1,5 @@
 """The figures of a device: what they are shown against, and that captions hold the results."""
 
-import re
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -48,18 +45,9 @@ def test_residual_pictures_hold_before_and_after(devices):
     assert pictures[0].svg.count("<title>") == len(table)
 
 
-def test_the_allan_curve_has_its_terms_and_tells_how_well_the_model_fits(devices):
+def test_the_allan_curve_has_its_terms(devices):
     device = devices["board"]
     force, turn = allan_pictures(device, device.sessions[0])
-    inside, count = map(int, re.search(r"at (\d+) of (\d+) averaging", force.caption).groups())
-    assert count == 90 and 0 < inside <= 90
-    # a model of N five times as large leaves the band
-    axes = {
-        k: v | {"N": v["N"] | {"value": 5 * v["N"]["value"]}}
-        for k, v in device.noise["axes"].items()
-    }
-    worse, _ = allan_pictures(replace(device, noise={"axes": axes}), device.sessions[0])
-    assert int(re.search(r"at (\d+) of", worse.caption)[1]) < inside
     assert ">line</text>" in force.svg
     # with the values of the table
     for key in "NB":

@@ -43,7 +43,7 @@ def test_a_picture_shows_every_window(tmp_path):
     table = pd.concat([table, table[["session", "residual", "pose", "start_s", "end_s"]]])
     device = SimpleNamespace(name="d", figures=tmp_path, reference=table, poses=None, moves=None)
     [picture] = residual_pictures(device, "accelerometer", block())
-    assert picture.svg.startswith("<svg")
+    assert "<svg" in picture.svg
     said = picture.caption.replace("\u202f", " ")
     assert "falls from 6.12 mg to 2.04 mg" in said and "window 0 of b" in said
     assert len(pd.read_csv(tmp_path / "accelerometer_reference_force.csv")) == 4

@@ -10,7 +10,7 @@ from imuloop.core.units import HOUR
 from imuloop.diagnose.records.pose_diagnosis import TESTABLE
 from imuloop.plan.advice import INITIAL_REST_S, POSES
 from imuloop.report.figures.poses import pose_directions
-from imuloop.report.numbers import duration, number, percent
+from imuloop.report.numbers import duration, number, percent, with_unit
 from imuloop.report.results import XYZ
 from imuloop.report.units import MILLIRADIAN, data_sheet
 
@@ -28,13 +28,6 @@ def parameter_words(sensor, name):
     if name[0] == "T":
         return f"the {sensor}'s misalignment {axes}"
     return f"the {sensor}'s {axes} {'scale factor' if name[0] == 'K' else 'bias'}"
-
-
-def sigma_words(unit, *values):
-    """Return standard errors, SI, one or two, in the data sheets' unit: ``310 to 140 ppm``."""
-    display = MILLIRADIAN if unit == "rad" else data_sheet(unit)
-    *first, last = values
-    return " to ".join([*(display.size(v, 2) for v in first), display.text(last, 2)])
 
 
 def first_session(device):
@@ -73,9 +66,10 @@ def _gain(now):
 
 
 def _sigma(now, *keys):
-    """Return standard errors of the parameter of a next step in words."""
+    """Return standard errors of the parameter of a next step: ``310 to 140 ppm``."""
     unit = {"T": "rad", "K": "1", "b": OUTPUT[now["sensor"]]}[now["parameter"][0]]
-    return sigma_words(unit, *(now[key] for key in keys))
+    display = MILLIRADIAN if unit == "rad" else data_sheet(unit)
+    return with_unit(" to ".join(display.size(now[key], 2) for key in keys), display.unit)
 
 
 def hole(device):

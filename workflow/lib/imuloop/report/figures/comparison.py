@@ -56,19 +56,8 @@ def _allan_lines(folder, stem, sensor, axis, curves):
             area.loglog(tau, adev, **looks)
         area.set(**_labels(sensor))
 
-    unit, caption = UNITS[sensor], f"{sensor.capitalize()} {axis}: "
-    # the ends of the curves differ and are scarcely known: compared at a time that all have
-    low, high = max(c[2][0] for c in curves), min(c[2][-1] for c in curves)
-    common = float(np.clip(1.0, low, high))
-    if low > high:
-        caption += "; ".join(f"{w} down to {number(a.min())} {unit}" for _, w, _, a in curves)
-    else:
-        levels = sorted((np.exp(_at(common, tau, adev)), label) for _, label, tau, adev in curves)
-        (least, best), (most, worst) = levels[0], levels[-1]
-        caption += f"over {number(common, 2)} s "
-        if len(levels) > 1:
-            caption += f"{best} is steadiest, {number(least)} {unit}; {worst} least, "
-        caption += f"{number(most)} {unit}"
+    lowest = "; ".join(f"{w} down to {number(a.min())}" for _, w, _, a in curves)
+    caption = f"{sensor.capitalize()} {axis}, {UNITS[sensor]}: {lowest}"
     numbers = {
         "device": np.repeat([c[1] for c in curves], [len(c[2]) for c in curves]),
         "tau_s": np.concatenate([c[2] for c in curves]),
