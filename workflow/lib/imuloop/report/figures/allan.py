@@ -5,7 +5,7 @@ import numpy as np
 from imuloop.core.noise_model import AxisNoise
 from imuloop.report.figures.drawing import AXES, INK, Picture, drawn, fill, write_csv
 from imuloop.report.numbers import coefficient_text, number
-from imuloop.report.results import SENSORS, XYZ, of_axes
+from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
 
 # each term of a model and its letter
@@ -152,7 +152,14 @@ def corrected_pictures(device, sensor):
             area.set_ylabel(f"Allan deviation, {unit.unit}")
 
         of_sensor = session.allan[session.allan["axis"].isin(SENSORS[sensor])]
-        caption = f"{session.name}, {sensor}: as logged (dotted) and corrected."
+        lowest = ", ".join(
+            f"{axis} {' → '.join(number(rows['adev'].min(), 2) for rows in pair)}"
+            for axis, pair in curves.items()
+        )
+        caption = (
+            f"{session.name}, {sensor}: as logged (dotted) and corrected, lowest value {lowest} "
+            f"{UNITS[sensor]}."
+        )
         stem = f"{session.name}.allan_{sensor}_corrected"
         pictures.append(drawn(device, stem, "Allan deviation", caption, plot, of_sensor))
     return pictures

@@ -99,14 +99,14 @@ PARTS = {
 
 def verdict_rank(verdicts):
     """Return what the column of verdicts is sorted by: poses, then the others."""
-    order = [rank(verdicts[part]["verdict"]) if part in verdicts else 0 for part in PARTS]
+    order = [rank(verdicts[part]) if part in verdicts else 0 for part in PARTS]
     return sum(10**k * each for k, each in enumerate(reversed(order)))
 
 
 def verdict_parts(verdicts):
     """Return the parts of a sensor's diagnosis that have a verdict: (part, words)."""
     known = ((p, words) for p, words in PARTS.items() if p in verdicts)
-    return [(p, words) for p, words in known if verdicts[p]["verdict"] != "not_testable"]
+    return [(p, words) for p, words in known if verdicts[p] != "not_testable"]
 
 
 def filter_cells(summary):
@@ -156,8 +156,8 @@ def _row(summary):
     row["simulated"] = str(summary["simulated"]).lower()
     for sensor, units in FIGURE_UNITS.items():
         for part in PARTS:
-            found = summary["verdicts"][sensor].get(part, {"verdict": "not_testable"})
-            row[f"{sensor}_{part}_verdict"] = found["verdict"]
+            verdict = summary["verdicts"][sensor].get(part, "not_testable")
+            row[f"{sensor}_{part}_verdict"] = verdict
         for name, unit in units.items():
             figure = summary["figures"].get(f"{sensor}_{name}", {})
             for key in ("value", "std", "upper95") if name in "NBK" else ("value", "std"):
