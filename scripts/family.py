@@ -9,7 +9,7 @@ open_log(snakemake.log[0], "family")
 
 folder = Path(snakemake.output.family).parent
 types = {
-    kind: [read_member(folder / name, **known) for name, known in devices.items()]
-    for kind, devices in snakemake.params.types.items()
+    kind: [read_member(folder / name) for name in names]
+    for kind, names in snakemake.params.types.items()
 }
 write_family(snakemake.output.family, types)

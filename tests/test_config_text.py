@@ -30,35 +30,6 @@ def test_a_file_that_is_no_config_has_one_line(tmp_path, monkeypatch, content, l
     assert "\n" not in (fault or "")
 
 
-@pytest.mark.parametrize("number", ["1" * 400, "1.0e+400"])
-def test_numbers_that_no_double_holds(faults, number):
-    for text in (
-        session(f"{SOUND}, columns: {{acceleration: [{number}, 1, 2]}}"),
-        session(SOUND, f"nominal: {{acceleration: {{scale: {number}}}}},"),
-        session(SOUND, f"label: {number},"),
-    ):
-        [line] = faults(text)
-        assert line.endswith(" is no finite number of double precision") and len(line) < 200
-        assert line.startswith("devices.imu.")
-    # JSON, as which Snakemake reads what it can
-    found = faults('{"devices": {"imu": {"sessions": {}}}, "mirror": 1e999}')
-    assert "mirror: inf is no finite number of double precision" in found
-
-
-@pytest.mark.parametrize("key", ["label", "file", "column"])
-def test_text_that_is_no_unicode(faults, key):
-    half = '"x\\ud800.csv"'
-    label, file, column = (half if key == name else name for name in ("label", "file", "column"))
-    text = f"kind: static, file: {file if key == 'file' else 'poses.csv'}"
-    if key == "column":
-        text += f", columns: {{time: {column}}}"
-    found = faults(session(text, f"label: {label},"))
-    assert len(found) == 1
-    assert found[0].endswith("'x\\ud800.csv' holds half of a character, which is no Unicode")
-    [line] = faults(session('kind: static, file: "a\\0.csv"'))
-    assert line.endswith("file: 'a\\x00.csv' holds a zero byte")
-
-
 @pytest.mark.parametrize("name", ["true", "~"])
 def test_a_name_that_yaml_takes_for_none(faults, name):
     lines = faults(f"devices: {{{name}: {{sessions: {{a: {{{SOUND}}}}}}}}}")
@@ -73,15 +44,3 @@ def test_names_end_where_they_end(faults):
     assert line.endswith("\\n' is not a SHA-256 (64 digits 0-9 a-f)")
     [line] = faults(session(f"{SOUND}, time_range: ['now', null]"))
     assert "time_range: not ISO 8601: " in line
-
-
-def test_what_cannot_be_shown_or_is_no_folder(faults):
-    [line] = faults(session(SOUND, 'label: "a\\e[31m\\u202e",'))
-    assert line == ("devices.imu.label: 'a\\x1b[31m\\u202e' holds what cannot be printed")
-    assert faults(session(SOUND, 'label: "Müller’s “IMU” 5 × ☂",')) == []
-    assert faults(f"cache: poses.csv\n{session(SOUND)}") == [
-        "cache: poses.csv is a file, not a folder"
-    ]
-    assert faults(session(f"{SOUND}, format: ")) == [
-        "devices.imu.sessions.a.format: nothing is given"
-    ]

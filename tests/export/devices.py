@@ -18,7 +18,7 @@ from imuloop.export.values import Exported
 
 KALIBR, OPENVINS, VINS_FUSION, ORB_SLAM3, ALLAN_VARIANCE_ROS, ROS, *_ = FORMATS
 IMU_TK_ACC, IMU_TK_GYRO, PX4, ARDUPILOT, *_ = FORMATS[6:]
-MATLAB_IMU_SENSOR, MATLAB_PARAMETERS, GNSS_INS_SIM, C_HEADER = FORMATS[10:]
+MATLAB_IMU_SENSOR, C_HEADER = FORMATS[10:]
 COUNT, DEGREES = RawUnit("count", 0.0024, 32768.0), RawUnit("deg/s", DEGREE)
 # N, K, B of each axis; the worst: az and gy, of K ax and gz
 N = dict(zip(CHANNELS, (7e-4, 8e-4, 1.1e-3, 6.1e-5, 7.7e-5, 6.5e-5), strict=True))

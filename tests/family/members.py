@@ -41,7 +41,7 @@ def coefficient(logarithm, std):
     return Coefficient(float(value), (float(low), float(high)), float(high), True)
 
 
-def member(name, values, std, diagnosis=NOTHING, **order):
+def member(name, values, std, diagnosis=NOTHING):
     """Return a device by value and standard error of each of `EVERY` parameter."""
     axes = {
         c: AxisNoise(**{t: coefficient(values[f"{c}.{t}"], std[f"{c}.{t}"]) for t in "NBK"})
@@ -49,7 +49,7 @@ def member(name, values, std, diagnosis=NOTHING, **order):
     }
     sensors = (sensor(s, values, std) for s in NAMES)
     calibration = Calibration(name, 9.80665, *sensors)
-    return Member(name, calibration, NoiseModel(name, axes), tried_effects(diagnosis), order)
+    return Member(name, calibration, NoiseModel(name, axes), tried_effects(diagnosis))
 
 
 class Family:
@@ -73,10 +73,10 @@ class Family:
             self.y[k, at] = self.mean[at] + sign * far
             self.odd[f"d{k}"] = name
 
-    def members(self, **order):
-        """Return the devices; of an order the value of each."""
+    def members(self):
+        """Return the devices."""
         found = []
         for k, name in enumerate(self.names):
             values, std = (dict(zip(EVERY, rows[k], strict=True)) for rows in (self.y, self.std))
-            found.append(member(name, values, std, **{o: each[k] for o, each in order.items()}))
+            found.append(member(name, values, std))
         return found

@@ -1,12 +1,11 @@
-"""Devices that stand out and trends: named where there are some, and hardly ever where none are."""
+"""Devices that stand out: named where there are some, and hardly ever where none are."""
 
 import numpy as np
-import pytest
 
 from family.members import EVERY, Family
 from imuloop.core.p_values import holm
 from imuloop.family.family import SIGNIFICANCE, of_type
-from imuloop.family.odd import AT_MOST, deviations, trend
+from imuloop.family.odd import AT_MOST, deviations
 from seeds import least, seeds
 
 KINDS = ("accelerometer.b", "gyroscope.K")
@@ -64,28 +63,3 @@ def test_what_is_the_same_in_all_devices_but_for_noise_has_no_odd_one():
     std = np.full(20, 1e-3)
     away, p = deviations(1e-3 * rng.normal(size=20), std**2)
     assert np.isfinite(away).all() and holm(p).min() > SIGNIFICANCE
-
-
-def test_a_trend_has_its_slope_and_a_missing_number_is_left_out():
-    rng = np.random.default_rng(3)
-    order, std = np.arange(40) + 737000.0, np.full(40, 0.2)
-    y = 5 + 0.1 * (order - order[0]) + rng.normal(0, 0.5, 40) + std * rng.normal(size=40)
-    order[7] = np.nan
-    slope, error, p = trend(y, std**2, order)
-    assert slope == pytest.approx(0.1, abs=3 * error) and error < 0.02 and p < 1e-8
-    # numpy's weighted fit has the same slope where the weights are even
-    kept = np.isfinite(order)
-    line = np.polyfit(order[kept] - order[0], y[kept], 1)
-    assert slope == pytest.approx(line[0], rel=1e-6)
-    assert trend(y, std**2, np.full(40, 3.0)) is None
-    assert trend(y, std**2, np.where(np.arange(40) < 3, order, np.nan)) is None
-
-
-@seeds(40, 400)
-def test_the_p_value_of_a_trend_is_one(seeds):
-    p = []
-    for seed in range(seeds):
-        rng = np.random.default_rng(seed)
-        std = rng.lognormal(-1, 0.5, 12)
-        p.append(trend(rng.normal(size=12) + std * rng.normal(size=12), std**2, np.arange(12))[2])
-    assert np.sum(np.array(p) < 0.1) <= least(seeds, 0.1, 0.995)

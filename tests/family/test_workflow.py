@@ -27,7 +27,7 @@ def test_a_family_waits_for_its_devices_and_none_of_them_for_another(repository,
     one = {"sessions": {"poses": {"kind": "multi_position", "file": "a.csv"}}}
     plain = {f"d{k}": one for k in range(6)}
     assert "family" not in planned_jobs(repository, tmp_path, plain)
-    typed = {name: one | {"type": "chip", "serial": k} for k, name in enumerate(plain)}
+    typed = {name: one | {"type": "chip"} for name in plain}
     jobs = planned_jobs(repository, tmp_path, typed)
     assert jobs["family"] == 1 and jobs["export"] == 6
     # of a device its own files alone

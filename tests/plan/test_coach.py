@@ -80,17 +80,13 @@ def test_its_standard_errors_are_those_of_the_calibration(samples, tmp_path):
 
 def test_the_command_says_what_to_do_and_when_it_is_done(samples, tmp_path, capsys):
     path = tmp_path / "log.csv"
-    page = tmp_path / "coach.html"
-    command = ["coach", str(path), "--every", "0.01", "--patience", "0.1", "--page", str(page)]
+    command = ["coach", str(path), "--every", "0.01", "--patience", "0.1"]
     samples[samples["t"] < 100].to_csv(path, index=False)
     assert main(command) == 3
     said = capsys.readouterr().out.splitlines()
     assert "9.80665" in said[0] and "Next: turn it until" in said[1] and "ended before" in said[-1]
-    first = page.read_text()
-    assert "Next: turn it until" in first and "<svg" in first and "refresh" in first
     samples.to_csv(path, index=False)
     assert main([*command, "--within", "5"]) == 0
-    assert "Done." in page.read_text() and "refresh" not in page.read_text()
     assert capsys.readouterr().out.endswith("Done.\n")
     assert main(["coach", str(tmp_path / "none.csv")]) == 1
     path.write_text("t,ax,ay,az,gx,gy,gz\n")

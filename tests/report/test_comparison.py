@@ -1,4 +1,4 @@
-"""The comparison of devices: who is best, what a column is sorted by, what a filter takes."""
+"""The comparison of devices: what is said of each, what a filter takes."""
 
 import csv
 import json
@@ -12,54 +12,22 @@ from imuloop.noise.filters import bounding
 from imuloop.report.figures.comparison import allan_comparison
 from imuloop.report.summary import PAIRS
 from imuloop.report.tables.comparison import (
-    COLUMNS,
-    best_device,
-    best_words,
     filter_cells,
     write_comparison,
 )
 from imuloop.report.verdict import answers
 
 
-def _summary(label="A", **figures):
-    return {"label": label, "figures": figures}
-
-
-def _size(value, upper=None, std=0.1, unit="rad"):
-    size = {"value": value, "std": std, "upper95": upper, "axis": "x", "upper95_axis": "y"}
-    return size | {"unit": unit}
-
-
-def test_the_best_is_the_one_whose_interval_lies_below_all_others():
-    devices = [_summary(K=_size(2.0)), _summary(K=_size(-3.0)), _summary(), _summary(K=_size(4.0))]
-    assert best_device(devices, "K") == 0
-    # what was not seen may be anything below its limit
-    assert best_device([*devices, _summary(K=_size(None, 1.0))], "K") == 4
-    assert best_device([*devices, _summary(K=_size(None, 2.5))], "K") is None
-    assert best_device([*devices, _summary(K=_size(2.2))], "K") is None
-    assert best_device([_summary(K=_size(2.0, 3.5)), *devices[1:]], "K") is None
-    assert best_device(devices[:1], "K") is None
-    # what is in different units is not compared
-    assert best_device([*devices, _summary(K=_size(1.0, unit="rad/s"))], "K") is None
-    # and is named
-    key = COLUMNS["gyroscope"][0].key
-    named = [_summary(x, **{key: _size(v, std=1e-4)}) for x, v in (("A", 0.02), ("B", 0.01))]
-    assert best_words(named) == ["gyroscope – B, 0.57°"] and best_words(named[:1]) == []
-    assert best_words([named[0]] * 2) == []
-
-
-def test_two_allan_curves_are_compared_where_both_are_and_one_is_told(tmp_path):
+def test_allan_curves_are_told_by_their_lowest_value(tmp_path):
     def device(label, level):
         curve = {"tau_s": [0.1, 10.0], "adev": [level, level]}
         return {"label": label, "allan": {"ax": curve}}
 
     one, two = device("A", 2e-3), device("B", 1e-3)
     (picture,) = allan_comparison([one], tmp_path, together=True)
-    assert picture.caption == "Accelerometer x: over 1.0 s 0.00200 m/s²."
+    assert picture.caption == "Accelerometer x, m/s²: A down to 0.00200."
     (picture,) = allan_comparison([one, two], tmp_path, together=True)
-    assert picture.caption.endswith(
-        "over 1.0 s B is steadiest, 0.00100 m/s²; A least, 0.00200 m/s²."
-    )
+    assert picture.caption.endswith("A down to 0.00200; B down to 0.00100.")
     with open(tmp_path / "comparison_allan_ax.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [row["device"] for row in rows] == ["A", "A", "B", "B"]

@@ -1,15 +1,13 @@
-"""The part of the report on devices of one type: tables and control charts."""
+"""The part of the report on devices of one type: its tables."""
 
 import json
 import shutil
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from family.members import EVERY, Family
 from imuloop.family.family import write_family
-from imuloop.report.figures.family import control_charts, production
 from imuloop.report.report import write_report
 from imuloop.report.tables.family import family_tables, finding
 from report.build import PROVENANCE
@@ -21,10 +19,8 @@ ODD = "accelerometer.b"
 
 @pytest.fixture(scope="module")
 def family():
-    """Return devices in no order, one of which has other biases, with a drift of another one."""
+    """Return devices, one of which has other biases."""
     family = Family(2, count=COUNT, unlike=[ODD])
-    drifting = EVERY.index("gyroscope.b2")
-    family.y[:, drifting] += family.spread[drifting] * 3 * np.arange(COUNT)
     # far enough for twelve devices
     at = [k for k, name in enumerate(EVERY) if name.startswith(ODD)]
     odd = int(next(iter(family.odd))[1:])
@@ -42,8 +38,7 @@ def folder(family, results, tmp_path_factory):
         text = (results / "board/summary.json").read_text().replace("board", name)
         summary = json.loads(text) | {"label": f"<b>{name}"}
         (folder / name / "summary.json").write_text(json.dumps(summary))
-    members = family.members(serial=100.0 - np.arange(COUNT), date=[None] * COUNT)
-    write_family(folder / "family.json", {"chip": members})
+    write_family(folder / "family.json", {"chip": family.members()})
     given = [folder / name for name in family.names]
     paths = folder / "report.html", folder / "comparison.csv", folder / "family.json"
     write_report(given, PROVENANCE, *paths)
@@ -79,26 +74,10 @@ def test_who_stands_out_is_named_with_the_chance_of_a_false_alarm(found, family,
     (odd,) = family.odd
     assert finding(found, labels) == (
         f"1 device stands out: <b>{odd}. By chance alone 5\u202f% of such families have any device "
-        f"named, or any trend, in all of {39 * (COUNT + 1)} tests."
+        f"named, in all of {39 * COUNT} tests."
     )
     tables = {t.caption: t for t in family_tables(found, labels)}
     rows = tables["Devices that stand out"].rows
     assert {row[0] for row in rows} == {f"<b>{odd}"}
     assert {row[1] for row in rows} == {f"accelerometer, bias {axis}" for axis in "xyz"}
-    assert [row[0] for row in tables["Trends over serial number or date"].rows] == [
-        "Gyroscope, bias z"
-    ]
-    spread = {row[0]: row for row in tables["Mean and spread of 12 devices"].rows}
-    assert len(spread) == 39 and spread["Accelerometer, bias x"][-1] == "1"
-
-
-def test_a_control_chart_has_the_order_of_the_serial_numbers(found, labels, folder, tmp_path):
-    assert next(iter(production(found, labels))) == f"d{COUNT - 1}"
-    charts = control_charts("chip", found, labels, tmp_path)
-    # three kinds of parameters and three of noise of each sensor
-    assert len(charts) == 12 and {len(c.rows) for c in charts} == {3, 6}
-    table = pd.read_csv(tmp_path / "type_chip_accelerometer_bias.csv")
-    assert table["place"].tolist() == sorted(table["place"][:COUNT]) * 3
-    assert "1 of" not in charts[0].caption and "3 of 36 values outside" in charts[0].caption
-    for chart in charts:
-        assert (folder / f"figures/{chart.stem}.svg").exists()
+    assert len(tables["Mean and spread of 12 devices"].rows) == 39

@@ -1,8 +1,5 @@
 """The figures of a device: what they are shown against, and that captions hold the results."""
 
-import re
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,7 +7,7 @@ import pytest
 from imuloop.core.sphere import direction_words, largest_hole
 from imuloop.report.figures.allan import allan_pictures
 from imuloop.report.figures.poses import pose_picture
-from imuloop.report.figures.residuals import goes_with, residual_pictures
+from imuloop.report.figures.residuals import residual_pictures
 from imuloop.report.numbers import number
 
 
@@ -32,23 +29,6 @@ def test_the_largest_hole_is_where_a_pose_is_missing_and_is_in_the_caption(devic
     assert "all six faces are covered" in pose_picture(devices["board"]).caption
 
 
-def test_what_grows_with_the_angle_is_told_and_chance_is_not():
-    rng = np.random.default_rng(3)
-    angle, time = rng.uniform(10, 180, (2, 40))
-    panels = {
-        "time_s": ("time, s", time),
-        "angle_deg": ("angle turned, °", angle),
-        "axis": ("about axis", rng.integers(0, 7, 40)),
-    }
-    grown = angle * rng.choice([-1, 1], 40)
-    assert plain(goes_with(panels, grown)) == (
-        "its size grows with angle turned (rank correlation 1.0)"
-    )
-    for seed in range(5):
-        chance = goes_with(panels, np.random.default_rng(seed).normal(size=40))
-        assert chance == "its size goes with none of time, angle turned beyond chance"
-
-
 def test_residual_pictures_hold_before_and_after(devices):
     device = devices["board"]
     pictures = residual_pictures(device, "gyroscope", block(device))
@@ -58,25 +38,16 @@ def test_residual_pictures_hold_before_and_after(devices):
     assert "falls from 0.521° to 0.138°" in turn and "turn" in turn
     table = pd.read_csv(device.figures / "gyroscope_pose_rate.csv")
     worst = table.loc[table["after"].abs().idxmax()]
-    assert f"pose {worst['pose']:.0f};" in rate
+    assert f"pose {worst['pose']:.0f}." in rate
     # poses on six faces are not diagnosed
     assert set(table["session"]) == {"turns"}
     # each mark says what it is
     assert pictures[0].svg.count("<title>") == len(table)
 
 
-def test_the_allan_curve_has_its_terms_and_tells_how_well_the_model_fits(devices):
+def test_the_allan_curve_has_its_terms(devices):
     device = devices["board"]
     force, turn = allan_pictures(device, device.sessions[0])
-    inside, count = map(int, re.search(r"at (\d+) of (\d+) averaging", force.caption).groups())
-    assert count == 90 and 0 < inside <= 90
-    # a model of N five times as large leaves the band
-    axes = {
-        k: v | {"N": v["N"] | {"value": 5 * v["N"]["value"]}}
-        for k, v in device.noise["axes"].items()
-    }
-    worse, _ = allan_pictures(replace(device, noise={"axes": axes}), device.sessions[0])
-    assert int(re.search(r"at (\d+) of", worse.caption)[1]) < inside
     assert ">line</text>" in force.svg
     # with the values of the table
     for key in "NB":

@@ -1,17 +1,6 @@
 """What the report says of the motion between the rests."""
 
-import csv
-
-import numpy as np
-import pytest
-
-import imuloop.effects  # noqa: F401  loads the library
-from imuloop.core.effect import FittedEffect, find_effect
-from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.core.units import RawUnit
 from imuloop.report.advice import what_next
-from imuloop.report.figures.arms import arm_pictures
-from imuloop.report.results import DeviceResults
 from imuloop.report.verdict import BOTH, answers, motion_of, sentence
 from report.plausible_diagnosis import residual
 
@@ -59,36 +48,3 @@ def test_moves_that_a_knock_spoiled_are_counted_and_what_to_do_is_said():
     assert "Low-pass the accelerometer" in what_next(block)
     # one knock in 37 moves is none of the others
     assert "Low-pass" not in what_next(motion_of(diagnosis("unexplained", left_out=1)))
-
-
-@pytest.fixture
-def with_arms(tmp_path):
-    """A device whose x axis sits 6 mm from its z axis, and the covariance of all six components."""
-    effect, unit = find_effect("lever_arm")(), RawUnit("m/s^2", 1.0)
-    values = dict(zip(effect.parameters, (6e-3, 0.0, -2e-3, 1e-3, -4e-3, 0.0), strict=True))
-    root = np.random.default_rng(0).normal(0, 5e-4, (6, 6))
-    names = ("K0", *(f"lever_arm.{name}" for name in values))
-    covariance = np.zeros((7, 7))
-    covariance[1:, 1:] = root @ root.T
-    force = SensorCalibration(
-        unit, np.eye(3), np.ones(3), np.zeros(3), names, covariance,
-        (FittedEffect(effect, values, {}),),
-    )  # fmt: skip
-    turn = SensorCalibration.nominal(RawUnit("rad/s", 1.0), "")
-    folder = tmp_path / "imu"
-    (folder / "figures").mkdir(parents=True)
-    return DeviceResults(
-        "imu", "IMU", folder, calibrations={"final": Calibration("imu", 9.8, force, turn)}
-    )
-
-
-def test_the_arms_are_drawn_with_their_sigma(with_arms):
-    block = motion_of(diagnosis("explained", accelerometer=["lever_arm"]))
-    [drawn] = arm_pictures(with_arms, block)
-    words = drawn.caption.replace("\u202f", " ")
-    assert ": x at (6.0, 0, −2.0) mm, σ" in words and "y at (1.0, −4.0, 0) mm, σ" in words
-    rows = list(csv.DictReader((with_arms.figures / "lever_arm.csv").open()))
-    std = np.sqrt(np.diag(with_arms.calibrations["final"].accelerometer.covariance)[1:]) * 1e3
-    found = [[float(row[f"{axis}_std_mm"]) for axis in "xyz"] for row in rows[:2]]
-    np.testing.assert_allclose(found, std.reshape(2, 3))
-    assert arm_pictures(with_arms, motion_of(diagnosis("explained"))) == []

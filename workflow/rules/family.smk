@@ -17,10 +17,7 @@ rule family:
         "../envs/imuloop.yaml"
     threads: 1
     params:
-        types={
-            kind: {name: {key: DEVICES[name][key] for key in ("serial", "date")} for name in names}
-            for kind, names in TYPES.items()
-        },
+        types=TYPES,
         code=code("family.py"),
     script:
         "../../scripts/family.py"

@@ -100,11 +100,10 @@ def resolve(config):
     """Return every device of a config without faults, with all keys, as the stages need them.
 
     By device: ``label``, ``gravity`` (m/s^2), those of `device_figures`, the stages' settings,
-    ``type``, ``serial`` and ``date``, None where not given, ``prior`` with ``file`` and ``type``,
-    empty where not given, and ``sessions`` with ``kind``, ``format``, ``sources`` (by role:
-    ``log``, or ``acceleration`` and ``angular_rate``; ``pps`` and ``reference`` in files of their
-    own), ``columns``, ``units``, ``rate`` (Hz), ``time_range``, ``pps``, ``reference``,
-    ``known_rotation``.
+    ``type``, None where not given, ``prior`` with ``file`` and ``type``, empty where not given, and
+    ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or ``acceleration`` and
+    ``angular_rate``; ``pps`` and ``reference`` in files of their own), ``columns``, ``units``,
+    ``rate`` (Hz), ``time_range``, ``pps``, ``reference``, ``known_rotation``.
     """
     return {
         name: _device(name, each) for name, each in merged_devices(without_dates(config)).items()
@@ -117,7 +116,7 @@ def _device(name, device):
         gravity = normal_gravity(gravity["latitude"], gravity["height"])
     return {
         "label": device.get("label", name),
-        **{key: device.get(key) for key in ("type", "serial", "date")},
+        "type": device.get("type"),
         "prior": {"file": prior, "type": device.get("type")} if prior else {},
         "gravity": float(gravity),
         **known_figures(device),

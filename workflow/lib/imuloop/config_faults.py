@@ -1,6 +1,5 @@
 """What is wrong in a config: every fault at once, one a line, each naming its key."""
 
-import math
 import os
 import re
 from dataclasses import fields, is_dataclass
@@ -60,11 +59,7 @@ def config_faults(config, files, replicas, mirror=None):
         contents[name] = without_dates(yaml.safe_load(text)) or {}
         places[name] = key_lines(text)
         found |= {key: (name, fault) for key, fault in yaml_faults(text)}
-    for check in (
-        _unusable,
-        _model_faults,
-        partial(_meaning_faults, replicas=replicas, wrong=found),
-    ):
+    for check in (_model_faults, partial(_meaning_faults, replicas=replicas, wrong=found)):
         for key, fault in list(check(config)):
             # of the last file that holds the most of the key's path
             depths = {name: _depth(contents[name], key) for name in reversed(contents)}
@@ -79,23 +74,6 @@ def config_faults(config, files, replicas, mirror=None):
     if mirror and not Path(mirror).is_dir():
         lines.append(f"IMULOOP_MIRROR: there is no folder {mirror}")
     return lines
-
-
-def _unusable(value, key=()):
-    """Yield (key, text) for each number and text of a config that is none to what comes after."""
-    if isinstance(value, (dict, list)):
-        for name, item in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _unusable(item, (*key, name))
-    elif isinstance(value, str):
-        if any("\ud800" <= c <= "\udfff" for c in value):
-            yield key, f"{_shown(value, ascii)} holds half of a character, which is no Unicode"
-        elif "\0" in value:
-            yield key, f"{_shown(value)} holds a zero byte"
-        elif key[-1:] == ("label",) and not value.isprintable():
-            yield key, f"{_shown(value, ascii)} holds what cannot be printed"
-    # beyond double precision a whole number is not finite either
-    elif isinstance(value, (int, float)) and not abs(value) <= math.nextafter(math.inf, 0):
-        yield key, f"{_shown(value)} is no finite number of double precision"
 
 
 def _depth(content, key):
@@ -194,8 +172,8 @@ def _known_keys(path):
     return [*model.model_fields]
 
 
-def _shown(value, spelled=repr):
-    text = spelled(value)
+def _shown(value):
+    text = repr(value)
     return text if len(text) < 80 else f"{text[:76]}…"
 
 

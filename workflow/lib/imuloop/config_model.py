@@ -4,7 +4,6 @@ The check, ``workflow/schemas/config.schema.yaml`` and ``docs/settings.md`` are 
 models; the settings of a stage are beside it. What depends on several keys is in `config_faults`.
 """
 
-from datetime import date
 from typing import Annotated, Literal, Union
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
@@ -70,15 +69,6 @@ def _different(columns):
     if len({*columns}) < len(columns):
         raise ValueError(f"{columns} names a column twice")
     return columns
-
-
-def _day(text):
-    """Return the text of a day; a fault where it is none."""
-    try:
-        date.fromisoformat(text)
-    except ValueError:
-        raise ValueError(f"'{text}' is not a day, as 2026-01-31") from None
-    return text
 
 
 def columns(count):
@@ -324,10 +314,6 @@ class Device(Keys):
         None, description="Name shown in the report; the device's name if not given"
     )
     type: Name = Field(None, description="Name of its type; three or more of a type are compared")
-    serial: Number = Field(None, description="Number, for trends within the type")
-    date: Annotated[str, AfterValidator(_day)] = Field(
-        None, description="Day, for trends within the type"
-    )
     prior: Annotated[Text, Field(max_length=1000)] = Field(
         None,
         description="In place of the data sheet: an earlier calibration.json of the device, or a "

@@ -13,8 +13,6 @@ import yaml
 
 from imuloop.core.errors import one_line
 
-# a config of a thousand devices holds fewer
-MOST_VALUES = 100_000
 # what is written, and what YAML takes it for
 _TRAPS = (
     (r"[-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+", "str"),
@@ -43,19 +41,7 @@ def unreadable(path):
     if not isinstance(content, dict):
         kind = "empty" if content is None else "not a mapping of keys"
         return f"{path}: {kind}; it needs devices"
-    if _holds_more(content, MOST_VALUES):
-        return f"{path}: more than {MOST_VALUES} values, aliases (*name) written out"
     return None
-
-
-def _holds_more(content, most):
-    """Return whether there are more values than so many; in what holds itself there are."""
-    left = [content]
-    while left and most:
-        value, most = left.pop(), most - 1
-        if isinstance(value, (dict, list)):
-            left += value.values() if isinstance(value, dict) else value
-    return bool(left)
 
 
 def key_lines(text):

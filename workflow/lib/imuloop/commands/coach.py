@@ -5,7 +5,6 @@ import sys
 import tempfile
 import threading
 import time
-from html import escape
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,6 @@ from imuloop.commands.gravity import add_gravity, gravity_line, local_gravity
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import add_arguments, between, log_samples
 from imuloop.core.errors import ImuloopError, plural
-from imuloop.core.files import refuse_overwriting, replaced
 from imuloop.core.samples import read_samples
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.plan.coach import progress, rest_noise
@@ -24,7 +22,7 @@ from imuloop.report.numbers import number
 # exit status of a session that ended too early
 EARLY = 3
 EXAMPLE = f"""examples:
-  imuloop coach poses.csv --page coach.html
+  imuloop coach poses.csv
   cat /dev/ttyACM0 | imuloop coach - --acceleration-unit g --angular-rate-unit deg/s
 
 Follows a log that grows, or lines on standard input: the poses so far, how well the parameters are
@@ -53,12 +51,6 @@ def add(commands, **how):
         metavar="S",
         help="end when the log has not grown for so long; default 60",
     )
-    command.add_argument(
-        "--page",
-        type=Path,
-        metavar="HTML",
-        help="page to write the same to, which a browser reloads",
-    )
     add_gravity(command, STANDARD_GRAVITY)
     add_arguments(command)
     command.set_defaults(run=run)
@@ -66,7 +58,6 @@ def add(commands, **how):
 
 def run(arguments):
     """Follow a log until it is done or ends; return the exit status."""
-    refuse_overwriting([arguments.page] if arguments.page else [], [arguments.log])
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         log = arguments.log
         if str(log) == "-":
@@ -107,8 +98,6 @@ def follow(log, arguments, folder):
                     found = progress(*what, noise, arguments.within / 100)
                 if (len(found.up), found.advice) != said:
                     say(line(found))
-                    if arguments.page:
-                        write_page(arguments.page, found, arguments.every)
                     said = len(found.up), found.advice
                 if found.done:
                     return 0
@@ -128,18 +117,3 @@ def line(found):
     if found.done:
         return f"{text}. Done."
     return f"{text}. Next: {found.advice}."
-
-
-def write_page(path, found, every):
-    """Write a Progress as a page with the sphere of its poses, which reloads itself until done."""
-    from imuloop.report.figures.poses import sphere
-
-    again = "" if found.done else f'<meta http-equiv="refresh" content="{max(every, 1):.0f}">'
-    picture = sphere("coach", {"multi_position": found.up}).svg if len(found.up) else ""
-    with replaced(path) as temporary:
-        temporary.write_text(
-            f'<!doctype html><html lang="en"><meta charset="utf-8">{again}<title>imuloop coach'
-            '</title><body style="font: 1.5rem sans-serif; max-width: 50rem; margin: 2rem auto">'
-            f"<p>{escape(line(found))}</p>{picture}</body></html>",
-            encoding="utf-8",
-        )

@@ -28,14 +28,7 @@ def _size(text):
     except ImuloopError as error:
         raise argparse.ArgumentTypeError(f"{error}: --latitude, --height") from error
     except ValueError as error:
-        question = ""
-        if text.count(",") == 1:
-            degrees, metres = text.split(",")
-            question = (
-                f": {degrees}.{metres} m/s^2, or latitude {degrees}°? Give --gravity "
-                f"{degrees}.{metres}, or --latitude {degrees} --height {metres}"
-            )
-        raise argparse.ArgumentTypeError(f"{text} is not a number, m/s^2{question}") from error
+        raise argparse.ArgumentTypeError(f"{text} is not a number, m/s^2") from error
 
 
 def local_gravity(arguments, default):

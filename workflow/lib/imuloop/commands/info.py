@@ -9,18 +9,17 @@ from imuloop.commands.lines import aligned, say
 from imuloop.commands.raw_log import LOG, add_arguments, log_of, log_samples, name_of
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import read_json
-from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, Samples, read_metadata
 from imuloop.ingest.formats import no_log
 from imuloop.ingest.json_lines import holds_log
-from imuloop.report.numbers import coefficient_text, number, p_text, text_of, with_unit
+from imuloop.report.numbers import number, p_text, text_of, with_unit
 from imuloop.report.results import XYZ, DeviceResults
 from imuloop.report.tables.calibration import parameter_table
 from imuloop.report.tables.candidates import constants_text
 from imuloop.report.tables.data import quality_figures
 from imuloop.report.tables.diagnosis import parameter_rows
-from imuloop.report.tables.noise import coefficient_words
-from imuloop.report.units import COEFFICIENTS, RESIDUAL, quantities
+from imuloop.report.tables.noise import coefficient_table
+from imuloop.report.units import RESIDUAL
 from imuloop.report.verdict import PARTS, RESIDUAL_WORDS, WORDS
 
 EXAMPLE = """examples:
@@ -107,20 +106,11 @@ def noise_lines(content, data_sheet=None):
     rate = content.get("rate_hz")
     at = f", at {number(rate, 5)} Hz" if rate else ""
     lines = [f"noise of {content['device']}{at}, from {', '.join(content.get('sessions', []))}"]
-    noise = NoiseModel.from_dict(content).axes
+    device = DeviceResults("", "", Path(), noise=content, data_sheet=data_sheet or {})
     # without a rate for any sensor there is no number for either
     for sensor in content.get("rates_hz") or SENSORS:
-        known, axes = quantities(sensor), SENSORS[sensor]
-        rows = [(f"{sensor}", *XYZ, "")]
-        for key in COEFFICIENTS:
-            display = known[key].sheet[0]
-            cells = [coefficient_text(getattr(noise[a], key), display.factor) for a in axes]
-            rows.append((coefficient_words(sensor, key, data_sheet or {}), *cells, display.unit))
-        for key in ("gauss_markov", "sinusoid"):
-            counts = [len(getattr(noise[a], key)) for a in axes]
-            if any(counts):
-                rows.append((key.replace("_", "-"), *counts, "found"))
-        lines += aligned(rows, indent=0)
+        rows = coefficient_table(device, sensor).rows
+        lines += aligned([(sensor, "", *XYZ), *rows], indent=0)
     return [*lines, *(f"note: {note}" for note in content.get("notes", ()))]
 
 

@@ -3,21 +3,13 @@
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from imuloop.core.units import DEGREE, HOUR
 from imuloop.effects.axes import AXES
-from imuloop.export.values import BIAS, known_processes
+from imuloop.export.values import BIAS
 
 # orders of a bias' polynomial of the temperature, with the constant
 TERMS = 4
 # degC, about which imuSensor's temperature bias counts
 STANDARD = 25.0
-# floor of the Allan deviation of flicker, over B
-FLOOR = np.sqrt(2 * np.log(2) / np.pi)
-# largest Allan deviation of a Gauss-Markov process, at 1.89 of its time constant, over its
-# standard deviation: sqrt(2 [1 - (3 - 4 exp(-u) + exp(-2u))/(2u)]/u), u = 1.89
-PEAK = 0.6174
-# s, gnss-ins-sim's own choice for a flicker, which has no time constant
-TIME_CONSTANT = 100.0
 
 
 def bias_polynomial(sensor, reference):
@@ -82,38 +74,4 @@ def imu_sensor(sensor):
         "misalignment": 100 * np.linalg.inv(sensor["T"]) / scale[:, None],
         "slope": sign * c[1] / scale,
         "curvature": c[2:],
-    }
-
-
-def gnss_ins_sim(sensor):
-    """Return the values of gnss-ins-sim's keys, in its units, and words on the drift.
-
-    ``z = f + b + drift + white noise``; the standard deviation of the white noise is
-    ``vrw sqrt(rate)``; the drift is a Gauss-Markov process of standard deviation `b_stability` and
-    time constant `b_corr`. Ours: the strongest Gauss-Markov process of an axis; without one, one
-    whose Allan deviation is at its peak as high as the floor of B.
-
-    References
-    ----------
-    gnss-ins-sim, sim/imu_model.py (IMU.__init__: keys and units), pathgen/pathgen.py (acc_gen,
-    gyro_gen, bias_drift).
-    """
-    gyroscope, root = sensor["name"] == "gyroscope", np.sqrt(HOUR)
-    bias, white = (DEGREE / HOUR, DEGREE / root) if gyroscope else (1.0, 1.0 / root)
-    drifts = []
-    for axis, noise in enumerate(sensor["noise"]):
-        name = sensor["logged"]["N"][axis].axis
-        if found := known_processes(noise):
-            drifts.append((*max(found), f"{name}: Gauss-Markov process"))
-        else:
-            flicker = noise.B.size * FLOOR / PEAK
-            words = f"{name}: flicker B{', its 95 % upper limit' * (noise.B.value is None)}"
-            drifts.append((flicker, TIME_CONSTANT, words))
-    sigma, tau, words = zip(*drifts, strict=True)
-    return {
-        "bias": sensor["offset"] / bias,
-        "white": [density.value / white for density in sensor["logged"]["N"]],
-        "stability": [each / bias for each in sigma],
-        "time_constants": tau,
-        "words": "; ".join(words),
     }

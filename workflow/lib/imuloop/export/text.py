@@ -1,13 +1,12 @@
 """Numbers and words as text of a file."""
 
-import json
 import re
 
 import numpy as np
 
 from imuloop.core.errors import one_line
 
-FILTERS = "braces float32 identifier in_c pretty_json rows sizes unseen".split()
+FILTERS = "braces float32 identifier in_c rows sizes unseen".split()
 
 
 def number(value):
@@ -61,11 +60,6 @@ def identifier(text):
 def sizes(densities):
     """Return the values of densities."""
     return [density.value for density in densities]
-
-
-def pretty_json(text):
-    """Return JSON with a line for each value."""
-    return json.dumps(json.loads(text), indent=1, allow_nan=False) + "\n"
 
 
 def unseen(densities):

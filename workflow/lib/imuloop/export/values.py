@@ -42,9 +42,9 @@ class Exported:
 def reasons(exported):
     """Return why a device lacks what a format may need, by that need; none of what it has.
 
-    Needs are ``calibration`` of either sensor or that of one by its name, ``rate``, the noise
-    coefficients ``N``, ``K``, ``B`` of all axes, and ``drift``, B or a Gauss-Markov process. The
-    noise of a sensor that the logs lack is not needed.
+    Needs are ``calibration`` of either sensor or that of one by its name, ``rate`` and the noise
+    coefficients ``N``, ``K``, ``B`` of all axes. The noise of a sensor that the logs lack is not
+    needed.
     """
     calibration, found = exported.calibration, {}
     if not calibration.measured:
@@ -59,8 +59,6 @@ def reasons(exported):
         noise = exported.noise.axes[axis]
         for term in (term for term in "NKB" if getattr(noise, term).size is None):
             found[term] = f"no noise: {term} of {axis} is neither known nor limited"
-            if term == "B" and not known_processes(noise):
-                found["drift"] = found[term]
     return found
 
 
@@ -203,12 +201,3 @@ def seen_words(fitted):
         if force := seen_range(fitted, [f"G{i}{j}" for i in range(3)]):
             known.append(f"f_{axis} from {force[0]:g} to {force[1]:g}")
     return f"{G} was seen with {', '.join(known)} m/s^2" if known else None
-
-
-def known_processes(noise):
-    """Return standard deviation, SI, and time constant, s, of the known Gauss-Markov processes."""
-    return [
-        (p.q.value * np.sqrt(p.tc.value / 2), p.tc.value)
-        for p in noise.gauss_markov
-        if p.q.value is not None and p.tc.value is not None
-    ]

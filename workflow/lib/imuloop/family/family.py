@@ -1,7 +1,6 @@
 """results/family.json: what devices of one type say together."""
 
-import datetime
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -16,17 +15,13 @@ from imuloop.core.p_values import holm
 from imuloop.core.samples import SENSORS
 from imuloop.family import LEAST
 from imuloop.family.estimates import of_calibrations, of_noise
-from imuloop.family.odd import deviations, trend
+from imuloop.family.odd import deviations
 from imuloop.family.random_effects import fit, spread_interval
 
 # version of the JSON file
 FORMAT = 1
-# chance that any device of a type is named that does not stand out, or any trend that is none
+# chance that any device of a type is named that does not stand out
 SIGNIFICANCE = 0.05
-# limits of a control chart, in standard deviations
-LIMITS = 3.0
-# what devices may be ordered by
-ORDERS = ("serial", "date")
 
 
 @dataclass(frozen=True)
@@ -37,19 +32,16 @@ class Member:
     calibration: Calibration
     noise: NoiseModel
     tried: dict  # p-value of each effect that was, and whether it was added; see `tried_effects`
-    order: dict = field(default_factory=dict)  # serial number, date as a day's number
 
 
-def read_member(folder, serial=None, date=None):
-    """Return the Member that lies in a folder of results; the rest as of the config."""
+def read_member(folder):
+    """Return the Member that lies in a folder of results."""
     folder = Path(folder)
-    day = datetime.date.fromisoformat(date).toordinal() if date else None
     return Member(
         folder.name,
         Calibration.from_json(folder / "calibration.json"),
         NoiseModel.from_json(folder / "noise.json"),
         tried_effects(read_json(folder / "diagnosis.json")),
-        {"serial": serial, "date": day},
     )
 
 
@@ -75,27 +67,22 @@ def write_family(path, types):
 def of_type(members):
     """Return the content of family.json on one type.
 
-    All tests of a type, each device in each parameter and each trend, are one family, after Holm.
+    All tests of a type, each device in each parameter, are one family, after Holm.
     """
     every = of_calibrations([m.calibration for m in members])
     every += of_noise([m.noise for m in members])
     parameters, chances, tests = {}, [], []
     for each in (e for e in every if e.known.sum() >= LEAST):
-        found, p = of_parameter(each, members)
-        parameters[each.name] = found
-        chances += [*p, *(one["p_value"] for one in found["trends"].values())]
-        tests += [(each.name, k) for k in (*range(len(p)), *found["trends"])]
+        parameters[each.name], p = of_parameter(each, members)
+        chances += [*p]
+        tests += [(each.name, k) for k in range(len(p))]
     odd = []
     for (name, k), p in zip(tests, holm(chances).tolist(), strict=True):
-        found = parameters[name]
-        if k in found["trends"]:
-            found["trends"][k]["p_value"] = p
-        elif p < SIGNIFICANCE:
-            device, away = found["devices"][k], found["deviations"][k]
+        if p < SIGNIFICANCE:
+            device, away = (parameters[name][key][k] for key in ("devices", "deviations"))
             odd.append({"device": device, "parameter": name, "deviation": away, "p_value": p})
     return {
         "devices": [m.name for m in members],
-        "order": {m.name: m.order for m in members},
         "tests": len(tests),
         "significance": SIGNIFICANCE,
         "parameters": parameters,
@@ -107,35 +94,25 @@ def of_type(members):
 def of_parameter(each, members):
     """Return the content on one parameter, and the p-value of each device's standing out.
 
-    Those p-values and the trends' are not adjusted yet. Mean, values and limits of a noise
-    coefficient are those of logarithms taken back; its spread and its errors are relative.
+    Those p-values are not adjusted yet. Mean and values of a noise coefficient are those of
+    logarithms taken back; its spread and its errors are relative.
     """
     own = each.known
     y, std = each.values[own], each.std[own]
-    chosen = [m for m, k in zip(members, own, strict=True) if k]
     found, shown = fit(y, std**2), np.exp if each.logarithmic else np.asarray
-    reach = LIMITS * np.sqrt(found.variance[0] + std**2)
     away, p = deviations(y, std**2)
-    trends = {}
-    for key in ORDERS:
-        order = [np.nan if m.order.get(key) is None else m.order[key] for m in chosen]
-        if slope := trend(y, std**2, order):
-            trends[key] = dict(zip(("slope", "std", "p_value"), slope, strict=True))
     content = {
         "unit": each.unit,
         "logarithmic": each.logarithmic,
-        "mean": shown(found.beta[0, 0]),
-        "mean_std": np.sqrt(found.covariance[0, 0, 0]),
+        "mean": shown(found.mean[0]),
+        "mean_std": np.sqrt(found.mean_variance[0]),
         "spread": np.sqrt(found.variance[0]),
         "spread_ci95": spread_interval(y, std**2),
         "within": np.sqrt(np.mean(std**2)),
-        "devices": [m.name for m in chosen],
+        "devices": [m.name for m, k in zip(members, own, strict=True) if k],
         "values": shown(y),
         "std": std,
-        "lower_limits": shown(found.beta[0, 0] - reach),
-        "upper_limits": shown(found.beta[0, 0] + reach),
         "deviations": away,
-        "trends": trends,
     }
     return content, p
 

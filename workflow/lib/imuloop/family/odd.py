@@ -1,4 +1,4 @@
-"""Devices that stand out from those of their type, and what drifts from device to device."""
+"""Devices that stand out from those of their type."""
 
 import numpy as np
 from scipy.stats import median_abs_deviation
@@ -33,21 +33,3 @@ def deviations(y, squares):
     apart = fit(y, squares, counted=others)
     found[tried], p[tried] = apart.deviation(y[tried], squares[tried])
     return found, p
-
-
-def trend(y, squares, order):
-    """Return slope, standard error and p-value of values over a serial number or a date.
-
-    Weighted by the errors and by what is left of the spread; the standard error after Knapp and
-    Hartung. None where all have the same place in the order, or fewer than four have one.
-    """
-    order = np.asarray(order, dtype=float)
-    known = np.isfinite(order)
-    if known.sum() < 4 or np.ptp(order[known]) == 0:
-        return None
-    # about its middle, in its own span: a date is a large number
-    middle, span = order[known].mean(), np.ptp(order[known])
-    along = (order[known] - middle) / span
-    found = fit(y[known], squares[known], np.column_stack([np.ones(len(along)), along]))
-    std = np.sqrt(found.covariance[0, 1, 1] * found.scale[0])
-    return float(found.beta[0, 1] / span), float(std / span), float(found.p_value(1)[0])

@@ -141,9 +141,9 @@ def _of_family(sheets, found, device, source):
             y, std = _others(found, f"{sensor}.{name}", device)
             if len(y) >= LEAST_OTHERS:
                 each, known = fit(y, std**2), True
-                mean[k] = each.beta[0, 0] + (name[0] == "K")
+                mean[k] = each.mean[0] + (name[0] == "K")
                 wide = each.dof[0] / (each.dof[0] - 2)
-                variance[k] = (each.variance[0] + each.covariance[0, 0, 0]) * wide
+                variance[k] = (each.variance[0] + each.mean_variance[0]) * wide
         priors[sensor] = SensorPrior(source if known else DATA_SHEET, mean, np.diag(variance))
     if all(prior.source == DATA_SHEET for prior in priors.values()):
         raise ImuloopError(f"fewer than {LEAST_OTHERS} other devices determined any parameter")

@@ -14,7 +14,6 @@ from imuloop.report.recording import (
     enough,
     first_session,
     hole,
-    initial_rest,
     limit,
     static_record,
 )
@@ -36,10 +35,6 @@ MOST = 5
 # span of a temperature that says anything, K, and the correlation with time from which on it and
 # time are the same to a fit
 SPAN_K, MONOTONE = 2.0, 0.9
-# σ so many times larger is as good as none
-HOPELESS = 20.0
-# effects that follow time
-_WITH_TIME = {"bias_drift", "warm_up", "ramp"}
 _EARTH = (
     " The horizontal rate of the Earth, up to 15 °/h by latitude, turns with the heading and is in "
     "no model here: it may be all of this."
@@ -75,7 +70,7 @@ def next_steps(device):
     of it.
     """
     mend = (_rejected, _doubted, first_session, _clipped, _short_rests, _tilted_rests)
-    record = (_unexplained, limit, hole, initial_rest, _heat_and_cool)
+    record = (_unexplained, limit, hole, _heat_and_cool)
     ranks = mend, record, (static_record,)
     # what is wrong with a log or its entry makes every other number doubtful
     misdeclared = any(s.quality["misdeclared"] for s in device.sessions)
@@ -226,20 +221,10 @@ def _heat_and_cool(device):
         return
     _, r, name, warmth = max(found, key=lambda f: f[0])
     low, high = np.quantile(warmth, [0.005, 0.995])
-    factor = 1 / np.sqrt(max(1 - r**2, 1e-6))
-    pairs = {
-        " and ".join(sorted((p["effect"], p["with"])))
-        for _, _, block in blocks(device.diagnosis)
-        for p in block["confounded"]
-        if "temperature" in p["effect"] + p["with"] and {p["effect"], p["with"]} & _WITH_TIME
-    }
-    also = f" These data cannot tell apart {joined(sorted(pairs))}." if pairs else ""
-    course, span = "rose" if r > 0 else "fell", f"{number(low, 3)} to {number(high, 3)}\u202f°C"
-    times = f"more than {HOPELESS:g}" if factor > HOPELESS else number(factor, 2)
+    span = f"{number(low, 3)} to {number(high, 3)}\u202f°C"
     yield (
-        1 - 1 / factor,
-        f"Heat and cool: in session {name} the temperature only {course} ({span}, correlation with "
-        f"time {number(r, 2)}), so that a temperature coefficient beside a drift has "
-        f"{times} times the σ that it could have.{also} Go from {span} and back, "
-        "twice, within one record.",
+        1 - np.sqrt(max(1 - r**2, 1e-6)),
+        f"Heat and cool: in session {name} the temperature only {'rose' if r > 0 else 'fell'} "
+        f"({span}, correlation with time {number(r, 2)}), so that what follows it and what follows "
+        f"time can hardly be told apart. Go from {span} and back, twice, within one record.",
     )

@@ -1,7 +1,6 @@
 """The pictures of a device by their kind: what the report, files and notebooks show."""
 
 from imuloop.report.figures.allan import allan_pictures, corrected_pictures
-from imuloop.report.figures.arms import arm_pictures
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.bias import bias_pictures
 from imuloop.report.figures.loop import device_loop
@@ -13,10 +12,7 @@ from imuloop.report.verdict import blocks
 
 
 def _residuals(device, sensor, part, block):
-    if part == "static_record":
-        return []
-    found = arm_pictures(device, block) if part == "motion" else []
-    return residual_pictures(device, sensor, block) + found
+    return [] if part == "static_record" else residual_pictures(device, sensor, block)
 
 
 def _corrected(device, sensor, part, block):

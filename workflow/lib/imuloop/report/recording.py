@@ -8,23 +8,18 @@ from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import WIDE_HOLE, direction_words, largest_hole
 from imuloop.core.units import HOUR
 from imuloop.diagnose.records.pose_diagnosis import TESTABLE
-from imuloop.noise.record_length import record_seconds
 from imuloop.plan.advice import INITIAL_REST_S, POSES
 from imuloop.report.figures.poses import pose_directions
-from imuloop.report.numbers import duration, number, percent
-from imuloop.report.results import SENSORS, XYZ
-from imuloop.report.units import MILLIRADIAN, data_sheet, quantities
+from imuloop.report.numbers import duration, number, percent, with_unit
+from imuloop.report.results import XYZ
+from imuloop.report.units import MILLIRADIAN, data_sheet
 
 # an error matters where it exceeds the noise of a mean of one second so many times
 MATTERS = 2.0
 # share of a standard error that one rest or turn has to take away to be worth its while
 NOTICEABLE = 0.01
-# white noise, flicker and walk of a usual MEMS sensor are equal in the Allan curve here, s
-FLICKER_S, WALK_S = 100.0, 1000.0
-# the longest record worth asking for, s, and the share of its upper limit by which one has to fall
-LONGEST_RECORD, WORTH = 24 * HOUR, 0.5
-# share of records in which a term of the size asked for may stay unseen
-MISSED = 0.05
+# the longest record worth asking for, s
+LONGEST_RECORD = 24 * HOUR
 
 
 def parameter_words(sensor, name):
@@ -33,13 +28,6 @@ def parameter_words(sensor, name):
     if name[0] == "T":
         return f"the {sensor}'s misalignment {axes}"
     return f"the {sensor}'s {axes} {'scale factor' if name[0] == 'K' else 'bias'}"
-
-
-def sigma_words(unit, *values):
-    """Return standard errors, SI, one or two, in the data sheets' unit: ``310 to 140 ppm``."""
-    display = MILLIRADIAN if unit == "rad" else data_sheet(unit)
-    *first, last = values
-    return " to ".join([*(display.size(v, 2) for v in first), display.text(last, 2)])
 
 
 def first_session(device):
@@ -78,9 +66,10 @@ def _gain(now):
 
 
 def _sigma(now, *keys):
-    """Return standard errors of the parameter of a next step in words."""
+    """Return standard errors of the parameter of a next step: ``310 to 140 ppm``."""
     unit = {"T": "rad", "K": "1", "b": OUTPUT[now["sensor"]]}[now["parameter"][0]]
-    return sigma_words(unit, *(now[key] for key in keys))
+    display = MILLIRADIAN if unit == "rad" else data_sheet(unit)
+    return with_unit(" to ".join(display.size(now[key], 2) for key in keys), display.unit)
 
 
 def hole(device):
@@ -112,74 +101,30 @@ def enough(device):
     )
 
 
-def initial_rest(device):
-    """Yield how long the first rest has to be until flicker limits the gyroscope's mean rate."""
-    now = device.diagnosis.get("next_step") or {"ratio": 0.0}
-    if now["ratio"] <= MATTERS or (now["sensor"], now["parameter"][0]) != ("gyroscope", "b"):
-        return
-    needs = []
-    for channel in SENSORS["gyroscope"]:
-        white, flat = device.axes[channel].N.value, device.axes[channel].B.value
-        if white is not None and flat:
-            flat *= np.sqrt(2 * np.log(2) / np.pi)
-            needs.append(((white / flat) ** 2, white, flat, channel))
-    needed, white, flat, channel = max(needs, default=(0.0, 0.0, 0.0, ""))
-    for session in device.used:
-        first = session.segments[session.segments["pose"] == 0]
-        now = float((first["end_s"] - first["start_s"]).sum())
-        if session.kind == "multi_position" and 0 < now < needed <= HOUR:
-            before, after = (np.hypot(white / np.sqrt(t), flat) for t in (now, needed))
-            yield (
-                1 - after / before,
-                f"Begin session {session.name} with {duration(needed, 2)} at rest (now "
-                f"{duration(now, 2)}): the error of the mean of {channel} falls from "
-                f"{sigma_words('rad/s', before, after)}; from there on flicker noise limits it.",
-            )
-
-
 def static_record(device):
     """Yield the length of a record at rest that would show flicker and walk."""
     longest = max((s.quality["duration_s"] for s in device.used if s.kind == "static"), default=0.0)
-    rates = [rate for s in device.used if (rate := s.quality["rate_hz"])]
-    wanted, limited = [], []
-    for channel, axis in device.axes.items() if rates else ():
-        if (white := axis.N.value) is None:
-            continue
-        flicker = white * np.sqrt(np.pi / (2 * np.log(2) * FLICKER_S))
-        for name, usual in (("B", flicker), ("K", white * np.sqrt(3) / WALK_S)):
+    limited, needed = {}, 0.0
+    for channel, axis in device.axes.items():
+        for name in "BK":
             term = getattr(axis, name)
-            if term.value is not None or not term.upper95:
-                continue
-            limited.append(f"{name} of {channel}")
-            target = min(term.upper95, usual)
-            if target < (1 - WORTH) * term.upper95:
-                squares = {k: getattr(axis, k).square for k in "QNBK"}
-                squares |= {p.tc.value: p.q.square * p.tc.value / 2 for p in axis.gauss_markov}
-                seconds = record_seconds(name, target, squares, 1 / min(rates), MISSED)
-                if seconds and longest < seconds <= LONGEST_RECORD:
-                    wanted.append((seconds, name, channel, term.upper95, target))
-    if not wanted:
-        if limited and not longest:
-            yield (
-                0.0,
-                f"Record 2\u202fh at rest: there is no static session, and {joined(limited)} are "
-                "known as upper limits only.",
-            )
+            if term.value is None and term.upper95:
+                limited.setdefault(channel, []).append(name)
+                if longest < (term.needed_s or 0.0) <= LONGEST_RECORD:
+                    needed = max(needed, term.needed_s)
+    if not limited or (longest and not needed):
         return
-    seconds = max(w[0] for w in wanted)
-    _, name, channel, upper, target = max(wanted, key=lambda w: w[3] / w[4])
-    sensor = next(s for s, channels in SENSORS.items() if channel in channels)
     axes = {}
-    for key in "BK":
-        if shown := [c for _, term, c, *_ in wanted if term == key]:
-            words = "all six axes" if len(shown) == len(CHANNELS) else joined(shown)
-            axes.setdefault(words, []).append(key)
-    shows = [f"{' and '.join(keys)} of {words}" for words, keys in axes.items()]
-    unit = quantities(sensor)[name].sheet[0]
+    for channel, names in limited.items():
+        axes.setdefault(" and ".join(names), []).append(channel)
+    words = (
+        f"{names} of {'all six axes' if len(found) == len(CHANNELS) else joined(found)}"
+        for names, found in axes.items()
+    )
     now = f"{duration(longest, 2)} now" if longest else "there is no static session now"
     yield (
-        1 - target / upper,
-        f"Record {duration(max(seconds, HOUR), 2)} at rest ({now}). Nine times in ten it would "
-        f"show {joined(shows)} at the size usual beside this white noise: {name} of {channel}, now "
-        f"only limited, would fall from {unit.size(upper, 2)} to {unit.text(target, 2)}.",
+        0.0,
+        f"Record {duration(max(needed, 2 * HOUR), 2)} at rest ({now}): {joined([*words])} are "
+        "known as upper limits only. They would show at that size nine times in ten, or else be "
+        "limited further.",
     )

@@ -13,7 +13,6 @@ from imuloop.noise.filters import RANGE
 from imuloop.report.card import headline
 from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.drawing import write_svg
-from imuloop.report.figures.family import control_charts
 from imuloop.report.figures.loop import loop_picture, reach
 from imuloop.report.page import write_page
 from imuloop.report.tables import comparison as tables
@@ -51,15 +50,11 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
     # one device is compared with none: its own part has its curves
     several = devices if len(devices) > 1 else ()
     allan = figures.allan_comparison(several, drawings, together)
-    # of few the table says it
-    intervals = figures.parameter_comparison(() if together else several, drawings)
     types = read_json(family_path)["types"] if family_path else {}
     families = [
-        _family(*each, {d["device"]: d["label"] for d in devices}, drawings)
-        for each in types.items()
+        _family(*each, {d["device"]: d["label"] for d in devices}) for each in types.items()
     ]
-    charts = [picture for family in families for picture in family["charts"]]
-    for picture in (*allan, *intervals, *charts):
+    for picture in allan:
         write_svg(drawings, picture.stem, picture)
     # on one axis they can be compared by eye
     ends = reach([error for d in devices for error in d["loop"]])
@@ -68,7 +63,6 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
         "report.html.j2",
         headline=headline(devices) if devices else "No results",
         failures=failures,
-        recorded=recorded(devices),
         many=not together,
         groups=grouped(devices),
         # escaped when they were written
@@ -78,7 +72,6 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
             zip(devices, *(tables.cells(devices, sensor) for sensor in tables.COLUMNS), strict=True)
         ),
         columns=tables.COLUMNS,
-        best=tables.best_words(devices),
         loops=[loop_picture(d["device"], d["loop"], ends) if together else None for d in devices],
         rank=tables.verdict_rank,
         verdict_parts=tables.verdict_parts,
@@ -87,7 +80,6 @@ def write_report(folders, provenance, report_path, comparison_path, family_path=
         exports=[sorted(read_json(folder / "exports.json")["sha256"]) for folder in folders],
         verdict_words=WORDS,
         allan=allan,
-        intervals=intervals,
         families=families,
         styles=[figures.line_style(i) for i in range(len(devices))],
         comparison=comparison,
@@ -106,13 +98,12 @@ def _section(folder):
     return re.sub("<!-- why -->.*?<!-- /why -->", "", text, flags=re.DOTALL)
 
 
-def _family(name, found, labels, drawings):
+def _family(name, found, labels):
     """Return what is laid out of a type, by its name and its content of family.json."""
     return {
         "name": name,
         "finding": of_type.finding(found, labels),
         "tables": of_type.family_tables(found, labels),
-        "charts": control_charts(name, found, labels, drawings),
     }
 
 
@@ -131,21 +122,6 @@ def verdict_lines(folders):
         said = "; ".join(f"{joined(sensors)} {words}" for words, sensors in of_words.items())
         lines.append(f"{name}: {said}")
     return lines
-
-
-def recorded(devices):
-    """Return from which to which day the logs are, and of how many devices that is known."""
-    starts = [
-        {s["start"][:10] for s in device["sessions"].values() if s["start"]} for device in devices
-    ]
-    days = sorted(set().union(*starts))
-    if not days:
-        return ""
-    text = " to ".join(dict.fromkeys((days[0], days[-1])))
-    dated = [device["label"] for device, own in zip(devices, starts, strict=True) if own]
-    if len(dated) < len(devices):
-        text += f" ({dated[0] if len(dated) == 1 else f'{len(dated)} of {len(devices)}'})"
-    return f"recorded {text}"
 
 
 def _given(content):

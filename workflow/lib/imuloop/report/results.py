@@ -96,11 +96,6 @@ class DeviceResults:
         """The sessions that were not rejected."""
         return tuple(s for s in self.sessions if not s.rejected)
 
-    def record(self, name):
-        """Return in words of which record of a session figures of a rest are."""
-        kinds = {s.name: s.kind for s in self.sessions}
-        return f"{'' if kinds.get(name) == 'static' else 'longest rest of '}session {name}"
-
     @cached_property
     def axes(self):
         """Noise of each channel, an `AxisNoise`."""

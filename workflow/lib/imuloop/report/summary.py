@@ -11,7 +11,7 @@ from imuloop.report.figures.allan import curve
 from imuloop.report.figures.loop import loop_errors
 from imuloop.report.numbers import sigma_of
 from imuloop.report.results import SENSORS, XYZ, base_parameters, of_axes
-from imuloop.report.verdict import BOTH, QUOTED, answers, block_of, blocks, quoted, sentence
+from imuloop.report.verdict import BOTH, QUOTED, answers, block_of, blocks, quoted
 
 # version of the JSON file
 FORMAT = 1
@@ -52,13 +52,9 @@ def summarise(device, steps=()):
             for s in device.sessions
             if s.rejected
         ],
-        "sessions": {
-            s.name: {"kind": s.kind} | {key: s.quality[key] for key in ("duration_s", "start")}
-            for s in device.sessions
-        },
         "verdicts": {
             sensor: {
-                part: {"verdict": block["verdict"], "sentence": sentence(of, block)}
+                part: block["verdict"]
                 for of, part, block in blocks(device.diagnosis)
                 if of in (sensor, BOTH)
             }

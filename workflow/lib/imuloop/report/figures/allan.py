@@ -4,7 +4,7 @@ import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
 from imuloop.report.figures.drawing import AXES, INK, Picture, drawn, fill, write_csv
-from imuloop.report.numbers import coefficient_text, number, with_unit
+from imuloop.report.numbers import coefficient_text, number
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
 
@@ -63,14 +63,6 @@ def deviation_unit(sensor):
     return quantities(sensor)["B"].sheet[0]
 
 
-def _add_si_scale(area, sensor):
-    """Draw a second scale, in SI, on the right of what was drawn."""
-    scale = area.twinx()
-    scale.set_yscale("log")
-    scale.set_ylim([end / deviation_unit(sensor).factor for end in area.get_ylim()])
-    scale.set_ylabel(UNITS[sensor])
-
-
 def allan_pictures(device, session):
     """Return the Allan deviation of a session's accelerometer and gyroscope."""
     if not len(session.allan):
@@ -89,12 +81,6 @@ def allan_picture(name, sensor, allan, axes, csv=""):
     curves = {c: curve(allan, c, "raw") for c in SENSORS[sensor]}
     if not any(len(r) for r in curves.values()):
         return None
-    inside, count = 0, 0
-    for channel, r in curves.items():
-        variance = axes[channel].allan_variance(r["tau_s"].to_numpy())
-        inside += int(np.sum((r["ci_low"] ** 2 <= variance) & (variance <= r["ci_high"] ** 2)))
-        count += len(r) if (variance > 0).all() else 0
-    fit = f" The model lies in the band at {inside} of {count} averaging times." * (count > 0)
     found = _finding(of_axes(axes, sensor), sensor)
 
     def plot(areas):
@@ -108,12 +94,11 @@ def allan_picture(name, sensor, allan, axes, csv=""):
         unit = deviation_unit(sensor)
         areas[0].set_ylim(unit.factor * low / 1.3, unit.factor * high * 1.3)
         areas[0].set_ylabel(f"Allan deviation, {unit.unit}")
-        _add_si_scale(areas[-1], sensor)
 
     return Picture(
         f"{name}.allan_{sensor}",
         "Allan deviation",
-        f"{name.rpartition('.')[2]}, {sensor}: {found}{fit}",
+        f"{name.rpartition('.')[2]}, {sensor}: {found}",
         plot,
         (1000, 280),
         csv,
@@ -165,26 +150,16 @@ def corrected_pictures(device, sensor):
                 area.loglog(raw["tau_s"], unit.factor * raw["adev"], **looks)
             area.set_xlabel("averaging time τ, s")
             area.set_ylabel(f"Allan deviation, {unit.unit}")
-            _add_si_scale(area, sensor)
 
         of_sensor = session.allan[session.allan["axis"].isin(SENSORS[sensor])]
-        parts = [f"{axis} {text}" for axis, p in curves.items() if (text := _fall(sensor, *p))]
-        caption = f"{session.name}, {sensor}, as logged and corrected: {'; '.join(parts)}."
+        lowest = ", ".join(
+            f"{axis} {' → '.join(number(rows['adev'].min(), 2) for rows in pair)}"
+            for axis, pair in curves.items()
+        )
+        caption = (
+            f"{session.name}, {sensor}: as logged (dotted) and corrected, lowest value {lowest} "
+            f"{UNITS[sensor]}."
+        )
         stem = f"{session.name}.allan_{sensor}_corrected"
         pictures.append(drawn(device, stem, "Allan deviation", caption, plot, of_sensor))
     return pictures
-
-
-def _fall(sensor, raw, after):
-    """Return by how much the correction lowers a curve where it lowers it most."""
-    raw = raw[raw["tau_s"].between(after["tau_s"].min(), after["tau_s"].max())]
-    if raw.empty:
-        return ""
-    # the two may have other averaging times
-    level = np.exp(np.interp(np.log(raw["tau_s"]), np.log(after["tau_s"]), np.log(after["adev"])))
-    k = int((raw["adev"] / level).to_numpy().argmax())
-    tau, adev = raw[["tau_s", "adev"]].iloc[k]
-    return (
-        f"{number(adev, 2)} → {with_unit(number(level[k], 2), UNITS[sensor])} at "
-        f"{with_unit(number(tau, 2), 's')}"
-    )

@@ -6,35 +6,23 @@ from imuloop.core.errors import plural
 from imuloop.core.files import read_json
 from imuloop.report.figures.drawing import BLUE, GREEN, ORANGE, drawn
 from imuloop.report.numbers import duration, interval_text, number, with_unit
-from imuloop.report.tables.table import Table
 from imuloop.report.verdict import blocks
 
 MODELS = {"raw": "as logged", "base": "base model", "final": "final"}
 COLOURS = {"raw": GREEN, "base": ORANGE, "final": BLUE}
-METHODS = {
-    "rotation": "gyroscope alone, from a rest to the next",
-    "filter": "filter VQF, arriving at a rest",
-}
-FILTER = (
-    "The filter runs without magnetometer and estimates the gyroscope's bias itself, so it shows "
-    "what of a calibration remains in use; it follows the accelerations of a turn too."
-)
-NO_FILTER = "The filter VQF is left out: its package vqf is not installed."
-SIZES = ("rms_deg", "p95_deg")
 
 
 def attitude_part(device):
-    """Return finding, tables and pictures of the validation by attitude, empty without one."""
+    """Return finding and pictures of the validation by attitude, empty without one."""
     content = read_json(device.folder / "attitude.json")
     if content["status"] != "ok":
         told = {block.get("why") for *_, block in blocks(device.diagnosis)}
         finding = f"The error of the vertical cannot be tested: {content['why']}."
         finding = "" if content["why"] in told else finding
-        return {"finding": finding, "tables": [], "pictures": []}
+        return {"finding": finding, "pictures": []}
     series = pd.read_parquet(device.folder / "attitude.parquet")
     return {
         "finding": _finding(content["methods"]["rotation"]),
-        "tables": [_table(content["methods"])],
         "pictures": [_picture(device, content["methods"]["filter"], series)]
         if "filter" in content["methods"]
         else [],
@@ -59,31 +47,6 @@ def _finding(rotation):
         f"{number(rotation['base_over_final'])}, 95 % interval "
         f"{interval_text(rotation['ratio_ci95'])}. The noise alone gives "
         f"{_degrees(rotation['floor_deg'])}."
-    )
-
-
-def _table(methods):
-    def error(model):
-        def cell(method):
-            rms, most = (number(methods[method]["models"][model][k], 2) for k in SIZES)
-            return f"{rms} ({most})"
-
-        return cell
-
-    return Table.of(
-        "Error of the vertical on held-out stretches, °: root mean square (95 % quantile)",
-        [method for method in METHODS if method in methods],
-        {
-            "Carried by": lambda method: METHODS[method],
-            "Count": lambda method: str(methods[method]["n"]),
-            "Time, median": lambda method: duration(methods[method]["duration_s"], 2),
-            **{f"{words[0].upper()}{words[1:]}, °": error(m) for m, words in MODELS.items()},
-            "Base over final": lambda method: number(methods[method]["base_over_final"]),
-            "95 % interval": lambda method: interval_text(methods[method]["ratio_ci95"]),
-        },
-        "As logged: with the scale of the data sheet. Base: bias, scale factor and misalignment of "
-        "both sensors. Final: with the effects that the diagnosis added. "
-        + (FILTER if "filter" in methods else NO_FILTER),
     )
 
 

@@ -30,7 +30,7 @@ from imuloop.report.numbers import superscript
 INK, GRID, SHADE, PAGE = "#1b1f24", "#c8ced6", "#eef1f4", "#ffffff"
 # colours that are told apart with any colour vision
 PALETTE = ("#0244af", "#b13311", "#048e8b", "#c369cf", "#d87d15", "#4e90ff", "#937851")
-BLUE, VERMILLION, GREEN, PURPLE, ORANGE, _, BROWN = PALETTE
+BLUE, VERMILLION, GREEN, PURPLE, ORANGE, *_ = PALETTE
 # colours of the axes x, y, z in every picture
 AXES = (BLUE, VERMILLION, GREEN)
 # what the page has in the place of each colour, light or dark
@@ -131,15 +131,11 @@ class Picture:
                 # no wider than the area, and each asks for all ticks again
                 area.spines[:].set_in_layout(False)
                 key |= dict(zip(*reversed(area.get_legend_handles_labels()), strict=True))
-                if area not in areas:
-                    # a second scale lies over the first
-                    area.grid(False)
             # areas share axes, and one that is marked is marked in all
             in_decades = [pair for each in figure.axes for pair in _in_decades(each)]
             for area, axis in in_decades:
                 _mark_decades(axis)
-                if area in areas:
-                    _grid_between(area, axis)
+                _grid_between(area, axis)
             if key:
                 figure.legend(key.values(), key, loc="outside upper right", ncols=len(key))
             figure.align_ylabels()

@@ -51,8 +51,7 @@ def loop_errors(device):
 
     Of each record the residual that its verdict quotes, and the one that a user feels first. Each
     is a dict of ``what``, ``unit``, ``logged``, ``calibrated``, ``final``, ``floor`` (SI, root mean
-    squares, None where there is none), ``effects``, and whether the floor takes ``slow_noise`` that
-    the rests do not show.
+    squares, None where there is none) and ``effects``.
     """
     known = {(sensor, part): block for sensor, part, block in blocks(device.diagnosis)}
     found = []
@@ -88,8 +87,7 @@ def _of_residual(what, residual, block, logged=None):
     )
     sizes = {"logged": logged, "calibrated": residual["before"]}
     sizes |= {"final": residual["after"] if names else None, "floor": residual["floor"]}
-    known = {"effects": names, "slow_noise": bool(block.get("slow_noise"))}
-    return {"what": what, "unit": residual["unit"]} | sizes | known
+    return {"what": what, "unit": residual["unit"]} | sizes | {"effects": names}
 
 
 def reach(errors):

@@ -1,21 +1,11 @@
 """Attitude coverage: where on the sphere specific force pointed while the sensor rested."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from imuloop.core.errors import joined, plural
 from imuloop.core.samples import ACCELERATION
 from imuloop.core.sphere import direction_words, largest_hole
-from imuloop.report.figures.drawing import (
-    BLUE,
-    GRID,
-    ORANGE,
-    VERMILLION,
-    Picture,
-    entitle,
-    write_csv,
-)
+from imuloop.report.figures.drawing import BLUE, GRID, ORANGE, VERMILLION, drawn, entitle
 from imuloop.report.numbers import number
 from imuloop.report.results import XYZ
 
@@ -75,15 +65,6 @@ def pose_picture(device):
     directions = pose_directions(device)
     if not directions:
         return None
-    made = sphere(f"{device.name}.poses", directions)
-    everything = np.concatenate(list(directions.values()))
-    columns = dict(zip(("up_x", "up_y", "up_z"), everything.T, strict=True))
-    columns["kind"] = [kind for kind, u in directions.items() for _ in u]
-    return replace(made, csv=write_csv(device.figures, "poses", columns))
-
-
-def sphere(name, directions):
-    """Return the picture of upward directions, (n, 3), by kind of session."""
     everything = np.concatenate(list(directions.values()))
     hole, angle = largest_hole(everything)
 
@@ -98,7 +79,10 @@ def sphere(name, directions):
         f"{counts}; {faces}; the largest hole is around {direction_words(hole)}, "
         f"{number(np.degrees(angle), 2)}° from the nearest pose."
     )
-    return Picture(name, "Attitudes covered", caption, plot, size=(440, 240), columns=(1, 1))
+    columns = dict(zip(("up_x", "up_y", "up_z"), everything.T, strict=True))
+    columns["kind"] = [kind for kind, u in directions.items() for _ in u]
+    looks = {"size": (440, 240), "columns": (1, 1)}
+    return drawn(device, "poses", "Attitudes covered", caption, plot, columns, **looks)
 
 
 def _project(u, sign):

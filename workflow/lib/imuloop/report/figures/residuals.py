@@ -1,7 +1,6 @@
-"""Residual of each pose or turn, before and after the added effects, and what it goes with."""
+"""Residual of each pose or turn, before and after the added effects."""
 
 import numpy as np
-import pandas as pd
 
 from imuloop.core.samples import ACCELERATION, TEMPERATURE
 from imuloop.report.figures.drawing import BLUE, INK, ORANGE, PAGE, drawn, entitle
@@ -27,8 +26,6 @@ OF_WINDOWS = ("reference_rotation", "reference_force")
 ABOUT = 0.87
 MIXED = "mixed"
 TURN_AXES = [*(f"{sign}{axis}" for axis in XYZ for sign in "+−"), MIXED]
-# standard deviations of a rank correlation that chance does not reach in a dozen panels
-SURE = 3.5
 
 
 def residual_pictures(device, sensor, block):
@@ -85,26 +82,6 @@ def turn_axis(direction):
     if abs(direction[axis]) < ABOUT:
         return MIXED
     return f"{'+' if direction[axis] > 0 else '−'}{XYZ[axis]}"
-
-
-def goes_with(panels, error):
-    """Return with which panel's values the errors go most, in words.
-
-    Spearman's rank correlation ρ of the size of the error; its standard deviation is
-    1/√(n − 1) where nothing is there.
-    """
-    size = np.abs(error)
-    shown = {words.partition(",")[0]: v for key, (words, v) in panels.items() if key != "axis"}
-    found = [
-        (np.corrcoef(pd.Series(size).rank(), pd.Series(values).rank())[0, 1], words)
-        for words, values in shown.items()
-        if np.ptp(values) > 0 and np.ptp(size) > 0
-    ]
-    rho, words = max(found, key=lambda f: abs(f[0]), default=(0.0, ""))
-    if abs(rho) * np.sqrt(max(len(error) - 1, 0)) < SURE:
-        return f"its size goes with none of {', '.join(shown)} beyond chance"
-    verb = "grows" if rho > 0 else "falls"
-    return f"its size {verb} with {words} (rank correlation {number(rho, 2)})"
 
 
 def draw_residuals(area, x, before, after, floor):
@@ -169,8 +146,7 @@ def _picture(device, sensor, name, table, block):
     worst = np.abs(after).argmax()
     caption = (
         f"{words[0].upper()}{words[1:]}: {change(residual, changed)}. Largest left: "
-        f"{display.text(abs(errors['after'][worst]))}, {things[worst]}; "
-        f"{goes_with(panels, after)}."
+        f"{display.text(abs(errors['after'][worst]))}, {things[worst]}."
     )
     widths = (2.2, *(1.3 if k == "axis" else 1 for k in list(panels)[1:]))
     kind, looks = f"Residuals of the {sensor}", {"size": (1000, 270), "columns": widths}

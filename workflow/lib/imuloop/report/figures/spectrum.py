@@ -4,13 +4,9 @@ import numpy as np
 
 from imuloop.core.errors import joined
 from imuloop.report.figures.drawing import AXES, GRID, Picture, fill, write_csv
-from imuloop.report.numbers import coefficient_text, number, percent, with_unit
+from imuloop.report.numbers import coefficient_text, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
-
-# departure of the measured density from the model that is worth a word: this factor of power, in
-# so many neighbouring points, and so many standard deviations that hundreds of groups have none
-DEPARTURE, NEIGHBOURS, SURE = 1.1, 10, 5.0
 
 
 def density_pictures(device, session):
@@ -82,36 +78,7 @@ def _density(device, session, sensor, curves, csv):
         f"{with_unit(number(f), 'Hz')} ({axis}{f': {origin}' if origin else ''})"
         for f, axis, origin in lines
     ]
-    caption = (
-        f"{session.name}, {sensor}: N {white} {unit.unit} (x, y, z); "
-        f"{'lines at ' + joined(named) + '; ' if named else ''}"
-        f"{_departure(curves, band or np.inf)}."
-    )
+    lines_at = f"; lines at {joined(named)}" if named else ""
+    caption = f"{session.name}, {sensor}: N {white} {unit.unit} (x, y, z){lines_at}."
     name = f"{device.name}.{session.name}.psd_{sensor}"
     return Picture(name, "Power spectral density", caption, plot, csv=csv)
-
-
-def _departure(curves, highest):
-    """Return where the measured density leaves the model most, as far as chance lets one tell."""
-    if not any((r["model"] > 0).any() for r in curves.values()):
-        return "no model to compare it with"
-    size = np.log(DEPARTURE)
-    text = f"the record keeps within {percent(DEPARTURE - 1)} of the model, chance left aside"
-    for axis, r in curves.items():
-        r = r[(r["model"] > 0) & (r["frequency_hz"] <= highest)]
-        # weights from the variance of the estimate over the truth, by the width of the interval
-        weight = (3.92 / np.log(r["ci_high"] / r["ci_low"])) ** 2
-        # neighbours together: of hundreds of points some leave their intervals by chance
-        group = np.arange(len(r)) // NEIGHBOURS
-        total = weight.groupby(group).sum()
-        ratio = (weight * r["psd"] / r["model"]).groupby(group).sum() / total
-        left = np.abs(np.log(ratio)) * (np.abs(ratio - 1) * np.sqrt(total) > SURE)
-        if left.max() > size:
-            size, k = left.max(), left.idxmax()
-            at = r["frequency_hz"][group == k]
-            ends = with_unit(f"{number(at.iloc[0])} to {number(at.iloc[-1])}", "Hz")
-            text = (
-                f"the record leaves the model most at {ends} ({axis}), with "
-                f"{number(ratio[k], 2)} times its power"
-            )
-    return text

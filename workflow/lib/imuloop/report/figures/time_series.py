@@ -7,7 +7,7 @@ import pandas as pd
 
 from imuloop.core.errors import plural
 from imuloop.core.samples import TIME
-from imuloop.core.segments import DISTURBED, GAP, KINDS, MOTION, STATIC
+from imuloop.core.segments import DISTURBED, GAP, STATIC
 from imuloop.report.figures.drawing import AXES, BLUE, GRID, INK, VERMILLION, drawn
 from imuloop.report.numbers import NO_NUMBER, duration
 from imuloop.report.results import FILE_UNITS, SENSORS, XYZ
@@ -81,15 +81,13 @@ def _picture(device, session, sensor, t):
     gaps = segments["start_s"][segments["kind"] == GAP]
     still = segments[segments["kind"] == STATIC]
     rests = np.searchsorted(t, still[["start_s", "end_s"]].to_numpy()).tolist()
-    raw, means, middle, quiet, square = {}, {}, {}, {}, 0.0
+    raw, means, middle, quiet = {}, {}, {}, {}
     for axis, channel in zip(XYZ, SENSORS[sensor], strict=True):
         x = session.samples[channel]
         chosen = extremes(x)
         # a line is not drawn across a gap
         where = np.searchsorted(t[chosen], gaps, side="right")
         raw[axis] = tuple(np.insert(v[chosen].astype(float), where, np.nan) for v in (t, x))
-        if (segments["kind"] == MOTION).any():
-            square = square + x**2
         if resting:
             means[axis] = means_at_rest(t, x, rests)
             # a knock must not flatten the rest: it is cut off at the frame
@@ -121,7 +119,7 @@ def _picture(device, session, sensor, t):
                 line(*means[axis], color=INK, lw=1.6, label="means")
                 area.set_ylabel(f"{axis}, {display.unit}")
 
-    caption = _finding(session, sensor, np.sqrt(np.max(square)))
+    caption = _finding(session, sensor)
     if resting:
         moved = [np.ptp(y[np.isfinite(y)]) for _, y in means.values() if np.isfinite(y).any()]
         moves = ", ".join(display.size(m, 2) for m in moved) or NO_NUMBER
@@ -147,25 +145,14 @@ def _numbers(sensor, lines):
     return pd.concat(parts).dropna()
 
 
-def _finding(session, sensor, peak):
-    """Return what the picture says: how much of it is rest, and what was cut."""
-    start, kinds = session.segments["start_s"], session.segments["kind"]
-    length = {kind: duration(session.seconds(kind)) for kind in KINDS}
-    text = f"{session.name}, {sensor}: {length[STATIC]} at rest"
+def _finding(session, sensor):
+    """Return how much of a session is rest, and what was cut."""
+    kinds = session.segments["kind"]
+    text = f"{session.name}, {sensor}: {duration(session.seconds(STATIC))} at rest"
     if session.kind != "static":
         text += f" in {plural(session.poses, 'pose')}"
-    if (kinds == MOTION).any():
-        display = MOVING[sensor]
-        text += f", {length[MOTION]} of motion up to {display.size(peak)} {display.unit}"
-    cut = start[kinds == DISTURBED]
-    if len(cut):
-        text += (
-            f"; {plural(len(cut), 'disturbed stretch', 'es')} cut out, {length[DISTURBED]} in all, "
-            f"the first at {duration(cut.iloc[0])}"
-        )
-    elif session.kind == "static":
-        text += "; no disturbance found"
-    if (kinds == GAP).any():
-        count = int((kinds == GAP).sum())
-        text += f"; {plural(count, 'gap')} without samples, {length[GAP]}"
+    for kind, words in ((DISTURBED, "disturbed stretch"), (GAP, "gap")):
+        if count := int((kinds == kind).sum()):
+            many = "es" if kind == DISTURBED else "s"
+            text += f"; {plural(count, words, many)}, {duration(session.seconds(kind))} in all"
     return f"{text}."

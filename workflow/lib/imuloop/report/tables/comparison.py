@@ -51,58 +51,18 @@ class Cell(NamedTuple):
 
     text: str
     below: str = ""
-    best: bool = False
     value: float | None = None
-
-
-def best_device(summaries, key):
-    """Return the place of the device whose figure is smallest; None where that is not certain.
-
-    It is where its 95 % interval lies below those of all others. What was not seen may be anything
-    below its limit. Figures of different units are not compared.
-    """
-    figures = {i: figure for i, s in enumerate(summaries) if (figure := s["figures"].get(key))}
-    if len({figure["unit"] for figure in figures.values()}) > 1:
-        return None
-    ends = {i: _interval(figure) for i, figure in figures.items()}
-    best = min(ends, key=lambda i: ends[i][1], default=None)
-    if len(ends) > 1 and all(ends[best][1] < low for i, (low, _) in ends.items() if i != best):
-        return best
-    return None
-
-
-def _interval(figure):
-    """Return the 95 % interval of the size of a figure."""
-    upper = 0.0 if missing(figure.get("upper95")) else figure["upper95"]
-    if missing(figure["value"]):
-        return 0.0, upper
-    value, reach = abs(figure["value"]), 0.0 if missing(figure["std"]) else 1.96 * figure["std"]
-    return value - reach, max(value + reach, upper)
-
-
-def best_words(summaries):
-    """Return who has the smallest held-out residual of each sensor, where the intervals say so."""
-    found = []
-    for sensor, ((key, *_), *_) in COLUMNS.items():
-        best = best_device(summaries, key)
-        if best is not None:
-            figure = summaries[best]["figures"][key]
-            size = RESIDUAL[figure["unit"]].text(figure["value"], 2)
-            found.append(f"{sensor} – {summaries[best]['label']}, {size}")
-    return found
 
 
 def cells(summaries, sensor):
     """Return the cells of a sensor's columns, a list per device."""
     columns = []
     for key, _, display in COLUMNS[sensor]:
-        best = best_device(summaries, key)
-        figures = [s["figures"].get(key) for s in summaries]
-        columns.append([_cell(figure, display, i == best) for i, figure in enumerate(figures)])
+        columns.append([_cell(s["figures"].get(key), display) for s in summaries])
     return list(zip(*columns, strict=True))
 
 
-def _cell(figure, display, best):
+def _cell(figure, display):
     if not figure:
         return Cell(NO_NUMBER)
     value, upper, logged, floor = (
@@ -123,9 +83,9 @@ def _cell(figure, display, best):
     ]
     below = "; ".join(filter(None, below))
     if unseen:
-        return Cell(limit, below, best, upper)
+        return Cell(limit, below, upper)
     text = with_sigma(value, figure["std"], display.factor) + unit
-    return Cell(text, below, best, abs(value))
+    return Cell(text, below, abs(value))
 
 
 # kinds of records of every device
@@ -139,14 +99,14 @@ PARTS = {
 
 def verdict_rank(verdicts):
     """Return what the column of verdicts is sorted by: poses, then the others."""
-    order = [rank(verdicts[part]["verdict"]) if part in verdicts else 0 for part in PARTS]
+    order = [rank(verdicts[part]) if part in verdicts else 0 for part in PARTS]
     return sum(10**k * each for k, each in enumerate(reversed(order)))
 
 
 def verdict_parts(verdicts):
     """Return the parts of a sensor's diagnosis that have a verdict: (part, words)."""
     known = ((p, words) for p, words in PARTS.items() if p in verdicts)
-    return [(p, words) for p, words in known if verdicts[p]["verdict"] != "not_testable"]
+    return [(p, words) for p, words in known if verdicts[p] != "not_testable"]
 
 
 def filter_cells(summary):
@@ -196,8 +156,8 @@ def _row(summary):
     row["simulated"] = str(summary["simulated"]).lower()
     for sensor, units in FIGURE_UNITS.items():
         for part in PARTS:
-            found = summary["verdicts"][sensor].get(part, {"verdict": "not_testable"})
-            row[f"{sensor}_{part}_verdict"] = found["verdict"]
+            verdict = summary["verdicts"][sensor].get(part, "not_testable")
+            row[f"{sensor}_{part}_verdict"] = verdict
         for name, unit in units.items():
             figure = summary["figures"].get(f"{sensor}_{name}", {})
             for key in ("value", "std", "upper95") if name in "NBK" else ("value", "std"):

@@ -69,7 +69,7 @@ def named():
 
 def family_tables(found, labels):
     """Return the tables of a type, content of family.json; labels of the devices by name."""
-    made = (spread_table, odd_table, trend_table, effect_table)
+    made = (spread_table, odd_table, effect_table)
     return [table for make in made if (table := make(found, labels))]
 
 
@@ -77,15 +77,13 @@ def finding(found, labels):
     """Return in a sentence who stands out from a type."""
     chance = (
         f"By chance alone {PERCENT.text(found['significance'], 1)} of such families have any "
-        f"device named, or any trend, in all of {found['tests']} tests."
+        f"device named, in all of {found['tests']} tests."
     )
     if not found["tests"]:
         return "No three devices have a parameter in common."
     who = [*dict.fromkeys(labels[each["device"]] for each in found["odd"])]
     if not who:
-        drift = "" if trends(found) else ", nothing drifts over serial number or date"
-        ordered = any(one["trends"] for one in found["parameters"].values())
-        return f"No device stands out{drift * ordered}. {chance}"
+        return f"No device stands out. {chance}"
     first = joined(who[:NAMED]) if len(who) <= NAMED else f"{', '.join(who[:NAMED])} and others"
     return f"{plural(len(who), 'device')} {'stand' if who[1:] else 'stands'} out: {first}. {chance}"
 
@@ -96,7 +94,6 @@ def spread_table(found, labels):
     for name, (kind, words) in named().items():
         if one := found["parameters"].get(name):
             low, high = one["spread_ci95"]
-            outside = len(outside_limits(one))
             rows.append(
                 (
                     words.capitalize(),
@@ -106,14 +103,12 @@ def spread_table(found, labels):
                     f"{kind.spread(one['spread'])} ({kind.spread(low)} to {kind.spread(high)})"
                     + "\u202f%" * kind.relative,
                     kind.spread(one["within"]) + "\u202f%" * kind.relative,
-                    Sized(str(outside), outside),
                 )
             )
-    columns = "Parameter, Unit, Devices, Mean ± 1 σ, Between devices (95 %), Within, Outside"
+    columns = "Parameter, Unit, Devices, Mean ± 1 σ, Between devices (95 %), Within"
     note = (
         "Between devices: standard deviation of what they are, without their errors. Within: "
-        "standard error of one device. Outside: devices beyond three standard deviations, of "
-        "spread and own error, from the mean: one in 370 by chance."
+        "standard error of one device."
     )
     caption = f"Mean and spread of {plural(len(found['devices']), 'device')}"
     return Table(caption, tuple(columns.split(", ")), rows, note, sortable=True) if rows else None
@@ -136,35 +131,6 @@ def odd_table(found, labels):
         "the p-value is that of any of all tests."
     )
     return Table("Devices that stand out", columns, rows, note, sortable=True) if rows else None
-
-
-def trend_table(found, labels):
-    """Return the trends that are none of chance; None without any."""
-    rows = []
-    for name, order, one in trends(found):
-        kind, words = named()[name]
-        display = PERCENT if kind.relative else kind.display
-        slope = with_sigma(one["slope"], one["std"], display.factor)
-        unit = f"{display.unit} per {'day' if order == 'date' else 'number'}"
-        rows.append((words.capitalize(), unit, slope, probability(one["p_value"])))
-    columns = ("Parameter", "Unit", "Slope ± 1 σ", "p-value")
-    return Table("Trends over serial number or date", columns, rows) if rows else None
-
-
-def outside_limits(one):
-    """Return the places of the devices that are outside of the limits in a parameter."""
-    rows = zip(one["lower_limits"], one["values"], one["upper_limits"], strict=True)
-    return [k for k, (low, value, high) in enumerate(rows) if not low <= value <= high]
-
-
-def trends(found):
-    """Return name of the parameter, order and content of each trend that is none of chance."""
-    return [
-        (name, order, one)
-        for name, of in found["parameters"].items()
-        for order, one in of["trends"].items()
-        if one["p_value"] < found["significance"]
-    ]
 
 
 def effect_table(found, labels):

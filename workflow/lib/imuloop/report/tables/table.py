@@ -30,9 +30,3 @@ class Table:
     note: str = ""
     dense: bool = False
     sortable: bool = False
-
-    @classmethod
-    def of(cls, caption, items, columns, note="", **looks):
-        """Return a table with a row per item; columns are functions of an item by their header."""
-        rows = [tuple(cell(item) for cell in columns.values()) for item in items]
-        return cls(caption, tuple(columns), rows, note, **looks)
