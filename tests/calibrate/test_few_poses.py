@@ -111,6 +111,14 @@ def test_a_board_with_half_a_g_of_offset_is_calibrated_and_reported():
     assert "bias z (9.8 σ)" in remark and remark.endswith("?")
 
 
+@pytest.mark.parametrize("count", [1, 2, 4])
+def test_an_offset_within_three_standard_deviations_contradicts_nothing(count):
+    """Protects few poses: their residual is the prior's, and no chance of one device in fifty."""
+    f = 9.80665 * UP[:count] / TRUTH.gravity * (1 + 3 * 0.5 / 9.80665)
+    force, _ = calibrated(at_rest(f, 1e-3), UNKNOWN_NOISE, 9.80665)
+    assert (force.method, force.not_testable) == ("multi_position", None)
+
+
 def test_an_accelerometer_alone_is_calibrated():
     made = poses(0, 8)
     silent = replace(

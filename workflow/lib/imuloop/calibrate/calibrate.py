@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import LinAlgError, block_diag
+from scipy.stats import chi2
 
 from imuloop.calibrate.contradictions import change, changed_at
 from imuloop.calibrate.known_rotation import read_turns
@@ -41,6 +42,8 @@ CONTRADICTORY = 9.0
 START = {"gravity_norm": 1e-3, "pose_rate": 1e-3, "rotation": 0.01}
 # their root mean square, over these errors, beyond which the data contradict each other
 MISFIT = 10.0
+# probability with which a sensor as its prior has it is taken for one that contradicts itself
+CHANCE = 1e-4
 # standard deviations up to which two biases may differ and be one
 SAME = 5.0
 # why a gyroscope has no fit where the accelerometer has none
@@ -249,8 +252,9 @@ def contradictions(pair, solution, recording):
     """Return why the data of a sensor contradict each other, text, by such sensors.
 
     They do if the sensor changed amid the recording, if the fit gives what no sensor has, or if its
-    residuals r are larger than the prior alone lets expect: ``|r|² > tr(J P₀ Jᵀ)``. Takes the
-    SensorPair, the Solution of its fit and the Recording.
+    n residuals r are larger than the prior alone lets expect: ``|r|² > χ²(n) tr(J P₀ Jᵀ)/n``, with
+    the quantile of χ² at the probability `CHANCE`. Takes the SensorPair, the Solution of its
+    fit and the Recording.
     """
     found, owner = {}, pair.kinds_of_rows(recording)[1]
     r, jacobian = pair.model(solution, recording).residuals(solution.fit.x)
@@ -260,7 +264,7 @@ def contradictions(pair, solution, recording):
         rows, why = owner == sensor, None
         if fault := sensor_fault(made, sensor):
             why = f"the fit gives what no sensor has: {fault}"
-        elif np.sum(r[rows] ** 2) > np.sum(expected[rows]):
+        elif np.sum(r[rows] ** 2) > np.mean(expected[rows]) * chi2.isf(CHANCE, rows.sum()):
             what = "poses" if sensor == "accelerometer" else "turns"
             why = (
                 f"its {what} contradict each other by more than the data sheet's tolerance; were "

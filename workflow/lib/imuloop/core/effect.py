@@ -37,25 +37,17 @@ class Channels:
         """Return a function of the log's past at these points, shape (n, …).
 
         The function takes the Channels of a whole log and constants, and gives an array whose first
-        axis is the log's samples; at a pose their mean over it is taken. Of a log in pieces it gets
-        a piece after the other, with a dict of its own as `past`, empty at the first; an
-        ImuloopError if it is not marked for that as `imuloop.core.memory.in_pieces`, or for a
-        single sample if it is not marked as `imuloop.core.memory.of_time`.
+        axis is the log's samples; at a pose their mean over it is taken. An ImuloopError for a
+        single sample if the function is not marked as `imuloop.core.memory.of_time`.
         """
         if self.history is not None:
             return self.history(function, *constants)
-        if self.past is None:
-            if len(self.t) == 1 and not getattr(function, "of_time", False):
-                raise ImuloopError(
-                    "the calibration holds an effect that depends on the samples before and after: "
-                    "a single sample is not enough, give the whole log"
-                )
-            return function(self, *constants)
-        if not getattr(function, "in_pieces", False):
-            name = function.__name__
-            raise ImuloopError(f"{name} needs the whole log: read it and give it to apply")
-        past = self.past.setdefault((function, constants), {})
-        return function(replace(self, past=past), *constants)
+        if len(self.t) == 1 and not getattr(function, "of_time", False):
+            raise ImuloopError(
+                "the calibration holds an effect that depends on the samples before and after: "
+                "a single sample is not enough, give the whole log"
+            )
+        return function(self, *constants)
 
 
 class LoggedChannels:

@@ -9,11 +9,11 @@ from html import escape
 import numpy as np
 import pandas as pd
 
+from imuloop.core.apply_file import apply_file
 from imuloop.core.calibration_faults import MOST_BYTES, content_fault, sensor_fault
 from imuloop.core.effect import OUTPUT, Channels, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
-from imuloop.core.pieces import apply_file
 from imuloop.core.prior_remarks import remarks
 from imuloop.core.samples import (
     CHANNELS,
@@ -382,7 +382,7 @@ class Calibration:
         return f.reshape(shape), w.reshape(shape)
 
     def apply_file(self, source, target, *, nominal=False, shift=0.0):
-        """Write the calibrated samples of a samples file; see `imuloop.core.pieces`.
+        """Write the calibrated samples of a samples file; see `imuloop.core.apply_file`.
 
         `nominal` as of `apply`; `shift`, s, is added to the stamps.
         """
@@ -390,18 +390,18 @@ class Calibration:
             self.refuse_nominal()
         return apply_file(self, source, target, shift=shift)
 
-    def calibrated(self, f, w, t, temperature, pasts=(None, None), step=None, clamped=(None, None)):
+    def calibrated(self, f, w, t, temperature, clamped=(None, None)):
         """Return calibrated specific force and angular rate, shape (n, 3) each.
 
         The accelerometer's effects see the angular rate before the gyroscope's own effects; the
-        gyroscope's see the calibrated specific force. Arguments are as of `Channels`, `pasts` and
-        `clamped` one per sensor; an ImuloopError if a value is not finite, and all as logged are.
+        gyroscope's see the calibrated specific force. Arguments are as of `Channels`, `clamped` one
+        per sensor; an ImuloopError if a value is not finite, and all as logged are.
         """
 
         def applied(k, sensor, values, other):
-            history = {"past": pasts[k], "step": step, "clamped": clamped[k]}
             output = sensor.output(values)
-            return sensor.apply(values, Channels(t, output, other, temperature, **history))
+            channels = Channels(t, output, other, temperature, clamped=clamped[k])
+            return sensor.apply(values, channels)
 
         known = all(np.isfinite(values).all() for values in (f, w, t))
         # what overflows is refused below

@@ -6,9 +6,10 @@ import numpy as np
 
 from imuloop.core.effect import Effect, LoggedChannels
 from imuloop.core.memory import filled
-from imuloop.core.pieces import FEWEST
 from imuloop.core.samples import CHANNELS, SENSORS, TEMPERATURE, TIME, Samples, sums_over
 
+# samples that a filter reaches beyond `Effect.reach` at least
+FEWEST = 16
 # samples that are worked on at a time
 PART = 1 << 18
 

@@ -9,8 +9,7 @@ the faster; each row holds the sample of the slower that is nearest in time, who
 
 import json
 from contextlib import suppress
-from functools import cached_property, lru_cache
-from itertools import pairwise
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -124,28 +123,26 @@ def read_columns(path, columns=None):
 
 
 class Samples:
-    """Samples of a session by column and by range of rows; of a file only what is asked for.
+    """Samples of a session by column and by range of rows; a column is read when it is asked for.
 
     ``samples[name]``, ``name in samples`` and ``len(samples)``, the number of rows, are those of a
-    DataFrame; a column is read when it is asked for, and not kept. The source is the path of a
-    Parquet file, a DataFrame, a dict of columns or other Samples; `names` are the columns.
+    DataFrame. The source is the path of a Parquet file, a DataFrame, a dict of columns or other
+    Samples; `names` are the columns.
     """
 
     def __init__(self, source):
         self._table = source._table if isinstance(source, Samples) else source
-        self._metadata = None
+        self._columns = source._columns if isinstance(source, Samples) else {}
         if isinstance(self._table, (str, Path)):
             with parquet_file(self._table) as file:
-                self._metadata = file.metadata
-            groups = range(self._metadata.num_row_groups)
-            self._edges = np.cumsum([0, *(self._metadata.row_group(g).num_rows for g in groups)])
-            # a range across two groups is read again half a range later
-            self._group = lru_cache(3)(self._read_group)
-        self.names = tuple(self._metadata.schema.names if self._metadata else self._table)
+                self.names, self._rows = tuple(file.schema_arrow.names), file.metadata.num_rows
+        else:
+            self.names = tuple(self._table)
+            # of a dict the length is that of a column
+            self._rows = len(self._table[self.names[0]])
 
     def __len__(self):
-        # of a dict the length is that of a column
-        return self._metadata.num_rows if self._metadata else len(self._table[self.names[0]])
+        return self._rows
 
     def __contains__(self, name):
         return name in self.names
@@ -154,28 +151,15 @@ class Samples:
         """Return a column, shape (rows,), not-a-number where a value is missing."""
         if name not in self.names:
             raise KeyError(name)
-        if not self._metadata:
+        if not isinstance(self._table, (str, Path)):
             return np.asarray(self._table[name])
-        return self.read((name,), 0, len(self))[0]
-
-    def _read_group(self, names, g):
-        """Return columns of a row group of the file."""
-        # batches, threads or buffers would keep a file's worth of memory
-        with parquet_file(self._table, metadata=self._metadata, pre_buffer=False) as file:
-            table = file.read_row_group(g, columns=list(names), use_threads=False)
-        return [table[name].to_numpy() for name in names]
+        if name not in self._columns:
+            self._columns |= read_columns(self._table, (name,))
+        return self._columns[name]
 
     def read(self, names, first, last):
         """Return columns of a range of rows, shape (len(names), last - first)."""
-        if not self._metadata:
-            return np.array([np.asarray(self._table[name])[first:last] for name in names], float)
-        out = np.empty((len(names), last - first))
-        for g, (begin, end) in enumerate(pairwise(self._edges)):
-            low, high = max(first, begin), min(last, end)
-            if low < high:
-                for column, values in zip(out, self._group(tuple(names), g), strict=True):
-                    column[low - first : high - first] = values[low - begin : high - begin]
-        return out
+        return np.array([self[name][first:last] for name in names], float)
 
     def pieces(self, names, rows=ROWS):
         """Yield the first row of each piece and its columns, shape (len(names), n)."""
@@ -187,7 +171,7 @@ class Samples:
         """Median step of time, s; None of fewer than two samples."""
         if len(self) < 2:
             return None
-        return float(np.median(np.diff(self[TIME]), overwrite_input=True))
+        return float(np.median(np.diff(self[TIME])))
 
 
 def holds(source, sensor):

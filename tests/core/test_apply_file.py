@@ -1,4 +1,4 @@
-"""A calibration applied piece by piece gives what it gives of the whole log."""
+"""A calibration applied to a file gives what it gives of the samples in it."""
 
 import json
 from dataclasses import replace
@@ -10,11 +10,11 @@ import pyarrow.parquet as pq
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
+from imuloop.core.apply_file import apply_file
 from imuloop.core.effect import Channels, Effect, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.memory import filled
 from imuloop.core.model import Calibration, SensorCalibration
-from imuloop.core.pieces import apply_file
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, METADATA_KEY
 from imuloop.core.units import RawUnit
 
@@ -61,7 +61,6 @@ def log(tmp_path_factory):
     table[["gx", "gy", "gz"]] = rng.normal(0, 0.2, (N, 3))
     warm = 20 + 15 * np.sin(t / 7)
     warm[np.arange(N) % 40 != 20] = np.nan
-    # longer than several pieces
     warm[1000:1900] = np.nan
     table["temperature"] = warm
     table["marker"] = np.arange(N) % 7
@@ -101,9 +100,9 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_pieces_give_what_the_whole_gives(log, tmp_path, case):
+def test_a_file_gives_what_its_samples_give(log, tmp_path, case):
     (made, other, least), table = CASES[case], pd.read_parquet(log)
-    apply_file(made, log, tmp_path / "out.parquet", 300)
+    apply_file(made, log, tmp_path / "out.parquet")
     found, expected = pd.read_parquet(tmp_path / "out.parquet"), made.apply(table)
     assert list(found) == list(expected)
     axes = [*ACCELERATION, *ANGULAR_RATE]
@@ -111,8 +110,7 @@ def test_pieces_give_what_the_whole_gives(log, tmp_path, case):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 if least == 0.1 else 1e-12)
 
 
-@pytest.mark.parametrize("rows", [300, 1 << 17])
-def test_samples_that_are_held_are_counted_once(log, tmp_path, rows):
+def test_samples_that_are_held_are_counted(log, tmp_path):
     made = calibration(["bias_temperature", "bias_drift"])
     table = pd.read_parquet(log)
     first = Channels(
@@ -122,7 +120,7 @@ def test_samples_that_are_held_are_counted_once(log, tmp_path, rows):
     )
     sensor = made.gyroscope
     sensor = replace(sensor, effects=tuple(e.with_ranges([first]) for e in sensor.effects))
-    held = apply_file(replace(made, gyroscope=sensor), log, tmp_path / "out.parquet", rows)
+    held = apply_file(replace(made, gyroscope=sensor), log, tmp_path / "out.parquet")
     assert set(held) == {("gyroscope", "bias_temperature"), ("gyroscope", "bias_drift")}
     assert held["gyroscope", "bias_drift"] == np.sum(table["t"] > table["t"][999])
     known = filled(table["t"].to_numpy(), table["temperature"].to_numpy())
@@ -152,27 +150,3 @@ def test_what_cannot_be_applied_is_refused(log, tmp_path):
     (tmp_path / "text.parquet").write_text("t,ax\n")
     with pytest.raises(ImuloopError, match="no whole Parquet file"):
         made.apply_file(tmp_path / "text.parquet", tmp_path / "out.parquet")
-
-
-def test_memory_does_not_grow_with_the_log(tmp_path):
-    made, peaks = calibration(["warm_up"]), []
-
-    class Watched:
-        """The calibration, which looks at the memory in use whenever a piece comes."""
-
-        device, effects = made.device, made.effects
-
-        def calibrated(self, *args, **kwargs):
-            peaks[-1] = max(peaks[-1], pa.total_allocated_bytes())
-            return made.calibrated(*args, **kwargs)
-
-    rng = np.random.default_rng(1)
-    for count in (20_000, 160_000):
-        columns = [np.arange(count) / 100, *rng.normal(size=(6, count))]
-        table = pa.table(columns, names=["t", "ax", "ay", "az", "gx", "gy", "gz"])
-        pq.write_table(table, tmp_path / "log.parquet", row_group_size=2000)
-        peaks.append(0)
-        del table
-        apply_file(Watched(), tmp_path / "log.parquet", tmp_path / "out.csv", 2000)
-    # eight times the log of 9 MB
-    assert peaks[1] < peaks[0] + 2e6, peaks
