@@ -32,7 +32,7 @@ settings: setup
 	PYTHONPATH=workflow/lib $(BIN)/python docs/settings.py
 
 test: setup-dev
-	$(BIN)/pytest -n $(CORES)
+	$(BIN)/pytest -n $(CORES) --dist loadfile
 
 # what takes too long for every change: statistical tests with all their seeds, published figures of
 # all devices; recordings by IMULOOP_MIRROR
