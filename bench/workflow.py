@@ -8,16 +8,9 @@ static one of 20 minutes, both at 100 Hz, as CSV. Timed are a dry run, the whole
 nothing to do, and the runs after one device is added, one default is changed and one script is
 edited, in a copy of the repository. Refused is a run whose jobs are not those it should have, and
 results of the first devices that are not the same bytes among few devices as among many.
-
-``added``: one device more among thousands that are finished. Two devices of the factory are run;
-the others have their files under other names: logs, tables and pictures as hard links, JSON files
-and Snakemake's records of each output with the name replaced, and in each summary parameters and
-Allan curves scaled a little. All keep their times, so that the workflow takes them for finished.
-Timed are a dry run and the run with one device more; refused is a run with other jobs than its own.
 """
 
 import argparse
-import json
 import os
 import re
 import resource
@@ -26,7 +19,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from base64 import urlsafe_b64decode, urlsafe_b64encode
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -259,61 +251,6 @@ def other_jobs(name, output, wanted):
         yield f"{name}: jobs {jobs}, not {dict(wanted)}"
 
 
-def added(options):
-    """Time one device more among many finished ones; return whether a run did other jobs."""
-    count, folder = options.finished, options.folder / "added"
-    work, rows, faults = folder / "run", [], []
-    shutil.rmtree(folder, ignore_errors=True)
-    for each in (folder / "data", work):
-        each.mkdir(parents=True)
-    for i in (0, 1, count):
-        make_logs(folder / "data", i)
-    how = (REPOSITORY, work, "results/report.html", options.cores)
-    write_config(work, 2)
-    workflow(*how)
-    copy_finished(folder, count)
-    write_config(work, count + 1)
-    for name, arguments in (("dry run", ["-n"]), ("run", [])):
-        wall, processor, output = workflow(*how, *arguments)
-        rows.append((name, f"{wall:.1f}", f"{processor:.1f}"))
-        faults += other_jobs(name, output, WHOLE)
-    size = (work / "results/report.html").stat().st_size / 1e6
-    end = faults or ["Each run did the jobs of one device and the report."]
-    text = [f"{count} devices are finished, one is new; the report has {size:.1f} MB."]
-    text += [table(("", "wall, s", "processor, s"), rows), *end]
-    publish("added", "One device more", "\n\n".join(text))
-    return bool(faults)
-
-
-def copy_finished(folder, count):
-    """Give the files of two finished devices, and Snakemake's records of them, to so many."""
-    records = folder / "run/.snakemake/metadata"
-    recorded = {urlsafe_b64decode(r.name).decode(): r.read_text() for r in records.iterdir()}
-    results = [*(folder / "run/results").rglob("*"), *(folder / "data").iterdir()]
-    files = [path for path in results if path.is_file()]
-    for i in range(2, count):
-        source, name = device(i % 2), device(i)
-        factor = np.random.default_rng(i).lognormal(0, 0.05)
-        for path in (each for each in files if source in str(each)):
-            copy = Path(str(path).replace(source, name))
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            if path.suffix != ".json":
-                os.link(path, copy)
-                continue
-            content = json.loads(path.read_text().replace(source, name))
-            if path.name == "summary.json":
-                for each in content["axes"].values():
-                    each["value"] = [v and factor * v for v in each["value"]]
-                for curve in content["allan"].values():
-                    curve["adev"] = [factor * v for v in curve["adev"]]
-            copy.write_text(json.dumps(content))
-            shutil.copystat(path, copy)
-        for output, text in recorded.items():
-            if source in output:
-                named = urlsafe_b64encode(output.replace(source, name).encode()).decode()
-                (records / named).write_text(text.replace(source, name))
-
-
 def write_config(work, count, longest_rotation=30):
     """Write the config of so many devices; one of ten has no setting of its own."""
     devices = {}
@@ -328,16 +265,15 @@ def write_config(work, count, longest_rotation=30):
 def main():
     parser = argparse.ArgumentParser(prog="python -m bench.workflow", description=__doc__)
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.add_argument("what", choices=("day", "factory", "added"))
+    parser.add_argument("what", choices=("day", "factory"))
     parser.add_argument("--cores", type=int, default=2)
     parser.add_argument("--folder", type=Path, default=REPOSITORY / "build", help="with room")
     parser.add_argument("--rate", type=int, default=200, help="of the day, Hz")
     parser.add_argument("--hours", type=float, default=24.0, help="of the day")
     parser.add_argument("--devices", default="20,200", help="of the factory, few to many")
-    parser.add_argument("--finished", type=int, default=2000, help="devices, before one is added")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
-    works = {"day": day, "factory": factory, "added": added}
+    works = {"day": day, "factory": factory}
     return works[options.what](options)
 
 

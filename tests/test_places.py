@@ -2,7 +2,6 @@
 
 import re
 
-import numpy as np
 import pytest
 
 import imuloop
@@ -23,11 +22,6 @@ def scaled(factor, *columns):
 
 def named(**names):
     return lambda log: log.rename(columns=names)
-
-
-def counted(log):
-    log[FORCE] = np.round(log[FORCE] * 1000)
-    return log
 
 
 # what was done to a sound log, what is declared, and what the message names in each place

@@ -98,9 +98,6 @@ def test_a_bias_that_follows_the_temperature(warm, sensor):
     assert effect["name"] == "bias_temperature"
     for axis, slope in zip("xyz", SLOPES[sensor], strict=True):
         assert abs(effect["parameters"][f"c1{axis}"] - slope) < 4 * effect["std"][f"c1{axis}"]
-        # each session by itself says the same
-        for own in content["by_session"]["bias_temperature"].values():
-            assert abs(own[f"c1{axis}"]["value"] - slope) < 4 * own[f"c1{axis}"]["std"]
     assert effect["p_value"] < 1e-10
     low, high = effect["ratio_ci95"]
     assert low <= effect["heldout_after"] / effect["heldout_before"] <= high < 0.5

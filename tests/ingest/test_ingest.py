@@ -73,7 +73,7 @@ def test_where_samples_come_from_is_kept_with_them(path, run):
     for key, value in done.metadata.items():
         assert done.quality[key] == value
     fields = pq.read_schema(done.path)
-    assert fields.equals(schema(False, {}))
+    assert fields.equals(schema(False))
 
 
 # --- hostile files: one clear line, nothing half-written, nothing outside

@@ -69,18 +69,6 @@ def test_heldout_error_falls(found, minutes):
         assert error["after"] <= min(0.015, error["before"] / 4)
 
 
-@pytest.mark.parametrize(("sensor", "axis"), [("accelerometer", "ay"), ("gyroscope", "gy")])
-def test_coefficients_of_the_orientations_side_by_side(found, minutes, sensor, axis):
-    fitted = found[sensor]["by_session"]["bias_temperature"]
-    assert set(fitted) == set(minutes)
-    for session, mean in minutes.items():
-        # second method: the straight line through the minutes, without whatever else was added
-        slope = np.polyfit(mean.temperature, mean[axis], 1)[0]
-        coefficient = fitted[session][f"c1{axis[1]}"]
-        assert coefficient["value"] == pytest.approx(slope, rel=1 / 3)
-        assert 0 < coefficient["std"] < abs(coefficient["value"]) / 3
-
-
 def test_a_phone_at_rest_has_no_vibration_rectification(measured, monkeypatch):
     entry = {"kind": "static", "format": "netcdf", "file": PHONE}
     entry["columns"] = {"angular_rate": ANGULAR_RATE}

@@ -151,11 +151,6 @@ def static_diagnosis(sensor, sessions, verdict, rng):
         values = _axes("c1", 3e-4 if sensor == "accelerometer" else 2e-5)
         errors = (fall * size, size)
         block["effects"] = [_effect(name, values, f"{unit} per K", 0.0, "bias", *errors, constants)]
-        alone = {
-            session: {k: {"value": v * (1 + i), "std": v / 10} for k, v in values.items()}
-            for i, session in enumerate(sessions)
-        }
-        block["by_session"] = {name: alone}
         change = {"before": _coefficients(size), "after": _coefficients(size / 10)}
         block["noise"] = dict.fromkeys(channels, change)
     return block

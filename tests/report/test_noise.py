@@ -1,8 +1,5 @@
 """The noise part: units, limits and the spectrum."""
 
-import copy
-from dataclasses import replace
-
 import pytest
 
 from imuloop.report.figures.spectrum import density_pictures
@@ -27,10 +24,6 @@ def row_of(table, start):
     (row,) = [r for r in table.rows if r[0].startswith(start)]
     cells = [cell.replace(THIN, " ") for cell in row]
     return dict(zip(table.columns, cells, strict=True))
-
-
-def with_noise(device, **changes):
-    return replace(device, noise={**copy.deepcopy(device.noise), **changes})
 
 
 def test_every_coefficient_stands_in_the_units_of_data_sheets(board):

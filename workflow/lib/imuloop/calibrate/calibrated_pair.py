@@ -39,10 +39,10 @@ class CalibratedPair:
     covariance: np.ndarray
 
     @classmethod
-    def of(cls, calibration, noise, gravity, effects=None, quiet=None):
+    def of(cls, calibration, noise, gravity, effects=None):
         """Return those of a Calibration, with its effects or some OfSensor that it may not hold.
 
-        Takes the NoiseModel, gravity, m/s^2, and `quiet` of a SensorPair.
+        Takes the NoiseModel and gravity, m/s^2.
         """
         sensors = {name: getattr(calibration, name) for name in SENSORS}
         held = {OfSensor(e.effect, s): e for s, own in sensors.items() for e in own.effects}
@@ -62,9 +62,7 @@ class CalibratedPair:
         base = np.concatenate([as_logged(own, BASES[s]) for s, own in sensors.items()])
         values = [held[e].vector if e in held else np.zeros(len(e.parameters)) for e in effects]
         raw = {sensor: own.raw_unit for sensor, own in sensors.items()}
-        pair = SensorPair(
-            noise, gravity, raw, CalibrateSettings(), tuple(SENSORS), base, quiet=quiet
-        )
+        pair = SensorPair(noise, gravity, raw, CalibrateSettings(), tuple(SENSORS), base)
         x = np.concatenate([base, *values])
         return cls(pair, effects, names, tuple(units.values()), x, covariance)
 

@@ -21,9 +21,9 @@ from imuloop.export.export import beside_reference
 EXAMPLE = """example:
   imuloop apply results/my_imu/calibration.json flight.csv -o calibrated.csv
 
-Reads every format that imuloop reads, raw or as samples.parquet. Any length: memory does not grow
-with the log. Writes t (s), ax ay az (m/s^2), gx gy gz (rad/s), and temperature (degC) if logged;
-to .csv also calibrated_by_imuloop, 1, by which it is refused a second time."""
+Reads every format that imuloop reads, raw or as samples.parquet. Writes t (s), ax ay az (m/s^2),
+gx gy gz (rad/s), and temperature (degC) if logged; to .csv also calibrated_by_imuloop, 1, by which
+it is refused a second time."""
 
 
 def add(commands, **how):

@@ -25,9 +25,9 @@ class Channels:
     other: np.ndarray  # (n, 3): the other sensor's output, SI
     temperature: np.ndarray | None = None  # (n,): degC; None where it was not logged
     history: Callable | None = None  # see `remembered`; None where the points are samples
-    # of a log that comes in pieces: what functions that remember have kept of it so far
+    # of a log that is read in parts, `RestLog`: what functions that remember have kept of it so far
     past: dict | None = None
-    step: float | None = None  # of a log that comes in pieces: median step of the whole, s
+    step: float | None = None  # of such a log: median step of the whole, s
     # (n,): which power cycle of the data, 0, 1, ..., each point lies in; None in one of its own
     power_cycle: np.ndarray | None = None
     # takes, by name of an effect, at which points it was clamped to its range

@@ -64,13 +64,9 @@ def at_rail(samples, rails, names):
     return clipped
 
 
-def schema(metadata, more=()):
-    """Return the Parquet schema of a samples file, whose metadata are kept as JSON.
-
-    `more` are the names of columns beside time and the six axes.
-    """
-    names = [TIME, *CHANNELS, *more]
-    fields = [pa.field(name, pa.float64()) for name in names]
+def schema(metadata):
+    """Return the Parquet schema of a samples file, whose metadata are kept as JSON."""
+    fields = [pa.field(name, pa.float64()) for name in (TIME, *CHANNELS)]
     return pa.schema(fields, metadata={METADATA_KEY: json.dumps(metadata).encode()})
 
 

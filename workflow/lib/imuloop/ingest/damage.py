@@ -36,7 +36,6 @@ def reject_damage(read):
     @functools.wraps(read)
     def reader(paths, columns=None):
         path = Path(paths["log"])
-
         try:
             return read(paths, columns)
         except (ImuloopError, MemoryError):

@@ -20,9 +20,9 @@ class LogFormat:
     """A log format: its reader, and what its files are called.
 
     ``read(paths, columns) -> RawLog`` takes the role of each file, `files`, to its
-    path, what the config says of columns, and about how many rows are given at once. It raises
-    ImuloopError where a declaration does not fit, RejectedLog for a broken file. `endings` are
-    those of file names, lower case; a `folder` may hold files of them.
+    path, and what the config says of columns. It raises ImuloopError where a declaration does not
+    fit, RejectedLog for a broken file. `endings` are those of file names, lower case; a `folder`
+    may hold files of them.
     """
 
     read: Callable

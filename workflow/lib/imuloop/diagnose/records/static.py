@@ -1,6 +1,6 @@
 """Static records: means at rest, whose slow noise is not known beforehand."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
@@ -42,11 +42,6 @@ class StaticProblem:
     def parts(self):
         """Number of parts that are held out in turn."""
         return self.settings.blocks
-
-    def of_session(self, session):
-        """Return the problem of the records of one session."""
-        own = tuple(r for r in self.records if r.session == session)
-        return replace(self, records=own, _derivatives={})
 
     @cached_property
     def merged(self):

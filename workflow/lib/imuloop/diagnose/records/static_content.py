@@ -6,9 +6,7 @@ from imuloop.calibrate.noise_components import FARTHEST
 from imuloop.core.effect import Effect
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import residual_entry, search_content, untried
-from imuloop.diagnose.records.static import fitted_effects
 from imuloop.diagnose.residuals import held_out_covariance
-from imuloop.diagnose.search import Search
 from imuloop.diagnose.verdict import MARGIN, RESIDUALS, judge, verdict
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -26,7 +24,7 @@ def searched_content(sensor, finding):
     found = search_content(choices, finding.effects, finding.others, sensor)
     for entry, own in zip(found["effects"], choices.choice().added, strict=True):
         entry["axis"] = axes[own.trial.axis] if own.change.before.shape[1] == 1 else None
-    return found | {"by_session": _by_session(choices)}
+    return found
 
 
 def static_content(sensor, finding, searched, noise, change):
@@ -130,28 +128,6 @@ def _by_axis(axes, problem, errors, floor):
         }
         for own in dict.fromkeys(problem.session)
     }
-
-
-def _by_session(choices):
-    """Return the parameters of each effect, with standard errors, fitted to each session alone.
-
-    All together; one by one in a session where they are not told apart. Steps are of their
-    sessions anyway.
-    """
-    problem = choices.problem
-    base = tuple(e for e in choices.choice().base if e.kind not in problem.scans)
-    found = {e.name: {} for e in base}
-    for session in dict.fromkeys(r.session for r in problem.records if base):
-        alone = Search(problem.of_session(session), frozenset())
-        own = fitted_effects(alone, base)
-        if own is None:
-            own = sum((fitted_effects(alone, (e,)) or () for e in base), ())
-        for effect in own:
-            found[effect.name][session] = {
-                name: {"value": value, "std": effect.std[name]}
-                for name, value in effect.values.items()
-            }
-    return found
 
 
 def _points(problem, effects, errors, floor):

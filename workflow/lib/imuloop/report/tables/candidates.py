@@ -18,8 +18,6 @@ CONSTANTS = {
     "reference_temperature": ("θ0", "°C"),
     "tau": ("τ", "s"),
     "half_width": ("w", "K"),
-    "frequency": ("f", "Hz"),
-    "tc": ("Tc", "s"),
 }
 # best first
 UNTRIED = ("not_observable", "not_available")
