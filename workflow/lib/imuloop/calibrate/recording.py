@@ -88,19 +88,19 @@ class Recording:
         new = replace(self.poses, power_cycle=-1 - self.poses.power_cycle)
         return replace(self, poses=new)
 
-    def pose_channels(self, sensor, output, other):
+    def pose_channels(self, sensor, output, other, see=lambda values: values):
         """Return what an effect of a sensor sees at the poses.
 
-        `output` takes values of the sensor, SI as logged, (n, 3), to ``K (raw - b)``; `other`,
-        (n, 3), is what an effect sees of the other sensor at the poses.
+        `output` takes values of the sensor, SI as logged, (n, 3), to ``K (raw - b)``, `see` those
+        of the other in a log to what an effect sees; `other`, (n, 3), is what it sees at the poses.
         """
         poses = self.poses
-        history = self._history(sensor, output, partial(pose_means, poses, self.logs))
+        history = self._history(sensor, output, see, partial(pose_means, poses, self.logs))
         own = output(getattr(poses, OWN[sensor][0]))
         cycle = poses.power_cycle
         return Channels(poses.mid_s, own, other, poses.temperature, history, power_cycle=cycle)
 
-    def rotation_channels(self, sensor, output, other):
+    def rotation_channels(self, sensor, output, other, see=lambda values: values):
         """Return the same along the rotations, m of k samples; the other sensor is (m, k, 3)."""
         rotations, temperature = self.rotations, self.rotations.temperature
         session = self.poses.session[rotations.first]
@@ -114,7 +114,7 @@ class Recording:
             output(getattr(rotations, OWN[sensor][0]).reshape(-1, 3)),
             other.reshape(-1, 3),
             None if temperature is None else temperature.ravel(),
-            self._history(sensor, output, at_samples),
+            self._history(sensor, output, see, at_samples),
             power_cycle=np.repeat(self.poses.power_cycle[rotations.first], rotations.t.shape[1]),
         )
 
@@ -129,7 +129,7 @@ class Recording:
         turned = calibration.apply(rotations.f.reshape(-1, 3), along)
         return calibration.apply(poses.f, channels), turned.reshape(rotations.f.shape)
 
-    def _history(self, sensor, output, seen):
+    def _history(self, sensor, output, see, seen):
         """Return a function of functions of the whole log of each session, as `seen` takes them."""
         own, other = OWN[sensor]
 
@@ -138,7 +138,7 @@ class Recording:
             whole = {}
             for s in set(self.poses.session.tolist()):
                 log = self.logs[s]
-                outputs = partial(output, getattr(log, own)), partial(getattr, log, other)
+                outputs = partial(output, getattr(log, own)), partial(see, getattr(log, other))
                 whole[s] = function(LoggedChannels(log.t, log.temperature, *outputs), *constants)
             return seen(whole)
 
