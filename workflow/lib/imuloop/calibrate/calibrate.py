@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import LinAlgError, block_diag
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from imuloop.calibrate.contradictions import change, changed_at
 from imuloop.calibrate.known_rotation import read_turns
@@ -264,7 +264,7 @@ def contradictions(pair, solution, recording):
         rows, why = owner == sensor, None
         if fault := sensor_fault(made, sensor):
             why = f"the fit gives what no sensor has: {fault}"
-        elif np.sum(r[rows] ** 2) > np.mean(expected[rows]) * chi2.isf(CHANCE, rows.sum()):
+        elif np.sum(r[rows] ** 2) > np.mean(expected[rows]) * chdtri(rows.sum(), CHANCE):
             what = "poses" if sensor == "accelerometer" else "turns"
             why = (
                 f"its {what} contradict each other by more than the data sheet's tolerance; were "
