@@ -253,8 +253,9 @@ def contradictions(pair, solution, recording):
 
     They do if the sensor changed amid the recording, if the fit gives what no sensor has, or if its
     n residuals r are larger than the prior alone lets expect: ``|r|² > χ²(n) tr(J P₀ Jᵀ)/n``, with
-    the quantile of χ² at the probability `CHANCE`. Takes the SensorPair, the Solution of its
-    fit and the Recording.
+    the quantile of χ² at the probability `CHANCE` for an accelerometer and its mean n for a
+    gyroscope, whose bias a rest alone gives. Takes the SensorPair, the Solution of its fit and the
+    Recording.
     """
     found, owner = {}, pair.kinds_of_rows(recording)[1]
     r, jacobian = pair.model(solution, recording).residuals(solution.fit.x)
@@ -262,9 +263,11 @@ def contradictions(pair, solution, recording):
     expected = np.einsum("np,pq,nq->n", jacobian[:, : len(prior)], prior, jacobian[:, : len(prior)])
     for sensor, made in pair.calibrations(solution).items():
         rows, why = owner == sensor, None
+        count = rows.sum()
+        most = chdtri(count, CHANCE) if sensor == "accelerometer" else count
         if fault := sensor_fault(made, sensor):
             why = f"the fit gives what no sensor has: {fault}"
-        elif np.sum(r[rows] ** 2) > np.mean(expected[rows]) * chdtri(rows.sum(), CHANCE):
+        elif np.sum(r[rows] ** 2) > np.mean(expected[rows]) * most:
             what = "poses" if sensor == "accelerometer" else "turns"
             why = (
                 f"its {what} contradict each other by more than the data sheet's tolerance; were "
