@@ -10,10 +10,10 @@ from importlib import import_module
 from pathlib import Path
 
 import imuloop
+from imuloop.calibrate_logs import calibrate
 from imuloop.core.effect import Effect
-from imuloop.core.model import SensorCalibration
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.plot import Plots
-from imuloop.result import calibrate
 
 PAGE = Path(__file__).resolve().parents[1] / "build/api.md"
 # in full, in the order in which a user meets them

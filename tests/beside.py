@@ -6,8 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
 from imuloop.core.samples import CHANNELS
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.reference import diagnose_reference
 from imuloop.diagnose.settings import DiagnoseSettings

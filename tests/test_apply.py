@@ -12,8 +12,8 @@ from imuloop import Calibration
 from imuloop.__main__ import main
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import write_json
-from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import CHANNELS
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from test_command_line import one_line_error
 

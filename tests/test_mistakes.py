@@ -99,7 +99,7 @@ def test_what_has_no_allan_deviation(given):
 def test_what_is_read_and_applied_by_mistake(log):
     with pytest.raises(ImuloopError, match="'unit' cannot be declared of a log; did you mean 'u"):
         imuloop.read(log, unit={"acceleration": "g"})
-    nominal = imuloop.core.model.SensorCalibration.nominal
+    nominal = imuloop.core.sensor_calibration.SensorCalibration.nominal
     raw = imuloop.core.units.RawUnit
     sensors = [nominal(raw(unit, 1.0), "no log") for unit in ("m/s^2", "rad/s")]
     with pytest.raises(ImuloopError, match=r"not ndarray: imuloop\.read"):
@@ -135,7 +135,7 @@ def test_a_mistake_on_the_command_line_is_one_line_with_its_cause(command, log, 
 
 
 def test_the_call_is_documented_as_its_function():
-    from imuloop.result import calibrate
+    from imuloop.calibrate_logs import calibrate
 
     assert inspect.signature(imuloop.calibrate) == inspect.signature(calibrate)
     assert "gravity : float or mapping" in inspect.getdoc(imuloop.calibrate)

@@ -11,8 +11,9 @@ import imuloop.effects  # noqa: F401  the library of effects
 from imuloop.core.calibration_faults import implausible
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
-from imuloop.core.model import OF_ONE_LOG, Calibration, SensorCalibration
+from imuloop.core.model import OF_ONE_LOG, Calibration
 from imuloop.core.samples import CHANNELS
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 
 COUNTS = RawUnit("count", 0.0024, 32768.0)

@@ -6,8 +6,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
 from imuloop.core.samples import CALIBRATED, CHANNELS
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.tables import joined, read_session, table, text_cell, write_sessions
 from imuloop.core.units import RawUnit
 

@@ -9,9 +9,9 @@ from diagnose.models import diagnosed
 from diagnose.test_search import with_g_sensitivity
 from imuloop.calibrate.recording import record
 from imuloop.core.effect import FittedEffect
-from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import DEGREE
 from imuloop.diagnose.records.pose_tables import moves_table, no_tables, poses_table
 from imuloop.effects.other_sensor import GSensitivity

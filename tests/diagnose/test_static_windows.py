@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 
 from imuloop.core import rest_log
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
 from imuloop.core.samples import CHANNELS, Samples
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.rests import rests_to_use
 from imuloop.diagnose.records.static_windows import (

@@ -6,9 +6,10 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.effect import Channels, FittedEffect, find_effect
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import DEGREE, RawUnit
 from imuloop.effects.other_sensor import GSensitivity
 from imuloop.effects.temperature import BiasTemperature, ScaleTemperature

@@ -19,8 +19,8 @@ from export.devices import (
     warm_device,
     warm_samples,
 )
-from imuloop.core.model import SensorCalibration
 from imuloop.core.samples import SENSORS
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.effects.temperature import BiasTemperature
 from simulated_reference import Beside, simulate_beside
 

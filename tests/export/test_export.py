@@ -20,7 +20,7 @@ from export.devices import (
 )
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
-from imuloop.core.model import SensorCalibration
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.export.export import (
     FORMATS,
     README,

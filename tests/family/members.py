@@ -5,8 +5,9 @@ Every parameter has a spread between devices and errors of its own; both are kno
 
 import numpy as np
 
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.family.family import Member, tried_effects
 

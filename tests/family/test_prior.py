@@ -16,7 +16,8 @@ from imuloop.calibrate.sensor_pair import BASES, parameters
 from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import plain
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.effects.turn_on_bias import TURN_ON, TurnOnBias
 from imuloop.family.family import Member, write_family

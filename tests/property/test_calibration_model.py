@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 
 import imuloop.effects  # noqa: F401  the library of effects
 from imuloop.core.effect import FittedEffect, find_effect
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from property.strategies import misalignments, seeds, vectors
 

@@ -13,10 +13,11 @@ import pyarrow.parquet as pq
 
 from imuloop.core.effect import FittedEffect
 from imuloop.core.files import write_json
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.samples import CHANNELS, schema
 from imuloop.core.segments import segment_table
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.tables import write_table
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.pose_tables import no_tables

@@ -13,7 +13,8 @@ from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.effects.other_sensor import GSensitivity
 from imuloop.simulate.truth import Noise, example_truth

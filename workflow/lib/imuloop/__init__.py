@@ -18,7 +18,7 @@ _PLACES = {
     "calibrate": "calibrate",
     "load": "result",
     "plot": "plot",
-    "read": "result",
+    "read": "calibrate_logs",
 }
 __all__ = [*_PLACES]
 

@@ -8,47 +8,22 @@ import shlex
 import shutil
 import tempfile
 import textwrap
-import warnings
 import weakref
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from html import escape
 from pathlib import Path
 from urllib.parse import quote
 
-import pandas as pd
-from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits
-from tqdm import tqdm
-
 import imuloop
 from imuloop import chain
-from imuloop.arguments import (
-    FILE,
-    check_declared,
-    check_name,
-    check_settings,
-    gravity_of,
-    log_of,
-)
-from imuloop.core.errors import ImuloopError, ImuloopWarning
-from imuloop.core.files import read_json, refuse_overwriting, replaced
+from imuloop.core.errors import ImuloopError
+from imuloop.core.files import read_json, replaced
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.places import PYTHON, read_in
 from imuloop.core.prior_remarks import remarks
-from imuloop.core.samples import SENSORS, read_samples
-from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.ingest.formats import PAIR
-from imuloop.sensors import device_figures
+from imuloop.core.samples import SENSORS
 
-KINDS = ("multi_position", "six_position", "static")
-# what can be declared of a log, and of the sensor
-OF_LOGS = ("units", "columns", "format", "rate")
-OF_SENSOR = ("sensor", "range", "nominal")
-# what `calibrate` takes for a log
-Log = str | Path | pd.DataFrame | tuple | Mapping
 # columns of a result that is printed
 WIDTH = 100
 # where a log came from that was no file
@@ -219,142 +194,17 @@ def load(folder) -> Result:
         # a source begins with its path or address
         places = (str(next(iter(source.values()))) for source in quality["source"].values())
         logs[name] = " and ".join(dict.fromkeys(places)) or name
-        wrong, look = _said(name if logs[name] == IN_MEMORY else logs[name], quality)
+        wrong, look = log_remarks(name if logs[name] == IN_MEMORY else logs[name], quality)
         failures, notes = failures + wrong, notes + look
     how = {"label": label, "gravity": calibration.gravity}
     device = chain.Device(calibration.device, folder, kinds, **how)
     return Result(device, logs, tuple(failures), tuple(notes))
 
 
-def calibrate(
-    t: ArrayLike | Log | list[Log] | None = None,
-    acceleration: ArrayLike | None = None,
-    angular_rate: ArrayLike | None = None,
-    temperature: ArrayLike | None = None,
-    *,
-    static: Log | list[Log] = (),
-    six_position: Log | list[Log] = (),
-    gravity: float | Mapping = STANDARD_GRAVITY,
-    units: Mapping | None = None,
-    columns: Mapping | None = None,
-    sensor: str | None = None,
-    range: Mapping | None = None,
-    nominal: Mapping | None = None,
-    rate: float | None = None,
-    format: str | None = None,
-    prior: str | Path | None = None,
-    name: str = "device",
-    label: str = "",
-    settings: Mapping | None = None,
-    folder: str | Path | None = None,
-    progress: bool = True,
-) -> Result:
-    """Calibrate and diagnose one device; the same stages, and numbers, as in the workflow.
-
-    Parameters
-    ----------
-    t : array_like, shape (n,), or a log, or a list of logs, optional
-        Time stamps, s, of the arrays that follow; or each log of many positions: a path, a
-        DataFrame, a tuple of arrays ``(t, acceleration, angular_rate[, temperature])``, or a
-        mapping of ``acceleration`` and ``angular_rate`` to a path or a DataFrame each. An array
-        of shape (n, k) needs `columns` by number, from 0.
-    acceleration, angular_rate : array_like, shape (n, 3), or path or DataFrame, optional
-        m/s^2 and rad/s, or in the `units` that are given. Without `t`: arrays at the `rate`, or a
-        path or DataFrame of each sensor with its own time stamps.
-    temperature : array_like, shape (n,), optional
-        degC.
-    static, six_position : a log, or a list of logs
-        Of the device at rest, and of its six faces up and down in turn.
-    gravity : float or mapping
-        Local gravity, m/s^2, or ``latitude``, degrees, and ``height``, m, to compute it from.
-    units, columns, sensor, range, nominal, rate, format : optional
-        Of all logs, as in the config; what is not given is found from a log, units else SI.
-    prior : path-like, optional
-        An earlier calibration.json of the device, or a family.json of its type.
-    name, label : str
-        Name of the device, and that in the report.
-    settings : mapping, optional
-        Settings of the stages by their name, as in the config.
-    folder : path-like, optional
-        Where results are kept; without, as long as the result lives.
-    progress : bool
-        Whether to show how far it is.
-
-    Raises
-    ------
-    ImuloopError
-        If a log does not exist, or is not as declared.
-
-    Warns
-    -----
-    ImuloopWarning
-        For each log that was rejected, stage that failed, and thing to look at in a log; the result
-        lists them in its `failures` and `notes`.
-    """
-    if t is None and (acceleration is None or angular_rate is None):
-        raise ImuloopError("no log is given: t, or acceleration and angular_rate")
-    if (acceleration is None) != (angular_rate is None):
-        lacks = "acceleration" if acceleration is None else "angular_rate"
-        raise ImuloopError(f"{lacks}: none is given beside t and the other sensor")
-    check_name(name)
-    if folder and Path(folder).is_file():
-        raise ImuloopError(f"{folder}: a file, where a folder for the results is asked for")
-    check_settings(settings or {})
-    if prior is not None and not (isinstance(prior, FILE) and Path(prior).is_file()):
-        raise ImuloopError(f"prior: {prior}: there is no such file")
-    declared = {"format": format, "rate": rate, "columns": columns or {}, "units": units or {}}
-    figures = _figures(declared | {"sensor": sensor, "range": range, "nominal": nominal})
-    tables = any(isinstance(x, (*FILE, pd.DataFrame)) for x in (acceleration, angular_rate))
-    if acceleration is None:
-        poses = _several(t)
-    elif t is None and tables:
-        poses = [dict(zip(PAIR, (acceleration, angular_rate), strict=True))]
-    elif t is None and rate is None:
-        raise ImuloopError("t: none is given; give it, or the rate of the arrays in Hz")
-    else:
-        poses = [(t, acceleration, angular_rate, temperature)]
-    if temperature is not None and not isinstance(poses[0], tuple):
-        raise ImuloopError("temperature: goes with arrays; else it is a column of the log")
-    given = zip(KINDS, (poses, _several(six_position), _several(static)), strict=True)
-    logs = {
-        f"{kind}_{i + 1}": log_of(log, columns, "log" if kind == KINDS[0] else kind)
-        for kind, each in given
-        for i, log in enumerate(each)
-    }
-    kept = folder or TemporaryFolder()
-    if prior and folder:
-        refuse_overwriting([folder], [prior])
-    device = chain.Device(
-        name,
-        Path(folder or kept.name),
-        {session: session.rpartition("_")[0] for session in logs},
-        label=label,
-        gravity=gravity_of(gravity),
-        **figures,
-        prior={"file": str(prior)} if prior else {},
-        **{stage: dict(of) for stage, of in (settings or {}).items()},
-    )
-    failures, notes = [], []
-    count = len(logs) + len(chain.stages())
-    # the time that is left is not known: stages differ
-    shown = "{desc}{bar} {n_fmt} of {total_fmt} steps done, {elapsed}"
-    stages = tqdm(total=count, disable=not progress, leave=False, bar_format=shown)
-    # the matrices are small: threads within a product slow it down
-    with stages as bar, threadpool_limits(1, "blas"):
-        for session, log in logs.items():
-            bar.set_description(f"ingest {session}")
-            wrong, look = _ingested(device, session, log, declared)
-            failures, notes = failures + wrong, notes + look
-            bar.update()
-        for stage in chain.stages():
-            bar.set_description(stage.__name__)
-            stage(device)
-            bar.update()
-    for text in (*failures, *notes):
-        # at the line that calls `imuloop.calibrate`
-        warnings.warn(f"{name}: {text}", ImuloopWarning, stacklevel=3)
-    paths = {session: _where(log) for session, log in logs.items()}
-    return Result(device, paths, tuple(failures), tuple(notes), None if folder else kept)
+def log_remarks(log, quality):
+    """Return why a log cannot be used, and what to look at in it, a line each."""
+    why = [f"{log}: rejected: {'; '.join(quality['reasons'])}"] if quality["reasons"] else []
+    return why, [f"{log}: {text}" for text in quality["warnings"]]
 
 
 def _link(page, name, folder):
@@ -378,46 +228,6 @@ def _link(page, name, folder):
         temporary.write_text(text, "utf-8")
 
 
-def read(log, **declared) -> pd.DataFrame:
-    """Return the samples of a log: `t` (s), `ax ay az` (m/s^2), `gx gy gz` (rad/s), `temperature`.
-
-    Parameters
-    ----------
-    log : path-like, DataFrame or tuple of arrays
-        As of `calibrate`.
-    **declared
-        ``units``, ``columns``, ``format``, ``rate``, ``sensor``, ``range``, ``nominal``, as of
-        `calibrate`.
-
-    Raises
-    ------
-    ImuloopError
-        If the log cannot be used; one line with the reasons.
-
-    Warns
-    -----
-    ImuloopWarning
-        For each thing to look at in the log.
-    """
-    figures = _figures(declared)
-    log = log_of(log, declared.get("columns"))
-    kept = {k: v for k, v in declared.items() if v is not None and k not in OF_SENSOR}
-    with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
-        device = chain.Device("log", Path(folder), {"log": None}, **figures)
-        failures, notes = _ingested(device, "log", log, kept)
-        for failure in failures:
-            raise ImuloopError(failure)
-        for text in notes:
-            warnings.warn(text, ImuloopWarning, stacklevel=2)
-        return read_samples(device.sessions["log"]["samples"])
-
-
-def _figures(declared):
-    """Return the `device_figures` of what is declared; an ImuloopError if that cannot be."""
-    check_declared(declared, (*OF_LOGS, *OF_SENSOR))
-    return device_figures(*map(declared.get, OF_SENSOR))
-
-
 def _basis(sensor):
     """Return what a sensor's calibration comes from, with the scale factors and biases found."""
     from imuloop.report.numbers import typeset, with_sigma
@@ -434,53 +244,3 @@ def _basis(sensor):
     if sensor.unimproved:
         text += f"; {sensor.prior['source']}: {', '.join(sensor.unimproved)}"
     return text
-
-
-def _several(logs):
-    """Return a list of logs, of one too: a tuple of arrays."""
-    if logs is None or (isinstance(logs, tuple) and not logs):
-        return []
-    return logs if isinstance(logs, list) else [logs]
-
-
-def _where(log):
-    """Return the path of a log, of two those of both."""
-    parts = log.values() if isinstance(log, dict) else [log]
-    files = [str(part) for part in parts if isinstance(part, FILE)]
-    return " and ".join(files) or IN_MEMORY
-
-
-@read_in(PYTHON)
-def _ingested(device, session, log, declared):
-    """Write the samples of a session; return why they cannot be used, and what to look at."""
-    parts, paths, sources = log if isinstance(log, dict) else {"log": log}, [], {}
-    for role, part in parts.items():
-        if isinstance(part, FILE):
-            path = Path(part)
-            refuse_overwriting([device.folder], [path])
-            sources[role] = {"path": str(part)}
-        else:
-            name = f"{session}_{role}" if len(parts) > 1 else session
-            path = device.file(f"{name}.parquet")
-            path.parent.mkdir(parents=True, exist_ok=True)
-            part.to_parquet(path, index=False)
-            sources[role] = {"path": IN_MEMORY}
-        paths.append(path)
-    shown = _where(log) if _where(log) != IN_MEMORY else session
-    declared = declared | {"sources": sources}
-    try:
-        chain.ingest(device, session, declared, paths)
-    except ImuloopError as error:
-        # the file's name is enough, and of a log in memory that of its session
-        why = str(error).removeprefix(f"{device.name}/{session}: ")
-        for path in paths if IN_MEMORY in {s["path"] for s in sources.values()} else ():
-            why = why.replace(str(path), session)
-        raise ImuloopError(why) from error
-    quality = read_json(device.sessions[session]["quality"])
-    return _said(shown, quality)
-
-
-def _said(log, quality):
-    """Return why a log cannot be used, and what to look at in it, a line each."""
-    why = [f"{log}: rejected: {'; '.join(quality['reasons'])}"] if quality["reasons"] else []
-    return why, [f"{log}: {text}" for text in quality["warnings"]]

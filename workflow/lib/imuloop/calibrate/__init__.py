@@ -8,11 +8,11 @@ from types import ModuleType
 
 def _function():
     # by name, so that a stage does not depend on all others
-    return import_module("imuloop.result").calibrate
+    return import_module("imuloop.calibrate_logs").calibrate
 
 
 class _Call(ModuleType):
-    """The package, which is called as `imuloop.result.calibrate` and documented as it is."""
+    """The package, which is called and documented as `calibrate_logs.calibrate`."""
 
     def __call__(self, *logs, **how):
         return _function()(*logs, **how)

@@ -15,7 +15,7 @@ from imuloop.calibrate.raw_units import in_raw_units, prior_content
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.sensor_pair import BASES, SensorPair, places
 from imuloop.core.calibration_faults import sensor_fault
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import (
     ANGULAR_RATE,
@@ -28,6 +28,7 @@ from imuloop.core.samples import (
     read_columns,
     read_metadata,
 )
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 
 KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")

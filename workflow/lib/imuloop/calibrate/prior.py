@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.core.model import FAR_OFF
+from imuloop.core.sensor_calibration import FAR_OFF
 from imuloop.sensors import GENERIC, Tolerance
 
 # parameters of both base models

@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.effect import FittedEffect
-from imuloop.core.model import SensorCalibration
+from imuloop.core.sensor_calibration import SensorCalibration
 
 
 def in_raw_units(

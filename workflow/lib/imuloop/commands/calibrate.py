@@ -7,6 +7,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
+from imuloop.calibrate_logs import KINDS, calibrate
 from imuloop.commands.gravity import add_gravity, local_gravity
 from imuloop.commands.lines import say
 from imuloop.commands.raw_log import (
@@ -19,7 +20,6 @@ from imuloop.commands.raw_log import (
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting
 from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.result import KINDS, calibrate
 
 EXAMPLE = """examples:
   imuloop calibrate poses.csv -o results/my_imu

@@ -21,9 +21,10 @@ from imuloop.commands.raw_log import (
 )
 from imuloop.core.errors import ImuloopError, Lacking
 from imuloop.core.files import refuse_overwriting
-from imuloop.core.model import Calibration, SensorCalibration
+from imuloop.core.model import Calibration
 from imuloop.core.samples import read_metadata, read_samples
 from imuloop.core.segments import MOTION
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import STANDARD_GRAVITY, RawUnit
 from imuloop.export.export import FORMATS, render
 from imuloop.export.values import Exported, values

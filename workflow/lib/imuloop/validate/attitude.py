@@ -7,9 +7,9 @@ import pandas as pd
 from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.least_squares import why_no_fit
-from imuloop.core.model import SensorCalibration
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
+from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.diagnose.choice import Choices, ratio_interval
 from imuloop.diagnose.residuals import held_out_covariance
 
