@@ -89,7 +89,7 @@ def first(good):
 
 def test_a_healthy_device_needs_nothing(good):
     (step,) = next_steps(good())
-    assert step.startswith("Nothing needed. Enough poses and turns") and "0.5" in step
+    assert step.startswith("Nothing needed. The calibration is precise enough") and "0.5" in step
 
 
 def test_the_limit_is_said_with_what_improves_it_and_by_how_much(first):
