@@ -3,7 +3,7 @@
 ``day``: a log of 24 h, six axes, is made piece by piece with white noise, flicker and a random walk
 of known size; the workflow runs up to noise.json; coefficients are compared with the truth.
 
-``factory``: devices with errors of their own, each with a multi-position session of 6 minutes and a
+``factory``: devices with their own errors, each with a multi-position session of 6 minutes and a
 static one of 20 minutes, both at 100 Hz, as CSV. Timed are a dry run, the whole run, the run with
 nothing to do, and the runs after one device is added, one default is changed and one script is
 edited, in a copy of the repository. Refused is a run whose jobs are not those it should have, and

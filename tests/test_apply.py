@@ -126,7 +126,7 @@ def packed(path):
 
 
 def by_pandas(ending, cut=None):
-    """Return what reads a table with pandas, leaves out rows and writes it anew."""
+    """Return what reads a table with pandas, leaves out rows and writes it again."""
 
     def written(path):
         read = pd.read_csv if path.suffix == ".csv" else pd.read_parquet

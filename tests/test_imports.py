@@ -120,7 +120,7 @@ def test_a_device_is_calibrated_without_any_extra(repository, tmp_path):
 
 
 def test_who_reads_a_calibration_has_the_library_of_effects(repository):
-    # each in a process of its own, as a job is, that has the packages of others already
+    # each in its own process, as a job is, that has the packages of others already
     code = """if True:
         import os, sys, pyarrow.parquet, pandas, scipy.optimize, scipy.signal
         for module in sys.argv[1:]:
@@ -149,7 +149,7 @@ ELSEWHERE = """if True:
 def test_a_device_is_calibrated_without_what_windows_lacks(repository, tmp_path):
     calibrated_device(tmp_path, 8, 10.0, 1)
     samples = pd.read_csv(tmp_path / "1.csv")
-    # of a format whose reader has a process of its own
+    # of a format whose reader has its own process
     savemat(tmp_path / "1.mat", {name: samples[name].to_numpy() for name in samples})
     (tmp_path / "torn.mat").write_bytes((tmp_path / "1.mat").read_bytes()[:5000])
     (tmp_path / "sitecustomize.py").write_text(ELSEWHERE)

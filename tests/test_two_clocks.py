@@ -1,4 +1,4 @@
-"""Two sensors on clocks of their own: noise, rests and turns are of each sensor's own samples."""
+"""Two sensors on their own clocks: noise, rests and turns are of each sensor's own samples."""
 
 import zipfile
 

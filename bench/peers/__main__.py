@@ -28,7 +28,7 @@ ENVIRONMENT = {
 def contend(calls, arrays, environment, rounds):
     """Yield contender, least seconds of the rounds and what it computed, or why it failed.
 
-    Contenders take turns, each in a process of its own, imuloop in this environment, peers in
+    Contenders take turns, each in its own process, imuloop in this environment, peers in
     their own; `arrays` by name are what they are given.
     """
     with tempfile.TemporaryDirectory() as folder:

@@ -35,7 +35,7 @@ TESTS, POWER = 30, 0.9
 LIMITS = "imuloop.diagnose.content.detection_limits"
 # nothing that a study judges
 ATTITUDE = "imuloop.validate.attitude.validate_attitude"
-# what poses and static records are judged without: tests of its own come on top of theirs
+# what poses and static records are judged without: its own tests come on top of theirs
 MOTION = "imuloop.diagnose.diagnose.diagnose_motion"
 
 

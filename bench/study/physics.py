@@ -111,7 +111,7 @@ EFFECTS = {
     "bias_drift": _drift,
     # the bias is that after the step
     "steps": lambda now, p, c: -np.outer(now.t < c["times"][0], of_axes(p, "h1")),
-    # at rest the drift has a name of its own
+    # at rest the drift has its own name
     "ramp": _drift,
     "quadratic": lambda now, p, c: of_axes(p, "K2") * now.output * now.output,
     "cubic": lambda now, p, c: of_axes(p, "K3") * now.output * now.output * now.output,
@@ -168,7 +168,7 @@ def harmonic(sensor, degree, size, seed):
     """Return a function of `Channels`: a pattern of attitude of one degree, outside the library.
 
     A Legendre polynomial about a random axis: on an accelerometer along gravity, the part that
-    its norm shows; on a gyroscope about an axis of its own on each axis.
+    its norm shows; on a gyroscope about its own axis on each axis.
     """
     axes = np.random.default_rng(seed).standard_normal((3, 3))
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)

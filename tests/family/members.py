@@ -1,6 +1,6 @@
 """Families of devices simulated in numpy alone: what is true of a type, what each device measured.
 
-Every parameter has a spread between devices and errors of its own; both are known here.
+Every parameter has a spread between devices and its own errors; both are known here.
 """
 
 import numpy as np

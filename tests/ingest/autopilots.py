@@ -1,4 +1,4 @@
-"""What logs of autopilots have in common: stamps, warmth, increments of their own interval."""
+"""What logs of autopilots have in common: stamps, warmth, increments with their own interval."""
 
 from fractions import Fraction
 

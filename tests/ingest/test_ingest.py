@@ -19,7 +19,7 @@ from ingest.logs import brief
 
 
 def in_child(folder, code):
-    """Run code in a process of its own in a folder; return what it prints."""
+    """Run code in its own process in a folder; return what it prints."""
     head = """
         import resource
         from pathlib import Path

@@ -15,7 +15,7 @@ N, SECRET = 500, b"root:x:0:secret!"
 
 @pytest.fixture(params=["log.nc", "log.mat"])
 def sound(request, log, tmp_path):
-    """Return a sound log to spoil; MATLAB has 512 bytes of its own in front of HDF5."""
+    """Return a sound log to spoil; MATLAB puts its own 512 bytes in front of HDF5."""
     path = tmp_path / request.param
     matlab = path.suffix == ".mat"
     with h5py.File(path, "w", userblock_size=512 * matlab) as file:

@@ -1,4 +1,4 @@
-"""The two sensors of a text log apart: in turn, in files of their own, in rows of each."""
+"""The two sensors of a text log apart: in turn, in their own files, in rows of each."""
 
 import zipfile
 

@@ -20,7 +20,7 @@ from published.conftest import BOARDS
 
 GRAVITY = 9.81744
 FOUND = ("time_offset", "lever_arm", "rate_sensitivity")
-# of a prototype of its own, with σ: m, s, m/s² per rad/s
+# of its own prototype, with σ: m, s, m/s² per rad/s
 PROTOTYPE = {
     "lever_arm": {
         "rxx": (-5.1e-3, 0.6e-3), "rxy": (1.4e-3, 1.0e-3), "rxz": (-5.3e-3, 0.7e-3),

@@ -74,7 +74,7 @@ def test_biases_that_drift_together_are_no_tilt(seeds):
 def resting(seed, settles=0.0, tau=2.0, rests=25, rate=100.0, noise=(2e-3, 1e-4), drift=(0.0, 0.0)):
     """Force and rate, (3, n), of rests of 5 s, the ranges, the true tilts, and the bias.
 
-    Each rest begins with a tilt, rad, about a level axis of its own that decays. Both biases drift
+    Each rest begins with a tilt, rad, about its own level axis, that decays. Both biases drift
     by so much in each rest, SI, which no other sensor sees.
     """
     rng, n = np.random.default_rng(seed), round(5 * rate)

@@ -1,4 +1,4 @@
-"""True motion: angular rate against attitude by an integrator of its own; where poses lie."""
+"""True motion: angular rate against attitude by its own integrator; where poses lie."""
 
 import numpy as np
 import pytest

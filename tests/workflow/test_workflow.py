@@ -1,4 +1,4 @@
-"""The workflow from end to end, on a small config in a folder of its own."""
+"""The workflow from end to end, on a small config in its own folder."""
 
 import hashlib
 import json

@@ -175,7 +175,7 @@ def read(log, **declared) -> pd.DataFrame:
     Parameters
     ----------
     log : path-like, DataFrame or tuple of arrays
-        As of `calibrate`.
+        As in `calibrate`.
     **declared
         ``units``, ``columns``, ``format``, ``rate``, ``sensor``, ``range``, ``nominal``, as of
         `calibrate`.

@@ -102,7 +102,7 @@ def resolve(config):
     By device: ``label``, ``gravity`` (m/s^2), those of `device_figures`, the stages' settings,
     ``type``, None where not given, ``prior`` with ``file`` and ``type``, empty where not given, and
     ``sessions`` with ``kind``, ``format``, ``sources`` (by role: ``log``, or ``acceleration`` and
-    ``angular_rate``; ``pps`` and ``reference`` in files of their own), ``columns``, ``units``,
+    ``angular_rate``; ``pps`` and ``reference`` in their own files), ``columns``, ``units``,
     ``rate`` (Hz), ``time_range``, ``pps``, ``reference``, ``known_rotation``.
     """
     return {

@@ -53,7 +53,7 @@ def _file_kind(value):
 
 
 def either(by=kind_of, **types):
-    """Return the type of a value that may be of several kinds, each with a type of its own."""
+    """Return the type of a value that may be of several kinds, each with its own type."""
     members = tuple(Annotated[each, Tag(BRANCH + kind)] for kind, each in types.items())
 
     def branch(value):
@@ -130,7 +130,7 @@ Source = either(_source_kind, string=Text, url=Url, wheel=Wheel)
 
 
 class Pair(Keys):
-    """A file of each sensor, each on a clock of its own."""
+    """A file of each sensor, each on its own clock."""
 
     acceleration: Source = Field(description="Of the accelerometer; as file")
     angular_rate: Source = Field(description="Of the gyroscope")

@@ -62,7 +62,7 @@ def usable(sessions, *kinds):
 
 
 def without_pose(sessions, kind):
-    """Return why there is no pose of one kind; arguments as of `usable`."""
+    """Return why there is no pose of one kind; arguments as in `usable`."""
     became = []
     for name, session in sessions.items():
         if session["kind"] == kind:
@@ -74,7 +74,7 @@ def without_pose(sessions, kind):
 def with_sessions(reason, sessions):
     """Return a reason, text or None; for missing poses, also what happened to the sessions.
 
-    Sessions as of `usable`.
+    Sessions as in `usable`.
     """
     for kind in ("multi_position", "six_position"):
         bare = without_pose({}, kind)
@@ -84,7 +84,7 @@ def with_sessions(reason, sessions):
 
 
 def read_poses(sessions, kind):
-    """Return the poses of the sessions of one kind; arguments as of `usable`."""
+    """Return the poses of the sessions of one kind; arguments as in `usable`."""
     return gather_poses([table for _, table in usable(sessions, kind)])
 
 
@@ -103,7 +103,7 @@ def read_recording(sessions, longest_rotation, kinds=POSED):
 def first_log(sessions):
     """Return the metadata of the samples of the first session, by order of `KINDS`, a dict.
 
-    Sessions as of `usable`. One without rows comes last: of a log that was not read the units are
+    Sessions as in `usable`. One without rows comes last: of a log that was not read the units are
     not known.
     """
 

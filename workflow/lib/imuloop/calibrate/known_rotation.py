@@ -65,7 +65,7 @@ class KnownTurns:
 
 
 def read_turns(sessions, force):
-    """Return the KnownTurns of a device; sessions as of `calibrate.usable`.
+    """Return the KnownTurns of a device; sessions as in `calibrate.usable`.
 
     The axis is the one declared; gravity's direction by the accelerometer `force`, at the start of
     the turn, where it lies along it.

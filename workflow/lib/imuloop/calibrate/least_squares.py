@@ -143,7 +143,7 @@ def chi_square(values, covariance, jacobian, groups):
 
     The trace of ``H = J C Jᵀ Σ⁻¹`` is how many of the parameters a group's residuals carry. Takes
     residuals, (n,), their covariance Σ, (n, n), and derivative J with respect to the parameters,
-    (n, p), which are fitted anew to all together, and masks of the groups; the likelihood is
+    (n, p), which are fitted again to all together, and masks of the groups; the likelihood is
     restricted.
     """
     root = cholesky(covariance, lower=True)

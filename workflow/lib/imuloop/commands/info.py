@@ -102,7 +102,7 @@ def calibration_lines(calibration):
 
 
 def noise_lines(content, data_sheet=None):
-    """Return noise coefficients in units of data sheets; ``data_sheet`` as of `device_figures`."""
+    """Return noise coefficients in units of data sheets; ``data_sheet`` as in `device_figures`."""
     rate = content.get("rate_hz")
     at = f", at {number(rate, 5)} Hz" if rate else ""
     lines = [f"noise of {content['device']}{at}, from {', '.join(content.get('sessions', []))}"]

@@ -162,7 +162,7 @@ def figures_of(arguments):
 
 
 def declared(arguments, calibration=None, layout=None):
-    """Return what the arguments declare of a log, as of `ingest`, without the scales of counts.
+    """Return what the arguments declare of a log, as in `ingest`, without the scales of counts.
 
     Where they say nothing, the raw units are those of the calibration, if one is given, and the
     rest is as the `layout` of the log that it is from has it.

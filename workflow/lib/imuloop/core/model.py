@@ -179,7 +179,7 @@ class Calibration:
         raw : bool
             Whether the arrays are in the calibration's raw units, counts above all, not in SI.
         nominal : bool
-            As of `apply`.
+            As in `apply`.
 
         Returns
         -------
@@ -218,7 +218,7 @@ class Calibration:
     def apply_file(self, source, target, *, nominal=False, shift=0.0):
         """Write the calibrated samples of a samples file; see `imuloop.core.apply_file`.
 
-        `nominal` as of `apply`; `shift`, s, is added to the stamps.
+        `nominal` as in `apply`; `shift`, s, is added to the stamps.
         """
         if not nominal:
             self.refuse_nominal()
@@ -228,7 +228,7 @@ class Calibration:
         """Return calibrated specific force and angular rate, shape (n, 3) each.
 
         The accelerometer's effects see the angular rate before the gyroscope's own effects; the
-        gyroscope's see the calibrated specific force. Arguments are as of `Channels`, `clamped` one
+        gyroscope's see the calibrated specific force. Arguments are as in `Channels`, `clamped` one
         per sensor; an ImuloopError if a value is not finite, and all as logged are.
         """
 

@@ -2,7 +2,7 @@
 
 A pandas DataFrame of float64 columns: `t` (s from the first sample), specific force `ax ay az`
 (m/s^2), angular rate `gx gy gz` (rad/s) and, where logged, `temperature` (degC). Where `t` was
-rebuilt, `t_logged` is the time as stamped. Of two sensors with clocks of their own `t` is that of
+rebuilt, `t_logged` is the time as stamped. Of two sensors with their own clocks `t` is that of
 the faster; each row holds the sample of the slower that is nearest in time, whose own stamp is in
 `t_accelerometer` or `t_gyroscope`.
 """

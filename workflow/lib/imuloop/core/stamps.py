@@ -12,7 +12,7 @@ class Scatter:
     r"""Scatter of the stamps about even steps: whether the angular rate goes with it.
 
     With the lateness :math:`e_k = t_k - k T` of a stamp and slopes s, s' of the angular rate w,
-    each from samples of its own so that their noise does not enter,
+    each from its own samples so that their noise does not enter,
 
     .. math:: \beta = \frac{\sum (w_k - (w_{k-1} + w_{k+1})/2)\,d_k s'_k}{\sum d_k^2 s_k s'_k},
         \quad d_k = e_k - (e_{k-1} + e_{k+1})/2

@@ -144,7 +144,7 @@ class Evidence:
         return replace(self, row_groups=groups, prior=self.prior + sum(n.fitted for n in noise))
 
     def with_parts(self, row_parts):
-        """Return the same evidence with other parts, (N, 2), as of `RowGroup`."""
+        """Return the same evidence with other parts, (N, 2), as in `RowGroup`."""
         each = zip(self.row_groups, self.split(row_parts), strict=True)
         return replace(self, row_groups=[replace(g, row_parts=own) for g, own in each])
 
@@ -162,7 +162,7 @@ class Evidence:
 
     @property
     def row_parts(self):
-        """The parts of all rows, (N, 2), as of `RowGroup`."""
+        """The parts of all rows, (N, 2), as in `RowGroup`."""
         return np.concatenate([g.row_parts for g in self.row_groups])
 
     def split(self, rows):

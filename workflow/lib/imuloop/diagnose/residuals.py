@@ -50,7 +50,7 @@ def held_out_errors(values, weights, jacobian, row_parts, counts):
 def held_out_covariance(covariance, jacobian, row_parts, weights=None):
     """Return the covariance that the noise, (n, n), alone gives to held-out errors, (n, n).
 
-    Other arguments as of `held_out_errors`; the inverse of the covariance without weights.
+    Other arguments as in `held_out_errors`; the inverse of the covariance without weights.
     """
     weights = precision(covariance)[0] if weights is None else weights
     unit, counts = np.eye(len(row_parts)), jacobian.shape[1:]

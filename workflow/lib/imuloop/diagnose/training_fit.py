@@ -117,7 +117,7 @@ class TrainingFit:
     def gram(self, columns):
         """Return products of columns, nuisances taken out, summed over the groups, (h, k, k).
 
-        Of columns Z, with U as of `_roots`: ``Zᵀ P Z - (Uᵀ P Z)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
+        Of columns Z, with U as in `_roots`: ``Zᵀ P Z - (Uᵀ P Z)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
         """
         self._enter(columns)
         place = np.array([self._place[c] for c in columns], dtype=int)

@@ -17,7 +17,7 @@ TURN_ON = {"accelerometer": 20e-3 * STANDARD_GRAVITY, "gyroscope": 0.5 * DEGREE}
 
 @dataclass(frozen=True)
 class TurnOnBias(Effect):
-    """``e_i = s_ki`` in power cycle k, ``Σ_k s_ki = 0``: each has a bias of its own.
+    """``e_i = s_ki`` in power cycle k, ``Σ_k s_ki = 0``: each has its own bias.
 
     A power cycle is a session, or what follows a gap longer than all that was recorded before. The
     bias of the calibration is the mean over the power cycles; in a log of one that it does not know

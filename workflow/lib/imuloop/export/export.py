@@ -30,7 +30,7 @@ class ExportFormat(NamedTuple):
 
     file: str
     title: str  # the tool
-    needs: tuple[str, ...]  # without what it is not written, words as of `reasons`
+    needs: tuple[str, ...]  # without what it is not written, words as in `reasons`
 
     def text(self, exported):
         """Return the text of an `Exported`; raise Lacking where it lacks what the file needs."""

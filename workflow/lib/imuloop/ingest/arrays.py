@@ -27,7 +27,7 @@ NUMPY_ENDINGS = (".npy", ".npz")
 _WIDEST = 64
 # share of gravity by which the force in a matrix may differ from it
 _NEAR = 0.2
-# MATLAB puts a text of its own before HDF5
+# MATLAB puts its own text before HDF5
 _HDF5, _HDF5_AT = b"\x89HDF\r\n\x1a\n", (0, 512)
 _OCTAVE = b"# Created by Octave"
 _SINCE = re.compile(r"\s*(\w+?)s?\s+since\s+(\d.*)", re.IGNORECASE)

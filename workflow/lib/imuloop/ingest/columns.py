@@ -21,7 +21,7 @@ from imuloop.ingest.spellings import (
 STAMP = "stamp"
 # name there of the own stamps of a sensor with a slower clock
 HELD = "held"
-# name there of the part of a second where that has a column of its own
+# name there of the part of a second where that has its own column
 FRACTION = "stamp.fraction"
 _QUANTITIES = ("time", "acceleration", "angular_rate", "temperature")
 # most names in a message

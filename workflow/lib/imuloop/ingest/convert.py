@@ -34,7 +34,7 @@ class Counts:
     """What became of the rows of a log; each row is counted once.
 
     `identical` are rows that repeat the one before in stamp and all values: nothing is lost.
-    `like_gravity` and `in_two_units` are as of `misread`.
+    `like_gravity` and `in_two_units` are as in `misread`.
     `points` are number and time of each row, (n, 2); `outside_marks` samples before the first and
     after the last 1PPS mark; `start_ns` the moment of the first sample, ns since 1970, None without
     dates, `begin_s` how long it is after the log's first stamp, s.
@@ -132,7 +132,7 @@ def si_samples(
     """Return the columns of the samples of a RawLog, `t` strictly increasing from 0.
 
     Of a sensor that the log lacks they are zero.
-    `rows` are as of `all_rows`; `units` and `raw_units` are the unit of each quantity and the
+    `rows` are as in `all_rows`; `units` and `raw_units` are the unit of each quantity and the
     `RawUnit` of each sensor; `rate`, Hz, stamps rows of a log without stamps; `time_range` is a
     half-open crop, seconds from the log's first stamp or ISO 8601, None is open; `counts` are
     filled on the way. With `even` samples (`even_stamps.Even`) `t` is rebuilt from the row number

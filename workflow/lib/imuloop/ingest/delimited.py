@@ -177,7 +177,7 @@ def _gyroflow(layout):
 def text_columns(source, layout, positions, log, stamps=None):
     """Return columns of a text table (path or bytes).
 
-    The first `stamps` of the columns at `positions` are stamps, as of `stamp_array`, the others
+    The first `stamps` of the columns at `positions` are stamps, as in `stamp_array`, the others
     float64; all are text if None. `log` counts bad lines and bytes.
     """
     kinds = [pa.string()] * len(positions)

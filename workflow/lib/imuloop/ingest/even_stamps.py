@@ -374,7 +374,7 @@ def broken(measured, rate=None):
     """Return what is wrong with stamps in bursts that no line could rebuild; None if they are none.
 
     A sensor that pauses by itself pauses for long, goes on for a second or more, or has the
-    declared rate in between. Parameters are as of `line_step`.
+    declared rate in between. Parameters are as in `line_step`.
     """
     gaps = measured["gaps"]
     if measured["rows"] < 2 or not gaps["longer_than_s"]:

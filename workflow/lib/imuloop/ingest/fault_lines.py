@@ -100,7 +100,7 @@ def _temperature(figures):
 def _axes(found):
     """Return how the axes of the two sensors do not fit, and what would mend them."""
     mapping = found["axes"] and found["axes"]["mapping"]
-    # one axis in two places fits nowhere, and has a line of its own
+    # one axis in two places fits nowhere, and has its own line
     if not mapping or found["copies"]:
         return []
     fits = ", ".join(

@@ -58,7 +58,7 @@ def measure(samples, raw_units, figures):
     """Return the faults of samples, empty of none, and row and channel of each spike, (2, k).
 
     `raw_units` are the `RawUnit` of each sensor; `figures` are quality figures with ``rate_hz``,
-    ``gaps``, ``quantisation_step`` and ``range``; a spike is as of `isolated`.
+    ``gaps``, ``quantisation_step`` and ``range``; a spike is as in `isolated`.
     """
     rate, ranges, count = figures["rate_hz"], figures["range"], len(samples)
     # stamps of a damaged file may lie 1e-300 s apart: no block of a second holds the rows

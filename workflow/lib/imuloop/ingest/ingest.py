@@ -305,7 +305,7 @@ def _quality(reasons, figures, counts, log):
 def write_rejected(*, device, session, kind, samples_path, quality_path, reason):
     """Write samples without rows and a quality with the reason, for a log that does not fit.
 
-    Parameters are as of `ingest`; the reason is about what is declared.
+    Parameters are as in `ingest`; the reason is about what is declared.
     """
     units = {quantity: known[0] for quantity, known in UNITS.items()}
     raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in SENSORS}

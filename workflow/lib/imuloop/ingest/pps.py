@@ -65,7 +65,7 @@ class Timeline:
 def find_timeline(rows, log, units, columns, path=None):
     """Return GNSS time over the counter of a log, its time column.
 
-    `rows` are as of `convert.all_rows`. Marks are ``counter`` and ``time`` of `columns`, those of
+    `rows` are as in `convert.all_rows`. Marks are ``counter`` and ``time`` of `columns`, those of
     the log, or of the text table at `path`. Marks that do not fit the log reject it.
     """
     if path is None and not log.found.get("pps"):

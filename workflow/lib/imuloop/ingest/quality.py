@@ -93,7 +93,7 @@ def _scales(full_scale):
 # a damaged file may hold 1e306
 @np.errstate(over="ignore", invalid="ignore")
 def _channel_figures(samples, names, scales):
-    """Return the figures of the channels, those of `names`; `scales` are as of `_scales`."""
+    """Return the figures of the channels, those of `names`; `scales` are as in `_scales`."""
     rows, x = len(samples), samples.read(names, 0, len(samples))
     # without a value there is neither an end nor a step
     ends = np.array([[(np.nan, np.nan, np.inf)] * len(names)])

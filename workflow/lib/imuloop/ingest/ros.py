@@ -142,7 +142,7 @@ def _files(path):
 def _plain(path, target):
     """Return a path to a bag by which the library can open it and knows its kind; unpacked.
 
-    Names of its own would have to be quoted in the address that the library makes of them.
+    Its own names would have to be quoted in the address that the library makes of them.
     """
     if path.is_dir():
         target.symlink_to(path.absolute())

@@ -1,4 +1,4 @@
-"""Of two sensors with clocks of their own: the quality of the slower one's own samples.
+"""Of two sensors with their own clocks: the quality of the slower one's own samples.
 
 Values that rows hold would look like firmware that holds them, or like a filter, and a spike that
 they hold like a step.
@@ -18,7 +18,7 @@ def measure(columns, sensor, raw_units, full_scale):
     """Return quality figures in which the slower sensor's channels are by its own samples.
 
     Under ``slower`` are the sensor, its rate and its rows. A spike of it is in all rows that hold
-    it. Parameters are as of `quality.measure`.
+    it. Parameters are as in `quality.measure`.
     """
     figures, axes = quality.measure(columns, raw_units, full_scale), SENSORS[sensor]
     stamps = columns[OWN_TIME[sensor]]

@@ -1,4 +1,4 @@
-"""Logs of several streams, each on a clock of its own: chosen, and merged onto one."""
+"""Logs of several streams, each on its own clock: chosen, and merged onto one."""
 
 import re
 from dataclasses import dataclass, field, replace
@@ -78,7 +78,7 @@ def raw_log(streams, columns=None, notes=(), damage=()):
         own, name = time
         if own is not clock:
             raise ImuloopError(f"columns.time: {columns['time']} is not in {clock.name}")
-        # in a unit of its own
+        # in its own unit
         stamps, units = own.fields[name], {}
     for quantity, (own, fields) in chosen.items():
         values = own.values(fields)

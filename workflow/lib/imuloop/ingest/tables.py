@@ -220,7 +220,7 @@ def read_pair(read, sources, columns=None):
 
 
 def _paired(logs):
-    """Return the RawLog of two logs, sensor -> that of it alone, each on a clock of its own."""
+    """Return the RawLog of two logs, sensor -> that of it alone, each on its own clock."""
     streams, columns, total = [], {}, RawLog()
     for quantity, log in logs.items():
         if quantity not in log.found:

@@ -211,7 +211,7 @@ def _separator(rows, least):
     for separator in _SEPARATORS:
         table = [fields_of(row, separator) for row in rows]
         width = widths[separator] = Counter(map(len, table)).most_common(1)[0][0]
-        # rows of several kinds, each with a number of fields of its own, are a table too
+        # rows of several kinds, each with a number of its own fields, are a table too
         given = [text for row in table if len(row) >= least for text in row if text]
         long = sum(len(row) >= least for row in table) / len(rows)
         alike = sum(len(row) == width for row in table) / len(rows)

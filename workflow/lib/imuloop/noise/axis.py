@@ -61,7 +61,7 @@ def estimate_axis(basis, signals, settings):
 
 
 def find_lines(basis, signals, settings):
-    """Return the lines, and the Selection of what remains; arguments as of `estimate_axis`.
+    """Return the lines, and the Selection of what remains; arguments as in `estimate_axis`.
 
     Lines are found and taken out one by one, each against the noise fitted beside those before.
     What one before has left where it wandered is taken out too, but is no line.

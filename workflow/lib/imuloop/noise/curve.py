@@ -97,7 +97,7 @@ class NoiseOfCurve:
 
         .. math:: \nu = 2 \sigma^4 / \mathrm{var}(\hat\sigma^2)
 
-        for theta as of `variance`, white noise where none is known; not-a-number without terms.
+        for theta as in `variance`, white noise where none is known; not-a-number without terms.
         """
         theta = theta if any(theta[:4]) else np.array([0, 1.0, 0, 0, 0])
         level, variance = self.level @ theta, self.variance(theta)

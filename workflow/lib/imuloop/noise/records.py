@@ -84,7 +84,7 @@ def record_of(session, disturbed=False):
     """Return the Record of all rests of a session with two samples or more; None without any.
 
     A stretch of a static session has the level of the one before it, unless a disturbance lies
-    between; the rests of other sessions have levels of their own. A lost sample ends a stretch.
+    between; the rests of other sessions have their own levels. A lost sample ends a stretch.
     Where `disturbed`, disturbed stretches stay in, and one level holds all through.
     """
     kind, rest = np.asarray(session.segments["kind"]), _steadiest(session.segments)

@@ -27,7 +27,7 @@ NOTHING = 1e-4
 # a fit gains less than so many times what its beginning lets expect
 LEEWAY = 4.0
 # share of a session over which one level has to last before walk or ramp is told from flicker:
-# from short rests, each at a level of its own, it would be carried on over all that lies between
+# from short rests, each at its own level, it would be carried on over all that lies between
 LASTING = 1 / 8
 ORDER = (*NAMES, "R")
 

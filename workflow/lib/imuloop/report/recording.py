@@ -91,9 +91,9 @@ def enough(device):
     known = f"{parameter_words(now['sensor'], now['parameter'])}, {_sigma(now, 'std')}"
     if now["ratio"] <= MATTERS:
         return (
-            "The calibration is precise enough: at 1\u202fg and 100\u202f°/s none of its σ makes an error "
-            f"above {MATTERS:g} times the noise of a mean of 1\u202fs; the largest, of {known}, makes "
-            f"{number(now['ratio'], 2)} times that noise."
+            "The calibration is precise enough: at 1\u202fg and 100\u202f°/s none of its σ makes "
+            f"an error above {MATTERS:g} times the noise of a mean of 1\u202fs; the largest, "
+            f"of {known}, makes {number(now['ratio'], 2)} times that noise."
         )
     return (
         f"No rest and no turn lowers the σ that matters most by as much as {percent(NOTICEABLE)}: "

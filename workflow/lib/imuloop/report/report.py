@@ -19,7 +19,7 @@ from imuloop.report.tables import comparison as tables
 from imuloop.report.tables import family as of_type
 from imuloop.report.verdict import WORDS, grouped
 
-# the most devices whose parts are in the report itself; of more each has a page of its own
+# the most devices whose parts are in the report itself; of more each has its own page
 TOGETHER = 10
 
 

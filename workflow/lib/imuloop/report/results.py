@@ -78,7 +78,7 @@ class DeviceResults:
     poses: pd.DataFrame = field(default_factory=pd.DataFrame)
     moves: pd.DataFrame = field(default_factory=pd.DataFrame)
     reference: pd.DataFrame = field(default_factory=pd.DataFrame)
-    data_sheet: dict = field(default_factory=dict)  # as of `imuloop.sensors.device_figures`
+    data_sheet: dict = field(default_factory=dict)  # as in `imuloop.sensors.device_figures`
 
     @property
     def simulated(self):

@@ -24,7 +24,7 @@ def write_section(name, label, folder, sessions, data_sheet=None):
     """Write a device's section, its page, its row of the comparison and its figures.
 
     Takes name and label as in the config, the folder ``results/<device>``, the kind of each session
-    by its name, and the device's ``data_sheet`` as of `device_figures`. The label is shown as it
+    by its name, and the device's ``data_sheet`` as in `device_figures`. The label is shown as it
     is, never as markup.
     """
     device = read_device(name, label, folder, sessions, data_sheet)

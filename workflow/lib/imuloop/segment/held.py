@@ -59,7 +59,7 @@ def sways(w, rests, bias, step):
     """Return the root mean square of the turns from the mean attitude of each rest, rad, (m,).
 
     About all axes: one about the vertical does not tilt, but looks like a bias as well. Arguments
-    as of `held_rests`, and ranges of samples, (m, 2).
+    as in `held_rests`, and ranges of samples, (m, 2).
     """
     turned = (np.cumsum((w[:, i:j].T - bias) * step, axis=0) for i, j in rests)
     return np.array([np.sqrt(x.var(axis=0).sum()) for x in turned])

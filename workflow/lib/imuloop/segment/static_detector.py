@@ -103,7 +103,7 @@ def rest_level(force, rate, moving, step, settings):
     windows from its first sample, it begins with a rest; that rest, up to where it ends or to
     `initial_rest_s`, then sets the level as in the paper. If not, the quiet level is the level.
     No level is below the variance of rounding. The bias is the median over all windows that are
-    at rest by this level, whatever their attitude. Arguments as of `activity`, its result, and the
+    at rest by this level, whatever their attitude. Arguments as in `activity`, its result, and the
     median step of time, s.
     """
     whole = np.isfinite(moving.variances[0])

@@ -103,7 +103,7 @@ def steady_rests(f, w, rests, bias, step):
 
     A rest keeps the longest stretch of its parts without a tilt, if no more than `CUT` of it is
     lost: a tilt changes gravity's direction, not its norm. Else it keeps all, with the root mean
-    square of its tilt. Arguments as of `rest_tilts`.
+    square of its tilt. Arguments as in `rest_tilts`.
     """
     kept, tilt = rests.copy(), np.zeros(len(rests))
     for k, (parts, tilts) in enumerate(rest_tilts(f, w, rests, bias, step)):

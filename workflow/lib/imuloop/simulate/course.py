@@ -73,7 +73,7 @@ def at_rest(session, rate, rng):
     """Return the pieces of a static session with its disturbances, and its upward direction.
 
     A knock is a short burst; a tilt a turn about a horizontal axis that lasts; handling is a
-    stretch of wobble, tremor and acceleration that ends in the attitude it began in. As of `poses`;
+    stretch of wobble, tremor and acceleration that ends in the attitude it began in. As in `poses`;
     an ImuloopError if disturbances overlap, are not in order of time or do not fit in the session.
     """
     up = start = np.divide(session.up, np.linalg.norm(session.up))

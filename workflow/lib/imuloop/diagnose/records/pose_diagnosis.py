@@ -52,7 +52,7 @@ class PoseResult:
     solution: Solution | None = None
     calibrations: dict = field(default_factory=dict)  # of the sensors that were fitted
     choices: Choices | None = None  # the searches; None where nothing could be tested
-    # as of `residual_columns`; empty where nothing could be tested
+    # as in `residual_columns`; empty where nothing could be tested
     residuals: dict = field(default_factory=dict)
     # why what was fitted is no calibration, by sensor
     rejected: dict = field(default_factory=dict)
@@ -179,7 +179,7 @@ def diagnosed(choices, parts, others, formulas):
     """Return the PoseResult of a record that can be tested, of the sensors that are.
 
     `parts` are kinds of residuals by the sensors, a tuple, that they judge; `others` by
-    sensor as of `search_content`. `formulas` gives the products of a sensor, which are tried
+    sensor as in `search_content`. `formulas` gives the products of a sensor, which are tried
     where effects with a cause leave it above its floor.
     """
     result, contents, more = judged(choices, parts), {}, {}

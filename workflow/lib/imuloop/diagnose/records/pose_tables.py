@@ -60,7 +60,7 @@ def residual_columns(problem, kinds, errors, floor):
 def poses_table(poses, names, residuals):
     """Return the columns of poses.parquet: the mean of each channel at each pose, and residuals.
 
-    `names` are those of the sessions, `residuals` as of `residual_columns`; what is not there is
+    `names` are those of the sessions, `residuals` as in `residual_columns`; what is not there is
     not a number.
     """
     found = dict(zip(CHANNELS, (*poses.f.T, *poses.w.T), strict=True))
@@ -75,7 +75,7 @@ def moves_table(recording, names, gyroscope, force, residuals):
     The angle is the way turned, that is the integral of the size of the angular rate; the speed its
     greatest value; the axis the direction of the integral of the rate itself. The gyroscope's
     effects were fitted to this recording; `force`, (m, k, 3), is what they see of it.
-    Others as of `poses_table`.
+    Others as in `poses_table`.
     """
     rotations, channels = recording.rotations, None
     if gyroscope.effects:

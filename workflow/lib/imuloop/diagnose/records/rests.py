@@ -35,7 +35,7 @@ class StaticData:
     def records(self, sensor, calibration, mean_time):
         """Return the StaticRecord of each power cycle of all sessions that has a mean.
 
-        Arguments as of `static_record`; for 0 s windows are the shortest worth a spectrum.
+        Arguments as in `static_record`; for 0 s windows are the shortest worth a spectrum.
         """
         found = []
         for name, table in self.segments.items():

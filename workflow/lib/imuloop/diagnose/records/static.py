@@ -21,7 +21,7 @@ MERGED = 200
 
 @dataclass(frozen=True)
 class StaticProblem:
-    """The static records of one sensor: each a group of rows with a level of its own.
+    """The static records of one sensor: each a group of rows with its own level.
 
     The bias changes from one power cycle to the next, and so does the attitude. Rows are the means
     over windows, in long records over several neighbours; their axes are those of the sensor.

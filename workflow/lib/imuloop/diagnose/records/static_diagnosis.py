@@ -51,7 +51,7 @@ class StaticResult:
         return found, partial(self.information, found) if self.findings else None
 
     def information(self, found, effects):
-        """Return A, (q, q), and b, (q,), as of `static.information`, of effects of both sensors.
+        """Return A, (q, q), and b, (q,), as in `static.information`, of effects of both sensors.
 
         Zero for what static records cannot show: what is not `found` there needs a temperature.
         """
@@ -112,7 +112,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     """Return the StaticResult of both sensors of a device.
 
     Takes StaticData, the StaticRecords of each sensor, the base calibration, to whose
-    ``K (raw - b)`` effects add, the device's noise and, as of `NoiseResult`, its plain fits, both
+    ``K (raw - b)`` effects add, the device's noise and, as in `NoiseResult`, its plain fits, both
     estimated again by the settings of their stage where effects are taken out; `tests` is the
     number of tests that share the significance.
     """

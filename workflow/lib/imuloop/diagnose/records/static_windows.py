@@ -94,7 +94,7 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
     """Return the StaticRecord of windows that lie whole in undisturbed stretches of a session.
 
     `samples` (RestLog, DataFrame or dict) and `segments` are those of the session; the calibration
-    gives ``K (raw - b)`` of both sensors; `mean_time`, s, as of `window_length`.
+    gives ``K (raw - b)`` of both sensors; `mean_time`, s, as in `window_length`.
     """
     log = samples if isinstance(samples, RestLog) else RestLog(samples)
     static = np.asarray(segments["kind"]) == STATIC

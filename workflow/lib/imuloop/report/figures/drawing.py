@@ -206,7 +206,7 @@ def _mark_decades(axis):
 
 
 def _grid_between(area, axis):
-    """Draw the lines between powers of ten at once: ticks of their own take most of the time."""
+    """Draw the lines between powers of ten at once: their own ticks take most of the time."""
     low, high = axis.get_view_interval()
     if high < 4 * low:
         return
@@ -236,7 +236,7 @@ def entitle(area, marks, titles):
 
 
 def write_svg(folder, name, picture):
-    """Write a picture as a file of its own, on white."""
+    """Write a picture as its own file, on white."""
     text = picture.svg.replace("<svg ", '<svg style="background:#ffffff" ', 1)
     with replaced(folder / f"{name}.svg") as temporary:
         temporary.write_text(text, encoding="utf-8", newline="\n")
