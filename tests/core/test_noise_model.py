@@ -10,6 +10,7 @@ from imuloop.core.noise_model import (
     AxisNoise,
     Coefficient,
     GaussMarkovTerm,
+    LowPassTerm,
     NoiseModel,
     SinusoidTerm,
 )
@@ -29,9 +30,10 @@ PROCESSES["all"] = AxisNoise(
     known(0.2),
     known(0.05),
     known(0.02),
-    Coefficient(upper95=1e-3, needed_s=4e4),
+    Coefficient(upper95=1e-3),
     PROCESSES["gauss_markov"].gauss_markov,
     PROCESSES["sinusoid"].sinusoid,
+    LowPassTerm("second order", known(20.0), 0.01),
 )
 process = pytest.mark.parametrize("name", PROCESSES)
 # s; unequal lengths, gaps, two windows that touch, one that overlaps two others, not in order

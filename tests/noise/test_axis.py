@@ -56,12 +56,11 @@ def test_white_noise_alone(seeds):
     assert sum(bool(f.gauss_markov or f.sinusoid) for f in found) <= seeds / 5
 
 
-def test_what_is_not_there_is_a_limit_and_a_length_and_no_number():
+def test_what_is_not_there_is_a_limit_and_no_number():
     noise = estimates(1)[0]
     assert noise.K.value is None and noise.K.ci95 is None
     # where walk and white noise cross within the record: sqrt(3) N/K
     assert np.sqrt(3) * 0.01 / 3000 < noise.K.upper95 < 3e-4
-    assert N * DT / 3 < noise.K.needed_s < 30 * N * DT
 
 
 @seeds(5, 20)
@@ -153,20 +152,6 @@ def test_a_gap_keeps_its_place_and_a_disturbance_ends_a_level():
     one_level = replace(cut, levels=np.zeros(2, int))
     step = estimate_axis(modes([one_level]), [one_level], SETTINGS).noise
     assert step.K.value > 3 * moved.K.value
-
-
-def test_a_filter_is_reported_and_the_noise_below_it_kept():
-    x = sosfilt(butter(2, 0.2, output="sos"), record(5))
-    estimate = estimate_record(x, RATE, SETTINGS)
-    assert estimate.band_hz < 2.0
-    assert estimate.noise.N.value == pytest.approx(0.01, rel=0.15)
-
-
-@pytest.mark.parametrize(("n", "rate"), [(500, 50.0), (1500, 300.0), (2500, 25.0)])
-def test_white_noise_of_a_short_record_has_no_filter(n, rate):
-    for seed in range(8):
-        x = np.random.default_rng(seed).normal(size=n)
-        assert estimate_record(x, rate, SETTINGS).band_hz >= 0.4 * rate
 
 
 def test_a_spectrum_outside_the_model_widens_the_intervals():

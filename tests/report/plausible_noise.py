@@ -42,7 +42,7 @@ def plausible_noise(axes, rate):
         "notes": ["K would need a record of 40 h"],
         "rate_hz": rate,
         "rates_hz": dict.fromkeys(SENSORS, rate),
-        "spectrum": {a: {"misfit": 0.02, "band_hz": 0.25 * rate} for a in CHANNELS},
+        "spectrum": {a: {"misfit": 0.02} for a in CHANNELS},
         "uncut": {"seconds": 6.0, "axes": {a: asdict(noise) for a, noise in uncut.items()}},
         "repeatability": {a: gyroscope if a[0] == "g" else None for a in CHANNELS},
     }

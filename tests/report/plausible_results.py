@@ -162,7 +162,7 @@ def _allan(place):
 
 def _noise(device):
     seen, worse = device != "nothing", 1 + 0.5 * list(DEVICES).index(device)
-    limit = Coefficient(upper95=3e-6, needed_s=40 * 3600.0) if seen else Coefficient()
+    limit = Coefficient(upper95=3e-6) if seen else Coefficient()
     axes = {}
     for axis in CHANNELS:
         own = {k: size[axis[0]] * worse for k, size in (("N", N), ("B", B)) if seen}

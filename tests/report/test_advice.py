@@ -55,9 +55,8 @@ def good(tmp_path):
     return build
 
 
-def coefficient(value=None, upper=None, needed_s=None):
-    known = {"value": value, "ci95": None, "upper95": upper, "identifiable": value is not None}
-    return known | {"needed_s": needed_s}
+def coefficient(value=None, upper=None):
+    return {"value": value, "ci95": None, "upper95": upper, "identifiable": value is not None}
 
 
 def noise(**changed):
@@ -110,13 +109,10 @@ def test_a_hole_is_named(first):
 
 
 def test_a_longer_record_is_asked_for_in_hours(good, first):
-    limited = noise(K=coefficient(upper=1e-4, needed_s=18000.0))
-    step = first(noise=limited)
-    assert step.startswith("Record 5.0\u202fh at rest (2.0\u202fh now): K of all six axes are")
     limited = noise(K=coefficient(upper=2e-6))
     steps = next_steps(good(sessions=good().sessions[:1], noise=limited))
     assert any("Record 2.0\u202fh at rest (there is no static session now): K" in s for s in steps)
-    # one that no record of a day would show
+    # a longer record than two hours is not asked for
     assert first(noise=limited).startswith("Nothing needed")
 
 
@@ -223,7 +219,8 @@ def test_rests_in_the_hand_come_before_poses_and_hours_at_rest_come_last(good):
     turns, rest = good().sessions
     tilted = turns.segments.assign(tilt_rad=0.02)
     held = replace(turns, segments=tilted, segmentation={"tilted_rests": 5, "hand_held": True})
-    limited = noise(K=coefficient(upper=1e-4, needed_s=18000.0))
+    limited = noise(K=coefficient(upper=1e-4))
+    rest = replace(rest, quality=rest.quality | {"duration_s": 3600.0})
     plans = diagnosis(ratio=5.0, accelerometer=above("gravity_norm", "m/s^2", 2e-3, 1e-3))
     steps = next_steps(good(sessions=(held, rest), noise=limited, diagnosis=plans))
     assert "instead of holding it in the hand" in steps[0]

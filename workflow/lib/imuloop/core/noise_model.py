@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from imuloop.core.files import read_json
+from imuloop.core.low_pass import HALF_POWER, LowPass
 from imuloop.core.samples import CHANNELS
 
 # version of the JSON file
@@ -21,9 +22,6 @@ class Coefficient:
     ci95: tuple[float, float] | None = None  # 95 % interval of `value`
     upper95: float | None = None  # one-sided 95 % upper limit; given also where `value` is None
     identifiable: bool = False  # whether the data support the term
-    # length of an undisturbed record, s, in which a term of the size of `upper95` would be found
-    # nine times in ten; None where identifiable or not known
-    needed_s: float | None = None
 
     @property
     def square(self):
@@ -65,6 +63,29 @@ class SinusoidTerm:
 
 
 @dataclass(frozen=True)
+class LowPassTerm:
+    """Filter in front of the output, of the random processes all but quantisation pass it.
+
+    `kind` is one of `core.low_pass.GAINS`; `corner`, Hz, is where the power has fallen to a half;
+    `floor` is the share of the white noise that enters behind it.
+    """
+
+    kind: str
+    corner: Coefficient
+    floor: float = 0.0
+
+    @property
+    def interval_hz(self):
+        """Sampling rate, Hz, of a sensor whose values were held or interpolated, else None."""
+        half = HALF_POWER.get({"held": 1, "interpolated": 3}.get(self.kind))
+        return self.corner.value / half if half else None
+
+    def gain(self, f, rate):
+        """Return the power gain at frequencies in Hz of an output sampled at `rate`, Hz."""
+        return LowPass(self.kind, self.corner.value / rate, self.floor).gain(f / rate)
+
+
+@dataclass(frozen=True)
 class AxisNoise:
     r"""Processes of one axis; independent, so that their Allan variances add.
 
@@ -85,6 +106,8 @@ class AxisNoise:
     R: Coefficient = Coefficient()  # ramp, m/s^3 or rad/s^2
     gauss_markov: tuple[GaussMarkovTerm, ...] = ()  # q in the unit of K, T = tc in s
     sinusoid: tuple[SinusoidTerm, ...] = ()  # Omega = amplitude, f = frequency in Hz
+    # filter behind all terms but Q; all of them are those in front of it
+    low_pass: LowPassTerm | None = None
 
     @classmethod
     def from_dict(cls, content):
@@ -95,7 +118,10 @@ class AxisNoise:
             for line in lines
         ]
         processes = tuple(GaussMarkovTerm(read(p["q"]), read(p["tc"])) for p in humps)
-        return cls(*(read(content[name]) for name in "QNBKR"), processes, tuple(found))
+        if low_pass := content.get("low_pass"):
+            low_pass = LowPassTerm(**low_pass | {"corner": read(low_pass["corner"])})
+        terms = (read(content[name]) for name in "QNBKR")
+        return cls(*terms, processes, tuple(found), low_pass)
 
     def allan_variance(self, tau):
         """Return the Allan variance, unit of the axis squared, at `tau` in s (array_like)."""
@@ -125,6 +151,8 @@ class AxisNoise:
             S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
             + 2 q^2/(1/T^2 + (2 \pi f)^2)
 
+        all but the first term times the gain of the low-pass, if there is one.
+
         Sinusoids have no density: each has the power :math:`\Omega^2/2` at its frequency. The ramp
         is deterministic and adds nothing. Frequencies, Hz, are above 0 and up to half the rate, on
         which only quantisation depends.
@@ -135,15 +163,12 @@ class AxisNoise:
         """
         f = np.asarray(f, float)
         omega = 2 * np.pi * f
-        density = (
-            8 * self.Q.square * rate * np.sin(np.pi * f / rate) ** 2
-            + 2 * self.N.square
-            + self.B.square / (np.pi * f)
-            + 2 * self.K.square / omega**2
-        )
+        density = 2 * self.N.square + self.B.square / (np.pi * f) + 2 * self.K.square / omega**2
         for process in self.gauss_markov:
             density = density + 2 * process.q.square / (process.tc.value**-2 + omega**2)
-        return density
+        if self.low_pass:
+            density = density * self.low_pass.gain(f, rate)
+        return density + 8 * self.Q.square * rate * np.sin(np.pi * f / rate) ** 2
 
     def kernel(self, t, span, shared=None):
         r"""Return the covariance of the integral X of the output between all pairs of times.

@@ -4,11 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imuloop.core.noise_model import AxisNoise, SinusoidTerm
+from imuloop.core.noise_model import AxisNoise, Coefficient, LowPassTerm, SinusoidTerm
 from imuloop.noise.intervals import coefficients_with_intervals
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.lines import find_line, mains
-from imuloop.noise.misfit import band, misfit
+from imuloop.noise.low_pass import alternatives, choose_low_pass
+from imuloop.noise.misfit import misfit
 from imuloop.noise.processes import density
 from imuloop.noise.selection import Selection
 
@@ -26,38 +27,40 @@ class AxisEstimate:
 
     `misfit` is the largest relative standard deviation by which the spectrum leaves the terms
     beyond chance over half a decade, 0 where chance is enough; it is part of all intervals.
-    `band_hz` is the highest frequency that counts, below half the rate where a filter took power.
     """
 
     noise: AxisNoise
     misfit: float
-    band_hz: float
 
 
 def estimate_axis(basis, signals, settings):
     """Return the AxisEstimate of one axis, without any term of under 16 values.
 
-    Lines are found and taken out (`find_lines`). Then octaves at the top that a filter has emptied
-    are left out, and the terms are chosen (`Selection`). Where the spectrum leaves them beyond
+    Lines are found and taken out (`find_lines`). Then a low-pass filter is chosen, if the spectrum
+    shows one, and the terms in front of it (`Selection`). Where the spectrum leaves them beyond
     chance, frequencies that hold many values count less, and the terms are chosen once more.
 
     Takes Modes, the axis' Signals that these are of, SI, not all constant, and NoiseSettings.
     """
     if basis.count.sum() < MIN_VALUES:
-        return AxisEstimate(AxisNoise(), 0.0, 0.5 / basis.dt)
+        return AxisEstimate(AxisNoise(), 0.0)
     lines, selection = find_lines(basis, signals, settings)
-    highest = band(selection)
-    if highest:
-        selection = selection.weighted(np.where(basis.frequency <= highest, basis.count, 0.0))
+    low_pass, corners, term = choose_low_pass(selection), None, None
+    selection = selection.filtered(low_pass)
     size, weight = misfit(selection, selection.supported)
     if size:
         selection = selection.weighted(selection.likelihood.count * weight)
+    if low_pass:
+        low_pass, error, corners = alternatives(selection, low_pass)
+        selection = selection.filtered(low_pass)
+        corner = low_pass.corner / basis.dt
+        term = LowPassTerm(low_pass.kind, Coefficient.of(corner, corner * error), low_pass.floor)
     sinusoid = tuple(
         SinusoidTerm(line.amplitude, line.frequency, mains(line.frequency.value, 1 / basis.dt))
         for line in lines
     )
-    noise = replace(coefficients_with_intervals(selection, selection.supported), sinusoid=sinusoid)
-    return AxisEstimate(noise, size, highest or 0.5 / basis.dt)
+    noise = coefficients_with_intervals(selection, selection.supported, corners)
+    return AxisEstimate(replace(noise, sinusoid=sinusoid, low_pass=term), size)
 
 
 def find_lines(basis, signals, settings):

@@ -8,7 +8,6 @@ from scipy.optimize import brentq, minimize_scalar
 from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
-from imuloop.noise.record_length import record_seconds
 from imuloop.noise.selection import NOTHING, ORDER, correlation_times, plus, variances, without
 
 # an end of an interval is known to such a share, or its tail area to such a part of a deviate
@@ -24,7 +23,7 @@ FREE, NEGLIGIBLE = ("B", "K", "R"), 1e-3
 SMALL = 1e-3
 
 
-def coefficients_with_intervals(selection, terms):
+def coefficients_with_intervals(selection, terms, corners=None):
     r"""Return the AxisNoise of supported terms: values with intervals, limits of the others.
 
     Values are those of the supported terms alone, so that together they are the spectrum that
@@ -38,23 +37,29 @@ def coefficients_with_intervals(selection, terms):
     reach 2.5 %. :math:`\ell_m(x)` is the profile likelihood of the coefficient, and weights of
     models of k terms are Akaike's.
 
+    Where there is a filter, its `corners` are averaged over in the same way: the nodes of
+    `low_pass.alternatives`.
+
     References
     ----------
     D. Fletcher and D. Turek, J. Agric. Biol. Environ. Stat. 17 (2012) 38.
     """
     fit = selection.fit(terms, True)
     theta = dict(zip(variances(terms), fit.theta, strict=True))
-    coefficients, squares, level = {}, selection.squares(terms), selection.level
+    coefficients = {}
     for name in ORDER:
-        profiles = [_profile(selection, name, model) for model in _models(selection, terms, name)]
+        profiles = [
+            _profile(each, name, model, log)
+            for log, each in corners or [(0.0, selection)]
+            for model in _models(each, terms, name)
+        ]
         if name in terms:
             value = abs(fit.ramp) if name == "R" else np.sqrt(theta[name])
             coefficients[name] = _coefficient(profiles, value)
         else:
             # a ramp has either sign, so that the limit of the likelier one is a two-sided one
             limit = _crossing(*_tail(profiles), 1 - 0.05 / (2 if name == "R" else 1))
-            needed = limit and record_seconds(name, limit, squares, selection.modes.dt, level)
-            coefficients[name] = Coefficient(None, None, limit, False, needed or None)
+            coefficients[name] = Coefficient(None, None, limit, False)
     processes = (_process(selection, terms, tc, theta[tc]) for tc in correlation_times(terms))
     return AxisNoise(**coefficients, gauss_markov=tuple(processes))
 
@@ -88,10 +93,11 @@ def _deviate(value, best, top):
     return deviate
 
 
-def _profile(selection, name, model):
-    """Return the weight of a model, where to look for ends of a coefficient, and its deviate.
+def _profile(selection, name, model, log=0.0):
+    """Return the log weight of a model, where to look for ends of a coefficient, and its deviate.
 
-    The second is the likeliest value, or the standard error where that is larger.
+    The second is the likeliest value, or the standard error where that is larger; `log` is added
+    to the weight.
     """
     rest, likelihood = without(model, name), selection.likelihood
     units, likeliest = selection.units(rest), selection.fit(model, restricted=name != "R")
@@ -103,7 +109,7 @@ def _profile(selection, name, model):
             return {"ramp": sign * x}
 
     else:
-        unit, place = selection.modes.unit(name), model.index(name)
+        unit, place = selection.unit(name), model.index(name)
         expected = selection.units(model) @ likeliest.theta
         best = max(np.sqrt(likeliest.theta[place]), _small(unit, expected))
         start = np.delete(likeliest.theta, place)
@@ -121,7 +127,7 @@ def _profile(selection, name, model):
         known[x] = found.theta
         return found.value
 
-    weight = selection.fit(model).value - len(model)
+    weight = log + selection.fit(model).value - len(model)
     return weight, max(best, size), _deviate(value, best, likeliest.value)
 
 
@@ -148,14 +154,14 @@ def _process(selection, terms, tc, variance):
 
     def of_q(x):
         def value(tc):
-            fixed = x**2 * tc / 2 * modes.unit(tc)
+            fixed = x**2 * tc / 2 * selection.unit(tc)
             return likelihood.fit(units, "R" in rest, fixed, restricted=True).value
 
         return highest(value)[0]
 
     top, likeliest = highest(of_tc)
     wide = plus(rest, likeliest)
-    theta, unit = selection.fit(wide, True).theta, likeliest / 2 * modes.unit(likeliest)
+    theta, unit = selection.fit(wide, True).theta, likeliest / 2 * selection.unit(likeliest)
     expected = selection.units(wide) @ theta
     best = max(np.sqrt(2 * theta[-1] / likeliest), _small(unit, expected))
     near = max(best, np.sqrt(likelihood.error(unit, expected)))

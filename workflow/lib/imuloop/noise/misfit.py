@@ -1,49 +1,12 @@
-"""Where a spectrum departs from its model: a filtered band, and the weights that follow."""
+"""Where a spectrum departs from its model, and the weights that follow."""
 
 import numpy as np
-from scipy.special import chdtrc, chdtri, fdtr, polygamma, psi
-
-from imuloop.noise.processes import NAMES
+from scipy.special import chdtrc, chdtri, polygamma, psi
 
 # rows are compared with the model in groups of at least so many values, at most so many per decade
 VALUES, GROUPS = 8, 24
 # groups over which a misfit keeps its sign and its size: half a decade
 TOGETHER = GROUPS // 2
-# octaves at the top that a filter may have taken, and the share of power that has to be lacking
-OCTAVES, LACKING = 5, 0.25
-# values of a top octave that make a lack significant, standard errors
-SIGNIFICANT = 4.0
-# and how seldom the power of white noise falls so much from the octave below
-CHANCE = 1e-4
-
-
-def band(selection):
-    """Return the highest frequency below which no octave lacks power, Hz; None if none does.
-
-    An octave at the top is predicted from all that lies below it. Where it lacks more than a
-    quarter of the power, a filter or a resampling took it: it says nothing of the sensor's noise.
-    """
-    frequency, count = selection.modes.frequency, selection.modes.count
-    units, likelihood = selection.units(NAMES), selection.likelihood
-    power, highest = likelihood.above_rounding(likelihood.power()), frequency.max()
-    for _ in range(OCTAVES):
-        below = frequency <= highest / 2
-        top = ~below & (frequency <= highest)
-        n = count[top].sum()
-        if count[below].sum() < VALUES * GROUPS or not n:
-            break
-        fit = selection.weighted(np.where(below, count, 0.0)).likelihood.fit(units, True)
-        expected = likelihood.above_rounding(units @ fit.theta)
-        share = count[top] @ (power / expected)[top] / n
-        # what is predicted of few values is off by more than noise: the power has to fall, too
-        near = below & (frequency > highest / 4)
-        level, level_below = (count[rows] @ power[rows] / count[rows].sum() for rows in (top, near))
-        falls = fdtr(n, count[near].sum(), level / level_below) < CHANCE
-        if not falls or share > 1 - max(LACKING, SIGNIFICANT * np.sqrt(2 / n)):
-            break
-        highest /= 2
-    # the highest mode of a short record, a mean of many, lies far below half the rate
-    return float(highest) if highest < frequency.max() else None
 
 
 def misfit(selection, terms):

@@ -1,10 +1,10 @@
 """The modes of a record: uncorrelated amplitudes of its noise, and their expected squares."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.fft import dct, rfft
+from scipy.fft import dct, irfft, rfft
 from scipy.interpolate import CubicSpline
 
 from imuloop.noise.processes import (
@@ -21,6 +21,8 @@ BLOCKS = 512
 HELD = 0.9
 # bins of the fast modes a decade, and correlation times between which spectra are interpolated
 BINS, TIMES = 24, 8
+# frequencies from 0 to half the rate at which the gain of a filter is calculated
+POINTS = 4097
 
 
 def expected_squares(covariance):
@@ -135,6 +137,7 @@ class Modes:
     _pieces: tuple
     # the first fast mode of each bin
     _bins: np.ndarray
+    _gains: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def amplitudes(self, signals):
         """Return the slow modes' amplitudes, with sign, and the fast ones' mean squares, SI.
@@ -168,6 +171,19 @@ class Modes:
         if self.correlation_times[near] == term:
             return self._rows[near]
         return np.exp(self._spline(np.log(term)))
+
+    def gain(self, low_pass):
+        """Return the power gain of a LowPass for each row, shape (r,): its share of white noise."""
+        if low_pass not in self._gains:
+            self._gains[low_pass] = self._gain(low_pass)
+        return self._gains[low_pass]
+
+    def _gain(self, low_pass):
+        slow = low_pass.gain(np.minimum(self.frequency[: len(self.ramp)] * self.dt, 0.5))
+        lags = irfft(low_pass.gain(np.linspace(0, 0.5, POINTS)))[:POINTS]
+        covariance = np.zeros(self.m)
+        covariance[: len(lags)] = lags[: self.m]
+        return np.append(slow, _binned(expected_squares(covariance), self._bins))
 
     @cached_property
     def correlation_times(self):

@@ -30,7 +30,7 @@ class NoiseResult:
     rates_hz : dict of str to float
         That of each sensor that has a record.
     spectrum : dict of str to dict
-        For each axis ``misfit`` and ``band_hz`` of its `AxisEstimate`.
+        For each axis ``misfit`` of its `AxisEstimate`.
     uncut : dict or None
         ``seconds`` that were cut and, under ``axes``, the coefficients with them left in.
     repeatability, statistics : dict
@@ -131,7 +131,7 @@ def estimate_noise(device, sessions, settings, views=True):
         model=NoiseModel(device, nothing.model.axes | axes),
         rate_hz=max(rates.values()),
         rates_hz=rates,
-        spectrum={a: {"misfit": e.misfit, "band_hz": e.band_hz} for a, e in found.items()},
+        spectrum={a: {"misfit": e.misfit} for a, e in found.items()},
         uncut=with_added,
         repeatability=repeatability(means if static else {}),
         statistics=statistics,
@@ -193,8 +193,8 @@ def _of_each(by_sensor, function):
 
 
 def _estimate(axis, records, basis, settings, notes):
-    signals, rate = [signal for record in records for signal in record.signals(axis)], 1 / basis.dt
-    nothing = AxisEstimate(AxisNoise(), 0.0, 0.5 * rate)
+    signals = [signal for record in records for signal in record.signals(axis)]
+    nothing = AxisEstimate(AxisNoise(), 0.0)
     if not all(np.isfinite(signal.values).all() for signal in signals):
         notes.append(f"{axis}: values that are not finite, no coefficient estimated")
         return nothing
@@ -210,9 +210,15 @@ def _estimate(axis, records, basis, settings, notes):
             f"{100 * estimate.misfit:.2g} % beyond chance (a filter, a hump, a trend): "
             "intervals are widened by it"
         )
-    if estimate.band_hz < 0.4 * rate:
-        notes.append(
-            f"{axis}: power is lacking above {estimate.band_hz:.3g} Hz (a filter, or a log "
-            "that was resampled): the coefficients are those of the noise below"
-        )
+    if low_pass := estimate.noise.low_pass:
+        notes.append(f"{axis}: {_filter_note(low_pass)}")
     return estimate
+
+
+def _filter_note(low_pass):
+    if low_pass.interval_hz:
+        return f"values of about {low_pass.interval_hz:.3g} Hz are {low_pass.kind} in the log"
+    return (
+        f"low-pass near {low_pass.corner.value:.3g} Hz ({low_pass.kind}): N, B and K are those of "
+        "the noise in front of it"
+    )

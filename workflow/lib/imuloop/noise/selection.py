@@ -57,22 +57,32 @@ def correlation_times(terms):
 class Selection:
     """The likelihood of one axis as a function of the terms, and the choice of these.
 
-    `level` is that at which a term counts as supported.
+    `level` is that at which a term counts as supported; `gain`, shape (r,), is the power gain of
+    the filter behind all terms but quantisation.
     """
 
     modes: Modes
     likelihood: Likelihood
     level: float
+    gain: object = 1.0
     _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def weighted(self, count):
         """Return the same with other weights of the rows."""
         return replace(self, likelihood=replace(self.likelihood, count=count))
 
+    def filtered(self, low_pass):
+        """Return the same behind a LowPass, or without one (None)."""
+        return replace(self, gain=1.0 if low_pass is None else self.modes.gain(low_pass))
+
+    def unit(self, term):
+        """Return `Modes.unit` of a term behind the filter, shape (r,)."""
+        return self.modes.unit(term) * (1.0 if term == "Q" else self.gain)
+
     def units(self, terms):
         """Return the unit spectra of terms, ramp excepted, shape (r, p)."""
         none = np.empty((len(self.modes.frequency), 0))
-        return np.column_stack([none, *map(self.modes.unit, variances(terms))])
+        return np.column_stack([none, *map(self.unit, variances(terms))])
 
     def fit(self, terms, restricted=False):
         """Return the MaximumLikelihood of these terms."""
@@ -183,7 +193,7 @@ class Selection:
         expected = self.likelihood.above_rounding(units @ fit.theta)
         root = np.sqrt(self.likelihood.count / 2) / expected
         basis = np.linalg.qr(root[:, None] * units)[0]
-        rows = root * np.array([self.modes.unit(tc) for tc in self.times])
+        rows = root * np.array([self.unit(tc) for tc in self.times])
         remainder = rows - rows @ basis @ basis.T
         slope = rows @ (root * (self.likelihood.power(fit.ramp) - expected))
         return np.maximum(slope, 0.0) ** 2 / (2 * (remainder**2).sum(axis=1))

@@ -18,8 +18,8 @@ from imuloop.report.units import MILLIRADIAN, data_sheet
 MATTERS = 2.0
 # share of a standard error that one rest or turn has to take away to be worth its while
 NOTICEABLE = 0.01
-# the longest record worth asking for, s
-LONGEST_RECORD = 24 * HOUR
+# a longer record is not asked for, s
+LONG_RECORD = 2 * HOUR
 
 
 def parameter_words(sensor, name):
@@ -102,17 +102,15 @@ def enough(device):
 
 
 def static_record(device):
-    """Yield the length of a record at rest that would show flicker and walk."""
+    """Yield that a longer record at rest shows flicker and walk, where only limits are known."""
     longest = max((s.quality["duration_s"] for s in device.used if s.kind == "static"), default=0.0)
-    limited, needed = {}, 0.0
+    limited = {}
     for channel, axis in device.axes.items():
         for name in "BK":
             term = getattr(axis, name)
             if term.value is None and term.upper95:
                 limited.setdefault(channel, []).append(name)
-                if longest < (term.needed_s or 0.0) <= LONGEST_RECORD:
-                    needed = max(needed, term.needed_s)
-    if not limited or (longest and not needed):
+    if not limited or longest >= LONG_RECORD:
         return
     axes = {}
     for channel, names in limited.items():
@@ -124,7 +122,6 @@ def static_record(device):
     now = f"{duration(longest, 2)} now" if longest else "there is no static session now"
     yield (
         0.0,
-        f"Record {duration(max(needed, 2 * HOUR), 2)} at rest ({now}): {joined([*words])} are "
-        "known as upper limits only. They would show at that size nine times in ten, or else be "
-        "limited further.",
+        f"Record {duration(LONG_RECORD, 2)} at rest ({now}): {joined([*words])} are known as "
+        "upper limits only. A longer record shows them, or lowers the limits.",
     )

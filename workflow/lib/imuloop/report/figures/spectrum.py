@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.errors import joined
-from imuloop.report.figures.drawing import AXES, GRID, Picture, fill, write_csv
+from imuloop.report.figures.drawing import AXES, Picture, fill, write_csv
 from imuloop.report.numbers import coefficient_text, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
 from imuloop.report.units import quantities
@@ -53,9 +53,7 @@ def _density(device, session, sensor, curves, csv):
         for line in noise.sinusoid
         if line.frequency.value
     ]
-    spectrum = device.noise["spectrum"]
-    # the highest frequency that the fit used
-    band = max(spectrum.get(c, {}).get("band_hz", 0.0) for c in SENSORS[sensor]) or None
+    corners = [(noise.low_pass.corner.value, axis) for axis, noise in axes if noise.low_pass]
 
     def plot(area):
         for colour, (axis, r) in zip(AXES, curves.items(), strict=True):
@@ -66,9 +64,8 @@ def _density(device, session, sensor, curves, csv):
             at = [f for f, a, _ in lines if a == axis]
             on_top = area.get_xaxis_transform()
             area.plot(at, [0.98] * len(at), "v", color=colour, transform=on_top)
-        highest = max(r["frequency_hz"].max() for r in curves.values() if len(r))
-        if band and band < 0.95 * highest:
-            area.axvspan(band, highest, color=GRID, alpha=0.35, lw=0)
+        for corner, axis in corners:
+            area.axvline(corner, color=AXES[XYZ.index(axis)], lw=1, alpha=0.6)
         area.set_xlabel("frequency, Hz")
         area.set_ylabel(f"power spectral density, ({UNITS[sensor]})²/Hz")
 
@@ -79,6 +76,8 @@ def _density(device, session, sensor, curves, csv):
         for f, axis, origin in lines
     ]
     lines_at = f"; lines at {joined(named)}" if named else ""
-    caption = f"{session.name}, {sensor}: N {white} {unit.unit} (x, y, z){lines_at}."
+    low_pass = [with_unit(number(corner), "Hz") + f" ({axis})" for corner, axis in corners]
+    filtered = f"; low-pass at {joined(low_pass)}" if low_pass else ""
+    caption = f"{session.name}, {sensor}: N {white} {unit.unit} (x, y, z){filtered}{lines_at}."
     name = f"{device.name}.{session.name}.psd_{sensor}"
     return Picture(name, "Power spectral density", caption, plot, csv=csv)

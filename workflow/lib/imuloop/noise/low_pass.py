@@ -1,0 +1,173 @@
+"""Which low-pass filter a spectrum shows.
+
+Nearly every inertial sensor filters its output. White noise then falls towards half the sampling
+rate, and N is the density in front of the filter.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from imuloop.core.low_pass import LowPass
+from imuloop.noise.likelihood import Likelihood
+from imuloop.noise.modes import Modes
+from imuloop.noise.processes import NAMES, density
+
+# corners that are tried, share of the rate, and how many from the first to the last
+CORNERS = np.geomspace(0.01, 0.48, 14)
+# a corner is looked for within this factor of the best that was tried
+STEP = 1.6
+# highest corner, share of the rate
+HIGHEST = 0.495
+# nodes of a normal density in standard errors, and the logarithm of weight over density
+NODES = tuple(
+    (float(np.sqrt(2) * x), float(np.log(w / np.sqrt(np.pi)) + x**2))
+    for x, w in zip(*np.polynomial.hermite.hermgauss(5), strict=True)
+)
+# kinds that are tried at all corners, and those that are then tried near the best of these
+KINDS = {
+    "first order": ("first order",),
+    "first order, sampled": ("first order, sampled",),
+    "second order": ("second order", "second order, sampled"),
+    "eighth order": ("fourth order", "eighth order"),
+    "held": ("held", "interpolated"),
+    "averaged three times": ("averaged three times",),
+}
+# bins a decade in which corners are tried
+BINS = 24
+# log-likelihood that a parameter has to gain: half a chi-square of one degree at 0.002
+PRICE = 4.8
+
+
+def choose_low_pass(selection):
+    """Return the most likely LowPass of a spectrum; None where it needs none.
+
+    Each parameter, of a filter (2, 3 with a floor) as of a process (2) or another term (1), has to
+    gain `PRICE` in log-likelihood, so that a filter is not taken for a hump, and a hump not for a
+    filter.
+    """
+    rows = _Rows.of(selection)
+    coarse = {kind: [rows.fit(kind, corner)[0] for corner in CORNERS] for kind in KINDS}
+    if max(map(max, coarse.values())) - rows.plain() < 2 * PRICE:
+        return None
+    fits = [
+        rows.likeliest(kind, CORNERS[int(np.argmax(coarse[first]))])
+        for first, kinds in KINDS.items()
+        for kind in kinds
+    ]
+    low_pass = max(fits, key=lambda fit: fit[0])[1]
+    price = PRICE * (3 if low_pass.floor else 2)
+    filtered = selection.filtered(low_pass)
+    better = _score(filtered) - price > _score(selection)
+    return low_pass if better and _is_seen(filtered, low_pass) else None
+
+
+def _is_seen(filtered, low_pass):
+    """Return whether white noise is most of the power in front of a filter, at its corner."""
+    terms, corner = filtered.supported, low_pass.corner / filtered.modes.dt
+    if "N" not in terms or low_pass.corner < CORNERS[0]:
+        return False
+    squares = filtered.squares(terms)
+    slow = {term: square for term, square in squares.items() if term not in ("Q", "N")}
+    return density(np.array([corner]), filtered.modes.dt, slow)[0] < squares["N"]
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """A spectrum in logarithmic bins, by which corners are tried.
+
+    `binned` averages rows of the Modes in these bins; `units`, (k, 4), are the expected squares of
+    Q, N, B and K.
+    """
+
+    binned: Callable
+    modes: Modes
+    units: np.ndarray
+    likelihood: Likelihood
+
+    @classmethod
+    def of(cls, selection):
+        """Return the rows of a Selection, its ramp taken out."""
+        frequency, whole = selection.modes.frequency, selection.likelihood
+        used = np.flatnonzero(whole.count)
+        order = used[np.argsort(frequency[used], kind="stable")]
+        bins = np.floor(BINS * np.log10(frequency[order]))
+        first = np.flatnonzero(np.diff(bins, prepend=-np.inf))
+        weight = whole.count[order]
+        count, none = np.add.reduceat(weight, first), np.zeros(0)
+
+        def binned(rows):
+            return (np.add.reduceat(weight * rows[order].T, first, axis=-1) / count).T
+
+        power = binned(whole.power(selection.fit((*NAMES, "R")).ramp))
+        likelihood = Likelihood(none, power, count, none, whole.digits)
+        return cls(binned, selection.modes, binned(selection.units(NAMES)), likelihood)
+
+    def plain(self):
+        """Return the log-likelihood of all terms without a filter."""
+        return self.likelihood.fit(self.units).value
+
+    def fit(self, kind, corner):
+        """Return the log-likelihood of all terms behind a filter, and its LowPass."""
+        low_pass = LowPass(kind, float(corner))
+        units = self.units * self.binned(self.modes.gain(low_pass))[:, None]
+        units = np.column_stack([self.units[:, 0], units[:, 1:], self.units[:, 1]])
+        found = self.likelihood.fit(units)
+        white, behind = found.theta[1], found.theta[-1]
+        floor = float(behind / (white + behind)) if behind else 0.0
+        return found.value, replace(low_pass, floor=floor)
+
+    def likeliest(self, kind, start):
+        """Return the same at the likeliest corner within a factor of one."""
+        found = minimize_scalar(
+            lambda u: -self.fit(kind, np.exp(u))[0],
+            bounds=np.log([start / STEP, min(start * STEP, HIGHEST)]),
+            method="bounded",
+            options={"xatol": 3e-3},
+        )
+        return self.fit(kind, np.exp(found.x))
+
+
+def alternatives(selection, low_pass):
+    r"""Return the likeliest corner with those around it, by which coefficients are averaged.
+
+    For the supported terms, the log-likelihood is taken as quadratic in ln corner, and its five
+    Gauss-Hermite nodes stand for the corners that the spectrum allows.
+
+    Returns
+    -------
+    low_pass : LowPass
+        At the likeliest corner.
+    error : float
+        Standard error of ln corner.
+    nodes : list of (float, Selection)
+        Logarithm of the node's weight, without its likelihood, and the selection behind it.
+    """
+    terms = selection.supported
+
+    def behind(u):
+        return selection.filtered(replace(low_pass, corner=float(np.exp(min(u, np.log(HIGHEST))))))
+
+    def value(u):
+        return behind(u).fit(terms).value
+
+    u = np.log(low_pass.corner)
+    found = minimize_scalar(
+        lambda x: -value(x), bounds=(u - 0.2, u + 0.2), method="bounded", options={"xatol": 1e-4}
+    )
+    u, step, drop = float(found.x), 1e-3, 0.0
+    while drop < 0.1 and step < 0.3:
+        step *= 2
+        drop = -(value(u + step) + value(u - step) + 2 * found.fun) / 2
+    error = step / np.sqrt(2 * max(drop, 1e-3))
+    nodes = [(log, behind(u + z * error)) for z, log in NODES]
+    return replace(low_pass, corner=float(np.exp(u))), float(error), nodes
+
+
+def _score(selection):
+    """Return the log-likelihood of the supported terms less the price of their parameters."""
+    terms = selection.supported
+    parameters = len(terms) + sum(not isinstance(term, str) for term in terms)
+    return selection.fit(terms).value - PRICE * parameters
