@@ -111,35 +111,12 @@ def test_sessions_have_their_own_phase_and_clock_and_may_lack_the_line():
     lines = sinusoid(n, 8.0, 2.0, 0.3), sinusoid(n, 8.0 * (1 + 3e-5), 2.0, 2.0), np.zeros(n)
     signals = [signal(x + line) for x, line in zip(clean, lines, strict=True)]
     line = find_line(signals, white_density, LEVEL)
-    assert {part.signal for part in line.parts} == {0, 1}
+    assert {each.signal for each in line.sinusoids} == {0, 1}
     rest = line.subtract(signals)
     assert rest[2] is signals[2]
     for i in range(2):
         assert np.std(rest[i].values - clean[i]) < 3 * np.sqrt(3 * RATE / n)
     assert find_line(rest, white_density, LEVEL) is None
-
-
-def test_a_line_that_wanders_is_one_line():
-    n, rng = 200_000, np.random.default_rng(6)
-    wander = lfilter([1], [1, -np.exp(-1 / 3e4)], rng.standard_normal(n))
-    turns = np.cumsum(8.0 + 0.004 * wander / wander.std()) / RATE
-    x = rng.standard_normal(n) * np.sqrt(RATE) + 5.0 * np.cos(2 * np.pi * turns)
-    line = line_of(x)
-    assert len(line.parts) > 3
-    assert line.frequency.ci95[0] < turns[-1] * RATE / n < line.frequency.ci95[1]
-    assert line.amplitude.value == pytest.approx(5.0, rel=0.05)
-    # what is left is none of half its amplitude
-    again = find_line(line.subtract([signal(x)]), white_density, LEVEL)
-    assert again is None or again.amplitude.value < 1.0
-
-
-def test_a_line_ends_where_the_sensor_stops_changing():
-    n = 40_000
-    x = np.random.default_rng(5).standard_normal(n) * np.sqrt(RATE) + sinusoid(n, 7.3, 20.0, 0.4)
-    x[n // 2 :] = 0.1
-    found = line_of(x)
-    assert found.frequency.value == pytest.approx(7.3, abs=0.01)
-    assert max(part.end for part in found.parts) <= n // 2 + n // 8
 
 
 def test_rounding_of_stretches_that_never_change_is_no_line():

@@ -67,7 +67,7 @@ def find_lines(basis, signals, settings):
     """Return the lines, and the Selection of what remains; arguments as in `estimate_axis`.
 
     Lines are found and taken out one by one, each against the noise fitted beside those before.
-    What one before has left where it wandered is taken out too, but is no line.
+    What remains of one that wandered is taken out too, but is no line.
     """
     lines, digits = [], (DIGITS * max(abs(signal.values).max() for signal in signals)) ** 2
     while True:
@@ -88,7 +88,7 @@ def find_lines(basis, signals, settings):
     true = [
         line
         for i, line in enumerate(lines)
-        if not any(before.explains(line, 1 / basis.dt) for before in lines[:i])
+        if not any(before.explains(line, basis.span) for before in lines[:i])
     ]
     return true, selection
 
@@ -106,7 +106,7 @@ def _slow_line(signals, selection):
     line = find_line(slow, lambda f: np.full_like(f, flat), level)
     if line is None:
         return None
-    width = 1 / (basis.m * basis.dt * max(part.end - part.begin for part in line.parts))
+    width = 1 / basis.span
     apart = abs(basis.frequency - line.frequency.value) > width
     spectrum = _density(selection.weighted(selection.likelihood.count * apart))
     # the means tell in no time whether the whole record is worth another look

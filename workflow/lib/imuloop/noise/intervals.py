@@ -37,8 +37,8 @@ def coefficients_with_intervals(selection, terms, corners=None):
     reach 2.5 %. :math:`\ell_m(x)` is the profile likelihood of the coefficient, and weights of
     models of k terms are Akaike's.
 
-    Where there is a filter, its `corners` are averaged over in the same way: the nodes of
-    `low_pass.alternatives`.
+    Where there is a filter, Q and N depend on its corner: they are averaged in the same way over
+    `corners`, the nodes of `low_pass.alternatives`.
 
     References
     ----------
@@ -46,11 +46,11 @@ def coefficients_with_intervals(selection, terms, corners=None):
     """
     fit = selection.fit(terms, True)
     theta = dict(zip(variances(terms), fit.theta, strict=True))
-    coefficients = {}
+    coefficients, alone = {}, [(0.0, selection)]
     for name in ORDER:
         profiles = [
             _profile(each, name, model, log)
-            for log, each in corners or [(0.0, selection)]
+            for log, each in (name in ("Q", "N") and corners) or alone
             for model in _models(each, terms, name)
         ]
         if name in terms:

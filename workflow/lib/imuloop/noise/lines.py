@@ -7,13 +7,15 @@ from scipy.special import stdtrit
 
 from imuloop.core.noise_model import Coefficient
 from imuloop.noise.periodogram import SHORTEST, Periodogram, chance_over_band
-from imuloop.noise.sinusoids import FittedSinusoid, fit_sinusoid, follow, strongest_frequency
+from imuloop.noise.sinusoids import FittedSinusoid, fit_sinusoid, strongest_frequency
 
 # relative difference of the clocks of two power cycles, within which a line is the same
 SAME_CLOCK = 1e-4
 # mains, Hz; relative wander (50 mHz) and error of the clock behind the time stamps
 MAINS, ORDERS = (50.0, 60.0), ("1st", "2nd", "3rd", "4th", "5th")
 WANDER, CLOCK = 1e-3, 2e-4
+# share of its frequency within which a line that wandered leaves others
+NEAR = 0.02
 # ends of a normal interval, standard errors
 TWO_SIDED, ONE_SIDED = 1.959964, 1.644854
 
@@ -22,44 +24,37 @@ TWO_SIDED, ONE_SIDED = 1.959964, 1.644854
 class Line:
     """Sinusoid of one axis.
 
-    Frequency in Hz, and amplitude, SI of the axis, in the signal where it stands out most. `parts`
-    are what is removed: more than one per signal where frequency, phase or amplitude wander; then
-    `frequency` is the mean weighted with the power and `amplitude` the root mean square, low by
-    what the line wanders within a part.
+    Frequency in Hz, and amplitude, SI of the axis, in the signal where it stands out most, too low
+    if it wanders there; the sinusoid of each signal that shows it, which is what is removed.
     """
 
     frequency: Coefficient
     amplitude: Coefficient
-    parts: tuple[FittedSinusoid, ...]
+    sinusoids: tuple[FittedSinusoid, ...]
 
     def subtract(self, signals):
         """Return the Signals without the line; those that do not show it are returned unchanged."""
-        shown = {part.signal for part in self.parts}
-        result = [
-            replace(signal, values=np.array(signal.values, float)) if i in shown else signal
-            for i, signal in enumerate(signals)
-        ]
-        for part in self.parts:
-            part.subtract(result[part.signal])
-        return result
+        signals = list(signals)
+        for each in self.sinusoids:
+            values = np.array(signals[each.signal].values, float)
+            signals[each.signal] = replace(signals[each.signal], values=values)
+            each.subtract(signals[each.signal])
+        return signals
 
-    def explains(self, line, rate):
-        """Return whether a later line is a remainder: within 1/T of a part of time T."""
-        near = {
-            part.signal
-            for part in self.parts
-            if abs(part.frequency - line.frequency.value) * (part.end - part.begin) <= rate
-        }
-        return near.issuperset(part.signal for part in line.parts)
+    def explains(self, line, span):
+        """Return whether a later line is a remainder of this one, which wandered.
+
+        It is then within 1/`span`, the length of the longest record in s, or within `NEAR`.
+        """
+        frequency = self.frequency.value
+        return abs(frequency - line.frequency.value) <= max(1 / span, NEAR * frequency)
 
 
 def find_line(signals, spectrum, level):
     """Return the most significant sinusoid; None if chance explains it.
 
     The largest ratio of the periodogram to the spectrum and its local background, see
-    `Periodogram`, is a line where the chance of it is below the level. A line that wanders is one
-    line: where the halves of the record, each with a frequency, phase and amplitude of its own,
-    explain more than the whole and chance, it is followed through them. Signals are tested one by
+    `Periodogram`, is a line where the chance of it is below the level. Signals are tested one by
     one and their independent frequencies W add: the clocks of two sessions differ by more than the
     width 1/T of a line, so that powers at one frequency do not.
 
@@ -83,23 +78,23 @@ def find_line(signals, spectrum, level):
     strongest = fit_sinusoid(signals[best], peaks[best][1], best)
     if chance_over_band(each[best].chance(strongest), independent) > level:
         return None
-    parts = {}
+    sinusoids = [strongest]
     for i, periodogram in each.items():
-        signal, sinusoid = signals[i], strongest
-        if i != best:
-            if sinusoid.frequency * signal.span < SHORTEST:
-                continue
-            reach = 1 / signals[best].span + 1 / signal.span + SAME_CLOCK * sinusoid.frequency
-            sinusoid = fit_sinusoid(
-                signal, strongest_frequency(signal, sinusoid.frequency, reach), i
-            )
-            if chance_over_band(periodogram.chance(sinusoid), 2 * reach * signal.span) > level:
-                continue
-        parts[i] = follow(signal, sinusoid, periodogram.density(sinusoid.frequency)[0])
+        signal = signals[i]
+        if i == best or strongest.frequency * signal.span < SHORTEST:
+            continue
+        reach = 1 / signals[best].span + 1 / signal.span + SAME_CLOCK * strongest.frequency
+        near = strongest_frequency(signal, strongest.frequency, reach)
+        sinusoid = fit_sinusoid(signal, near, i)
+        if chance_over_band(periodogram.chance(sinusoid), 2 * reach * signal.span) <= level:
+            sinusoids.append(sinusoid)
     density, freedom = each[best].density(strongest.frequency)
+    error = stdtrit(freedom, 0.975) * np.sqrt(density * signals[best].rate / 2)
+    amplitude = float(np.hypot(strongest.cosine, strongest.sine))
     return Line(
-        *_averaged(parts[best], density * signals[best].rate / 2, stdtrit(freedom, 0.975)),
-        parts=tuple(part for i in sorted(parts) for part in parts[i]),
+        _coefficient(strongest.frequency, error * strongest.frequency_std),
+        _coefficient(amplitude, error * strongest.amplitude_std),
+        tuple(sinusoids),
     )
 
 
@@ -125,31 +120,6 @@ def mains(frequency, rate):
                 names.append(f"{f0:.0f} Hz mains{alias}{harmonic}")
                 break
     return " or ".join(names) or None
-
-
-def _averaged(parts, variance, quantile):
-    """Return frequency and amplitude, averaged over the parts of a signal.
-
-    For white noise of a variance, and the quantile of the intervals, standard errors.
-    """
-    f, c, s, amplitude_std, frequency_std = np.array(
-        [(p.frequency, p.cosine, p.sine, p.amplitude_std, p.frequency_std) for p in parts]
-    ).T
-    information = amplitude_std**-2
-    power = information / information.sum() * (c**2 + s**2)
-    # each part beyond the first takes noise of its own
-    noise = 2 * variance / information.sum()
-    # a mean square less the noise in it, of which chance may leave nothing
-    amplitude = np.sqrt(max(power.sum() - (len(parts) - 1) * noise, 0.0))
-    power /= power.sum()
-    frequency = power @ f
-    amplitude_error = quantile * np.sqrt(noise / 2)
-    frequency_error = quantile * np.sqrt(variance * np.sum((power * frequency_std) ** 2))
-    if len(parts) > 1:
-        scatter = np.sum(power**2 * (f - frequency) ** 2) * len(parts) / (len(parts) - 1)
-        scatter_error = stdtrit(len(parts) - 1, 0.975) * np.sqrt(scatter)
-        frequency_error = max(frequency_error, scatter_error)
-    return _coefficient(frequency, frequency_error), _coefficient(amplitude, amplitude_error)
 
 
 def _coefficient(value, error):

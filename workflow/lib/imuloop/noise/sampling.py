@@ -108,11 +108,3 @@ class Signal(Sampling):
         values = np.concatenate([x[: n * size].reshape(n, size).mean(axis=1) for x, n in each])
         starts = self.starts[kept] // size
         return Signal(self.rate / size, starts, number[kept], self.levels[kept], values)
-
-    def cut(self, begin, end):
-        """Return the Signal from sample `begin` to before `end`, its values a view."""
-        offset = np.clip(begin - self.starts, 0, self.lengths).sum()
-        first, last = np.clip([self.starts, self.starts + self.lengths], begin, end)
-        kept, lengths = last > first, last - first
-        values = self.values[offset : offset + lengths.sum()]
-        return Signal(self.rate, first[kept], lengths[kept], self.levels[kept], values)
