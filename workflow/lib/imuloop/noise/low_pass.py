@@ -48,7 +48,7 @@ def choose_low_pass(selection):
     gain `PRICE` in log-likelihood, so that a filter is not taken for a hump, and a hump not for a
     filter.
     """
-    rows = _Rows.of(selection)
+    rows = _Rows.of(selection, BINS)
     coarse = {kind: [rows.fit(kind, corner)[0] for corner in CORNERS] for kind in KINDS}
     if max(map(max, coarse.values())) - rows.plain() < 2 * PRICE:
         return None
@@ -58,6 +58,8 @@ def choose_low_pass(selection):
         for kind in kinds
     ]
     low_pass = max(fits, key=lambda fit: fit[0])[1]
+    # a floor of a millionth is seen in the last row alone
+    low_pass = _Rows.of(selection, np.inf).likeliest(low_pass.kind, low_pass.corner)[1]
     price = PRICE * (3 if low_pass.floor else 2)
     filtered = selection.filtered(low_pass)
     better = _score(filtered) - price > _score(selection)
@@ -76,7 +78,7 @@ def _is_seen(filtered, low_pass):
 
 @dataclass(frozen=True)
 class _Rows:
-    """A spectrum in logarithmic bins, by which corners are tried.
+    """A spectrum in logarithmic bins, so that many corners can be tried.
 
     `binned` averages rows of the Modes in these bins; `units`, (k, 4), are the expected squares of
     Q, N, B and K.
@@ -88,13 +90,15 @@ class _Rows:
     likelihood: Likelihood
 
     @classmethod
-    def of(cls, selection):
-        """Return the rows of a Selection, its ramp taken out."""
+    def of(cls, selection, bins):
+        """Return the rows of a Selection, its ramp taken out, in bins per decade."""
         frequency, whole = selection.modes.frequency, selection.likelihood
         used = np.flatnonzero(whole.count)
         order = used[np.argsort(frequency[used], kind="stable")]
-        bins = np.floor(BINS * np.log10(frequency[order]))
-        first = np.flatnonzero(np.diff(bins, prepend=-np.inf))
+        first = np.arange(len(order))
+        if np.isfinite(bins):
+            number = np.floor(bins * np.log10(frequency[order]))
+            first = np.flatnonzero(np.diff(number, prepend=-np.inf))
         weight = whole.count[order]
         count, none = np.add.reduceat(weight, first), np.zeros(0)
 
