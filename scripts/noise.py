@@ -1,4 +1,4 @@
-"""Estimate the noise coefficients of one device and the Allan curves of its sessions."""
+"""Estimate the noise coefficients of one device."""
 
 from pathlib import Path
 

@@ -3,6 +3,7 @@
 import zipfile
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
@@ -10,6 +11,7 @@ import imuloop
 from imuloop.core.files import read_json
 from imuloop.core.samples import Samples, on_gyroscope_clock
 from imuloop.ingest.ingest import ingest
+from imuloop.noise.allan import session_curves
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
@@ -79,9 +81,9 @@ def test_noise_is_that_of_each_sensor_s_own_samples(export, read, force_rate, tu
     segments, _ = segment_session(samples, "static", SegmentSettings())
     # a log that rests is one rest, whatever the clocks
     assert segments["kind"].tolist() == ["static"]
-    found = estimate_noise(
-        "imu", [RecordedSession("log", "static", samples, segments)], NoiseSettings()
-    )
+    session = RecordedSession("log", "static", samples, segments)
+    found = estimate_noise("imu", [session], NoiseSettings())
+    curves = pd.DataFrame(session_curves(session, NoiseSettings()))
     for sensor, axes, density in (
         ("accelerometer", "ax ay az", FORCE_NOISE),
         ("gyroscope", "gx gy gz", RATE_NOISE),
@@ -90,6 +92,9 @@ def test_noise_is_that_of_each_sensor_s_own_samples(export, read, force_rate, tu
         np.testing.assert_allclose(found.rates_hz[sensor], own, rtol=1e-3)
         for axis in axes.split():
             np.testing.assert_allclose(found.model.axes[axis].N.value, density, rtol=0.05)
+            shortest = curves[curves["axis"] == axis].iloc[0]
+            np.testing.assert_allclose(shortest["tau_s"], 1 / own, rtol=1e-3)
+            np.testing.assert_allclose(shortest["adev"], density * np.sqrt(own), rtol=0.05)
     # nothing is said of what merging two clocks alone would do
     assert not [note for note in found.notes if "power is lacking" in note]
     assert not [line for line in quality["warnings"] if "a value is held" in line]

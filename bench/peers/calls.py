@@ -44,17 +44,13 @@ def curves_allan_variance(axes, factors):
 
 
 def curves_imuloop(axes, factors):
-    """The curve, its intervals by the noise fitted to it, as allan.parquet holds them."""
-    from imuloop.noise.allan import allan_table, allan_variance
-    from imuloop.noise.curve import NoiseOfCurve, fit_curve
+    """The curve with its intervals."""
+    from imuloop.noise.allan import allan_variance, degrees_of_freedom, interval
 
-    tau, tables = factors / RATE, []
-    expected = NoiseOfCurve.of(factors, [axes.shape[1]], RATE)
-    for name, x in zip(("ax", "ay", "az", "gx", "gy", "gz"), axes, strict=True):
-        curve = allan_variance([x], factors)
-        theta = np.square(fit_curve(curve, expected))
-        tables.append(allan_table(name, tau, curve, expected.degrees_of_freedom(theta)))
-    return [table["adev"] for table in tables]
+    variances = [allan_variance([x], factors) for x in axes]
+    for variance in variances:
+        interval(variance, degrees_of_freedom(variance, factors, [axes.shape[1]]))
+    return np.sqrt(variances)
 
 
 # by distribution, as bench/requirements.txt has it

@@ -1,37 +1,110 @@
-import allantools
+"""Allan curves of a session: which stretches count, intervals, and the file of the stage."""
+
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from imuloop.noise.allan import CHUNK, COLUMNS, allan_table, allan_variance
+from imuloop import chain
+from imuloop.core.samples import CHANNELS
+from imuloop.core.segments import segment_table
+from imuloop.core.tables import write_sessions, write_table
+from imuloop.noise.allan import COLUMNS, allan_curve, no_curves, session_curves
+from imuloop.noise.records import RecordedSession
+from imuloop.noise.settings import NoiseSettings
+from imuloop.simulate import noise
+from seeds import seeds
+
+SETTINGS, RATE = NoiseSettings(), 50.0
 
 
-@pytest.mark.parametrize("length", [5, CHUNK - 1, CHUNK + 2, 3 * CHUNK + 17])
-def test_one_stretch_is_what_allantools_gives(length):
-    """Chunks may end anywhere; a walk makes the integral large beside its second differences."""
+def session(x, rows, kinds=("static",), kind="static"):
+    """Return a session with `x` on every axis, and one after the other segments of so many rows."""
+    samples = pd.DataFrame({"t": np.arange(len(x)) / RATE} | dict.fromkeys(CHANNELS, x))
+    edges = np.cumsum([0, *rows]) / RATE
+    segments = segment_table(samples, edges[:-1], edges[1:], kinds, range(len(kinds)))
+    return RecordedSession("rest", kind, samples, segments)
+
+
+def pooled(stretches, factors):
+    """Return the overlapping deviation by its definition."""
+    total, count = np.zeros((2, len(factors)))
+    for k, m in enumerate(factors):
+        for x in stretches:
+            phase = np.cumsum(np.append(0.0, x))
+            second = phase[2 * m :] - 2 * phase[m:-m] + phase[: -2 * m]
+            total[k] += second @ second / (2 * m**2)
+            count[k] += len(second)
+    return np.sqrt(total / count)
+
+
+@pytest.mark.parametrize("between", ["disturbed", "gap", "motion"])
+def test_what_lies_between_two_rests_adds_no_term(between):
     rng = np.random.default_rng(1)
-    x = rng.standard_normal(length) + np.cumsum(rng.standard_normal(length))
-    factors = np.unique(np.geomspace(1, length // 2 - 1, 20).astype(int))
-    _, deviation, _, _ = allantools.oadev(x - x.mean(), rate=1.0, data_type="freq", taus=factors)
-    np.testing.assert_allclose(np.sqrt(allan_variance([x], factors)), deviation, rtol=1e-9)
+    before, after = rng.standard_normal(3000), 5 + rng.standard_normal(2500)
+    x = np.concatenate([before, np.full(500, 1e3), after])
+    kind = "multi_position" if between == "motion" else "static"
+    found = session(x, (3000, 500, 2500), ("static", between, "static"), kind)
+    curve = pd.DataFrame(session_curves(found, SETTINGS)).query("axis == 'gy'")
+    assert tuple(curve.columns) == COLUMNS and set(curve["stage"]) == {"raw"}
+    factors = np.rint(curve["tau_s"] * RATE).astype(int)
+    assert factors.iloc[[0, -1]].tolist() == [1, 1000]
+    np.testing.assert_allclose(curve["adev"], pooled([before, after], factors), rtol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
-@given(k=st.floats(1e-6, 1e6), levels=st.lists(st.floats(-100, 100), min_size=2, max_size=2))
-def test_deviation_scales_and_level_of_a_stretch_does_not_matter(k, levels):
-    rng = np.random.default_rng(3)
-    a, b = rng.standard_normal(300), rng.standard_normal(200)
-    found = allan_variance([k * (a + levels[0]), k * (b + levels[1])], [1, 10, 60])
-    assert found == pytest.approx(k**2 * allan_variance([a, b], [1, 10, 60]), rel=1e-9)
+def test_a_few_missing_samples_end_no_stretch():
+    whole = session(np.random.default_rng(2).standard_normal(9000), (9000,))
+    lost = replace(whole, samples=whole.samples.drop(index=range(4000, 4004)))
+    assert session_curves(lost, SETTINGS)["tau_s"].max() == pytest.approx(60, rel=0.01)
 
 
-def test_table_has_the_contract_columns_and_the_printed_interval():
-    # chi-square of 10 degrees: 3.246973 and 20.483177 at 2.5 and 97.5 %
-    table = allan_table("gx", [0.5], [4.0], [10.0])
-    assert tuple(table) == COLUMNS
-    row = pd.DataFrame(table).iloc[0]
-    assert (row.axis, row.tau_s, row.adev, row.edf, row.stage) == ("gx", 0.5, 2.0, 10.0, "raw")
-    assert row.ci_low == pytest.approx(2 * np.sqrt(10 / 20.483177))
-    assert row.ci_high == pytest.approx(2 * np.sqrt(10 / 3.246973))
+@pytest.mark.parametrize("lengths", [[10_000], np.geomspace(60, 1500, 20).astype(int)])
+@pytest.mark.parametrize(("quantisation", "walk"), [(0.0, 0.02), (1.0, 0.0), (0.0, 0.0)])
+@seeds(40, 400)
+def test_intervals_cover(seeds, quantisation, walk, lengths):
+    """White noise of unit density, the other as coefficient: 95 % of the points hold the truth."""
+    inside = []
+    for seed in range(seeds):
+        rng = np.random.default_rng([seed, 11])
+        parts = [
+            noise.white(n, 1.0, 1.0, rng)
+            + noise.quantisation(n, 1.0, quantisation, rng)
+            + noise.walk(n, 1.0, walk, rng)
+            for n in lengths
+        ]
+        m, _, low, high, _ = allan_curve(parts, 1.0, SETTINGS)
+        true = 3 * quantisation**2 / m**2 + 1 / m + walk**2 * (2 * m**2 + 1) / (6 * m)
+        inside.append((low**2 <= true) & (true <= high**2))
+    assert np.mean(inside) == pytest.approx(0.95, abs=0.3 / np.sqrt(seeds))
+    # the longest averaging times too
+    assert np.mean(inside, axis=0)[-3:].min() > 0.95 - 1 / np.sqrt(seeds)
+
+
+def test_each_session_has_its_own_curves_and_the_corrected_rows(tmp_path):
+    x = np.random.default_rng(3).standard_normal(3000)
+    device = chain.Device("imu", tmp_path, {"rest": "static", "poses": "multi_position"})
+    made = {
+        "rest": session(x, (3000,)),
+        "poses": session(0 * x, (2000, 1000), ("static", "motion"), "multi_position"),
+    }
+    for name, each in made.items():
+        write_table(tmp_path / name / "samples.parquet", each.samples)
+        write_table(tmp_path / name / "segments.parquet", each.segments)
+    corrected = session_curves(session(x / 2, (3000,)), SETTINGS, "corrected")
+    tables = {"": no_curves(), "rest": corrected}
+    write_sessions(tmp_path / "allan_corrected.parquet", tables)
+    chain.allan(device)
+    rest, poses = (pd.read_parquet(tmp_path / name / "allan.parquet") for name in made)
+    assert tuple(rest.columns) == tuple(poses.columns) == COLUMNS
+    raw, after = (rest[rest["stage"] == stage] for stage in ("raw", "corrected"))
+    np.testing.assert_allclose(raw["adev"], 2 * after["adev"])
+    # outputs of zero are of a sensor that the log lacks
+    assert poses.empty
+
+
+@pytest.mark.parametrize("x", [np.arange(3.0), np.full(400, 9.8)])
+def test_short_or_constant_output_gives_what_there_is(x):
+    found = pd.DataFrame(session_curves(session(x, (len(x),)), SETTINGS))
+    assert set(found["axis"]) == set(CHANNELS) and not found.isna().any(axis=None)
+    assert found["adev"].to_numpy() == pytest.approx(np.sqrt(0.5) * len(set(x)) / 3 * (x[0] == 0))

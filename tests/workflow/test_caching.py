@@ -148,7 +148,7 @@ def test_an_edited_template_reruns_its_jobs(finished, checkout, file, stages):
 # what is said of two results that were cut
 CUT = (
     "results/posed/poses/quality.json: no JSON",
-    "results/resting/allan_raw.parquet: no whole Parquet file",
+    "results/resting/allan_corrected.parquet: no whole Parquet file",
 )
 
 
@@ -156,7 +156,7 @@ CUT = (
 def killed(finished, checkout, tmp_path_factory):
     """A folder whose run was killed amid a job, and what it had printed of results cut before."""
     folder = shutil.copytree(finished[0], tmp_path_factory.mktemp("killed") / "work")
-    for name in ("posed/poses/quality.json", "resting/allan_raw.parquet"):
+    for name in ("posed/poses/quality.json", "resting/allan_corrected.parquet"):
         path = folder / "results" / name
         path.write_bytes(path.read_bytes()[:-100])
     script, log = checkout / "scripts/export.py", folder / "printed"

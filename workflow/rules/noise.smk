@@ -5,7 +5,6 @@ rule noise:
         segments=each_session("segments.parquet"),
     output:
         noise="results/{device}/noise.json",
-        allan="results/{device}/allan_raw.parquet",
         spectra="results/{device}/spectra.parquet",
     log:
         "logs/noise/{device}.log",
@@ -29,7 +28,8 @@ rule noise:
 
 rule allan:
     input:
-        raw="results/{device}/allan_raw.parquet",
+        samples="results/{device}/{session}/samples.parquet",
+        segments="results/{device}/{session}/segments.parquet",
         corrected="results/{device}/allan_corrected.parquet",
     output:
         allan="results/{device}/{session}/allan.parquet",
@@ -44,10 +44,10 @@ rule allan:
         "../envs/imuloop.yaml"
     threads: 1
     resources:
-        mem_mb=600,
-        runtime=5,
+        mem_mb=by_size(750, 700),
+        runtime=by_size(5, 5),
     params:
-        device=settings(),
+        device=settings("noise"),
         code=code("allan.py"),
     script:
         "../../scripts/allan.py"

@@ -14,7 +14,7 @@ _PLACES = {
     "ImuloopError": "core.errors",
     "ImuloopWarning": "core.errors",
     "Result": "result",
-    "allan": "noise.curve",
+    "allan": "noise.allan",
     "calibrate": "calibrate",
     "load": "result",
     "plot": "plot",

@@ -107,22 +107,15 @@ def segment(device):
 
 
 def noise(device):
-    """Write noise.json, and Allan curves as logged and spectra, of all sessions in a table."""
-    from imuloop.core.samples import Samples, read_columns
+    """Write noise.json, and spectra of all sessions in a table."""
     from imuloop.core.tables import write_sessions
     from imuloop.noise.noise import estimate_noise
-    from imuloop.noise.records import RecordedSession
+    from imuloop.noise.records import read_recorded
     from imuloop.noise.settings import NoiseSettings
 
-    sessions = [
-        RecordedSession(
-            name, each["kind"], Samples(each["samples"]), read_columns(each["segments"])
-        )
-        for name, each in device.sessions.items()
-    ]
+    sessions = [read_recorded(name, files) for name, files in device.sessions.items()]
     result = estimate_noise(device.name, sessions, NoiseSettings(**device.noise))
     result.to_json(device.file("noise.json"))
-    write_sessions(device.file("allan_raw.parquet"), result.allan)
     write_sessions(device.file("spectra.parquet"), result.spectra)
 
 
@@ -162,7 +155,7 @@ def diagnose(device):
     from imuloop.core.tables import write_sessions, write_table
     from imuloop.diagnose.diagnose import diagnose_device
     from imuloop.diagnose.settings import DiagnoseSettings
-    from imuloop.noise.allan import allan_table
+    from imuloop.noise.allan import no_curves
     from imuloop.noise.settings import NoiseSettings
     from imuloop.plan.advice import next_step
     from imuloop.validate.attitude import validate_attitude
@@ -187,9 +180,7 @@ def diagnose(device):
         attitude["why"] = with_sessions(attitude["why"], device.sessions)
     write_json(device.file("diagnosis.json"), diagnosis)
     found.calibration.to_json(device.file("calibration.json"))
-    # a table without rows, for the columns
-    empty = allan_table("", [], [], [])
-    write_sessions(device.file("allan_corrected.parquet"), {"": empty, **found.allan})
+    write_sessions(device.file("allan_corrected.parquet"), {"": no_curves(), **found.allan})
     write_json(device.file("attitude.json"), attitude)
     for name, table in {"attitude": series, **found.tables}.items():
         write_table(device.file(f"{name}.parquet"), table)
@@ -198,11 +189,14 @@ def diagnose(device):
 def allan(device):
     """Write the Allan curves of each session, those as logged first, then the corrected."""
     from imuloop.core.tables import joined, read_session, write_table
+    from imuloop.noise.allan import session_curves
+    from imuloop.noise.records import read_recorded
+    from imuloop.noise.settings import NoiseSettings
 
-    raw, corrected = (device.file(f"allan_{which}.parquet") for which in ("raw", "corrected"))
+    settings, corrected = NoiseSettings(**device.noise), device.file("allan_corrected.parquet")
     for name, files in device.sessions.items():
-        parts = [read_session(path, name) for path in (raw, corrected)]
-        write_table(files["allan"], joined(parts))
+        raw = session_curves(read_recorded(name, files), settings)
+        write_table(files["allan"], joined([raw, read_session(corrected, name)]))
 
 
 def export(device):

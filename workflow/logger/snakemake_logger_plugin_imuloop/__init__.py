@@ -13,8 +13,6 @@ from tqdm import tqdm
 
 # events that are more than a line to a person
 UNSAID = set(LogEvent) - {LogEvent.ERROR, LogEvent.JOB_ERROR, LogEvent.GROUP_ERROR}
-# only copies curves of the noise stage
-NO_STAGE = "allan"
 
 
 class LogHandler(LogHandlerBase):
@@ -48,9 +46,9 @@ class LogHandler(LogHandlerBase):
         device = wildcards.get("device") or wildcards.get("replica")
         waiting = self.sessions.setdefault(device, Counter())
         if "session" in wildcards:
-            waiting[stage] += stage != NO_STAGE
+            waiting[stage] += 1
             return
-        for of_sessions, count in (+waiting).items():
+        for of_sessions, count in waiting.items():
             self._say(f"{device}  {of_sessions}  {count} session{'s' * (count > 1)}")
         waiting.clear()
         if device:

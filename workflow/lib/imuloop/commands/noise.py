@@ -28,6 +28,7 @@ from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import STANDARD_GRAVITY, RawUnit
 from imuloop.export.export import FORMATS, render
 from imuloop.export.values import Exported, values
+from imuloop.noise.allan import session_curves
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
@@ -80,15 +81,14 @@ def run(arguments):
     say(*(f"warning: {w}" for w in quality.get("warnings", ())))
     if folder:
         folder.mkdir(parents=True, exist_ok=True)
-        say(*(f"wrote {path}" for path in written(folder, name_of(log), found)))
+        say(*(f"wrote {path}" for path in written(folder, session, found)))
 
 
-def written(folder, name, found):
-    """Write a NoiseResult, its curves and the files of other tools; return the paths."""
+def written(folder, session, found):
+    """Write a session's NoiseResult and curves and the files of other tools; return the paths."""
+    name = session.name
     found.to_json(folder / "noise.json")
-    allan = pd.DataFrame(found.allan[name])
-    allan.to_csv(folder / "allan.csv", index=False)
-    paths = [folder / "noise.json", folder / "allan.csv"]
+    paths = [folder / "noise.json"]
     why = "this log is of the noise alone"
     sensors = [SensorCalibration.nominal(RawUnit(unit, 1.0), why) for unit in ("m/s^2", "rad/s")]
     nominal = Calibration(name, STANDARD_GRAVITY, *sensors)
@@ -105,7 +105,12 @@ def written(folder, name, found):
                 continue
             paths.append(folder / each.file)
             paths[-1].write_text(text, encoding="utf-8", newline="\n")
-    return paths + drawings(folder, name, allan, found)
+    allan = pd.DataFrame(session_curves(session, NoiseSettings()))
+    if allan.empty:
+        say("no Allan curve: AllanTools is not installed, or the rests are too short")
+        return paths
+    allan.to_csv(folder / "allan.csv", index=False)
+    return [*paths, folder / "allan.csv", *drawings(folder, name, allan, found)]
 
 
 def drawings(folder, name, allan, found):
@@ -118,7 +123,7 @@ def drawings(folder, name, allan, found):
         return []
     paths = []
     for sensor in found.rates_hz:
-        picture = allan_picture(name, sensor, allan, found.model.axes)
-        write_svg(folder, f"allan_{sensor}", picture)
-        paths.append(folder / f"allan_{sensor}.svg")
+        if picture := allan_picture(name, sensor, allan, found.model.axes):
+            write_svg(folder, f"allan_{sensor}", picture)
+            paths.append(folder / f"allan_{sensor}.svg")
     return paths

@@ -1,14 +1,116 @@
-"""Overlapping Allan deviation of records that may be cut into stretches."""
+"""Overlapping Allan deviation by AllanTools, pooled over the stretches of a record."""
+
+from importlib.util import find_spec
+from itertools import pairwise
+from numbers import Real
 
 import numpy as np
+import pandas as pd
 from scipy.special import chdtri
 
-from imuloop.core.tables import table
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import SENSORS
+from imuloop.core.tables import joined, table
+from imuloop.noise.records import closed_up, records_by_sensor
+from imuloop.noise.settings import NoiseSettings
 
 # columns of allan.parquet
 COLUMNS = ("axis", "tau_s", "adev", "ci_low", "ci_high", "edf", "stage")
-# terms that are summed at a time: fits the cache
-CHUNK = 32768
+# exponents of the power spectrum of quantisation, white noise, flicker and walk, and the slopes of
+# the deviation between them; quantisation alone has many degrees of freedom at long times, so that
+# no other noise may be taken for it
+EXPONENTS, SLOPES = (2, 0, -1, -2), (-0.9, -0.25, 0.25)
+# a slope is taken over averaging times up to so many times shorter and longer
+REACH = 5.0
+# terms that AllanTools sums at a time: its temporaries fit the cache, for half the time
+PIECE = 1 << 18
+
+
+def session_curves(session, settings, stage="raw"):
+    """Return the rows of allan.parquet of a RecordedSession: the curves of its rests.
+
+    Each sensor on its own clock. Without rows where the session holds no rest, and without
+    AllanTools, which is an extra.
+    """
+    parts = [no_curves()]
+    by_sensor = records_by_sensor([session], []) if find_spec("allantools") else {}
+    for sensor, (record,) in by_sensor.items():
+        for axis in SENSORS[sensor]:
+            # a few missing samples are taken for none
+            stretches = closed_up(record.signals(axis))
+            if all(np.isfinite(x).all() for x in stretches):
+                curve = allan_curve(stretches, record.rate, settings)
+                parts.append(table(COLUMNS, axis, *curve, stage))
+            # or two axes would be in memory at once
+            stretches = None
+    return joined(parts)
+
+
+def no_curves():
+    """Return a table of allan.parquet without rows."""
+    return table(COLUMNS, "", *[[]] * 5, "")
+
+
+def allan(values, rate):
+    """Return the overlapping Allan deviation of an evenly sampled record, without gaps.
+
+    Parameters
+    ----------
+    values : array_like, shape (n,) or (n, k), or DataFrame
+        Record of each axis, any unit.
+    rate : float
+        Samples per second, Hz.
+
+    Returns
+    -------
+    DataFrame
+        A row per axis and averaging time: `axis`, `tau_s`, `adev` in the unit of the values, and
+        its 95 % interval by the noise that the slope of the curve shows, `ci_low` and `ci_high`.
+
+    Raises
+    ------
+    ImuloopError
+        If the values are no table of numbers, one is not finite, there are too few, or the rate is
+        not above 0.
+    ModuleNotFoundError
+        If AllanTools is not installed.
+    """
+    if not (isinstance(rate, Real) and 0 < rate < np.inf):
+        raise ImuloopError(f"rate: {rate!r} is not a number of samples per second above 0")
+    try:
+        frame = pd.DataFrame(values).astype(float)
+    except (TypeError, ValueError) as error:
+        raise ImuloopError(f"values: not numbers of shape (n,) or (n, k): {error}") from error
+    if not np.isfinite(frame.to_numpy()).all():
+        raise ImuloopError("values: some are not finite; give a stretch without")
+    settings, parts = NoiseSettings(), []
+    if not len(averaging_factors(len(frame), settings)):
+        raise ImuloopError(f"values: {len(frame)} samples are too few for an Allan deviation")
+    for axis, column in frame.items():
+        curve = allan_curve([column.to_numpy()], rate, settings)
+        parts.append(pd.DataFrame({"axis": axis, **dict(zip(COLUMNS[1:5], curve, strict=False))}))
+    return pd.concat(parts, ignore_index=True)
+
+
+def allan_curve(stretches, rate, settings):
+    r"""Return the overlapping Allan deviation of an axis, with its 95 % interval.
+
+    By chi-square: with ν equivalent degrees of freedom, :math:`\nu s^2/\sigma^2` follows it.
+
+    Takes evenly sampled stretches of the output, any unit, and the rate, Hz.
+
+    Returns
+    -------
+    tau, deviation, low, high, edf : ndarray, shape (k,)
+        Averaging times, s, deviation and interval in the unit of the output, degrees of freedom.
+        Empty where no stretch is long enough.
+    """
+    lengths = [len(x) for x in stretches]
+    factors = averaging_factors(max(lengths), settings)
+    variance = allan_variance(stretches, factors)
+    edf = degrees_of_freedom(variance, factors, lengths)
+    low, high = interval(variance, edf)
+    return factors / rate, np.sqrt(variance), np.sqrt(low), np.sqrt(high), edf
 
 
 def averaging_factors(length, settings):
@@ -35,58 +137,88 @@ def allan_variance(stretches, factors):
     .. math::
         \sigma^2(m) = \sum_s M_s \sigma_s^2(m) / \sum_s M_s,\quad M_s = n_s + 1 - 2m
 
-    Takes evenly sampled stretches of any unit and averaging factors m. No term reaches over the end
-    of a stretch, so that what lies between two of them, be it a gap, a knock or a lasting change of
-    level, does not enter. Not-a-number where no stretch is long enough.
+    Takes evenly sampled stretches of any unit and averaging factors m, ascending. No term reaches
+    over the end of a stretch, so that what lies between two of them, be it a gap, a knock or a
+    lasting change of level, does not enter. Not-a-number where no stretch is long enough.
 
     References
     ----------
     W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), eq. (11).
     """
+    # its import takes longer than most curves
+    from allantools import oadev
+
     factors = np.asarray(factors)
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
-    # changes of x over m samples, and how these change m samples on: memory that is used again
-    changes, second = np.empty(2 * CHUNK), np.empty(CHUNK)
     for values in stretches:
-        count, x = terms(factors, len(values)), _integral(values)
+        count, phase = terms(factors, len(values)), np.zeros(len(values) + 1)
+        # without the mean, for the digits
+        np.cumsum(values - np.mean(values), out=phase[1:])
         weight += count
-        # chunk by chunk, so that the short averages of all factors find their samples in the cache
-        for i in range(0, count.max(initial=0), CHUNK):
-            part = x[i:]
-            for k in np.flatnonzero(count > i).tolist():
-                size, m = min(CHUNK, int(count[k]) - i), int(factors[k])
-                if m < size:
-                    both = m + size
-                    change = np.subtract(part[m : m + both], part[:both], out=changes[:both])
-                    later, earlier = change[m:], change[:size]
-                else:
-                    first, middle, last = (part[j * m : j * m + size] for j in range(3))
-                    later = np.subtract(last, middle, out=changes[:size])
-                    earlier = np.subtract(middle, first, out=second[:size])
-                difference = np.subtract(later, earlier, out=second[:size])
-                total[k] += difference @ difference
-    mean = np.divide(total, weight, out=np.full(len(total), np.nan), where=weight > 0)
-    return mean / (2.0 * factors**2)
+        at = np.flatnonzero(count)
+        # of short stretches all averaging times at once, of others in pieces that fit the cache
+        size = max(len(at), 1) if len(values) < PIECE else 1
+        for group in (at[k : k + size] for k in range(0, len(at), size)):
+            m = factors[group]
+            last = len(phase) - 2 * m[0]
+            for i, j in pairwise(np.linspace(0, last, last // PIECE + 2).astype(int)):
+                _, deviation, _, number = oadev(phase[i : j + 2 * m[0]], taus=m)
+                total[group] += number * deviation**2
+    return np.divide(total, weight, out=np.full(len(total), np.nan), where=weight > 0)
 
 
-def allan_table(axis, tau, variance, edf, stage="raw"):
-    """Return one axis' rows of allan.parquet: the deviation with its 95 % interval.
+def degrees_of_freedom(variance, factors, lengths):
+    r"""Return the equivalent degrees of freedom of a pooled curve, shape (k,).
 
-    Averaging times `tau` in s, Allan variance in the unit of the axis squared and equivalent
-    degrees of freedom, shape (k,) each; edf s^2 / sigma^2 follows chi-square.
+    .. math:: \nu = \Big(\sum_s M_s\Big)^2 \Big/ \sum_s M_s^2/\nu_s
+
+    with AllanTools' of each stretch, for the noise that the slope of the curve shows.
+
+    Takes the Allan variance at averaging `factors`, shape (k,), and the samples of each stretch.
+
+    References
+    ----------
+    W. J. Riley, Handbook of Frequency Stability Analysis, NIST SP 1065 (2008), table 5.
     """
-    variance = np.asarray(variance)
-    low, high = (np.sqrt(end) for end in interval(variance, np.asarray(edf)))
-    return table(COLUMNS, axis, tau, np.sqrt(variance), low, high, edf, stage)
+    from allantools import edf_greenhall, edf_simple
+
+    def of_stretch(exponent, m, length):
+        # the simple formula of AllanTools 2024.6 lacks a square there
+        if (exponent, m) == (-1, 1):
+            return edf_greenhall(exponent, 2, m, length + 1, overlapping=True)
+        return edf_simple(length + 1, m, exponent)
+
+    lengths, repeats = np.unique(lengths, return_counts=True)
+    count, edf = terms(factors[:, None], lengths), np.empty(len(factors))
+    exponents = noise_exponents(variance, factors, count @ repeats)
+    for k, (exponent, m) in enumerate(zip(exponents.tolist(), factors.tolist(), strict=True)):
+        seen = count[k] > 0
+        each = np.array([of_stretch(exponent, m, n) for n in lengths[seen].tolist()])
+        edf[k] = (repeats @ count[k]) ** 2 / (repeats[seen] @ (count[k, seen] ** 2 / each))
+    return edf
+
+
+def noise_exponents(variance, factors, count):
+    """Return the exponent of the power spectrum that the slope shows at each point, shape (k,).
+
+    The slope of the deviation on logarithmic scales, by least squares in which short averages weigh
+    more, so that the few terms of long ones do not decide. White noise where there is no slope.
+    Takes the Allan variance at averaging `factors` and the `count` of its terms, shape (k,).
+    """
+    if not np.all(variance > 0):
+        return np.zeros(len(factors), dtype=int)
+    x, y = np.log(factors), np.log(variance) / 2
+    weight = (np.abs(x - x[:, None]) < np.log(REACH)) * np.sqrt(count / factors)
+    weight /= weight.sum(axis=1, keepdims=True)
+    distance = x - (weight @ x)[:, None]
+    spread = (weight * distance**2).sum(axis=1)
+    slope = np.full(len(x), -0.5)
+    np.divide((weight * distance) @ y, spread, out=slope, where=spread > 0)
+    exponents = np.take(EXPONENTS, np.digitize(slope, SLOPES))
+    # quantisation falls fastest: where another noise has shown, it shows no more
+    return np.where(np.logical_or.accumulate(exponents <= 0), np.minimum(exponents, 0), exponents)
 
 
 def interval(variance, edf):
     """Return the 95 % interval of a variance by chi-square with `edf` degrees of freedom."""
     return tuple(variance * edf / chdtri(edf, above) for above in (0.025, 0.975))
-
-
-def _integral(values):
-    """Return the sums of the values before each and of all; without the mean, for the digits."""
-    x = np.zeros(len(values) + 1)
-    np.subtract(values, np.mean(values), out=x[1:])
-    return np.cumsum(x, out=x)

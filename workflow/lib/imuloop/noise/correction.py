@@ -1,11 +1,10 @@
-"""Samples of static records corrected for the added effects, and their noise."""
+"""Samples of static records corrected for the added effects."""
 
 import numpy as np
 
 from imuloop.core.effect import Channels
 from imuloop.core.rest_log import other_sensor
 from imuloop.core.samples import CHANNELS, OWN_TIME, SENSORS, TEMPERATURE, TIME
-from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 
 
@@ -40,9 +39,9 @@ def corrected(session, log, calibration, found):
     return {TIME: t, **changed, **warmth, **held}
 
 
-def noise_again(device, data, calibration, found, noise_settings):
-    """Return the NoiseModel of the corrected StaticData, and their Allan tables by session."""
-    sessions = [
+def corrected_sessions(data, calibration, found):
+    """Return a RecordedSession for each session of StaticData, `corrected` for what was found."""
+    return [
         RecordedSession(
             name,
             data.kinds[name],
@@ -51,10 +50,3 @@ def noise_again(device, data, calibration, found, noise_settings):
         )
         for name in data.samples
     ]
-    result = estimate_noise(device, sessions, noise_settings, views=False)
-    tables = {
-        name: table | {"stage": np.full(len(table["tau_s"]), "corrected")}
-        for name, table in result.allan.items()
-        if len(table["tau_s"])
-    }
-    return result.model, tables

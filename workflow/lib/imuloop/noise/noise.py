@@ -1,16 +1,15 @@
-"""Noise of a device: coefficients, Allan curves, spectra and summary figures."""
+"""Noise of a device: coefficients, spectra and summary figures."""
 
 from dataclasses import asdict, dataclass, field, fields, replace
+from itertools import product
 
 import numpy as np
 
 from imuloop.core.files import write_json
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
-from imuloop.core.tables import joined, table
-from imuloop.noise.allan import COLUMNS, allan_table, allan_variance, averaging_factors
+from imuloop.core.tables import joined
 from imuloop.noise.axis import AxisEstimate, estimate_axis
-from imuloop.noise.curve import TERMS, NoiseOfCurve
 from imuloop.noise.modes import modes
 from imuloop.noise.records import closed_up, record_of, records_by_sensor
 from imuloop.noise.spectrum import no_spectrum, spectrum_table
@@ -37,9 +36,9 @@ class NoiseResult:
         See `statistics.repeatability`; for each session used and each axis `statistics.summary`.
     sessions, notes : tuple of str
         Sessions behind the coefficients; what a reader of the coefficients must know.
-    allan, spectra : dict of str to dict of ndarray
-        For each session given the columns of allan.parquet and of spectra.parquet; without rows
-        where the session was not used.
+    spectra : dict of str to dict of ndarray
+        For each session given the columns of spectra.parquet; without rows where the session was
+        not used.
     """
 
     model: NoiseModel
@@ -51,12 +50,11 @@ class NoiseResult:
     statistics: dict = field(default_factory=dict)
     sessions: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
-    allan: dict = field(default_factory=dict)
     spectra: dict = field(default_factory=dict)
 
     def to_dict(self):
         """Return the content of noise.json."""
-        others = {f.name: getattr(self, f.name) for f in fields(self)[1:-2]}
+        others = {f.name: getattr(self, f.name) for f in fields(self)[1:-1]}
         return self.model.to_dict() | others
 
     def to_json(self, path):
@@ -69,7 +67,6 @@ def no_noise(device, sessions, *notes):
     return NoiseResult(
         model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise())),
         notes=notes,
-        allan={name: table(COLUMNS, "", *[[]] * 5, "") for name in sessions},
         spectra={name: no_spectrum() for name in sessions},
     )
 
@@ -106,26 +103,17 @@ def estimate_noise(device, sessions, settings, views=True):
     with_added = _with_disturbed(by_sensor, settings) if views and static else None
     names = dict.fromkeys(record.session.name for own in by_sensor.values() for record in own)
     statistics = {name: {} for name in names}
-    allan = {name: [each] for name, each in nothing.allan.items()}
     spectra = {name: [each] for name, each in nothing.spectra.items()}
     for sensor, records in by_sensor.items():
-        each = lengths[sensor]
-        by_record = [_curve(n, r.rate, settings) for n, r in zip(each, records, strict=True)]
-        for axis in SENSORS[sensor]:
-            # curves and spectra take a few missing samples for none
-            closed = [closed_up(record.signals(axis)) for record in records]
-            variances = [allan_variance(x, m) for x, (m, _) in zip(closed, by_record, strict=True)]
-            squares = [getattr(axes[axis], name).square for name in TERMS]
-            each = zip(records, closed, by_record, variances, strict=True)
-            for record, x, (m, curve), variance in each:
-                name, edf = record.session.name, curve.degrees_of_freedom(squares)
-                allan[name].append(allan_table(axis, m / record.rate, variance, edf))
-                # attitude, and gravity with it, changes from rest to rest: the longest speaks alone
-                statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
-                if views and np.isfinite(statistics[name][axis]["mean"]):
-                    spectra[name].append(spectrum_table(axis, x, record.rate))
+        for axis, record in product(SENSORS[sensor], records):
+            # a few missing samples are taken for none
+            name, x = record.session.name, closed_up(record.signals(axis))
+            # attitude, and gravity with it, changes from rest to rest: the longest speaks alone
+            statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
+            if views and np.isfinite(statistics[name][axis]["mean"]):
+                spectra[name].append(spectrum_table(axis, x, record.rate))
             # or two axes would be in memory at once
-            closed = each = x = None
+            x = None
     means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
     return NoiseResult(
         model=NoiseModel(device, nothing.model.axes | axes),
@@ -137,7 +125,6 @@ def estimate_noise(device, sessions, settings, views=True):
         statistics=statistics,
         sessions=tuple(statistics),
         notes=tuple(notes),
-        allan={name: joined(parts) for name, parts in allan.items()},
         spectra={name: joined(parts) for name, parts in spectra.items()},
     )
 
@@ -169,12 +156,6 @@ def _with_disturbed(by_sensor, settings):
     return {"seconds": added, "axes": axes}
 
 
-def _curve(lengths, rate, settings):
-    """Return the averaging factors of stretches of such lengths, and the NoiseOfCurve."""
-    factors = averaging_factors(lengths.max(), settings)
-    return factors, NoiseOfCurve.of(factors, lengths, rate)
-
-
 def _estimates(by_sensor, settings, notes):
     """Return the AxisEstimate of each axis by all records of its sensor, notes on its limits."""
     bases = _of_each(by_sensor, lambda own: modes([s for r in own for s in r.samplings]))
@@ -202,7 +183,7 @@ def _estimate(axis, records, basis, settings, notes):
         notes.append(f"{axis}: output is constant, no coefficient estimated")
         return nothing
     estimate = estimate_axis(basis, signals, settings)
-    if not any(getattr(estimate.noise, name).upper95 for name in TERMS):
+    if not any(getattr(estimate.noise, name).upper95 for name in "QNBKR"):
         notes.append(f"{axis}: too few samples for a coefficient")
     if estimate.misfit:
         notes.append(

@@ -10,8 +10,10 @@ from imuloop.core.samples import (
     SENSORS,
     TEMPERATURE,
     TIME,
+    Samples,
     holds,
     on_own_clock,
+    read_columns,
 )
 from imuloop.core.segments import DISTURBED, MOTION, STATIC, power_cycles
 from imuloop.noise.sampling import SPARSEST, Sampling
@@ -73,6 +75,12 @@ class Record:
         each = ([x[s] for s in slices] for slices in self.slices)
         values = (np.concatenate(parts) if len(parts) > 1 else parts[0] for parts in each)
         return [s.with_values(v) for s, v in zip(self.samplings, values, strict=True)]
+
+
+def read_recorded(name, files):
+    """Return the RecordedSession of a session from its kind and its files, by name."""
+    segments = read_columns(files["segments"])
+    return RecordedSession(name, files["kind"], Samples(files["samples"]), segments)
 
 
 def closed_up(signals):

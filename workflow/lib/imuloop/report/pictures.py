@@ -1,6 +1,6 @@
 """The pictures of a device by their kind: what the report, files and notebooks show."""
 
-from imuloop.report.figures.allan import allan_pictures, corrected_pictures
+from imuloop.report.figures.allan import allan_pictures, corrected_pictures, longest_curve_first
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.bias import bias_pictures
 from imuloop.report.figures.loop import device_loop
@@ -48,5 +48,7 @@ def pictures(device, kind):
     if kind in OF_DEVICE:
         return OF_DEVICE[kind](device)
     if kind in OF_SESSION:
-        return [p for session in device.used for p in OF_SESSION[kind](device, session)]
+        # the page shows the first
+        used = longest_curve_first(device.used) if kind == "allan" else device.used
+        return [p for session in used for p in OF_SESSION[kind](device, session)]
     return [p for each in blocks(device.diagnosis) for p in OF_RECORD[kind](device, *each)]

@@ -7,7 +7,7 @@ import numpy as np
 from imuloop.core.noise_model import AxisNoise
 from imuloop.export.densities import UNITS, for_filter, of_calibrated
 from imuloop.report.card import card
-from imuloop.report.figures.allan import curve
+from imuloop.report.figures.allan import curve, longest_curve_first
 from imuloop.report.figures.loop import loop_errors
 from imuloop.report.numbers import sigma_of
 from imuloop.report.results import SENSORS, XYZ, base_parameters, of_axes
@@ -37,10 +37,7 @@ def summarise(device, steps=()):
     """
     axes, final = _axes(device), device.calibrations.get("final")
     loop = loop_errors(device) if device.calibrations else []
-    # the curve that reaches farthest
-    record = max(
-        (s for s in device.used if len(s.allan)), key=lambda s: s.allan["tau_s"].max(), default=None
-    )
+    record = next(iter(longest_curve_first(device.used)), None)
     return {
         "format": FORMAT,
         "device": device.name,

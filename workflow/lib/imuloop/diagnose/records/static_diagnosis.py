@@ -18,7 +18,9 @@ from imuloop.diagnose.records.rests import LONG_REST
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
 from imuloop.diagnose.records.static_content import searched_content, static_content
 from imuloop.diagnose.verdict import not_testable
-from imuloop.noise.correction import noise_again
+from imuloop.noise.allan import session_curves
+from imuloop.noise.correction import corrected_sessions
+from imuloop.noise.noise import estimate_noise
 
 # windows that tell noise from lines
 ENOUGH = 64
@@ -130,13 +132,16 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
         reasons[sensor] = reason
 
     def without(found):
-        """Return the noise and Allan tables of the records less FittedEffects."""
+        """Return the noise of the records less FittedEffects, and the sessions that changed."""
         if not any(found.values()):
-            return noise, {}
-        return noise_again(noise.device, data, calibration, found, noise_settings)
+            return noise, []
+        sessions = corrected_sessions(data, calibration, found)
+        return estimate_noise(noise.device, sessions, noise_settings, views=False).model, sessions
 
     found = {sensor: finding.effects for sensor, finding in findings.items()}
-    (whole, allan), made = without(found), {}
+    (whole, sessions), made = without(found), {}
+    curves = {each.name: session_curves(each, noise_settings, "corrected") for each in sessions}
+    del sessions
     for sensor, finding in findings.items():
         change = {
             name: {"before": asdict(noise.axes[name]), "after": asdict(whole.axes[name])}
@@ -150,6 +155,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
         whole = without(doubtful)[0]
     lasting = {s: tuple(e for e in found.get(s, ()) if e.effect.lasting) for s in SENSORS}
     content = {s: made.get(s) or not_testable(reasons[s]) for s in SENSORS}
+    allan = {name: table for name, table in curves.items() if len(table["tau_s"])}
     return StaticResult(content, lasting, whole, allan, findings)
 
 

@@ -21,6 +21,11 @@ def curve(allan, channel, stage="corrected"):
     return (chosen if len(chosen) else known[known["stage"] == "raw"]).sort_values("tau_s")
 
 
+def longest_curve_first(sessions):
+    """Return the sessions with an Allan curve, that with the longest averaging time first."""
+    return sorted((s for s in sessions if len(s.allan)), key=lambda s: -s.allan["tau_s"].max())
+
+
 def draw_allan(area, measured, noise, sensor, colour=INK, lowest=0.0):
     """Draw an Allan curve with its interval, the model of an `AxisNoise` and each of its terms.
 
@@ -65,8 +70,6 @@ def deviation_unit(sensor):
 
 def allan_pictures(device, session):
     """Return the Allan deviation of a session's accelerometer and gyroscope."""
-    if not len(session.allan):
-        return []
     csv = write_csv(device.figures, f"{session.name}_allan", session.allan)
     name = f"{device.name}.{session.name}"
     each = (allan_picture(name, s, session.allan, device.axes, csv) for s in SENSORS)
