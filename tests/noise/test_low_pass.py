@@ -7,9 +7,11 @@ from scipy.signal import butter, lfilter
 
 from calibrate.devices import planned
 from imuloop.core.samples import CHANNELS
+from imuloop.noise.allan import allan_curve
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings
+from imuloop.report.figures.allan import taken_by_filter
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.noise import gauss_markov, quantisation
@@ -127,3 +129,12 @@ def test_a_filter_is_named_for_each_axis(rate, seconds):
     values = noise * ([0.03] * 3 + [0.002] * 3) + [0.1, 0.2, 9.7, 0, 0, 0]
     log = pd.DataFrame(values, columns=CHANNELS).assign(t=np.arange(n) / rate)
     assert [note[:2] for note in filter_notes(log, "static")] == [*CHANNELS]
+
+
+def test_the_model_of_the_picture_bends_with_the_allan_curve():
+    rng = np.random.default_rng(11)
+    x = filtered(2, 0.1, white(rng, 910))
+    noise = estimate_record(x, RATE, SETTINGS).noise
+    tau, _, low, high, _ = allan_curve([x], RATE, SETTINGS)
+    model = np.sqrt(noise.allan_variance(tau) - taken_by_filter(noise, tau))
+    assert np.mean((low <= model) & (model <= high)) > 0.9

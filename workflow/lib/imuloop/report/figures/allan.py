@@ -40,7 +40,7 @@ def draw_allan(area, measured, noise, sensor, colour=INK, lowest=0.0):
     band = (unit.factor * measured[end] for end in ("ci_low", "ci_high"))
     fill(area, tau, *band, colour)
     grid = np.geomspace(tau[0], tau[-1], 30) if len(tau) else tau
-    model = noise.allan_variance(grid)
+    model = noise.allan_variance(grid) - (taken_by_filter(noise, grid) if len(tau) else 0.0)
     if not len(tau) or not (model > 0).all():
         return
     area.loglog(grid, unit.factor * np.sqrt(model), color=INK, ls="--", lw=1.2, label="model")
@@ -61,6 +61,24 @@ def draw_allan(area, measured, noise, sensor, colour=INK, lowest=0.0):
             letter += f" {sheet.size(getattr(noise, term).size)}"
             area.plot(grid[at], unit.factor * values[at], "o", color=INK, ms=4)
         area.text(grid[at], unit.factor * values[at], letter, ha=side, va="bottom", fontsize=10)
+
+
+def taken_by_filter(noise, tau):
+    r"""Return the Allan variance of white noise that a low-pass filter takes, shape (k,).
+
+    .. math:: \int_0^{r/2} 4 N^2 [1 - G(f)] \frac{\sin^4 \pi f \tau}{(\tau r \sin \pi f/r)^2} df
+
+    with G its power gain, for averaging times in s of which the first is the sampling interval 1/r.
+    """
+    if not noise.low_pass:
+        return np.zeros(len(tau))
+    rate = 1 / tau[0]
+    f = np.geomspace(rate * 1e-5, rate / 2, 4000)
+    kernel = np.sin(np.pi * f * tau[:, None]) / np.sqrt(
+        tau[:, None] * rate * np.sin(np.pi * f / rate)
+    )
+    taken = (1 - noise.low_pass.gain(f, rate)) * kernel**4
+    return 4 * noise.N.square * np.trapezoid(taken, f, axis=1)
 
 
 def deviation_unit(sensor):
@@ -127,6 +145,12 @@ def _finding(axes, sensor):
         f"hump of a line of {number(p.frequency.value)} Hz ({axis})"
         for axis, noise in axes
         for p in noise.sinusoid
+    ]
+    parts += [
+        f"bends down below {number(1 / noise.low_pass.corner.value)} s, as a low-pass at "
+        f"{number(noise.low_pass.corner.value)} Hz takes white noise ({axis})"
+        for axis, noise in axes
+        if noise.low_pass
     ]
     return "; ".join(parts) + "." if parts else "no noise model could be fitted."
 
