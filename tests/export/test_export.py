@@ -92,7 +92,7 @@ def test_a_label_stays_on_its_line(each):
 
 def _results(folder, board, rate_hz):
     board.calibration.to_json(folder / "calibration.json")
-    noise = board.noise.to_dict() | {"rate_hz": rate_hz, "notes": ["short"], "uncut": None}
+    noise = board.noise.to_dict() | {"rate_hz": rate_hz, "notes": ["short"]}
     write_json(folder / "noise.json", noise)
     for name, status, rows, rate, span in (
         ("a", "ok", 10, 50.0, [20.0, 31.0]),

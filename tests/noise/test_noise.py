@@ -176,7 +176,7 @@ def test_noise_json_holds_the_model_and_the_rest(tmp_path):
     assert NoiseModel.from_json(tmp_path / "noise.json") == result.model
     content = json.loads((tmp_path / "noise.json").read_text())
     assert set(content) == {
-        *("format", "device", "axes", "rate_hz", "rates_hz", "spectrum", "uncut"),
+        *("format", "device", "axes", "rate_hz", "rates_hz", "spectrum"),
         *("repeatability", "statistics", "sessions", "notes"),
     }
     assert content["statistics"]["rest"]["ax"]["std"] == pytest.approx(0.01 * np.sqrt(50), rel=0.05)

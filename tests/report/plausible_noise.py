@@ -10,8 +10,6 @@ from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.noise.spectrum import COLUMNS
 
 KEYS = "mean std min q25 median q75 max peak_to_peak std_10s std_100s".split()
-# the coefficient that a disturbance changes most, and how
-DISTURBED = ("gy", "K", 3.0e-5)
 # axis, amplitude and frequency; axis, drive and correlation time
 LINE, HUMP = ("az", 2e-3, 0.08), ("gx", 2e-5, 30.0)
 
@@ -26,7 +24,7 @@ def statistics():
 
 
 def plausible_noise(axes, rate):
-    """Return what noise.json holds of a device with a line, a hump and a disturbance that was cut.
+    """Return what noise.json holds of a device with a line and a hump.
 
     `axes` are an `AxisNoise` each.
     """
@@ -34,8 +32,6 @@ def plausible_noise(axes, rate):
     hump = GaussMarkovTerm(*map(known, HUMP[1:]))
     axes = axes | {LINE[0]: replace(axes[LINE[0]], sinusoid=(line,))}
     axes |= {HUMP[0]: replace(axes[HUMP[0]], gauss_markov=(hump,))}
-    axis, key, value = DISTURBED
-    uncut = axes | {axis: replace(axes[axis], **{key: known(value)})}
     gyroscope = {"std": 2e-4, "sessions": 3}
     return {
         "axes": {a: asdict(noise) for a, noise in axes.items()},
@@ -43,7 +39,6 @@ def plausible_noise(axes, rate):
         "rate_hz": rate,
         "rates_hz": dict.fromkeys(SENSORS, rate),
         "spectrum": {a: {"misfit": 0.02} for a in CHANNELS},
-        "uncut": {"seconds": 6.0, "axes": {a: asdict(noise) for a, noise in uncut.items()}},
         "repeatability": {a: gyroscope if a[0] == "g" else None for a in CHANNELS},
     }
 

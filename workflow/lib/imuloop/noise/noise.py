@@ -1,6 +1,6 @@
 """Noise of a device: coefficients, spectra and summary figures."""
 
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from itertools import product
 
 import numpy as np
@@ -11,7 +11,7 @@ from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.tables import joined
 from imuloop.noise.axis import AxisEstimate, estimate_axis
 from imuloop.noise.modes import modes
-from imuloop.noise.records import closed_up, record_of, records_by_sensor
+from imuloop.noise.records import closed_up, records_by_sensor
 from imuloop.noise.spectrum import no_spectrum, spectrum_table
 from imuloop.noise.statistics import repeatability, summary
 
@@ -30,8 +30,6 @@ class NoiseResult:
         That of each sensor that has a record.
     spectrum : dict of str to dict
         For each axis ``misfit`` of its `AxisEstimate`.
-    uncut : dict or None
-        ``seconds`` that were cut and, under ``axes``, the coefficients with them left in.
     repeatability, statistics : dict
         See `statistics.repeatability`; for each session used and each axis `statistics.summary`.
     sessions, notes : tuple of str
@@ -45,7 +43,6 @@ class NoiseResult:
     rate_hz: float | None = None
     rates_hz: dict = field(default_factory=dict)
     spectrum: dict = field(default_factory=dict)
-    uncut: dict | None = None
     repeatability: dict | None = None
     statistics: dict = field(default_factory=dict)
     sessions: tuple[str, ...] = ()
@@ -78,8 +75,7 @@ def estimate_noise(device, sessions, settings, views=True):
     is nothing to fit.
 
     Takes the device's name, all its Sessions, of which the static ones count or, where none of them
-    holds a rest, the rests of all others, NoiseSettings, and whether spectra are wanted too,
-    and coefficients with the disturbed stretches left in.
+    holds a rest, the rests of all others, NoiseSettings, and whether spectra are wanted too.
     """
     notes = []
     by_sensor = records_by_sensor(sessions, notes)
@@ -100,7 +96,6 @@ def estimate_noise(device, sessions, settings, views=True):
             f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
             "an upper limit only"
         )
-    with_added = _with_disturbed(by_sensor, settings) if views and static else None
     names = dict.fromkeys(record.session.name for own in by_sensor.values() for record in own)
     statistics = {name: {} for name in names}
     spectra = {name: [each] for name, each in nothing.spectra.items()}
@@ -120,7 +115,6 @@ def estimate_noise(device, sessions, settings, views=True):
         rate_hz=max(rates.values()),
         rates_hz=rates,
         spectrum={a: {"misfit": e.misfit} for a, e in found.items()},
-        uncut=with_added,
         repeatability=repeatability(means if static else {}),
         statistics=statistics,
         sessions=tuple(statistics),
@@ -129,31 +123,10 @@ def estimate_noise(device, sessions, settings, views=True):
     )
 
 
-def _seconds(records):
-    """Return the time that records hold, s."""
-    return float(sum(record.lengths.sum() / record.rate for record in records))
-
-
 def _mean_rate(records):
     """Return the mean sampling rate of records, weighted by their samples, Hz."""
     weights = [record.lengths.sum() for record in records]
     return float(np.average([record.rate for record in records], weights=weights))
-
-
-def _with_disturbed(by_sensor, settings):
-    """Return the coefficients with the disturbed stretches left in, and how long these are, s.
-
-    None where there are none.
-    """
-    whole = _of_each(by_sensor, lambda own: [record_of(r.session, disturbed=True) for r in own])
-    sensor = [*by_sensor][-1]
-    added = _seconds(whole[sensor]) - _seconds(by_sensor[sensor])
-    if added <= 0.5 / _mean_rate(by_sensor[sensor]):
-        return None
-    found = _estimates(whole, settings, [])
-    noise = {axis: found[axis].noise if axis in found else AxisNoise() for axis in CHANNELS}
-    axes = {axis: asdict(each) for axis, each in noise.items()}
-    return {"seconds": added, "axes": axes}
 
 
 def _estimates(by_sensor, settings, notes):

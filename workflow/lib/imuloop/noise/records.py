@@ -88,15 +88,14 @@ def closed_up(signals):
     return [x for signal in signals for x in signal.closed_up().split(signal.values)]
 
 
-def record_of(session, disturbed=False):
+def record_of(session):
     """Return the Record of all rests of a session with two samples or more; None without any.
 
     A stretch of a static session has the level of the one before it, unless a disturbance lies
     between; the rests of other sessions have their own levels. A lost sample ends a stretch.
-    Where `disturbed`, disturbed stretches stay in, and one level holds all through.
     """
     kind, rest = np.asarray(session.segments["kind"]), _steadiest(session.segments)
-    used = np.flatnonzero(rest | (disturbed & (kind == DISTURBED)))
+    used = np.flatnonzero(rest)
     start, end = (np.asarray(session.segments[c], float)[used] for c in ("start_s", "end_s"))
     cycle, level = power_cycles(session.segments)[used], np.arange(len(used))
     if session.static:
@@ -104,15 +103,6 @@ def record_of(session, disturbed=False):
         level = np.cumsum(kind == DISTURBED)[used]
     t = np.asarray(session.samples[TIME])
     first, last = np.searchsorted(t, start), np.searchsorted(t, end)
-    if disturbed:
-        # stretches that follow each other without a gap are one
-        new = np.r_[True, start[1:] > end[:-1]]
-        first, last, cycle, level = (
-            first[new],
-            last[np.r_[new[1:], True]],
-            cycle[new],
-            0 * level[new],
-        )
     kept = last - first > 1
     first, last, level, cycle = first[kept], last[kept], level[kept], cycle[kept]
     if not len(first):
