@@ -8,7 +8,7 @@ from imuloop.core.noise_model import AxisNoise, Coefficient, LowPassTerm, Sinuso
 from imuloop.noise.intervals import coefficients_with_intervals
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.lines import find_line, mains
-from imuloop.noise.low_pass import alternatives, choose_low_pass
+from imuloop.noise.low_pass import choose_low_pass, leakage_weights, likeliest_corner
 from imuloop.noise.misfit import misfit
 from imuloop.noise.processes import density
 from imuloop.noise.selection import Selection
@@ -45,13 +45,16 @@ def estimate_axis(basis, signals, settings):
     if basis.count.sum() < MIN_VALUES:
         return AxisEstimate(AxisNoise(), 0.0)
     lines, selection = find_lines(basis, signals, settings)
-    low_pass, corners, term = choose_low_pass(selection), None, None
+    low_pass, along, term = choose_low_pass(selection), None, None
     selection = selection.filtered(low_pass)
-    size, weight = misfit(selection, selection.supported)
-    if size:
-        selection = selection.weighted(selection.likelihood.count * weight)
+    terms = selection.supported
     if low_pass:
-        low_pass, error, corners = alternatives(selection, low_pass)
+        selection, terms = _weighted(selection, leakage_weights(basis, low_pass), terms)
+    size, weight = misfit(selection, terms)
+    if size:
+        selection, terms = _weighted(selection, weight, terms)
+    if low_pass:
+        low_pass, error, along = likeliest_corner(selection, low_pass, terms)
         selection = selection.filtered(low_pass)
         corner = low_pass.corner / basis.dt
         term = LowPassTerm(low_pass.kind, Coefficient.of(corner, corner * error), low_pass.floor)
@@ -59,8 +62,18 @@ def estimate_axis(basis, signals, settings):
         SinusoidTerm(line.amplitude, line.frequency, mains(line.frequency.value, 1 / basis.dt))
         for line in lines
     )
-    noise = coefficients_with_intervals(selection, selection.supported, corners)
+    noise = coefficients_with_intervals(selection, terms, along)
     return AxisEstimate(replace(noise, sinusoid=sinusoid, low_pass=term), size)
+
+
+def _weighted(selection, weight, terms):
+    """Return a Selection with less weight of some rows, and its terms.
+
+    The terms stay if white noise, which a filter is known by, would go.
+    """
+    selection = selection.weighted(selection.likelihood.count * weight)
+    kept = np.ndim(selection.gain) and "N" not in selection.supported
+    return selection, terms if kept else selection.supported
 
 
 def find_lines(basis, signals, settings):

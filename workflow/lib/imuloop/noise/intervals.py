@@ -23,7 +23,7 @@ FREE, NEGLIGIBLE = ("B", "K", "R"), 1e-3
 SMALL = 1e-3
 
 
-def coefficients_with_intervals(selection, terms, corners=None):
+def coefficients_with_intervals(selection, terms, along=None):
     r"""Return the AxisNoise of supported terms: values with intervals, limits of the others.
 
     Values are those of the supported terms alone, so that together they are the spectrum that
@@ -37,8 +37,8 @@ def coefficients_with_intervals(selection, terms, corners=None):
     reach 2.5 %. :math:`\ell_m(x)` is the profile likelihood of the coefficient, and weights of
     models of k terms are Akaike's.
 
-    Where there is a filter, Q and N depend on its corner: they are averaged in the same way over
-    `corners`, the nodes of `low_pass.alternatives`.
+    Where there is a filter, N depends on its corner: `along`, of `low_pass.likeliest_corner`, gives
+    the selection for a ratio of N to its likeliest value.
 
     References
     ----------
@@ -46,13 +46,11 @@ def coefficients_with_intervals(selection, terms, corners=None):
     """
     fit = selection.fit(terms, True)
     theta = dict(zip(variances(terms), fit.theta, strict=True))
-    coefficients, alone = {}, [(0.0, selection)]
+    coefficients = {}
     for name in ORDER:
-        profiles = [
-            _profile(each, name, model, log)
-            for log, each in (name in ("Q", "N") and corners) or alone
-            for model in _models(each, terms, name)
-        ]
+        ridge = along if name == "N" else None
+        models = _models(selection, terms, name)
+        profiles = [_profile(selection, name, model, ridge) for model in models]
         if name in terms:
             value = abs(fit.ramp) if name == "R" else np.sqrt(theta[name])
             coefficients[name] = _coefficient(profiles, value)
@@ -93,11 +91,10 @@ def _deviate(value, best, top):
     return deviate
 
 
-def _profile(selection, name, model, log=0.0):
+def _profile(selection, name, model, along=None):
     """Return the log weight of a model, where to look for ends of a coefficient, and its deviate.
 
-    The second is the likeliest value, or the standard error where that is larger; `log` is added
-    to the weight.
+    The second is the likeliest value, or the standard error where that is larger.
     """
     rest, likelihood = without(model, name), selection.likelihood
     units, likeliest = selection.units(rest), selection.fit(model, restricted=name != "R")
@@ -122,12 +119,15 @@ def _profile(selection, name, model, log=0.0):
 
     def value(x):
         # from the nearest one that is known
-        nearest = known[min(known, key=lambda other: abs(other - x))]
-        found = likelihood.fit(units, start=nearest, **fixed(x))
+        nearest, columns, others = known[min(known, key=lambda other: abs(other - x))], units, {}
+        if along:
+            behind = along(x / best)
+            columns, others = behind.units(rest), {"fixed": x**2 * behind.unit(name)}
+        found = likelihood.fit(columns, start=nearest, **fixed(x) | others)
         known[x] = found.theta
         return found.value
 
-    weight = log + selection.fit(model).value - len(model)
+    weight = selection.fit(model).value - len(model)
     return weight, max(best, size), _deviate(value, best, likeliest.value)
 
 

@@ -6,6 +6,7 @@ rate, and N is the density in front of the filter.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -21,11 +22,6 @@ CORNERS = np.geomspace(0.01, 0.48, 14)
 STEP = 1.6
 # highest corner, share of the rate
 HIGHEST = 0.495
-# nodes of a normal density in standard errors, and the logarithm of weight over density
-NODES = tuple(
-    (float(np.sqrt(2) * x), float(np.log(w / np.sqrt(np.pi)) + x**2))
-    for x, w in zip(*np.polynomial.hermite.hermgauss(5), strict=True)
-)
 # kinds that are tried at all corners, and those that are then tried near the best of these
 KINDS = {
     "first order": ("first order",),
@@ -74,6 +70,16 @@ def _is_seen(filtered, low_pass):
     squares = filtered.squares(terms)
     slow = {term: square for term, square in squares.items() if term not in ("Q", "N")}
     return density(np.array([corner]), filtered.modes.dt, slow)[0] < squares["N"]
+
+
+def leakage_weights(modes, low_pass):
+    """Return the weight of each row, shape (r,), less than 1 where leakage is part of its power.
+
+    Where a filter leaves next to nothing, the squares of a block are what leaks from lower
+    frequencies by its ends: many values that are few independent ones.
+    """
+    density = low_pass.gain(np.minimum(modes.frequency * modes.dt, 0.5))
+    return np.minimum(density / modes.gain(low_pass), 1.0) ** 2
 
 
 @dataclass(frozen=True)
@@ -134,25 +140,32 @@ class _Rows:
         return self.fit(kind, np.exp(found.x))
 
 
-def alternatives(selection, low_pass):
-    r"""Return the likeliest corner with those around it, by which coefficients are averaged.
+def likeliest_corner(selection, low_pass, terms):
+    r"""Return a LowPass at the likeliest corner c, with what N has in common with the corner.
 
-    For the supported terms, the log-likelihood is taken as quadratic in ln corner, and its five
-    Gauss-Hermite nodes stand for the corners that the spectrum allows.
+    Along the ridge of the likelihood, where for each N the corner is the likeliest,
+
+    .. math:: \ln c = \ln \hat c + b \ln(N/\hat N),
+        \quad b = s \sigma_c^2 / (\sigma_N^2 + s^2 \sigma_c^2)
+
+    with s the change of ln N with ln c, :math:`\sigma_N` the standard error of ln N at a known
+    corner and :math:`\sigma_c` that of ln c.
+
+    Takes a Selection behind the filter, and the supported terms.
 
     Returns
     -------
     low_pass : LowPass
-        At the likeliest corner.
     error : float
-        Standard error of ln corner.
-    nodes : list of (float, Selection)
-        Logarithm of the node's weight, without its likelihood, and the selection behind it.
+        Standard error of ln c.
+    along : callable
+        The selection on the ridge as a function of N over the likeliest.
     """
-    terms = selection.supported
 
+    @cache
     def behind(u):
-        return selection.filtered(replace(low_pass, corner=float(np.exp(min(u, np.log(HIGHEST))))))
+        corner = min(float(np.exp(u)), HIGHEST)
+        return selection.filtered(replace(low_pass, corner=corner))
 
     def value(u):
         return behind(u).fit(terms).value
@@ -165,9 +178,15 @@ def alternatives(selection, low_pass):
     while drop < 0.1 and step < 0.3:
         step *= 2
         drop = -(value(u + step) + value(u - step) + 2 * found.fun) / 2
-    error = step / np.sqrt(2 * max(drop, 1e-3))
-    nodes = [(log, behind(u + z * error)) for z, log in NODES]
-    return replace(low_pass, corner=float(np.exp(u))), float(error), nodes
+    error = float(step / np.sqrt(2 * max(drop, 1e-3)))
+    below, centre, above = (behind(v).squares(terms)["N"] for v in (u - step, u, u + step))
+    change = np.log(above / below) / (4 * step)
+    best = behind(u)
+    expected = best.units(terms) @ best.fit(terms).theta
+    share = best.likelihood.error(best.unit("N"), expected) / (2 * centre)
+    slope = change * error**2 / (share**2 + change**2 * error**2)
+    corner = replace(low_pass, corner=min(float(np.exp(u)), HIGHEST))
+    return corner, error, lambda ratio: behind(u + slope * np.log(ratio))
 
 
 def _score(selection):
