@@ -1,5 +1,7 @@
 # what every page is made with
 PAGE = ("page.html.j2", "card.html.j2", "style.css", "page.js")
+# what the files of other tools are made with
+EXPORTS = sorted(f"export/{path.name}" for path in (TEMPLATES / "export").iterdir())
 
 
 rule report_device:
@@ -19,11 +21,13 @@ rule report_device:
         poses="results/{device}/poses.parquet",
         moves="results/{device}/moves.parquet",
         reference="results/{device}/reference.parquet",
-        exports="results/{device}/exports.json",
     output:
         page="results/{device}/report.html",
         section="results/{device}/section.html",
         summary="results/{device}/summary.json",
+        exports=directory("results/{device}/exports"),
+        # a folder has no checksum; its list tells what follows whether a file in it changed
+        listed="results/{device}/exports.json",
         figures=report(
             directory("results/{device}/figures"),
             patterns=["{figure}.svg"],
@@ -48,7 +52,7 @@ rule report_device:
     params:
         device=settings("label", "data_sheet"),
         code=code("report_device.py"),
-        templates=templates("section.html.j2", "table.html.j2", "device.html.j2", *PAGE),
+        templates=templates("section.html.j2", "table.html.j2", "device.html.j2", *PAGE, *EXPORTS),
     script:
         "../../scripts/report_device.py"
 
