@@ -12,8 +12,6 @@ rule calibrate:
     benchmark:
         "benchmarks/calibrate/{device}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1

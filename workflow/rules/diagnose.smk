@@ -20,8 +20,6 @@ rule diagnose:
     benchmark:
         "benchmarks/diagnose/{device}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1

@@ -29,8 +29,6 @@ rule ingest:
     benchmark:
         "benchmarks/ingest/{device}/{session}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1

@@ -12,8 +12,6 @@ rule noise:
     benchmark:
         "benchmarks/noise/{device}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
@@ -38,8 +36,6 @@ rule allan:
     benchmark:
         "benchmarks/allan/{device}/{session}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1

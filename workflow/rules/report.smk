@@ -41,8 +41,6 @@ rule report_device:
     benchmark:
         "benchmarks/report_device/{device}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
