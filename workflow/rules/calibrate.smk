@@ -21,6 +21,6 @@ rule calibrate:
     params:
         device=settings("gravity", "calibrate", "prior", "tolerances"),
         prior=prior_digest,
-        code=code("calibrate.py"),
+        code=code("calibrate.py", "family"),
     script:
         "../../scripts/calibrate.py"

@@ -1,7 +1,6 @@
 """The config, read and checked; what a rule takes from it, and the memory and time it asks for."""
 
 import os
-from functools import cache
 from hashlib import sha256
 from math import ceil
 from pathlib import Path
@@ -60,10 +59,9 @@ wildcard_constraints:
     filename=r"[^/]+",
 
 
-@cache
-def code(script):
-    """Return the digest of the code that a script reaches."""
-    return code_digest(REPOSITORY / "scripts" / script)
+def code(script, *packages):
+    """Return the digest of the code of a stage: its script, the package of that name, and others."""
+    return code_digest(REPOSITORY / "scripts" / script, *packages)
 
 
 def templates(*names):

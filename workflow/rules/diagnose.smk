@@ -29,6 +29,6 @@ rule diagnose:
     params:
         device=settings("gravity", "noise", "calibrate", "diagnose", "prior", "tolerances"),
         prior=prior_digest,
-        code=code("diagnose.py"),
+        code=code("diagnose.py", "calibrate", "family", "noise", "plan", "validate"),
     script:
         "../../scripts/diagnose.py"

@@ -49,7 +49,7 @@ rule report_device:
         runtime=by_size(5, 2),
     params:
         device=settings("label", "data_sheet"),
-        code=code("report_device.py"),
+        code=code("report_device.py", "export", "report"),
         templates=templates("section.html.j2", "table.html.j2", "device.html.j2", *PAGE, *EXPORTS),
     script:
         "../../scripts/report_device.py"
