@@ -1,9 +1,7 @@
 rule diagnose:
     input:
-        samples=each_session("samples.parquet"),
-        segments=each_session("segments.parquet"),
+        unpack(session_files("samples.parquet", "segments.parquet", prior=True)),
         noise="results/{device}/noise.json",
-        prior=prior_file,
         six_position="results/{device}/six_position.json",
         multi_position="results/{device}/multi_position.json",
     output:

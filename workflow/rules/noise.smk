@@ -1,8 +1,7 @@
 # All sessions go in: a rest in any of them stands in where the static ones turn out to be rejected.
 rule noise:
     input:
-        samples=each_session("samples.parquet"),
-        segments=each_session("segments.parquet"),
+        unpack(session_files("samples.parquet", "segments.parquet")),
     output:
         noise="results/{device}/noise.json",
         allan="results/{device}/allan_raw.parquet",

@@ -6,10 +6,9 @@ EXPORTS = sorted(f"export/{path.name}" for path in (TEMPLATES / "export").iterdi
 
 rule report_device:
     input:
-        samples=each_session("samples.parquet"),
-        quality=each_session("quality.json"),
-        segments=each_session("segments.parquet"),
-        allan=each_session("allan.parquet"),
+        unpack(
+            session_files("samples.parquet", "quality.json", "segments.parquet", "allan.parquet")
+        ),
         spectra="results/{device}/spectra.parquet",
         noise="results/{device}/noise.json",
         six_position="results/{device}/six_position.json",
