@@ -13,7 +13,7 @@ device = Device(
 (session,) = device.kinds
 name = f"{device.name}/{session}"
 open_log(snakemake.log[0], f"ingest {name}")
-ingest_or_reject(device, session, snakemake.params.declared, list(snakemake.input.log))
+ingest_or_reject(device, session, snakemake.params.log["declared"], list(snakemake.input.log))
 quality = read_json(snakemake.output.quality)
 for line in (*(f"rejected: {reason}" for reason in quality["reasons"]), *quality["warnings"]):
     say(f"{name}: {line}")

@@ -1,4 +1,4 @@
-"""Write one device's part of the report."""
+"""Write one device's part of the report, and its calibration in other tools' formats."""
 
 from pathlib import Path
 

@@ -21,6 +21,7 @@ import pytest
 from backports import zstd
 from pyarrow.feather import write_feather
 
+from imuloop import config_model
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS
 from imuloop.ingest.formats import FORMATS, SIGNATURES, find_format, guess_format
@@ -373,6 +374,10 @@ def test_a_sound_log_is_ingested_the_same_from_each_format(run, tmp_path, name):
 
 
 # --- what tells a format
+
+
+def test_the_config_names_all_formats():
+    assert config_model.FORMATS == (*FORMATS,)
 
 
 @pytest.mark.parametrize(("head", "name"), SIGNATURES.items())

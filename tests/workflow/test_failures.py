@@ -39,7 +39,7 @@ def runs(finished, checkout, tmp_path_factory):
     folder = shutil.copytree(finished[0], tmp_path_factory.mktemp("failed") / "work")
     found = []
     with ExitStack() as faults:
-        for fault in (("export", "resting", BUG), ("report_device", "posed", KILL)):
+        for fault in (("diagnose", "resting", BUG), ("report_device", "posed", KILL)):
             faults.enter_context(spoilt(checkout, *fault))
             done = snakemake(checkout, folder)
             table = pd.read_csv(folder / "results/comparison.csv", index_col="device")
@@ -55,15 +55,15 @@ def test_a_run_with_a_failed_job_ends_with_an_error_and_one_line(runs):
     for done, *_ in found:
         text = done.stdout + done.stderr
         assert done.returncode == 1 and "Traceback" not in text
-        assert f"export resting failed: {WHY} (more in logs/export/resting.log)" in text
+        assert f"diagnose resting failed: {WHY} (more in logs/diagnose/resting.log)" in text
     assert "report_device posed failed: no message" in found[1][0].stderr
-    assert "ArithmeticError: forced" in (folder / "logs/export/resting.log").read_text()
+    assert "ArithmeticError: forced" in (folder / "logs/diagnose/resting.log").read_text()
 
 
 def test_the_report_has_all_other_devices_and_what_failed(runs):
     (_, table, page, _), (_, both, none, _) = runs[1]
     assert dict(table["status"]) == {"resting": "failed", "posed": "ok"}
-    assert table["why"]["resting"] == f"export failed: {WHY}"
+    assert table["why"]["resting"] == f"diagnose failed: {WHY}"
     assert page.index("Devices in which a stage failed") < page.index('id="rejected"')
     assert 'id="posed"' in page and 'id="resting"' not in page
     # of several devices only their names are left
@@ -76,10 +76,10 @@ def test_the_report_has_all_other_devices_and_what_failed(runs):
 
 def test_the_next_run_tries_again(runs):
     _, found, mended = runs
-    assert of(found[0][3], "resting") == {"export", "report_device"}
+    assert of(found[0][3], "resting") == {"diagnose", "allan", "report_device"}
     assert of(found[0][3], "posed") == set()
     for jobs in (found[1][3], mended):
-        assert of(jobs, "resting") == {"export", "report_device"}
+        assert of(jobs, "resting") == {"diagnose", "allan", "report_device"}
         assert "report_device" in of(jobs, "posed") and "report/report" in jobs
 
 

@@ -202,7 +202,7 @@ def test_jobs_ask_for_more_memory_than_they_take(finished):
         table = folder / f"benchmarks/{job}.tsv"
         if table.exists():
             peaks[job] = pd.read_csv(table, sep="\t")["max_rss"].max() / int(asked)
-    assert len(peaks) > 20
+    assert len(peaks) > 15
     assert {job: share for job, share in peaks.items() if share > 1 / 1.3} == {}
 
 

@@ -1,9 +1,7 @@
 rule calibrate:
     input:
-        samples=each_session("samples.parquet"),
-        segments=each_session("segments.parquet"),
+        unpack(session_files("samples.parquet", "segments.parquet", prior=True)),
         noise="results/{device}/noise.json",
-        prior=prior_file,
     output:
         six_position="results/{device}/six_position.json",
         multi_position="results/{device}/multi_position.json",
@@ -12,8 +10,6 @@ rule calibrate:
     benchmark:
         "benchmarks/calibrate/{device}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
@@ -23,6 +19,6 @@ rule calibrate:
     params:
         device=settings("gravity", "calibrate", "prior", "tolerances"),
         prior=prior_digest,
-        code=code("calibrate.py"),
+        code=code("calibrate.py", "family"),
     script:
         "../../scripts/calibrate.py"

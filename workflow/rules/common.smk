@@ -1,7 +1,6 @@
 """The config, read and checked; what a rule takes from it, and the memory and time it asks for."""
 
 import os
-from functools import cache
 from hashlib import sha256
 from math import ceil
 from pathlib import Path
@@ -60,10 +59,9 @@ wildcard_constraints:
     filename=r"[^/]+",
 
 
-@cache
-def code(script):
-    """Return the digest of the code that a script reaches."""
-    return code_digest(REPOSITORY / "scripts" / script)
+def code(script, *packages):
+    """Return the digest of the code of a stage: its script, the package of that name, and others."""
+    return code_digest(REPOSITORY / "scripts" / script, *packages)
 
 
 def templates(*names):
@@ -107,41 +105,50 @@ def settings(*keys):
     return of
 
 
-def each_session(file):
-    """Return a function that lists one file of each session of a job's device."""
+def session_files(*files, prior=False):
+    """Return a function: each file of all sessions of a job's device, the file of its prior if asked.
 
-    def files(wildcards):
-        sessions = device_of(wildcards)["sessions"]
-        return [f"results/{wildcards.device}/{name}/{file}" for name in sessions]
+    All in one, for `unpack`: Snakemake looks at the signature of a function in each call.
+    """
 
-    return files
+    def of(wildcards):
+        device = device_of(wildcards)
+        folders = [f"results/{wildcards.device}/{name}" for name in device["sessions"]]
+        found = {Path(file).stem: [f"{folder}/{file}" for folder in folders] for file in files}
+        return found | ({"prior": prior_file(wildcards)} if prior else {})
+
+    return of
 
 
 def source_files(wildcards):
-    """Return where the files of a session lie; of a folder, the files in it count, not its time."""
+    """Return the files of a session; of a folder those in it too: its own time does not count."""
     paths = [source_path(source, CACHE) for source in session_of(wildcards)["sources"].values()]
-    paths = [ancient(path) if Path(path).is_dir() else path for path in paths]
-    return [storage(path) if is_stored(path) else path for path in paths]
+    log = [ancient(path) if os.path.isdir(path) else path for path in paths]
+    log = [storage(path) if is_stored(path) else path for path in log]
+    return {"log": log, "inside": files_inside(wildcards)}
 
 
 def files_inside(wildcards):
     """Return the files in a session's folder: where one changes, the folder's own time stays."""
     sources = session_of(wildcards)["sources"].values()
-    folders = [Path(s["path"]) for s in sources if "path" in s and Path(s["path"]).is_dir()]
+    folders = [Path(s["path"]) for s in sources if os.path.isdir(s.get("path", ""))]
     return [str(path) for each in folders for path in sorted(each.iterdir()) if path.is_file()]
 
 
-def logs(wildcards):
-    """Return the SHA-256 of a session's logs: one that an older file replaced is read again.
+def log_of(wildcards):
+    """Return what is said of a session's log, and the SHA-256 of its files.
 
-    What the workflow makes or fetches is not there at first, and counts by its content or hash.
+    A log that an older file replaced is read again. What the workflow makes or fetches is not there
+    at first, and counts by its content or hash.
     """
-    sources = session_of(wildcards)["sources"].values()
-    given = [s["path"] for s in sources if "path" in s and not is_stored(s["path"])]
-    files = [Path(path) for path in given if not SIMULATED.fullmatch(os.path.normpath(path))]
-    inside = [Path(path) for path in files_inside(wildcards)]
-    found = [path for path in [*files, *inside] if path.is_file()]
-    return log_digests(found, ".snakemake/imuloop/logs.jsonl")
+    session = session_of(wildcards)
+    given = [s["path"] for s in session["sources"].values() if "path" in s]
+    own = [p for p in given if not is_stored(p) and not SIMULATED.fullmatch(os.path.normpath(p))]
+    files = filter(os.path.isfile, [*own, *files_inside(wildcards)])
+    return {
+        "declared": {key: value for key, value in session.items() if key != "kind"},
+        "sha256": log_digests([*files], ".snakemake/imuloop/logs.jsonl"),
+    }
 
 
 def prior_file(wildcards):

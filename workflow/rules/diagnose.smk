@@ -1,9 +1,7 @@
 rule diagnose:
     input:
-        samples=each_session("samples.parquet"),
-        segments=each_session("segments.parquet"),
+        unpack(session_files("samples.parquet", "segments.parquet", prior=True)),
         noise="results/{device}/noise.json",
-        prior=prior_file,
         six_position="results/{device}/six_position.json",
         multi_position="results/{device}/multi_position.json",
     output:
@@ -20,8 +18,6 @@ rule diagnose:
     benchmark:
         "benchmarks/diagnose/{device}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
@@ -31,6 +27,6 @@ rule diagnose:
     params:
         device=settings("gravity", "noise", "calibrate", "diagnose", "prior", "tolerances"),
         prior=prior_digest,
-        code=code("diagnose.py"),
+        code=code("diagnose.py", "calibrate", "family", "noise", "plan", "validate"),
     script:
         "../../scripts/diagnose.py"

@@ -19,8 +19,7 @@ rule ingest_fetch:
 
 rule ingest:
     input:
-        log=source_files,
-        inside=files_inside,
+        unpack(source_files),
     output:
         samples="results/{device}/{session}/samples.parquet",
         quality="results/{device}/{session}/quality.json",
@@ -29,8 +28,6 @@ rule ingest:
     benchmark:
         "benchmarks/ingest/{device}/{session}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
@@ -39,8 +36,7 @@ rule ingest:
         runtime=by_size(5, 5),
     params:
         device=settings("nominal", "full_scale", "gravity"),
-        declared=lambda wildcards: {k: v for k, v in session_of(wildcards).items() if k != "kind"},
-        logs=logs,
+        log=log_of,
         code=code("ingest.py"),
     script:
         "../../scripts/ingest.py"

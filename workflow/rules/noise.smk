@@ -1,8 +1,7 @@
 # All sessions go in: a rest in any of them stands in where the static ones turn out to be rejected.
 rule noise:
     input:
-        samples=each_session("samples.parquet"),
-        segments=each_session("segments.parquet"),
+        unpack(session_files("samples.parquet", "segments.parquet")),
     output:
         noise="results/{device}/noise.json",
         spectra="results/{device}/spectra.parquet",
@@ -11,8 +10,6 @@ rule noise:
     benchmark:
         "benchmarks/noise/{device}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
@@ -38,8 +35,6 @@ rule allan:
     benchmark:
         "benchmarks/allan/{device}/{session}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1

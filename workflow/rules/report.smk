@@ -1,13 +1,14 @@
 # what every page is made with
 PAGE = ("page.html.j2", "card.html.j2", "style.css", "page.js")
+# what the files of other tools are made with
+EXPORTS = sorted(f"export/{path.name}" for path in (TEMPLATES / "export").iterdir())
 
 
 rule report_device:
     input:
-        samples=each_session("samples.parquet"),
-        quality=each_session("quality.json"),
-        segments=each_session("segments.parquet"),
-        allan=each_session("allan.parquet"),
+        unpack(
+            session_files("samples.parquet", "quality.json", "segments.parquet", "allan.parquet")
+        ),
         spectra="results/{device}/spectra.parquet",
         noise="results/{device}/noise.json",
         six_position="results/{device}/six_position.json",
@@ -19,11 +20,13 @@ rule report_device:
         poses="results/{device}/poses.parquet",
         moves="results/{device}/moves.parquet",
         reference="results/{device}/reference.parquet",
-        exports="results/{device}/exports.json",
     output:
         page="results/{device}/report.html",
         section="results/{device}/section.html",
         summary="results/{device}/summary.json",
+        exports=directory("results/{device}/exports"),
+        # a folder has no checksum; its list tells what follows whether a file in it changed
+        listed="results/{device}/exports.json",
         figures=report(
             directory("results/{device}/figures"),
             patterns=["{figure}.svg"],
@@ -37,8 +40,6 @@ rule report_device:
     benchmark:
         "benchmarks/report_device/{device}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1
@@ -47,8 +48,8 @@ rule report_device:
         runtime=by_size(5, 2),
     params:
         device=settings("label", "data_sheet"),
-        code=code("report_device.py"),
-        templates=templates("section.html.j2", "table.html.j2", "device.html.j2", *PAGE),
+        code=code("report_device.py", "export", "report"),
+        templates=templates("section.html.j2", "table.html.j2", "device.html.j2", *PAGE, *EXPORTS),
     script:
         "../../scripts/report_device.py"
 

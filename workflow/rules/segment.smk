@@ -8,8 +8,6 @@ rule segment:
     benchmark:
         "benchmarks/segment/{device}/{session}.tsv"
     priority: in_order
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1

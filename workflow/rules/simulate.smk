@@ -7,8 +7,6 @@ rule simulate:
         "logs/simulate/{replica}/{session}.log",
     benchmark:
         "benchmarks/simulate/{replica}/{session}.tsv"
-    group:
-        "device"
     conda:
         "../envs/imuloop.yaml"
     threads: 1

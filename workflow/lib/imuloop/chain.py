@@ -213,9 +213,10 @@ def export(device):
 
 
 def report_device(device):
-    """Write a device's part of the report, its page, its figures and its row of the comparison."""
+    """Write a device's exports, part of the report, page, figures and row of the comparison."""
     from imuloop.report.section import write_section
 
+    export(device)
     write_section(
         *(device.name, device.label or device.name, device.folder, device.kinds),
         data_sheet=device.data_sheet,
@@ -257,5 +258,5 @@ def stages():
 
 def run(device):
     """Do all stages of a device that follow ingest."""
-    for stage in (*stages(), export, report_device):
+    for stage in (*stages(), report_device):
         stage(device)

@@ -1,70 +1,62 @@
-"""The param `code` of each rule: a job reruns when code that its script reaches changes."""
+"""The param `code` of each rule: a job reruns when code that its stage uses changes."""
 
-import ast
 import hashlib
+import marshal
+import re
 from functools import cache
-from importlib.metadata import packages_distributions, version
-from importlib.util import resolve_name
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from types import CodeType
 
 _LIBRARY = Path(__file__).resolve().parent
-_DEFINITIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
-# reads the metadata of all that is installed, for a quarter of a second
-_distributions = cache(packages_distributions)
+# what is imported: a package of the library, a module beside its packages or a package of others
+_IMPORT = re.compile(r"^ *(?:from|import) (?:imuloop\.)?(\w+)[\w.]*(?= import | as |$)", re.M)
 
 
-def code_digest(script, library=_LIBRARY):
-    """Return the SHA-256 of a script, of what it reaches in the library, and of others' versions.
+def code_digest(script, *packages, library=_LIBRARY):
+    """Return the SHA-256 of the code that a stage uses.
 
-    Reached is what is imported, inside functions too, and the functions and classes that this names
-    in its own module; what stands outside of these in a module that is reached, and in its
-    packages; every module of a package that walks its own folder; and the schemas that are named.
-    Comments and docstrings do not count. `library` is the folder of the package.
+    What counts: the script; of the library all modules of the package with the script's name, of
+    `packages`, by their names, of core, and of each package that one of these or the script
+    imports; modules beside the packages that are imported, as chain.py; and of packages of others
+    the version. Comments, what a docstring says, and assertions do not count.
     """
-    paths, above = Path(library).rglob("*.py"), Path(library).parent
-    files = {".".join(each.relative_to(above).with_suffix("").parts): each for each in paths}
-    files = {"": Path(script)} | {k.removesuffix(".__init__"): path for k, path in files.items()}
-    schemas = {path.name: path for path in Path(library).glob("schemas/*.yaml")}
-    found, others, waiting = {}, set(), [("", "*")]
+    script, library = Path(script), Path(library)
+    found, waiting = {"": _digest(script)}, {script.stem, "core", *packages, *_imports(script)}
     while waiting:
-        module, name = waiting.pop()
-        if module in schemas:
-            found[module, ""] = hashlib.sha256(schemas[module].read_bytes()).hexdigest()
-        elif module not in files:
-            others.update(_distributions().get(module.partition(".")[0], ()))
-        elif f"{module}.{name}" in files:
-            waiting += [(module, ""), (f"{module}.{name}", "*")]
-        elif (module, name) not in found:
-            parts = [p for p in _parts(files[module], module) if name in ("*", p[0]) or not p[0]]
-            reached = [each for *_, own in parts for each in own]
-            found[module, name] = [digest for _, digest, _ in parts]
-            waiting += [*reached, (module.rpartition(".")[0], "")]
-            if "pkgutil" in dict(reached):
-                waiting += [(each, "*") for each in files if each.rpartition(".")[0] == module]
-    content = sorted(found.items()), [(each, version(each)) for each in sorted(others)]
-    return hashlib.sha256(repr(content).encode()).hexdigest()
+        name = waiting.pop()
+        if paths := sorted((library / name).rglob("*.py")):
+            found[name] = [(path.name, _digest(path)) for path in paths]
+            waiting.update(*map(_imports, paths))
+        elif (path := library / f"{name}.py").is_file():
+            # what it imports does not count: chain.py has all stages
+            found[name] = _digest(path)
+        else:
+            found[name] = _version(name)
+        waiting -= {*found}
+    return hashlib.sha256(repr(sorted(found.items())).encode()).hexdigest()
 
 
 @cache
-def _parts(path, module):
-    """Return name, empty but of definitions, digest, and (module, name) used of each statement."""
-    package = module if path.name == "__init__.py" else module.rpartition(".")[0]
-    tree, parts = ast.parse(path.read_bytes(), filename=str(path)), []
-    defined = {node.name for node in tree.body if isinstance(node, _DEFINITIONS)}
-    for node in tree.body[ast.get_docstring(tree) is not None :]:
-        used = []
-        for each in ast.walk(node):
-            if isinstance(each, _DEFINITIONS) and ast.get_docstring(each) is not None:
-                del each.body[0]
-            elif isinstance(each, ast.Name) and isinstance(each.ctx, ast.Load):
-                used += [(module, each.id)] * (each.id in defined)
-            elif isinstance(each, ast.Constant) and str(each.value).endswith(".schema.yaml"):
-                used.append((each.value, ""))
-            elif isinstance(each, ast.Import):
-                used += [(alias.name, "*") for alias in each.names]
-            elif isinstance(each, ast.ImportFrom):
-                source = resolve_name("." * each.level + (each.module or ""), package)
-                used += [(source, alias.name) for alias in each.names]
-        digest = hashlib.sha256(ast.dump(node).encode()).hexdigest()
-        parts.append((node.name if isinstance(node, _DEFINITIONS) else "", digest, used))
-    return parts
+def _imports(path):
+    return {*_IMPORT.findall(path.read_text(encoding="utf-8"))}
+
+
+@cache
+def _digest(path):
+    code = compile(path.read_bytes(), "", "exec", dont_inherit=True, optimize=2)
+    return hashlib.sha256(marshal.dumps(_without_lines(code), 2)).hexdigest()
+
+
+def _without_lines(code):
+    inner = tuple(_without_lines(c) if isinstance(c, CodeType) else c for c in code.co_consts)
+    return code.replace(co_consts=inner, co_linetable=b"", co_firstlineno=1)
+
+
+@cache
+def _version(package):
+    try:
+        return version({"yaml": "pyyaml"}.get(package, package))
+    except PackageNotFoundError:
+        # of Python itself
+        return None

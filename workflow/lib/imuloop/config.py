@@ -8,7 +8,6 @@ from pathlib import Path
 from imuloop.core.errors import ImuloopError
 from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import STANDARD_GRAVITY
-from imuloop.ingest.formats import find_format
 from imuloop.ingest.sources import file_name
 from imuloop.sensors import device_figures
 
@@ -72,6 +71,9 @@ def _files(file, form):
             return sorted(glob(file)) or None
         if not Path(file).is_dir():
             return None
+        # takes long to import
+        from imuloop.ingest.formats import find_format
+
         try:
             # some logs are folders
             find_format(form, {"log": file})

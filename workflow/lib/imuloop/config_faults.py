@@ -14,12 +14,11 @@ from pydantic import Tag, ValidationError
 
 from imuloop.config import OF_LOGS, known_figures, merged_devices, without_dates
 from imuloop.config_model import BRANCH, CALLED, Config
-from imuloop.config_text import key_lines, yaml_faults
+from imuloop.config_text import LOADER, key_lines, yaml_faults
 from imuloop.core.errors import ImuloopError, nearest, one_line
 from imuloop.core.units import needed_by_counts
 from imuloop.file_faults import file_faults, path_fault, prior_fault
-from imuloop.ingest.spellings import UNITS, stated_unit
-from imuloop.ingest.stamps import is_iso
+from imuloop.ingest.spellings import UNITS, is_iso, stated_unit
 from imuloop.sensors import PARTS, find_sensor
 
 # what a value is not, by its kind; of all others a mapping of keys
@@ -56,7 +55,7 @@ def config_faults(config, files, replicas, mirror=None):
     config, contents, places, found = without_dates(config), {}, {}, {}
     for name, path in files.items():
         text = Path(path).read_text(encoding="utf-8")
-        contents[name] = without_dates(yaml.safe_load(text)) or {}
+        contents[name] = without_dates(yaml.load(text, LOADER)) or {}
         places[name] = key_lines(text)
         found |= {key: (name, fault) for key, fault in yaml_faults(text)}
     for check in (_model_faults, partial(_meaning_faults, replicas=replicas, wrong=found)):

@@ -12,12 +12,14 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.setting import Positive
 from imuloop.core.units import MOST_COUNT_OFFSET, SCALE_OF_COUNTS, STANDARD_GRAVITY
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.ingest.formats import FORMATS
 from imuloop.ingest.spellings import SENSORS, UNITS
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.settings import SegmentSettings
 from imuloop.sensors import LARGEST
 
+# names of the log formats; their readers, in imuloop.ingest.formats, take long to import
+FORMATS = ("csv", "tsv", "euroc", "imu_tk", "jsonl", "parquet", "feather", "numpy", "netcdf")
+FORMATS += ("matlab", "ros", "phone", "ulog", "dataflash")
 # patterns of a text, and what one that fits is called
 NAME = "^[A-Za-z][A-Za-z0-9_-]{0,63}$"
 SHA256 = "^[0-9a-f]{64}$"
@@ -90,7 +92,7 @@ Column = either(string=str, int=Position)
 Name = Annotated[str, Field(pattern=NAME)]
 Sha256 = Annotated[str, Field(pattern=SHA256, description="SHA-256 of the file, hexadecimal")]
 Format = Annotated[
-    Literal[(*FORMATS,)], Field(description="By the first bytes, else the name, if not given")
+    Literal[FORMATS], Field(description="By the first bytes, else the name, if not given")
 ]
 Rate = Annotated[Positive, Field(description="Hz; only where the log has no time column")]
 Axis = Annotated[

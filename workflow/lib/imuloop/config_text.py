@@ -13,6 +13,8 @@ import yaml
 
 from imuloop.core.errors import one_line
 
+# that of libyaml, where there is one, is much faster
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 # what is written, and what YAML takes it for
 _TRAPS = (
     (r"[-+]?[0-9][0-9_]*(\.[0-9]*)?[eE][-+]?[0-9]+", "str"),
@@ -46,7 +48,7 @@ def unreadable(path):
 
 def key_lines(text):
     """Return the line of each key in a config's text; a key is a tuple of its parts."""
-    lines, waiting = {}, [((), yaml.compose(text, yaml.SafeLoader))]
+    lines, waiting = {}, [((), yaml.compose(text, LOADER))]
     while waiting:
         key, node = waiting.pop()
         if isinstance(node, yaml.MappingNode):
@@ -70,7 +72,7 @@ def yaml_faults(text):
         traps = ()
     except ValueError:
         pass
-    yield from _faults(yaml.compose(text, yaml.SafeLoader), (), traps)
+    yield from _faults(yaml.compose(text, LOADER), (), traps)
 
 
 def _faults(node, key, traps):

@@ -80,7 +80,6 @@ class Result:
         from imuloop.report.report import write_report
 
         path, folder = Path(path), self.device.folder
-        chain.export(self.device)
         chain.report_device(self.device)
         sessions = {n: {"kind": k, "log": self.logs[n]} for n, k in self.device.kinds.items()}
         config = {

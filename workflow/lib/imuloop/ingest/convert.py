@@ -13,12 +13,11 @@ from imuloop.ingest import increments, misread
 from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import HELD, STAMP
 from imuloop.ingest.even_stamps import spread
-from imuloop.ingest.spellings import unknown_unit
+from imuloop.ingest.spellings import is_iso, unknown_unit
 from imuloop.ingest.stamps import (
     NANOSECONDS,
     absolute_nanoseconds,
     check_unit,
-    is_iso,
     iso_nanoseconds,
     no_stamps,
     stamp_values,

@@ -21,8 +21,8 @@ from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged, milliseconds
 from imuloop.ingest.raw_log import RawLog, absent_sensor
 from imuloop.ingest.sources import sha256
-from imuloop.ingest.spellings import SENSORS, UNITS, stated_unit, unknown_unit
-from imuloop.ingest.stamps import is_iso, iso_text
+from imuloop.ingest.spellings import SENSORS, UNITS, is_iso, stated_unit, unknown_unit
+from imuloop.ingest.stamps import iso_text
 
 # rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17

@@ -135,6 +135,11 @@ def stated_unit(quantity, text, increments=False):
     return unit if increments == summed else None
 
 
+def is_iso(unit):
+    """Tell whether a time unit is declared as ISO 8601, however it is spelt."""
+    return str(unit).lower().replace(" ", "").replace("-", "") in ("iso", "iso8601")
+
+
 def unknown_unit(quantity, text):
     """Return the error of a log that states a unit that is not known."""
     return ImuloopError(

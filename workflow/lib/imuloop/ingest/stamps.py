@@ -24,11 +24,6 @@ _OF_DAY = r"\d{1,2}:\d\d:\d\d(\.\d+)?"
 _UNIX = (946_684_800, 4_102_444_800)
 
 
-def is_iso(unit):
-    """Tell whether a time unit is declared as ISO 8601, however it is spelt."""
-    return str(unit).lower().replace(" ", "").replace("-", "") in ("iso", "iso8601")
-
-
 def parse_stamps(text):
     """Return stamps written as text: int64, else float64, else timestamp[ns] (UTC).
 
