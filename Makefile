@@ -57,7 +57,7 @@ format: setup-dev
 # What measures writes build/bench/NAME.md, with its commit in the first line.
 MEASURE := OPENBLAS_NUM_THREADS=1 PYTHONPATH=workflow/lib $(BIN)/python -m
 
-# times and errors beside other packages: peers.md, five minutes
+# times and errors beside other packages: peers.md, ten minutes
 bench: setup-dev $(if $(BASE),,$(PEERS)/.ready)
 	$(MEASURE) $(if $(BASE),bench.since $(BASE),bench.peers)
 

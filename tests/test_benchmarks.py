@@ -1,4 +1,4 @@
-"""What bench prints: its artefacts, its reference, the peers' environment."""
+"""What bench prints: its artefacts, its reference, the peers' environment and recordings."""
 
 import re
 
@@ -8,6 +8,9 @@ import pytest
 from bench import tables
 from bench.peers.__main__ import reference
 from bench.peers.calls import averaging_factors
+from bench.peers.log import still_log, write_mcap
+from imuloop import read
+from imuloop.core.samples import CHANNELS
 from imuloop.noise.allan import allan_variance
 
 
@@ -32,3 +35,9 @@ def test_reference_is_the_overlapping_deviation():
     factors = averaging_factors(3000)
     found = [np.sqrt(allan_variance([each], factors)) for each in x]
     assert reference(x, factors) == pytest.approx(np.array(found), rel=1e-12)
+
+
+def test_peers_are_given_the_log_that_was_made(tmp_path):
+    _, axes = still_log(1, 1000)
+    write_mcap(tmp_path / "log.mcap", axes[:3], axes[3:])
+    assert np.array_equal(read(tmp_path / "log.mcap")[[*CHANNELS]].T, axes)

@@ -1,4 +1,4 @@
-"""Allan curves beside the packages of the registry: `make bench`."""
+"""Allan curves, and noise of a log at rest, beside the packages of the registry: `make bench`."""
 
 import argparse
 import os
@@ -9,7 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from bench.peers.calls import CURVES, RATE, averaging_factors
+from bench.peers.calls import CURVES, NOISE, RATE, averaging_factors
+from bench.peers.log import RATE as LOG_RATE
+from bench.peers.log import still_log
 from bench.tables import REPOSITORY, publish, table
 
 # every so many averaging times are computed in extended precision
@@ -81,20 +83,60 @@ def curves(n, environment, rounds):
     return table((size, "processor time, s", "largest relative difference"), rows)
 
 
+def noise(hours, seeds, environment):
+    """Return the tables of the noise that each finds in logs at rest, plain and behind a filter."""
+    rows, n = [], round(hours * 3600 * LOG_RATE)
+    for behind_filter in (False, True):
+        took, errors, failed = {}, {}, {}
+        for seed in seeds:
+            truth, axes = still_log([seed, behind_filter], n, behind_filter)
+            for peer, seconds, made in contend(NOISE, {"axes": axes}, environment, 1):
+                if seconds is None:
+                    failed[peer] = made
+                else:
+                    took.setdefault(peer, []).append(seconds)
+                    errors.setdefault(peer, []).append(np.abs(made / truth - 1))
+        which = "behind a low-pass" if behind_filter else "no filter"
+        for peer in NOISE:
+            if peer in failed:
+                rows.append((peer, which, f"failed: {failed[peer]}", *"–––"))
+            else:
+                found = np.concatenate(errors[peer])
+                rows.append((peer, which, f"{np.median(took[peer]):.3g}", *map(shown, found.T)))
+    size = f"{len(seeds)} × {hours:g} h, {LOG_RATE:g} Hz, six axes"
+    return table((size, "log", "processor time, s", "N", "B", "K"), rows)
+
+
+def shown(errors):
+    """Return the median of relative errors, and of how many it is where some are missing."""
+    known = errors[np.isfinite(errors)]
+    if not len(known):
+        return "–"
+    part = f" ({len(known)} of {len(errors)})" if len(known) < len(errors) else ""
+    return f"{100 * np.median(known):.2g} %{part}"
+
+
 def main():
     parser = argparse.ArgumentParser(prog="python -m bench.peers", description=__doc__)
     parser.add_argument("--sizes", default="100000,1000000,3060000", help="samples, with commas")
     parser.add_argument("--rounds", type=int, default=3, help="the best counts")
+    parser.add_argument("--hours", type=float, default=3.0, help="of a log at rest")
+    parser.add_argument("--seeds", default="1", help="of logs at rest, with commas")
     parser.add_argument("--environment", type=Path, default=Path("build/peers"), help="the peers'")
     options = parser.parse_args()
     how = options.environment, options.rounds
     text = (
         "Versions are those of `bench/requirements.txt`; the best of rounds.",
         "## Allan curve of six axes",
-        *(curves(n, *how) for n in map(int, options.sizes.split(","))),
+        *(curves(int(n), *how) for n in options.sizes.split(",") if n),
         "imuloop with intervals, which the others do not give. Differences are those to extended "
         f"precision, at every {EVERY}th τ. Freed memory stays with each process, which favours "
         "the peers.",
+        "## Noise of a log at rest",
+        noise(options.hours, [int(s) for s in options.seeds.split(",")], options.environment),
+        "Median error of the axes; of time, of the logs. imuloop by the noise and the Allan stage. "
+        "allan-variance-analyzer takes the minimum of the curve for B. dedrunk gives no B, and "
+        "nothing where it sees no walk; its time includes the reading of a file.",
     )
     publish("peers", "Beside other packages", "\n\n".join(text))
 
