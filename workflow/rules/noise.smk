@@ -43,6 +43,6 @@ rule allan:
         runtime=by_size(5, 5),
     params:
         device=settings("noise"),
-        code=code("allan.py"),
+        code=code("allan.py", "noise"),
     script:
         "../../scripts/allan.py"
