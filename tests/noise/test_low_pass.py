@@ -97,7 +97,7 @@ OTHERS = {
     "a hump": (hump, None, None),
     "quantisation": (quantised, None, None),
     "rounding": (lambda rng: np.round(white(rng, 600) / 0.15) * 0.15, None, None),
-    "held": (lambda rng: held(rng, 66.7), "held", 66.7),
+    "held": (lambda rng: held(rng, 66.7), "held or averaged", 66.7),
     "interpolated": (lambda rng: interpolated(rng, 66.7), "interpolated", 66.7),
 }
 

@@ -8,6 +8,8 @@ from scipy.interpolate import BSpline
 
 # points of a gain from 0 to half the rate
 POINTS = 4097
+# what makes the autocorrelation of white noise a B-spline, and its degree
+DEGREES = {"held or averaged": 1, "interpolated": 3, "averaged three times": 5}
 # frequency at which held and interpolated values have half their power, share of the sensor's rate
 HALF_POWER = {1: 0.442946, 3: 0.318917, 5: 0.261938}
 
@@ -39,9 +41,10 @@ def _sampled_butterworth(order):
 
 
 def _spline(degree):
-    """Return the power gain of white noise that is held (degree 1) or interpolated (3).
+    """Return the power gain of values that are held or averaged, interpolated, averaged again.
 
-    Its autocorrelation is a B-spline of that degree in the lag over the sensor's own interval.
+    The autocorrelation of white noise is then a B-spline of degree 1, 3 or 5 in the lag over the
+    interval of the sensor or of the average.
     """
     knots = np.arange(degree + 2) - (degree + 1) / 2
     spline = BSpline.basis_element(knots, extrapolate=False)
@@ -64,9 +67,7 @@ GAINS = {
     "second order, sampled": _sampled_butterworth(2),
     "fourth order": _butterworth(4),
     "eighth order": _butterworth(8),
-    "held": _spline(1),
-    "interpolated": _spline(3),
-    "averaged three times": _spline(5),
+    **{kind: _spline(degree) for kind, degree in DEGREES.items()},
 }
 
 

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from imuloop.core.files import read_json
-from imuloop.core.low_pass import HALF_POWER, LowPass
+from imuloop.core.low_pass import DEGREES, HALF_POWER, LowPass
 from imuloop.core.samples import CHANNELS
 
 # version of the JSON file
@@ -76,8 +76,8 @@ class LowPassTerm:
 
     @property
     def interval_hz(self):
-        """Sampling rate, Hz, of a sensor whose values were held or interpolated, else None."""
-        half = HALF_POWER.get({"held": 1, "interpolated": 3}.get(self.kind))
+        """Rate, Hz, of a sensor whose values were held, interpolated or averaged, else None."""
+        half = HALF_POWER.get(DEGREES.get(self.kind))
         return self.corner.value / half if half else None
 
     def gain(self, f, rate):

@@ -28,7 +28,7 @@ KINDS = {
     "first order, sampled": ("first order, sampled",),
     "second order": ("second order", "second order, sampled"),
     "eighth order": ("fourth order", "eighth order"),
-    "held": ("held", "interpolated"),
+    "held or averaged": ("held or averaged", "interpolated"),
     "averaged three times": ("averaged three times",),
 }
 # bins a decade in which corners are tried

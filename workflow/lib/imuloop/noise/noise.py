@@ -171,7 +171,7 @@ def _estimate(axis, records, basis, settings, notes):
 
 def _filter_note(low_pass):
     if low_pass.interval_hz:
-        return f"values of about {low_pass.interval_hz:.3g} Hz are {low_pass.kind} in the log"
+        return f"values are {low_pass.kind}, as of a sensor of {low_pass.interval_hz:.3g} Hz"
     return (
         f"low-pass near {low_pass.corner.value:.3g} Hz ({low_pass.kind}): N, B and K are those of "
         "the noise in front of it"
