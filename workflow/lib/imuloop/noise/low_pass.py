@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from imuloop.core.low_pass import LowPass
+from imuloop.core.low_pass import DEGREES, LowPass
 from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.modes import Modes
 from imuloop.noise.processes import NAMES, density
@@ -53,7 +53,8 @@ def choose_low_pass(selection):
         for first, kinds in KINDS.items()
         for kind in kinds
     ]
-    low_pass = max(fits, key=lambda fit: fit[0])[1]
+    # a record that is too short to tell takes the simpler name
+    low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
     # a floor of a millionth is seen in the last row alone
     low_pass = _Rows.of(selection, np.inf).likeliest(low_pass.kind, low_pass.corner)[1]
     price = PRICE * (3 if low_pass.floor else 2)
