@@ -1,17 +1,13 @@
-"""What bench prints: its artefacts, its reference, the peers' environment and recordings."""
+"""What bench prints: its artefacts, the peers' environment and recordings."""
 
 import re
 
 import numpy as np
-import pytest
 
 from bench import tables
-from bench.peers.__main__ import reference
-from bench.peers.calls import averaging_factors
 from bench.peers.log import still_log, write_mcap
 from imuloop import read
 from imuloop.core.samples import CHANNELS
-from imuloop.noise.allan import allan_variance
 
 
 def test_an_artefact_names_its_commit_first(tmp_path, monkeypatch):
@@ -28,13 +24,6 @@ def test_peers_get_the_same_numpy_and_scipy(repository):
     locked = (repository / "requirements.lock").read_text()
     for line in (repository / "bench/requirements.txt").read_text().splitlines()[1:5]:
         assert re.search(rf"^{re.escape(line)}\b", locked, re.M), line
-
-
-def test_reference_is_the_overlapping_deviation():
-    x = np.random.default_rng(1).normal(9.8, 1, (2, 3000))
-    factors = averaging_factors(3000)
-    found = [np.sqrt(allan_variance([each], factors)) for each in x]
-    assert reference(x, factors) == pytest.approx(np.array(found), rel=1e-12)
 
 
 def test_peers_are_given_the_log_that_was_made(tmp_path):

@@ -1,8 +1,8 @@
 """Each contender's call on the same data: ``calls NAME FOLDER``, in either environment.
 
-The folder holds `axes.npy`, shape (6, n), SI, and for Allan curves `factors.npy`, the averaging
-factors; imports and a first call on a short part are not timed. What was computed goes
-to ``NAME.npy``; printed are seconds of processor time.
+The folder holds `axes.npy`, shape (6, n), SI; imports and a first call on a short part are not
+timed. N, B and K of each axis, shape (6, 3), not-a-number where there is none, go to ``NAME.npy``;
+printed are seconds of processor time.
 """
 
 import contextlib
@@ -16,56 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from bench.peers import log
-
-# Hz
-RATE = 100.0
-# averaging times, of which the shortest coincide
-COUNT = 116
-
-
-def averaging_factors(n):
-    """Return the averaging factors of all, spaced as `allan-variance` spaces them, about 100."""
-    spaced = np.logspace(0, np.log2(n // 3), COUNT, base=2)
-    return np.unique(np.rint(spaced)).astype(int)
-
-
-def curves_allantools(axes, factors):
-    """One axis a call."""
-    from allantools import oadev
-
-    taus = factors / RATE
-    return [oadev(x, rate=RATE, data_type="freq", taus=taus)[1] for x in axes]
-
-
-def curves_allan_variance(axes, factors):
-    """Its averaging times are those of `factors`; an axis a call: it is three times as fast so."""
-    from allan_variance import compute_avar
-
-    times = {"tau_min": 1 / RATE, "tau_max": (factors[-1] + 0.5) / RATE}
-    found = [compute_avar(x, 1 / RATE, n_clusters=COUNT, **times) for x in axes]
-    assert np.array_equal(np.rint(found[0][0] * RATE), factors)
-    return np.sqrt([variance for _, variance in found])
-
-
-def curves_imuloop(axes, factors):
-    """The curve with its intervals."""
-    from imuloop.noise.allan import allan_variance, degrees_of_freedom, interval
-
-    variances = [allan_variance([x], factors) for x in axes]
-    for variance in variances:
-        interval(variance, degrees_of_freedom(variance, factors, [axes.shape[1]]))
-    return np.sqrt(variances)
-
-
-# by distribution, as bench/requirements.txt has it
-CURVES = {
-    "imuloop": curves_imuloop,
-    "allantools": curves_allantools,
-    "allan-variance": curves_allan_variance,
-}
-
-
-# --- noise of a log at rest: N, B and K of each axis, (6, 3), not-a-number where there is none
 
 
 def session_of(axes, _):
@@ -173,15 +123,11 @@ def main():
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         axes = np.load(folder / "axes.npy")
         short = axes[:, : len(axes[0]) // 10].copy()
-        if call in CURVES.values():
-            call(short, averaging_factors(len(short[0])))
-            values, took = seconds(call, axes, np.load(folder / "factors.npy"))
-        else:
-            given = GIVEN.get(name, lambda axes, _: axes)
-            # some refuse a short log
-            with contextlib.suppress(Exception):
-                call(given(short, folder))
-            values, took = seconds(call, given(axes, folder))
+        given = GIVEN.get(name, lambda axes, _: axes)
+        # some refuse a short log
+        with contextlib.suppress(Exception):
+            call(given(short, folder))
+        values, took = seconds(call, given(axes, folder))
     np.save(folder / f"{name}.npy", np.asarray(values, dtype=float))
     print(took / TIMES.get(name, 1))
 
