@@ -29,7 +29,7 @@ def test_a_family_waits_for_its_devices_and_none_of_them_for_another(repository,
     assert "family" not in planned_jobs(repository, tmp_path, plain)
     typed = {name: one | {"type": "chip"} for name in plain}
     jobs = planned_jobs(repository, tmp_path, typed)
-    assert jobs["family"] == 1 and jobs["export"] == 6
+    assert jobs["family"] == 1 and jobs["report_device"] == 6
     # of a device its own files alone
     target = {"target": "results/d0/calibration.json"}
     done = snakemake(repository, tmp_path, "-n", "--quiet", "host", **target)
