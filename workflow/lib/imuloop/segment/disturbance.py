@@ -7,7 +7,7 @@ from scipy.special import betaincinv, chdtr, chdtri
 
 from imuloop.core.samples import CHANNELS
 from imuloop.core.stretches import lengths, merged, without
-from imuloop.segment.wavelets import FINE, SPACING, coarse_details, fine_details, pieces
+from imuloop.segment.wavelets import FINE, SPACING, coarse_details, fine_details
 from imuloop.segment.windows import DECIDING, rounding_variance
 
 # specific force and angular rate are judged together
@@ -167,26 +167,19 @@ class _WaveletSearch:
         fine = [w for w in self.widths if w in FINE]
         counts = [int(np.maximum(n // w - (1 if w == 2 else 2), 0).sum()) for w in fine]
         widths = fine[: next((k for k, count in enumerate(counts) if count < FEWEST), None)]
-        samples, taken = [[] for _ in widths], np.zeros(len(widths), dtype=int)
-        smooth = {}
-        for start, details, rest in self._each(ranges, widths):
-            smooth.setdefault(start, []).append(rest)
-            for k, (_, detail) in enumerate(details):
-                samples[k].append(_even(detail, counts[k], taken[k]).copy())
-                taken[k] += detail.shape[1]
-        levels = [
-            self._level(np.hstack(sample), count, width)
-            for sample, count, width in zip(samples, counts, widths, strict=False)
-        ]
-
-        beyond = [[] for _ in widths]
-        for _, details, _ in self._each(ranges, widths):
-            for k, (first, detail) in enumerate(details):
-                beyond[k].append(first + widths[k] * _beyond(detail, *levels[k]))
+        if not widths:
+            return
+        each = [fine_details(self.rows.read(CHANNELS, i, j), len(widths)) for i, j in ranges]
         for k, width in enumerate(widths):
-            yield width, levels[k][0], np.concatenate(beyond[k])
+            firsts, details = zip(*(of_range[k] for of_range, _ in each), strict=True)
+            level = self._level(_even(np.hstack(details), counts[k]), counts[k], width)
+            beyond = [
+                start + first + width * _beyond(detail, *level)
+                for start, first, detail in zip(ranges[:, 0], firsts, details, strict=True)
+            ]
+            yield width, level[0], np.concatenate(beyond)
         if len(widths) == len(fine):
-            smooth = {start: np.hstack(parts) for start, parts in smooth.items()}
+            smooth = {start: rest for start, (_, rest) in zip(ranges[:, 0], each, strict=True)}
             yield from self._coarse(smooth, self.widths[len(fine) :])
 
     def _coarse(self, smooth, widths):
@@ -210,13 +203,6 @@ class _WaveletSearch:
             ]
             yield width, level[0], np.concatenate(first)
 
-    def _each(self, ranges, widths):
-        """Yield of each piece the first sample of its range, the details, and the smooth rest."""
-        for start, begin, end, before in pieces(ranges) if widths else ():
-            x = self.rows.read(CHANNELS, begin, end)
-            details, smooth = fine_details(x, before, len(widths))
-            yield start, [(begin + first, detail) for first, detail in details], smooth
-
     def _level(self, sample, count, width):
         """Return covariance of a scale's coefficients and the bound of their squared distance."""
         covariance = robust_covariance(sample.T, self.floor)
@@ -233,10 +219,9 @@ class _WaveletSearch:
         return np.column_stack([np.maximum(first - self.guard, 0), first + length + self.guard])
 
 
-def _even(details, count, taken=0):
-    """Return every n-th coefficient, so that `MOST` of `count` remain; so many came before."""
-    stride = count // MOST + 1
-    return details[:, -taken % stride :: stride]
+def _even(details, count):
+    """Return every n-th coefficient, so that `MOST` of `count` remain."""
+    return details[:, :: count // MOST + 1]
 
 
 def _beyond(details, covariance, bound):

@@ -1,12 +1,10 @@
-"""Wavelet coefficients of long logs, piece by piece on the fine scales.
+"""Wavelet coefficients of long logs.
 
 A coefficient of a scale of w samples depends on 3 w − 2 of them. Those that reach beyond an end of
 their range are left out.
 """
 
 import numpy as np
-
-from imuloop.core.samples import ROWS
 
 # Daubechies' filters of four taps: with two vanishing moments, a straight drift leaves nothing
 LOW = np.array([1, 3, 3, 1]) / np.sqrt(32) + np.array([-1, -1, 1, 1]) * np.sqrt(3 / 32)
@@ -16,30 +14,17 @@ FINE = (2, 4, 8, 16, 32)
 # on coarser scales coefficients begin so many samples apart, so that no step falls between two;
 # of a day at 1 kHz they are 130 MB
 SPACING = FINE[-1]
-# samples before a piece on which its coefficients depend
-_BEFORE = 3 * SPACING
 
 
-def pieces(ranges):
-    """Yield the pieces that ranges are worked on in: first of its range, first and last to read.
-
-    And the number of samples among them that were in the piece before.
-    """
-    for i, j in ranges:
-        for first in range(i, j, ROWS):
-            before = min(first - i, _BEFORE)
-            yield i, first - before, min(first + ROWS, j), before
-
-
-def fine_details(x, before, levels):
+def fine_details(x, levels):
     """Return first sample and details on each of the first scales of `FINE`, and the smooth rest.
 
-    Of a piece, (channels, n), what ends in the samples that were not in the piece `before`.
-    Coefficient k ends with sample w (k + 1) of the piece.
+    Of a range, (channels, n); coefficient k ends with sample w (k + 1) of it.
     """
     smooth, details = x, []
     for width in FINE[:levels]:
-        first = before // width or (1 if width == 2 else 2)
+        # the first ones reach beyond the beginning
+        first = 1 if width == 2 else 2
         own = slice(first, x.shape[1] // width)
         # an output for each second sample; before the beginning there are zeros
         count, padded = smooth.shape[1] // 2, np.pad(smooth, ((0, 0), (2, 0)))

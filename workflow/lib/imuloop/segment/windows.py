@@ -39,11 +39,8 @@ def block_means(rows, ranges, width):
     blocks = [np.arange(i, j - width + 1, width) for i, j in ranges]
     edges = np.cumsum([0, *map(len, blocks)])
     first = np.concatenate([np.empty(0, dtype=int), *blocks])
-    sums = np.zeros((len(first), len(CHANNELS)))
-    for begin, x in rows.pieces(CHANNELS) if len(first) else ():
-        near = slice(*np.searchsorted(first, [begin - width + 1, begin + x.shape[1]]))
-        sums[near] += sums_over(x.T, np.column_stack([first[near], first[near] + width]) - begin)
-    return first, np.column_stack([edges[:-1], edges[1:]]), sums / width
+    x, spans = rows.read(CHANNELS, 0, len(rows)), np.column_stack([first, first + width])
+    return first, np.column_stack([edges[:-1], edges[1:]]), sums_over(x.T, spans) / width
 
 
 def _window_sums(y, n):
