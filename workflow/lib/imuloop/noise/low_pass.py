@@ -16,10 +16,10 @@ from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.modes import Modes
 from imuloop.noise.processes import NAMES, density
 
-# corners that are tried, share of the rate, and how many from the first to the last
-CORNERS = np.geomspace(0.01, 0.48, 14)
-# a corner is looked for within this factor of the best that was tried
-STEP = 1.6
+# corners that are tried, share of the rate, and every so many of them at first
+CORNERS, COARSE = np.geomspace(0.01, 0.48, 53), 4
+# the likeliest corner is looked for within this factor of the best of these
+STEP = 1.1
 # highest corner, share of the rate
 HIGHEST = 0.495
 # kinds that are tried at all corners, and those that are then tried near the best of these
@@ -45,18 +45,19 @@ def choose_low_pass(selection):
     filter.
     """
     rows = _Rows.of(selection, BINS)
-    coarse = {kind: [rows.fit(kind, corner)[0] for corner in CORNERS] for kind in KINDS}
+    coarse = {kind: [rows.fit(kind, c)[0] for c in CORNERS[::COARSE]] for kind in KINDS}
     if max(map(max, coarse.values())) - rows.plain() < 2 * PRICE:
         return None
-    fits = [
-        rows.likeliest(kind, CORNERS[int(np.argmax(coarse[first]))])
+    tops = [
+        (*rows.top(kind, COARSE * int(np.argmax(coarse[first]))), kind)
         for first, kinds in KINDS.items()
         for kind in kinds
     ]
+    # a floor of a millionth is seen in the last row alone
+    every = _Rows.of(selection, np.inf)
+    fits = [every.likeliest(kind, corner) for _, corner, kind in sorted(tops)[-3:]]
     # a record that is too short to tell takes the simpler name
     low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
-    # a floor of a millionth is seen in the last row alone
-    low_pass = _Rows.of(selection, np.inf).likeliest(low_pass.kind, low_pass.corner)[1]
     price = PRICE * (3 if low_pass.floor else 2)
     filtered = selection.filtered(low_pass)
     better = _score(filtered) - price > _score(selection)
@@ -130,6 +131,24 @@ class _Rows:
         floor = float(behind / (white + behind)) if behind else 0.0
         return found.value, replace(low_pass, floor=floor)
 
+    def top(self, kind, at):
+        """Return the largest log-likelihood and its corner: a parabola through three of `CORNERS`.
+
+        They lie uphill from a place among them.
+        """
+        at = min(max(at, 1), len(CORNERS) - 2)
+        below, centre, above = (self.fit(kind, CORNERS[at + k])[0] for k in (-1, 0, 1))
+        while above > centre and at + 2 < len(CORNERS):
+            at += 1
+            below, centre, above = centre, above, self.fit(kind, CORNERS[at + 1])[0]
+        while below > centre and at > 1:
+            at -= 1
+            below, centre, above = self.fit(kind, CORNERS[at - 1])[0], below, centre
+        bend = 2 * centre - below - above
+        move = np.clip((above - below) / (2 * bend), -1, 1) if bend > 0 else 0.0
+        value = centre + move * (above - below) / 2 - move**2 * bend / 2
+        return value, float(CORNERS[at] * (CORNERS[1] / CORNERS[0]) ** move)
+
     def likeliest(self, kind, start):
         """Return the same at the likeliest corner within a factor of one."""
         found = minimize_scalar(
@@ -187,7 +206,9 @@ def likeliest_corner(selection, low_pass, terms):
     share = best.likelihood.error(best.unit("N"), expected) / (2 * centre)
     slope = change * error**2 / (share**2 + change**2 * error**2)
     corner = replace(low_pass, corner=min(float(np.exp(u)), HIGHEST))
-    return corner, error, lambda ratio: behind(u + slope * np.log(ratio))
+    # in small steps, so that few gains are calculated
+    grid = error / 8
+    return corner, error, lambda ratio: behind(u + grid * round(slope * np.log(ratio) / grid))
 
 
 def _score(selection):
