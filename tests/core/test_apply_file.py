@@ -13,9 +13,8 @@ import imuloop.effects  # noqa: F401  the library of effects
 from imuloop.core.apply_file import apply_file
 from imuloop.core.effect import Channels, Effect, FittedEffect
 from imuloop.core.errors import ImuloopError
-from imuloop.core.memory import filled
 from imuloop.core.model import Calibration
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, METADATA_KEY
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, METADATA_KEY, filled
 from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 

@@ -143,7 +143,7 @@ EVERY += [find_effect("product")(*formula) for formula in FORMULAS]
 
 @pytest.mark.parametrize("shape", EVERY, ids=str)
 def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(shape):
-    """A part of a log gives what the whole log does, or the effect is `timed` or has a `reach`.
+    """A part of a log gives what the whole log does, or it is `timed` or of a `rate_of_change`.
 
     A single sample gives that too or is refused, and without its time where the time counts.
     """
@@ -154,7 +154,7 @@ def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(sh
         return np.allclose(effect.output(channels), expected[rows], rtol=1e-9, atol=1e-12)
 
     part = slice(150, 250)
-    declared = bool(shape.timed or shape.reach)
+    declared = bool(shape.timed or shape.rate_of_change)
     assert declared or same(at(whole, part), part)
     assert declared or same(replace(at(whole, part), t=np.zeros(100)), part)
     for k in (150, 399):

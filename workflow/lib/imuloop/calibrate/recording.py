@@ -16,7 +16,6 @@ from imuloop.calibrate.poses import (
     turns_within,
 )
 from imuloop.core.effect import Channels, LoggedChannels
-from imuloop.core.memory import filled
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
@@ -24,9 +23,18 @@ from imuloop.core.samples import (
     TEMPERATURE,
     TIME,
     at_rail,
+    filled,
     on_gyroscope_clock,
 )
 from imuloop.core.segments import DISTURBED
+
+# a sensor's own channels of Poses, Rotations and Log, and the other sensor's
+OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
+
+
+def unchanged(values):
+    """Return values as they are."""
+    return values
 
 
 @dataclass(frozen=True)
@@ -51,9 +59,14 @@ class Log:
         f, w = (np.column_stack([samples[c] for c in axes]) for axes in sensors)
         return cls(t, f, w, temperature)
 
+    def evaluate(self, sensor, function, *constants, output=unchanged, see=unchanged):
+        """Return a function, as in `Channels.evaluate`, of a sensor's channels, (N, …).
 
-# a sensor's own channels of Poses, Rotations and Log, and the other sensor's
-OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
+        `output` and `see` are as in `Recording.pose_channels`.
+        """
+        changes = zip((output, see), OWN[sensor], strict=True)
+        outputs = (partial(change, getattr(self, name)) for change, name in changes)
+        return function(LoggedChannels(self.t, self.temperature, *outputs), *constants)
 
 
 @dataclass(frozen=True)
@@ -88,7 +101,7 @@ class Recording:
         new = replace(self.poses, power_cycle=-1 - self.poses.power_cycle)
         return replace(self, poses=new)
 
-    def pose_channels(self, sensor, output, other, see=lambda values: values):
+    def pose_channels(self, sensor, output, other, see=unchanged):
         """Return what an effect of a sensor sees at the poses.
 
         `output` takes values of the sensor, SI as logged, (n, 3), to ``K (raw - b)``, `see` those
@@ -100,7 +113,7 @@ class Recording:
         cycle = poses.power_cycle
         return Channels(poses.mid_s, own, other, poses.temperature, history, power_cycle=cycle)
 
-    def rotation_channels(self, sensor, output, other, see=lambda values: values):
+    def rotation_channels(self, sensor, output, other, see=unchanged):
         """Return the same along the rotations, m of k samples; the other sensor is (m, k, 3)."""
         rotations, temperature = self.rotations, self.rotations.temperature
         session = self.poses.session[rotations.first]
@@ -131,16 +144,13 @@ class Recording:
 
     def _history(self, sensor, output, see, seen):
         """Return a function of functions of the whole log of each session, as `seen` takes them."""
-        own, other = OWN[sensor]
 
         @cache
         def history(function, *constants):
-            whole = {}
-            for s in set(self.poses.session.tolist()):
-                log = self.logs[s]
-                outputs = partial(output, getattr(log, own)), partial(see, getattr(log, other))
-                whole[s] = function(LoggedChannels(log.t, log.temperature, *outputs), *constants)
-            return seen(whole)
+            sessions, how = set(self.poses.session.tolist()), {"output": output, "see": see}
+            return seen(
+                {s: self.logs[s].evaluate(sensor, function, *constants, **how) for s in sessions}
+            )
 
         return history
 

@@ -11,7 +11,6 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting, replaced
-from imuloop.core.memory import filled
 from imuloop.core.samples import (
     ATTRS_KEY,
     CALIBRATED,
@@ -23,6 +22,7 @@ from imuloop.core.samples import (
     Samples,
     calibrated_attrs,
     check_columns,
+    filled,
     read_metadata,
     refuse_calibrated,
 )

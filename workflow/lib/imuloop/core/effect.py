@@ -24,38 +24,49 @@ class Channels:
     output: np.ndarray  # (n, 3): the sensor's own output ``K (raw - b)``, SI, on its own axes
     other: np.ndarray  # (n, 3): the other sensor's output, SI
     temperature: np.ndarray | None = None  # (n,): degC; None where it was not logged
-    history: Callable | None = None  # see `remembered`; None where the points are samples
-    # of a log that is read in parts, `RestLog`: what functions that remember have kept of it so far
-    past: dict | None = None
-    step: float | None = None  # of such a log: median step of the whole, s
+    history: Callable | None = None  # see `evaluate`; None where the points are samples
     # (n,): which power cycle of the data, 0, 1, ..., each point lies in; None in one of its own
     power_cycle: np.ndarray | None = None
     # takes, by name of an effect, at which points it was clamped to its range
     clamped: dict | None = None
 
-    def remembered(self, function, *constants):
-        """Return a function of the log's past at these points, shape (n, …).
+    def map(self, change):
+        """Return the channels with each array of n points as `change` makes it, (m, …)."""
+        temperature = None if self.temperature is None else change(self.temperature)
+        return Channels(
+            *(change(values) for values in (self.t, self.output, self.other)),
+            temperature,
+            lambda function, *constants: change(self.evaluate(function, *constants)),
+        )
+
+    def evaluate(self, function, *constants):
+        """Return a function of the log's samples at these points, shape (n, …).
 
         The function takes the Channels of a whole log and constants, and gives an array whose first
-        axis is the log's samples; at a pose their mean over it is taken. An ImuloopError for a
-        single sample if the function is not marked as `imuloop.core.memory.of_time`.
+        axis is the log's samples; at a pose their mean over it is taken.
         """
         if self.history is not None:
             return self.history(function, *constants)
-        if len(self.t) == 1 and not getattr(function, "of_time", False):
+        return function(self, *constants)
+
+    def evaluate_memory(self, function, *constants):
+        """Return the same of a function in which a sample depends on those before and after it.
+
+        An ImuloopError for a single sample.
+        """
+        if self.history is None and len(self.t) == 1:
             raise ImuloopError(
                 "the calibration holds an effect that depends on the samples before and after: "
                 "a single sample is not enough, give the whole log"
             )
-        return function(self, *constants)
+        return self.evaluate(function, *constants)
 
 
 class LoggedChannels:
     """The `Channels` of a whole log; an output is computed when it is first used."""
 
-    def __init__(self, t, temperature, output, other, past=None, step=None):
-        self.t, self.temperature, self.past, self.step = t, temperature, past, step
-        self._output, self._other = output, other
+    def __init__(self, t, temperature, output, other):
+        self.t, self.temperature, self._output, self._other = t, temperature, output, other
 
     output = cached_property(lambda self: self._output())
     other = cached_property(lambda self: self._other())
@@ -90,8 +101,8 @@ class Effect:
     # whether it is of time or of what the temperature was before: what the temperature itself
     # explains comes before it
     after_temperature: ClassVar[bool] = False
-    # how far about a point it looks, s; what it remembers besides is in `Channels.past`
-    reach: ClassVar[float] = 0.0
+    # whether it depends on how fast an output changes, and so on the samples beside each
+    rate_of_change: ClassVar[bool] = False
     lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
     # whether it is one of many formulas without a cause: all others come before it
     is_formula: ClassVar[bool] = False

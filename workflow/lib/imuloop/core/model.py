@@ -201,7 +201,7 @@ class Calibration:
                 f"{w.shape}"
             )
         shape, f, w = f.shape, f.reshape(-1, 3), w.reshape(-1, 3)
-        timed = [e.name for e in self.effects if e.effect.timed or e.effect.reach]
+        timed = [e.name for e in self.effects if e.effect.timed or e.effect.rate_of_change]
         if t is None and timed:
             raise ImuloopError(f"t is needed: the calibration holds {', '.join(timed)}")
         t = np.zeros(len(f)) if t is None else np.atleast_1d(np.asarray(t, dtype=float))

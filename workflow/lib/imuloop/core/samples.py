@@ -49,6 +49,12 @@ ATTRS_KEY = b"PANDAS_ATTRS"
 CALIBRATED = "calibrated_by_imuloop"
 
 
+def other_sensor(sensor):
+    """Return the name of the other sensor."""
+    (other,) = set(SENSORS) - {sensor}
+    return other
+
+
 def at_rail(samples, rails, names):
     """Return which samples are at the end of the range on one of some channels, (n,) of bool.
 
@@ -62,6 +68,17 @@ def at_rail(samples, rails, names):
         if high is not None:
             clipped |= np.asarray(samples[name]) >= high
     return clipped
+
+
+def filled(t, values):
+    """Fill NaNs: linear between neighbours, constant before the first and after the last.
+
+    Of a channel that is logged more slowly than the others, or with gaps; t, values shape (n,).
+    """
+    known = np.isfinite(values)
+    if known.all() or not known.any():
+        return values
+    return np.interp(t, t[known], values[known])
 
 
 def schema(metadata):
@@ -94,10 +111,10 @@ def refuse_calibrated(names, metadata):
         )
 
 
-def parquet_file(path, **options):
+def parquet_file(path):
     """Return an open Parquet file; the error of one that is not whole names it."""
     try:
-        return pq.ParquetFile(path, **options)
+        return pq.ParquetFile(path)
     except pa.ArrowInvalid as error:
         raise ImuloopError(
             f"{path}: no whole Parquet file; if it is a result, delete the device's folder and "
@@ -115,7 +132,8 @@ def read_columns(path, columns=None):
     """Return columns of a Parquet file, all or only those named, as a dict of arrays."""
     with parquet_file(path) as file:
         table = file.read(columns and list(columns))
-    return {name: np.array(table[name].to_numpy()) for name in table.column_names}
+    columns = {name: table[name].to_numpy() for name in table.column_names}
+    return {name: np.require(x, requirements="W") for name, x in columns.items()}
 
 
 class Samples:
@@ -176,7 +194,7 @@ def holds(source, sensor):
     Ingest writes zeros for a sensor that the log lacks.
     """
     samples = Samples(source)
-    return not len(samples) or any(x.any() for _, x in samples.pieces(SENSORS[sensor]))
+    return not len(samples) or any(samples[name].any() for name in SENSORS[sensor])
 
 
 def on_own_clock(source, sensor):
@@ -213,18 +231,14 @@ def on_gyroscope_clock(columns):
 
 
 def sums_over(values, ranges):
-    """Return sums of values, (n,) or (n, k), over half-open ranges of rows, (m, 2).
+    """Return sums of values, (n, …), over half-open ranges of rows, (m, 2).
 
-    Rows before the first and behind the last count nothing: the values may be those of a piece.
+    None of them is empty, and at most the last ends with the last row.
     """
-    if values.ndim > 1:
-        return np.column_stack([sums_over(column, ranges) for column in values.T])
-    total, inside = np.zeros(len(ranges)), np.clip(ranges, 0, len(values))
-    near = inside[:, 0] < inside[:, 1]
-    if near.any():
-        # a range may end behind the last row
-        total[near] = np.add.reduceat(np.append(values, 0.0), inside[near].ravel())[::2]
-    return total
+    edges = ranges.ravel()
+    # the sum from the last edge on is that up to the last row
+    edges = edges[: np.searchsorted(edges, len(values))]
+    return np.add.reduceat(values, edges, axis=0)[::2]
 
 
 def read_metadata(path):

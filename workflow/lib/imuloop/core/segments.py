@@ -9,8 +9,6 @@ Of a session of attitudes a rest at which the accelerometer is at the end of its
 the hand that of all its turns.
 """
 
-from math import sqrt
-
 import numpy as np
 import pandas as pd
 
@@ -21,8 +19,6 @@ MOTION = "motion"
 DISTURBED = "disturbed"
 GAP = "gap"
 KINDS = (STATIC, MOTION, DISTURBED, GAP)
-# longer stretches are read in parts of so many rows
-_PART = 1 << 20
 # deviation over mean that rounding alone gives a value that never changes
 _ROUNDING = 1e-14
 
@@ -51,21 +47,11 @@ def segment_table(samples, start_s, end_s, kinds, poses):
 
 
 def _statistics(rows, name, first, last):
-    """Return mean and standard deviation of a channel over a range of rows, read in parts."""
-    parts = []
-    for begin in range(first, last, _PART):
-        x = rows.read((name,), begin, min(begin + _PART, last))[0]
-        # values that are missing do not count
-        known = x[np.isfinite(x)] if name == TEMPERATURE else x
-        if len(known):
-            parts.append((len(known), known.mean(), known.std()))
-    if not parts:
-        return np.nan, np.nan
-    if len(parts) == 1:
-        return parts[0][1:]
-    n, means, deviations = np.array(parts).T
-    mean = means @ n / n.sum()
-    return mean, sqrt((deviations**2 + (means - mean) ** 2) @ n / n.sum())
+    """Return mean and standard deviation of a channel over a range of rows."""
+    x = rows[name][first:last]
+    # values that are missing do not count
+    known = x[np.isfinite(x)] if name == TEMPERATURE else x
+    return (known.mean(), known.std()) if len(known) else (np.nan, np.nan)
 
 
 def power_cycles(segments):

@@ -3,21 +3,17 @@
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import in_pieces, secant, slope
+from imuloop.effects.filters import secant, slope
 
-# s; the neighbours of a sample lie within it
-REACH = 0.1
 # s; the largest delay
 LATEST = 0.1
 
 
-@in_pieces
 def own_change(channels, seconds):
     """Return the mean rate of change of the sensor's output until `seconds` later, (n, 3)."""
-    return secant(channels.t, channels.output, seconds, channels.step)
+    return secant(channels.t, channels.output, seconds)
 
 
-@in_pieces
 def other_slope(channels):
     """Return the rate of change of the other sensor's output, shape (n, 3)."""
     return slope(channels.t, channels.other)
@@ -44,13 +40,13 @@ class TimeOffset(Effect):
     records = ("motion",)
     unobservable = "a shift in time changes nothing at rest, nor the angle from rest to rest"
     limit = LATEST
-    reach = REACH + LATEST
+    rate_of_change = True
 
     clamped = unclamped
 
     def design(self, channels, values=(0.0,)):
         """Return the rate of change over the delay, shape (n, 3, 1)."""
-        return channels.remembered(own_change, -float(values[0]))[:, :, None]
+        return channels.evaluate_memory(own_change, -float(values[0]))[:, :, None]
 
     design_at = design
 
@@ -70,7 +66,7 @@ class GyroAxisDelay(Effect):
     records = ("motion",)
     unobservable = "at rest nothing changes; what turns leave of it shows in the motion between"
     limit = LATEST
-    reach = REACH + LATEST
+    rate_of_change = True
 
     clamped = unclamped
 
@@ -78,7 +74,7 @@ class GyroAxisDelay(Effect):
         """Return the derivative with respect to both delays, shape (n, 3, 2)."""
         design = np.zeros((len(channels.t), 3, 2))
         for axis, late in enumerate(values):
-            design[:, axis, axis] = -channels.remembered(own_change, float(late))[:, axis]
+            design[:, axis, axis] = -channels.evaluate_memory(own_change, float(late))[:, axis]
         return design
 
     design_at = design

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import of_time
 from imuloop.effects.axes import on_each_axis, per_axis
 
 # s; a factor 3.4 apart, so that a true one is at most 1.85 from one that is tried; from a chip
@@ -17,7 +16,6 @@ SETTLINGS = 2
 POINTS = 3
 
 
-@of_time
 def settling(channels, tau):
     """Return ``exp(-t/τ)`` of a whole log, shape (n,)."""
     return np.exp(-channels.t / tau)
@@ -51,7 +49,7 @@ class WarmUp(Effect):
 
     def design(self, channels):
         """Return the exponential on each axis, its mean over a pose, shape (n, 3, 3)."""
-        return on_each_axis(channels.remembered(settling, self.tau))
+        return on_each_axis(channels.evaluate(settling, self.tau))
 
 
 class BiasDrift(Effect):

@@ -5,18 +5,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import fast_part, first_order_lag, in_pieces, moving_mean
 from imuloop.effects.axes import on_each_axis, per_axis
+from imuloop.effects.filters import fast_part, first_order_lag, moving_mean
 
 # s; shorter, and it is over when the turn is; longer, and all poses of a session share it
 CREEPS = (3.0, 10.0, 30.0)
 
 
-@in_pieces
 def creep(channels, tau):
     """Return ``y_lag - y`` of a whole log, SI, shape (n, 3)."""
-    lagged = first_order_lag(channels.t, channels.output, tau, channels.past)
-    return lagged - channels.output
+    return first_order_lag(channels.t, channels.output, tau) - channels.output
 
 
 @dataclass(frozen=True)
@@ -46,7 +44,7 @@ class Reorientation(Effect):
 
     def design(self, channels):
         """Return the load that still creeps on each axis, shape (n, 3, 3)."""
-        return on_each_axis(channels.remembered(creep, self.tau))
+        return on_each_axis(channels.evaluate_memory(creep, self.tau))
 
 
 # s; what is faster than 10 Hz is a vibration, a turn by hand is ten times slower
@@ -55,7 +53,6 @@ PERIOD = 0.1
 WINDOW = 1.0
 
 
-@in_pieces
 def vibration(channels):
     """Return the mean square of each axis' vibration of a whole log, SI², shape (n, 3).
 
@@ -66,8 +63,7 @@ def vibration(channels):
     last = np.searchsorted(t, t + WINDOW, side="right") - 1
     # an axis at a time: a log of days is large
     for axis in range(3):
-        fast = fast_part(t, square[:, [axis]], PERIOD, channels.step)
-        before = moving_mean(t, fast**2, WINDOW)[:, 0]
+        before = moving_mean(t, fast_part(t, square[:, [axis]], PERIOD) ** 2, WINDOW)[:, 0]
         # sums of large squares may leave less than nothing of small ones
         square[:, axis] = np.maximum(np.minimum(before, before[last]), 0.0)
     return square
@@ -90,8 +86,7 @@ class VibrationRectification(Effect):
     # ten times what MEMS sensors show, up to 2 mg per g² of mean square
     limit = 2e-3
     timed = True
-    reach = WINDOW
 
     def design(self, channels):
         """Return the mean square of the vibration about each point, SI², shape (n, 3, 3)."""
-        return on_each_axis(channels.remembered(vibration))
+        return on_each_axis(channels.evaluate_memory(vibration))

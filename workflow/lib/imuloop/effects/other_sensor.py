@@ -5,7 +5,7 @@ import numpy as np
 from imuloop.core.effect import Effect
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.effects.axes import AXES, row_by_row
-from imuloop.effects.delays import REACH, other_slope
+from imuloop.effects.delays import other_slope
 
 # products of specific force that change from attitude to attitude: xx is f_x² - f_z²
 PRODUCTS = ("xx", "yy", "xy", "xz", "yz")
@@ -115,11 +115,11 @@ class LeverArm(Effect):
     records = ("motion",)
     unobservable = "it acts only while the device turns, and residuals are taken at rest"
     limit = 0.1  # of what is called one sensor
-    reach = REACH
+    rate_of_change = True
 
     def design(self, channels):
         """Return the derivative with respect to the arms of x and y, shape (n, 3, 6)."""
-        w, change = channels.other, channels.remembered(other_slope)
+        w, change = channels.other, channels.evaluate_memory(other_slope)
         # (dw/dt × r + w × (w × r))_i = Σ_j A_ij r_j
         A = w[:, :, None] * w[:, None] - (w**2).sum(axis=1)[:, None, None] * np.eye(3)
         A = A + np.cross(change[:, None], np.eye(3)).swapaxes(1, 2)

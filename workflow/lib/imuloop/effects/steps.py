@@ -5,11 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.core.memory import of_time
 from imuloop.effects.axes import on_each_axis, per_axis
 
 
-@of_time
 def before(channels, time):
     """Return whether samples of a whole log come before a time, 1 or 0, shape (n,)."""
     return (channels.t < time).astype(float)
@@ -56,7 +54,7 @@ class Steps(Effect):
 
     def design(self, channels):
         """Return ``H(t - t_k) - 1`` on each axis, its mean over a pose, shape (n, 3, 3 k)."""
-        return on_each_axis(*(-channels.remembered(before, t) for t in self.times))
+        return on_each_axis(*(-channels.evaluate(before, t) for t in self.times))
 
     def in_session(self, channels, session, windows):
         """Return the share of windows, shape (n, 2), after each step, shape (n, 3, 3 k)."""

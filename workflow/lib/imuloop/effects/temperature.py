@@ -6,8 +6,9 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.errors import ImuloopError
-from imuloop.core.memory import filled, first_order_lag, in_pieces, play
+from imuloop.core.samples import filled
 from imuloop.effects.axes import on_each_axis, per_axis
+from imuloop.effects.filters import first_order_lag, play
 
 # degC, at which data sheets give bias and scale factor
 ROOM = 25.0
@@ -50,7 +51,6 @@ SMOOTHED = 0.1
 RELAXATIONS = 3
 
 
-@in_pieces
 def ahead(channels, lag):
     """Return the temperature that a thermometer lags behind by ``lag``, degC, shape (n,).
 
@@ -58,7 +58,7 @@ def ahead(channels, lag):
     ``θ + lag dθ/dt`` of a first-order lag for all that is slower than a lag.
     """
     warm = temperature(channels)
-    smooth = first_order_lag(channels.t, warm, SMOOTHED * lag, channels.past)
+    smooth = first_order_lag(channels.t, warm, SMOOTHED * lag)
     return smooth + (warm - smooth) / SMOOTHED
 
 
@@ -120,7 +120,7 @@ class BiasTemperature(Effect):
 
     def design(self, channels):
         """Return the powers of the temperature on each axis, shape (n, 3, 3 order)."""
-        warm = channels.remembered(ahead, self.lag) if self.lag else temperature(channels)
+        warm = channels.evaluate_memory(ahead, self.lag) if self.lag else temperature(channels)
         warmer = warm - self.reference_temperature
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
 
@@ -166,11 +166,10 @@ class ScaleTemperature(Effect):
 LAGS = (10.0, 30.0, 100.0, 300.0, 1000.0)
 
 
-@in_pieces
 def lagged_rate(channels, tau):
     """Return ``(θ - θ_lag)/τ`` of a whole log, K/s, shape (n,): the lagged dθ/dt."""
     warm = temperature(channels)
-    return (warm - first_order_lag(channels.t, warm, tau, channels.past)) / tau
+    return (warm - first_order_lag(channels.t, warm, tau)) / tau
 
 
 @dataclass(frozen=True)
@@ -202,7 +201,7 @@ class BiasTemperatureRate(Effect):
 
     def design(self, channels):
         """Return the lagged rate of temperature on each axis, shape (n, 3, 3)."""
-        return on_each_axis(channels.remembered(lagged_rate, self.tau))
+        return on_each_axis(channels.evaluate_memory(lagged_rate, self.tau))
 
 
 # half-widths as shares of the span: a loop with steep ends, a rounder one, and one that only just
@@ -210,11 +209,10 @@ class BiasTemperatureRate(Effect):
 SHARES = (0.05, 0.15, 0.4)
 
 
-@in_pieces
 def branch(channels, half_width):
     """Return ``(θ - play θ)/w`` of a whole log, shape (n,): 1 while heating on, -1 cooling on."""
     warm = temperature(channels)
-    return (warm - play(warm, half_width, channels.t, channels.past)) / half_width
+    return (warm - play(warm, half_width)) / half_width
 
 
 @dataclass(frozen=True)
@@ -247,4 +245,4 @@ class ThermalHysteresis(Effect):
 
     def design(self, channels):
         """Return the branch on each axis, shape (n, 3, 3)."""
-        return on_each_axis(channels.remembered(branch, self.half_width))
+        return on_each_axis(channels.evaluate_memory(branch, self.half_width))

@@ -92,7 +92,7 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
         for sensor in SENSORS
         for e in getattr(calibration, sensor).effects
         # what any rest or turn shows
-        if not (e.effect.timed or e.effect.reach) and needs.issuperset(e.effect.needs)
+        if not (e.effect.timed or e.effect.rate_of_change) and needs.issuperset(e.effect.needs)
     ]
     about = CalibratedPair.of(calibration, noise, calibration.gravity, effects)
     covariance, limits = about.covariance.copy(), []

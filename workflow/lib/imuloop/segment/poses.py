@@ -2,24 +2,17 @@
 
 import numpy as np
 
-from imuloop.core.rotation import exponential, multiply, prefix_product, step_vectors
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, ROWS, TIME
+from imuloop.core.rotation import exponential, prefix_product, step_vectors
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.core.stretches import lengths
 
 
 def _turned(rows, first, last, bias, limit):
     """Return whether a device turned away from its first attitude by more than an angle, rad."""
-    attitude = np.array([1.0, 0.0, 0.0, 0.0])
-    for begin in range(first, last - 1, ROWS):
-        # a piece begins with the sample that the one before ends with
-        t, *w = rows.read((TIME, *ANGULAR_RATE), begin, min(begin + ROWS + 1, last))
-        steps = exponential(step_vectors(np.transpose(w) - bias, np.diff(t)))
-        attitudes = multiply(attitude, prefix_product(steps))
-        half = np.linalg.norm(attitudes[:, 1:], axis=1), np.abs(attitudes[:, 0])
-        if np.max(2 * np.arctan2(*half)) > limit:
-            return True
-        attitude = attitudes[-1]
-    return False
+    t, *w = rows.read((TIME, *ANGULAR_RATE), first, last)
+    attitudes = prefix_product(exponential(step_vectors(np.transpose(w) - bias, np.diff(t))))
+    half = np.linalg.norm(attitudes[:, 1:], axis=1), np.abs(attitudes[:, 0])
+    return np.max(2 * np.arctan2(*half)) > limit
 
 
 def number_poses(rows, rests, table, stretches, settings):

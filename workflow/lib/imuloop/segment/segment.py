@@ -60,8 +60,7 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     disturbance detector and slow tilts leave. If the device moves most of the time, the rests of a
     static session come from the static detector, too. A rest at which the accelerometer is at the
     end of its range is no attitude, but disturbed. A gap lasts from one step after the last sample
-    before it to the next sample, or as long as a channel is stuck at one value. Of a file few row
-    groups are held at once where the session is static, else six columns.
+    before it to the next sample, or as long as a channel is stuck at one value.
 
     Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, the `rails` of
     `core.samples.at_rail`, and the spans in which a channel is stuck, (n, 2), s. Gives a

@@ -39,8 +39,9 @@ def block_means(rows, ranges, width):
     blocks = [np.arange(i, j - width + 1, width) for i, j in ranges]
     edges = np.cumsum([0, *map(len, blocks)])
     first = np.concatenate([np.empty(0, dtype=int), *blocks])
-    x, spans = rows.read(CHANNELS, 0, len(rows)), np.column_stack([first, first + width])
-    return first, np.column_stack([edges[:-1], edges[1:]]), sums_over(x.T, spans) / width
+    whole = np.column_stack([first, first + width])
+    means = np.column_stack([sums_over(rows[name], whole) for name in CHANNELS]) / width
+    return first, np.column_stack([edges[:-1], edges[1:]]), means
 
 
 def _window_sums(y, n):

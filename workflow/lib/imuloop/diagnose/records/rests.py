@@ -1,10 +1,11 @@
 """The static records of a device, read once for both sensors."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from imuloop.core.rest_log import RestLog
+from imuloop.calibrate.recording import Log
 from imuloop.core.samples import Samples, read_columns
 from imuloop.core.segments import MOTION, STATIC, power_cycles
 from imuloop.diagnose.records.static_windows import static_record
@@ -24,13 +25,11 @@ class StaticData:
     kinds: dict  # of each session used
     samples: dict  # its Samples, SI, as logged
     segments: dict  # its segments, as `rests_to_use` gives them
-    _logs: dict = field(default_factory=dict, repr=False)
 
-    def log(self, name):
-        """Return the RestLog of a session."""
-        if name not in self._logs:
-            self._logs[name] = RestLog(self.samples[name])
-        return self._logs[name]
+    @cached_property
+    def logs(self):
+        """The Log of each session."""
+        return {name: Log.of(samples) for name, samples in self.samples.items()}
 
     def records(self, sensor, calibration, mean_time):
         """Return the StaticRecord of each power cycle of all sessions that has a mean.
@@ -39,7 +38,7 @@ class StaticData:
         """
         found = []
         for name, table in self.segments.items():
-            record = static_record(name, self.log(name), table, calibration, sensor, mean_time)
+            record = static_record(name, self.logs[name], table, calibration, sensor, mean_time)
             cycle = power_cycles(table)[np.asarray(table["kind"]) == STATIC][record.stretch]
             found += [record.part(cycle == k) for k in np.unique(cycle)]
         return [r for r in found if len(r.windows)]

@@ -5,10 +5,9 @@ from functools import cache
 
 import numpy as np
 
+from imuloop.calibrate.recording import OWN
 from imuloop.core.effect import Channels
-from imuloop.core.memory import in_pieces
-from imuloop.core.rest_log import RestLog, other_sensor
-from imuloop.core.samples import sums_over
+from imuloop.core.samples import other_sensor, sums_over
 from imuloop.core.segments import STATIC
 
 # fewer means leave a shorter window; more a longer one, for a covariance of n means has n² entries
@@ -64,15 +63,8 @@ class StaticRecord:
 
     def _changed(self, windows, stretch, change):
         """Return the record with other windows, what is in them by a function of arrays."""
-        c = self.channels
-        channels = Channels(
-            change(c.t),
-            change(c.output),
-            change(c.other),
-            None if c.temperature is None else change(c.temperature),
-            lambda function, *constants: change(c.history(function, *constants)),
-        )
-        return StaticRecord(self.session, windows, stretch, change(self.values), channels)
+        values, channels = change(self.values), self.channels.map(change)
+        return StaticRecord(self.session, windows, stretch, values, channels)
 
 
 def window_length(seconds, interval, mean_time):
@@ -85,22 +77,15 @@ def window_length(seconds, interval, mean_time):
     return max(length, LEAST_SAMPLES * interval, seconds / MOST_MEANS)
 
 
-@in_pieces
-def _temperature(channels):
-    return channels.temperature
-
-
-def static_record(session, samples, segments, calibration, sensor, mean_time):
+def static_record(session, log, segments, calibration, sensor, mean_time):
     """Return the StaticRecord of windows that lie whole in undisturbed stretches of a session.
 
-    `samples` (RestLog, DataFrame or dict) and `segments` are those of the session; the calibration
-    gives ``K (raw - b)`` of both sensors; `mean_time`, s, as in `window_length`.
+    Takes the session's name, its Log and segments, and the calibration, which gives ``K (raw - b)``
+    of both sensors; `mean_time`, s, as in `window_length`.
     """
-    log = samples if isinstance(samples, RestLog) else RestLog(samples)
     static = np.asarray(segments["kind"]) == STATIC
     seconds = np.array([np.asarray(segments[c], float)[static] for c in ("start_s", "end_s")]).T
-    t = log.t
-    interval = log.interval if len(t) > 1 else mean_time
+    interval = np.median(np.diff(log.t)) if len(log.t) > 1 else mean_time
     length = window_length(np.diff(seconds).sum(), interval, mean_time)
     # the end of a stretch of whole windows is not lost to rounding
     counts = (np.diff(seconds)[:, 0] / length + 1e-6).astype(int)
@@ -108,31 +93,29 @@ def static_record(session, samples, segments, calibration, sensor, mean_time):
     place = np.arange(len(stretch)) - np.repeat(np.cumsum(counts) - counts, counts)
     starts = seconds[stretch, 0] + length * place
     windows = np.column_stack([starts, starts + length])
-    at = np.searchsorted(t, windows)
+    at = np.searchsorted(log.t, windows)
     keep = at[:, 0] < at[:, 1]
     windows, stretch, at = windows[keep], stretch[keep], at[keep]
-    logged, keep = log.means(at)
-    # a mean over missing values is none
-    windows, stretch, at = windows[keep], stretch[keep], at[keep]
 
-    # the output is a straight line in what was logged: so are its means
-    output = {name: getattr(calibration, name).output(v[keep]) for name, v in logged.items()}
-    values, counts = output[sensor], at[:, 1] - at[:, 0]
+    def means(x):
+        return (sums_over(x, at).T / (at[:, 1] - at[:, 0])).T
 
     @cache
     def history(function, *constants):
-        total = sum(
-            sums_over(remembered(function, *constants), at - part.start)
-            for part, remembered in log.parts(sensor)
-        )
-        return (total.T / counts).T
+        return means(log.evaluate(sensor, function, *constants))
 
+    def mean_output(name):
+        x = getattr(log, OWN[name][0])
+        # the output is a straight line in what was logged; sums near zero keep their digits
+        return getattr(calibration, name).output(x[0] + means(x - x[0]))
+
+    values, other = mean_output(sensor), mean_output(other_sensor(sensor))
     level = values.mean(axis=0) if len(values) else np.zeros(3)
     channels = Channels(
         windows.mean(axis=1),
         np.tile(level, (len(windows), 1)),
-        output[other_sensor(sensor)],
-        None if log.temperature is None else history(_temperature),
+        other,
+        None if log.temperature is None else means(log.temperature),
         history,
     )
     return StaticRecord(session, windows, stretch, values, channels)

@@ -1,4 +1,4 @@
-"""Functions of a log that remember its past, against closed forms and against plain loops."""
+"""Filters of a whole log, against closed forms and against plain loops."""
 
 from decimal import Decimal
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from imuloop.core.memory import first_order_lag, play, secant
+from imuloop.effects.filters import first_order_lag, play, secant
 
 steps = st.floats(1e-3, 1e3)
 values = st.floats(-100, 100)
