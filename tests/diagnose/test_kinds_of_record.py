@@ -174,10 +174,10 @@ def test_the_p_value_is_that_of_generalised_least_squares(kind, size, base, held
 
 
 def test_poses_average_over_how_much_they_are_above_their_noise():
-    """Under white noise of variance 1, with χ² above ν, a variance c = 1 + (s m)² is as possible,
-    s = 0, 0.3, 0.6, 1, and c = χ²/ν of the fit without the candidate the likeliest. The p-values
-    of the F test with χ²/c are averaged, in part by the restricted likelihood of the fit without
-    the candidate and in part by that with it:
+    """Under white noise of variance 1, with χ² above ν, a variance c = 1 is as possible as the
+    likeliest one, c = χ²/ν of the fit without the candidate. The p-values of the F test with χ²/c
+    are averaged, in part by the restricted likelihood of the fit without the candidate and in part
+    by that with it:
 
         -(ν log c + ν log s + χ²/(c s))/2,   s = max(1, χ²/(c ν)).
 
@@ -188,7 +188,7 @@ def test_poses_average_over_how_much_they_are_above_their_noise():
     y = 2.5 * np.random.default_rng(4).normal(size=sum(ROWS)) + 0.11 * problem.columns[:, 1]
     problem = replace(problem, y=y, covariances=[np.eye(n) for n in ROWS])
     before, after, dof = problem.squares((), CANDIDATE)
-    c = 1 + np.array([0.0, 0.3, 0.6, 1.0]) ** 2 * (before / (dof + 1) - 1)
+    c = np.array([1.0, before / (dof + 1)])
     shares, lost = [], []
     for square, freedom in ((before, dof + 1), (after, dof)):
         s = np.maximum(1.0, square / c / freedom)

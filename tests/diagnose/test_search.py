@@ -128,6 +128,19 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
         assert moved[own & still].min() > 1
 
 
+def test_what_a_gyroscope_lacks_hides_no_effect_of_the_accelerometer():
+    quadratic = find_effect("quadratic")()
+    truth = with_effect("accelerometer", quadratic, [1e-4, -1e-4, 1e-4])
+    made, found = recording(truth, 3), []
+    excess = np.random.default_rng(4).normal(0, 1e-3, made.poses.w.shape)
+    for w in (made.poses.w, made.poses.w + excess):
+        changed = replace(made, poses=replace(made.poses, w=w))
+        shapes = shapes_of("accelerometer", quadratic)
+        search = Choices(problem_of(pair_of(truth, changed), changed, shapes)).search()
+        found.append(search.trial((), *shapes).log_p)
+    assert found[1] < 0.8 * found[0] < -8
+
+
 @pytest.mark.parametrize("sensor", ["accelerometer", "gyroscope"])
 @pytest.mark.parametrize("record", ["poses", "static_record"])
 def test_a_span_that_a_thermometer_makes_by_itself_is_no_temperature_effect(sensor, record):

@@ -1,6 +1,6 @@
 """Sizes of the components of the noise, from the residuals and from prior knowledge."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag, solve_triangular
@@ -31,15 +31,18 @@ class Component:
     size, deviation : float
         What is known of the size beforehand, and the standard deviation of that; infinite where
         nothing is known.
+    kind : str
+        Kind of residual that it makes larger most.
     """
 
     covariance: np.ndarray
     size: float = 0.0
     deviation: float = np.inf
+    kind: str = ""
 
     def padded(self, count):
         """Return the component with more rows, on which it is zero."""
-        return Component(np.pad(self.covariance, (0, count)), self.size, self.deviation)
+        return replace(self, covariance=np.pad(self.covariance, (0, count)))
 
 
 def total(fixed, components, sizes):

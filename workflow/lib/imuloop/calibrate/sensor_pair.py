@@ -292,23 +292,23 @@ class SensorPair:
         noise = self.noise
         # the residuals of a gyroscope have the accelerometer's noise too: gravity is by that
         sensors = SENSORS if "gyroscope" in self.estimated else self.estimated
-        channels = [channel for sensor in sensors for channel in SENSORS[sensor]]
-        terms = {(c, term): noise.known(c, term) for c in channels for term in "BK"}
+        kinds = {c: OF_SENSOR[sensor][-1] for sensor in sensors for c in SENSORS[sensor]}
+        terms = {(c, term): noise.known(c, term) for c in kinds for term in "BK"}
         loose = {term: known for term, known in terms.items() if known[1] > 0}
         without = noise.with_sizes(dict.fromkeys(loose, 0.0))
         covariance = PairCovariance(x, model, recording)
         aliased = "gyroscope" in self.estimated and recording.rotations.aliased.any()
         fixed = covariance.by(without, aliasing=not aliased)
         slow = [
-            Component(spread**2 * covariance.component(*term), size / spread, 1.0)
-            for term, (size, spread) in loose.items()
+            Component(spread**2 * covariance.component(c, term), size / spread, 1.0, kinds[c])
+            for (c, term), (size, spread) in loose.items()
         ]
         if aliased:
-            slow.append(Component(covariance.of_aliasing(), 1.0, ALIASED_TO))
+            slow.append(Component(covariance.of_aliasing(), 1.0, ALIASED_TO, "rotation"))
         expected = np.diag(total(fixed, slow, [part.size for part in slow]))
-        kinds = self.rows(recording)[1]
-        rows = [kinds == k for k in np.unique(kinds)]
-        missing = [Component(np.diag(at * np.median(expected[at]))) for at in rows]
+        each = self.kinds_of_rows(recording)[0]
+        own = {kind: each == kind for kind in self.kinds if kind in each}
+        missing = [Component(np.diag(a * np.median(expected[a])), kind=k) for k, a in own.items()]
         return fixed, slow, missing
 
     def fit(self, recording, effects=(), start=None, prior=None):

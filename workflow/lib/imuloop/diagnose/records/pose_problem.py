@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -183,9 +183,7 @@ class PoseProblem:
         covariance = block_diag(covariance, np.eye(len(z)))
         slow, missing = ([c.padded(len(z)) for c in each] for each in components)
         components = [*slow, *missing]
-        estimated = np.array([component.size for component in slow])
-        first = np.array([component.size for component in components])
-
+        estimated, first = (np.array([c.size for c in each]) for each in (slow, components))
         likeliest = likely_sizes(values, jacobian, covariance, components)
 
         @cache
@@ -194,14 +192,16 @@ class PoseProblem:
             found = SizeLikelihood(jacobian, covariance, components)
             return found, found.projection(likeliest)
 
-        as_estimated = precision(total(covariance, components, first))
+        kinds, number = np.unique([c.kind for c in components], return_inverse=True)
+        # of each kind of residual as estimated or likeliest, whatever that of the others is: all as
+        # estimated first, all likeliest last
+        chosen = np.array([*product((False, True), repeat=len(kinds))])[:, number]
 
         def hypotheses(likeliest):
-            """Return what the noise may be, from as estimated to some likeliest sizes."""
-            sizes = (first + s * (likeliest - first) for s in PATH[1:])
+            """Return what the noise may be by some likeliest sizes."""
+            sizes = np.where(chosen, likeliest, first)
             each = (precision(total(covariance, components, own)) for own in sizes)
-            fitted = (likeliest / (likeliest + HALF_A_PARAMETER)).sum() * np.array(PATH)
-            return Hypotheses.of((as_estimated, *each), fitted)
+            return Hypotheses.of(each, chosen @ (likeliest / (likeliest + HALF_A_PARAMETER)))
 
         def noise_with(values):
             """Return what the noise may be by other residuals."""
@@ -220,8 +220,8 @@ class PoseProblem:
         def design(effect):
             return own[effect] if effect in own else self.added(effect)
 
-        prior = np.full(len(PATH), -np.log(len(PATH)))
-        evidence = Evidence([rows], prior, design, least=1.0, as_estimated_mask=np.array(PATH) == 0)
+        prior, plain = np.full(len(chosen), -np.log(len(chosen))), ~chosen.any(axis=1)
+        evidence = Evidence([rows], prior, design, least=1.0, as_estimated_mask=plain)
         return Linearized(solution, model, values, jacobian, alternatives, evidence, noise_with)
 
     def _known_base(self):
