@@ -87,6 +87,11 @@ def test_rejected_sessions_come_first_then_the_comparison(page):
     assert "Board C" in alert
 
 
+def test_the_report_says_what_to_add_to_the_error_of_a_bias_for_the_next_hour(page):
+    said = "the mean level over the rests of this record; an hour later add, in quadrature, ± "
+    assert re.search(said + r"[\d.—]+, [\d.—]+ and [\d.—]+ mg by B and K", page.text)
+
+
 def test_a_device_of_which_nothing_was_testable_is_reported_alone(results, tmp_path):
     joined_report(results, ["nothing"], tmp_path)
     html = (tmp_path / "report.html").read_text(encoding="utf-8")

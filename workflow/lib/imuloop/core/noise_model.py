@@ -223,6 +223,17 @@ class AxisNoise:
             covariance[np.ix_(own, own)] = (k + k.T) / (2 * length[:, None] * length)
         return covariance
 
+    def wander(self, interval, length):
+        """Return the standard deviation of the difference of two means of the output, SI.
+
+        By flicker, walk and Gauss-Markov processes as far as they were seen: what a bias that was
+        measured without other noise moves by. Takes the time from the one to the other, and the
+        time that each is taken over, s.
+        """
+        slow = AxisNoise(B=self.B, K=self.K, gauss_markov=self.gauss_markov)
+        covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
+        return float(np.sqrt(covariance[0, 0] + covariance[1, 1] - 2 * covariance[0, 1]))
+
 
 def edges(windows, power_cycle=None):
     """Return what covariances of means over windows share, of one power cycle after the other.

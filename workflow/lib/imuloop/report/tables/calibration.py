@@ -2,8 +2,10 @@
 
 import numpy as np
 
+from imuloop.core.errors import joined
+from imuloop.core.units import HOUR
 from imuloop.report.numbers import number, typeset, with_sigma
-from imuloop.report.results import SENSORS, UNITS, XYZ, base_parameters
+from imuloop.report.results import SENSORS, UNITS, XYZ, base_parameters, of_axes
 from imuloop.report.tables.table import Sized, Table
 from imuloop.report.units import DEGREE_PER_SECOND, MILLI_G, MILLIRADIAN, PERCENT
 from imuloop.report.verdict import blocks
@@ -17,6 +19,8 @@ METHOD_WORDS = {
     "nominal": "data sheet, nothing estimated",
 }
 NOT_ESTIMATED, BY_DEFINITION = "not estimated", "0 (by definition)"
+# s, that a bias is taken over an hour later
+OVER = 60.0
 BIAS = {"accelerometer": MILLI_G, "gyroscope": DEGREE_PER_SECOND}
 
 
@@ -39,10 +43,20 @@ def parameter_table(device, sensor):
         f"{sensor.capitalize()}: parameters, value ± 1 σ",
         ("Parameter", "Unit", *(METHODS[m] for m in methods)),
         rows,
+        f"A bias is the mean level over the rests of this record{_after_an_hour(device, sensor)}. "
         "Misalignment ij: how much of axis j shows on axis i. A value marked “data sheet” was "
         "hardly improved by these data. Reduced χ² near 1: as good as the noise allows.",
         sortable=True,
     )
+
+
+def _after_an_hour(device, sensor):
+    """Return in words what to add to the standard error of a bias for the next hour, if known."""
+    sizes = [noise.wander(HOUR, OVER) for _, noise in of_axes(device.axes, sensor)]
+    if not any(sizes):
+        return ""
+    listed = joined([BIAS[sensor].size(size or None, 2) for size in sizes])
+    return f"; an hour later add, in quadrature, ± {listed} {BIAS[sensor].unit} by B and K"
 
 
 def _alike(one, other):
