@@ -12,7 +12,7 @@ def _turned(rows, first, last, bias, limit):
     t, *w = rows.read((TIME, *ANGULAR_RATE), first, last)
     attitudes = prefix_product(exponential(step_vectors(np.transpose(w) - bias, np.diff(t))))
     half = np.linalg.norm(attitudes[:, 1:], axis=1), np.abs(attitudes[:, 0])
-    return np.max(2 * np.arctan2(*half)) > limit
+    return np.max(2 * np.arctan2(*half), initial=0.0) > limit
 
 
 def number_poses(rows, rests, table, stretches, settings):
