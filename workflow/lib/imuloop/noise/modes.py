@@ -116,8 +116,9 @@ class Modes:
 
     Attributes
     ----------
-    span, level : float
-        Longest power cycle, and longest time without a new level, s.
+    span, level, usual : float
+        Longest power cycle, longest time without a new level, and that which half of the samples
+        exceed, s.
     frequency, count : ndarray, shape (r,)
         Of each row Hz, and values behind it: slow modes one by one, then bins of the fast ones.
     units : ndarray, shape (r, 4)
@@ -130,6 +131,7 @@ class Modes:
     m: int
     span: float
     level: float
+    usual: float
     frequency: np.ndarray
     count: np.ndarray
     units: np.ndarray
@@ -228,11 +230,13 @@ def modes(samplings):
     # that at which a walk has so much power: exact for an unbroken record
     frequency = 1 / (2 * np.pi * np.sqrt(units[: len(ramp), 3] * m * dt))
     count = sum(len(p.place) for p in pieces) * np.diff(np.append(bins, m - 1))
+    times = np.sort(np.concatenate([_level_times(s) for s in closed]))
     return Modes(
         dt=dt,
         m=m,
         span=max(s.span for s in closed),
-        level=max(_longest_level(s) for s in closed),
+        level=times.max(),
+        usual=float(times[np.searchsorted(np.cumsum(times), times.sum() / 2)]),
         frequency=np.concatenate([frequency, _binned(k / (2 * m * dt), bins)]),
         count=np.concatenate([np.ones(len(ramp)), count]),
         units=units,
@@ -247,12 +251,12 @@ def _binned(values, first):
     return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
 
 
-def _longest_level(sampling):
-    """Return the longest time from start to end of stretches of one level, s."""
+def _level_times(sampling):
+    """Return the time from start to end of the stretches of each level, s."""
     first = np.flatnonzero(np.diff(sampling.level, prepend=-1))
     last = np.append(first[1:], len(sampling.level)) - 1
     samples = sampling.starts[last] + sampling.lengths[last] - sampling.starts[first]
-    return samples.max() / sampling.rate
+    return samples / sampling.rate
 
 
 def _block_length(lengths):

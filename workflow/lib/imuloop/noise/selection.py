@@ -16,7 +16,7 @@ from imuloop.noise.modes import Modes
 from imuloop.noise.processes import NAMES
 
 # correlation times from so many samples, below which a filter does the same, to such a share of
-# the longest time without a new level: over less a process is a walk, which short rests cannot tell
+# the usual time without a new level: over less a process is a walk, which short rests cannot tell
 SHORTEST, LONGEST = 10.0, 1 / 8
 # independent tests per decade of correlation times
 TESTS = 2.5
@@ -111,7 +111,7 @@ class Selection:
     def times(self):
         """Correlation times that are tried, s."""
         times = self.modes.correlation_times
-        longest = LONGEST * self.modes.level
+        longest = LONGEST * self.modes.usual
         return times[(times >= SHORTEST * self.modes.dt) & (times <= longest)]
 
     @property
@@ -206,6 +206,7 @@ class Selection:
             return (*terms[:place], float(np.exp(x)), *terms[place + 1 :])
 
         around = np.log(terms[place]) + np.array([-1.5, 1.5]) * step
+        around[1] = min(around[1], np.log(LONGEST * self.modes.usual))
         found = minimize_scalar(
             lambda x: -self.fit(moved(x)).value, bounds=around, method="bounded"
         )
