@@ -109,7 +109,7 @@ def test_what_is_read_and_applied_by_mistake(log):
 ON_THE_COMMAND_LINE = {
     "check LOG CALIBRATION": "LOG: no calibration.json: it comes first, then the log",
     "calibrate LOG --gravity 45.4 -o OUT": "no local gravity, 0.1 to 25",
-    "calibrate LOG --gravity 9,81 -o OUT": "9,81 is not a number, m/s^2",
+    "calibrate LOG --gravity 9,81 -o OUT": "9,81 is not a number: 9.81 m/s^2, or --latitude 9?",
     "coach LOG --latitude 45": "--latitude alone gives no gravity: --latitude and --height do",
     "calibrate LOG --gravity 9.8 --height 12 -o OUT": "--gravity and --height: give the size",
     "calibrate LOG --acceleration-unit ms2 -o OUT": "'ms2' is not a unit of acceleration",

@@ -28,7 +28,11 @@ def _size(text):
     except ImuloopError as error:
         raise argparse.ArgumentTypeError(f"{error}: --latitude, --height") from error
     except ValueError as error:
-        raise argparse.ArgumentTypeError(f"{text} is not a number, m/s^2") from error
+        degrees, comma, _ = text.partition(",")
+        meant = (
+            f": {text.replace(',', '.')} m/s^2, or --latitude {degrees}?" if comma else ", m/s^2"
+        )
+        raise argparse.ArgumentTypeError(f"{text} is not a number{meant}") from error
 
 
 def local_gravity(arguments, default):
