@@ -150,7 +150,7 @@ class _Rows:
         return value, float(CORNERS[at] * (CORNERS[1] / CORNERS[0]) ** move)
 
     def likeliest(self, kind, start):
-        """Return the same at the likeliest corner within a factor of one."""
+        """Return the same at the likeliest corner near `start`, within a factor of `STEP`."""
         found = minimize_scalar(
             lambda u: -self.fit(kind, np.exp(u))[0],
             bounds=np.log([start / STEP, min(start * STEP, HIGHEST)]),
