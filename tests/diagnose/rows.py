@@ -57,7 +57,7 @@ class Rows:
     def residuals_left(self, search, base):
         return search.training_fit(base).residuals(base, 0)[:, None]
 
-    error_scale, limit_correction = 1.0, 1.0
+    error_scale = 1.0
 
     def slow(self, effect):
         return False

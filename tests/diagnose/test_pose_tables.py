@@ -95,7 +95,7 @@ def test_without_a_pose_the_columns_are_the_same(two):
 def test_the_errors_of_the_tables_are_those_of_the_diagnosis(no_limits):
     truth = with_g_sensitivity(planned(example_truth(), poses=20), np.eye(3) * 4e-4)
     made = recording(truth, 1)
-    found = diagnosed(truth, made, folds=3, draws=100)
+    found = diagnosed(truth, made, folds=3)
     assert [e.name for e in found.solution.effects] == ["g_sensitivity"]
     tables = poses_table(made.poses, ["s"], found.residuals), moves(made, ["s"], found.residuals)
     content = {k: r for own in found.contents.values() for k, r in own["residuals"].items()}

@@ -8,7 +8,7 @@ from diagnose.models import pair_of, problem_of
 from imuloop.calibrate.least_squares import chi_square
 from imuloop.core.effect import find_effect
 from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.residuals import chance, held_out_covariance, held_out_errors, size
+from imuloop.diagnose.residuals import chance, fold_fits, held_out_covariance, size
 from imuloop.diagnose.verdict import Judged, above_floor, of_calibration, why_not_shown
 from imuloop.simulate.truth import example_truth
 
@@ -41,7 +41,7 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     seen = ~held & (t != 20)
     row_parts = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
     weights, every = np.linalg.inv(covariance), np.eye(len(covariance))
-    (operator,) = held_out_errors(every, weights, design, row_parts, design.shape[1:])
+    operator, inverses = fold_fits(every, weights, design, row_parts)
     spread = held_out_covariance(covariance, design, row_parts)[np.ix_(held, held)]
     predicted = np.diag(spread)
     drawn = np.linalg.cholesky(covariance) @ rng.normal(size=(40, 20000))
@@ -52,6 +52,7 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     np.testing.assert_allclose(predicted, errors.var(axis=1), rtol=0.05)
     assert predicted.max() < 60
     np.testing.assert_allclose((operator @ drawn)[held], errors)
+    np.testing.assert_allclose(inverses[0], np.cov(fitted), rtol=0.05)
     assert not (operator @ drawn)[~held].any()
     squares = (errors**2).sum(axis=0)
     for tail in (0.5, 0.1, 0.01, 0.002):

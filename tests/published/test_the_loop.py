@@ -42,7 +42,7 @@ def test_xsens_accelerometer_needs_no_polynomial(measured):
         candidate = candidates(found)[name]
         assert candidate["status"] in ("rejected", "not_observable")
         # against a white floor they would look significant, and make held-out poses worse
-        assert candidate["heldout_after"] > residual["before"]
+        assert (candidate["heldout_after"] or np.inf) > residual["before"]
 
 
 def test_xsens_gyroscope_is_g_sensitive(measured):

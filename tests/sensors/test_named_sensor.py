@@ -25,7 +25,7 @@ NAMED = {"sensor": "icm42688p", "range": RANGES}
 SCALES = {"acceleration": STANDARD_GRAVITY / 2048, "angular_rate": DEGREE / 16.384}
 NOMINAL = {quantity: {"scale": scale} for quantity, scale in SCALES.items()}
 OPTIONS = [f"--{name}-unit=count" for name in ("acceleration", "angular-rate")]
-QUICK = {"diagnose": {"draws": 100, "folds": 3}}
+QUICK = {"diagnose": {"folds": 3}}
 SHEET = find_sensor("icm42688p")
 
 

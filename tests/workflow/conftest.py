@@ -13,7 +13,7 @@ from imuloop.simulate.truth import example_truth
 from workflow.run import snakemake
 
 PARTS = ("Snakefile", "profiles", "workflow", "scripts", "data/replicas")
-QUICK = {"diagnose": {"draws": 100, "folds": 3}}
+QUICK = {"diagnose": {"folds": 3}}
 RESTING = {
     "label": "Rest & <b>peace</b>",
     "sessions": {"rest": {"kind": "static", "file": "rest.parquet"}},

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from imuloop.core.effect import Effect
+from imuloop.diagnose.error_ratio import ratio_interval
 from imuloop.diagnose.search import Search, Trial, kinds_of
 
 
@@ -166,12 +167,12 @@ class Choices:
         part_of_row, errors = self.problem.part_of_row[rows][known], [e[known] for e in errors]
         before, after = (e[:, [trial.axis]] for e in errors)
         scale = np.broadcast_to(self.problem.error_scale, len(self.problem.part_of_row))
-        scale, settings = scale[rows][known, None], self.problem.settings
-        interval = ratio(part_of_row, before / scale, after / scale, settings)
+        scale = scale[rows][known, None]
+        interval = ratio_interval(part_of_row, before / scale, after / scale)
         if interval[1] >= 1 and errors[0].shape[1] > 1:
             size = np.sqrt((errors[0] ** 2).mean(axis=0))
             sized = (e / np.where(size > 0, size, 1.0) for e in errors)
-            of_all = ratio(part_of_row, *sized, settings)
+            of_all = ratio_interval(part_of_row, *sized)
             if of_all[1] < 1:
                 return ErrorChange(residual_kind, *errors, of_all)
         return ErrorChange(residual_kind, before, after, interval)
@@ -183,36 +184,3 @@ class Choices:
         effects, whatever a part of the data would add.
         """
         return self.choice(held_out).base if self.choice().base else ()
-
-
-def ratio(part_of_row, before, after, settings):
-    """Return the interval of `ratio_interval`, a part that weighs most cut into several.
-
-    A part in which the prediction changes several times as much as in others, as the first
-    one does with a warm-up, is cut into as many: a draw without it would show nothing.
-    """
-    change = ((before - after) ** 2).sum(axis=1)
-    number, last, parts = np.empty(len(part_of_row)), 0, np.unique(part_of_row)
-    for k in parts:
-        rows = part_of_row == k
-        own = change[rows]
-        # rounding shall not decide
-        count = max(1, int(len(parts) * own.sum() / max(change.sum(), 1e-300) + 1e-6))
-        share = (np.cumsum(own) - own / 2) / max(own.sum(), 1e-300)
-        number[rows] = last + np.minimum((count * share + 1e-6).astype(int), count - 1)
-        last += count
-    return ratio_interval(number, before, after, settings)
-
-
-def ratio_interval(part_of_row, before, after, settings):
-    """Return the 95 % bootstrap interval, over whole parts, of held-out error after over before.
-
-    `part_of_row`, (n,), is the part that each of the errors, (n, k), was held out with.
-    """
-    parts = np.unique(part_of_row)
-    sums = np.array([[(e[part_of_row == k] ** 2).sum() for e in (before, after)] for k in parts])
-    draws = np.random.default_rng(settings.seed).integers(
-        len(parts), size=(settings.draws, len(parts))
-    )
-    before, after = sums[draws].sum(axis=1).T
-    return [float(q) for q in np.quantile(np.sqrt(after / before), [0.025, 0.975])]

@@ -105,14 +105,16 @@ def _candidate(sensor, choices, kind):
         limits = detection_limits(search, before, trial, problem.settings.power, kept=False)
     residual_kind, rows = problem.shows(search, before, trial)
     values, std, _ = search.beside(before, trial.effect)
-    names = list(trial.effect.parameters)
+    names, heldout = list(trial.effect.parameters), None
+    if trial.p_value < problem.settings.significance:
+        heldout = size_of(problem, residual_kind, choices.following((kind,))[rows])
     return {
         "name": kind.name,
         "status": status,
         "why": why,
         "residual": residual_kind,
         "p_value": trial.p_value,
-        "heldout_after": size_of(problem, residual_kind, choices.following((kind,))[rows]),
+        "heldout_after": heldout,
         "constants": trial.effect.constants,
         "parameters": dict(zip(names, values.tolist(), strict=True)),
         "std": dict(zip(names, std.tolist(), strict=True)),

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.core.precision import precision
+from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.training_fit import TrainingFit
 
 
@@ -15,14 +16,13 @@ class Hypotheses:
 
     precision: np.ndarray  # (h, n, n): inverse of the covariance under each hypothesis
     log_det: np.ndarray  # (h,): logarithm of the covariance's determinant
-    fitted: float | np.ndarray = 0.0  # (h,): how many parameters of it were fitted to the residuals
 
     @classmethod
-    def of(cls, each, fitted=0.0):
+    def of(cls, each):
         """Return those whose `precision`, inverse and root, are given one at a time."""
         each = ((own, 2 * np.log(np.diag(root)).sum()) for own, root in each)
         inverses, log_det = zip(*each, strict=True)
-        return cls(np.array(inverses), np.array(log_det), fitted)
+        return cls(np.array(inverses), np.array(log_det))
 
     def mean(self, weights):
         """Return the covariance, averaged with weights, shape (h,), not of what counts nothing."""
@@ -88,7 +88,7 @@ class Evidence:
         self.axes = self.row_groups[0].values.shape[1]
         # columns, (N,) each, and of each group their products with the precision, (h, n)
         self.columns, self.weighted = [], [[] for _ in self.row_groups]
-        self._known, self._patterns, self._training_fits = {}, {}, {}
+        self._known, self._patterns, self._training_fits, self._variances = {}, {}, {}, {}
         self._ends = np.cumsum([len(g.values) for g in self.row_groups])[:-1]
         self.sides = [g.noise.precision @ g.nuisance for g in self.row_groups]
         values = np.concatenate([g.values for g in self.row_groups])
@@ -136,12 +136,20 @@ class Evidence:
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def with_noise(self, noise):
-        """Return the same evidence under other Hypotheses about the noise of each group.
-
-        For drawn records: noise that was fitted makes data likelier than these, by its parameters.
-        """
+        """Return the same evidence under other Hypotheses about the noise of each group."""
         groups = [replace(g, noise=n) for g, n in zip(self.row_groups, noise, strict=True)]
-        return replace(self, row_groups=groups, prior=self.prior + sum(n.fitted for n in noise))
+        return replace(self, row_groups=groups)
+
+    def held_out_variance(self, hypothesis):
+        """Return the variance of held-out errors by one hypothesis, without any pattern, (N,)."""
+        if hypothesis not in self._variances:
+            found = []
+            for group in self.row_groups:
+                weights = group.noise.precision[hypothesis]
+                how = precision(weights)[0], group.nuisance, group.row_parts, weights
+                found.append(np.diag(held_out_covariance(*how)))
+            self._variances[hypothesis] = np.concatenate(found)
+        return self._variances[hypothesis]
 
     def with_parts(self, row_parts):
         """Return the same evidence with other parts, (N, 2), as in `RowGroup`."""

@@ -1,207 +1,199 @@
-"""Detection limits: the sizes that would have been found, and kept, with the wanted power."""
+"""Detection limits: the sizes of an effect that the test and the held-out data would show."""
 
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import block_diag, solve_triangular
+from scipy.linalg import block_diag
+from scipy.special import ncfdtri, stdtrit
 
 from imuloop.core.fisher import fisher
+from imuloop.diagnose.error_ratio import cut_parts
 from imuloop.diagnose.p_values import averaged_log_p
-from imuloop.diagnose.residuals import held_out_errors
+from imuloop.diagnose.residuals import fold_fits
 from imuloop.diagnose.verdict import MARGIN
 
 # logarithm of the p-value in the middle of chance, for the axes that show nothing
 CHANCE = np.log(0.5)
-# ends of the search, from the size of one standard deviation of the noise; halvings of the interval
-SMALLEST, LARGEST, HALVINGS = 1.0, 300.0, 9
+# sizes that are tried, in standard errors of the parameter
+SIZES = np.geomspace(1.0, 300.0, 250)
 # what a time constant or a width, even up to 1.3 from a shape, is off by: root mean square
 BETWEEN = 1.3**3**-0.5
-# what changes with time changes at a log's first rest too, where its noise was estimated larger for
-# it; so much larger are limits in such logs, as the study measured
-OWN_REST = 1.10
-# records of noise that are drawn, each used with its negative too, since what is found too easily
-# with the one is not with the other; and draws of whole parts
-RECORDS, DRAWS = 100, 200
-# times that noise is estimated again with the effect in the data, and the largest share of a step
-# that the next one is taken to have; a growth that is none
-ROUNDS, STEADY, SAME = 2, 0.5, 1.02
+# noncentrality, the least, and how many of them are computed
+LEAST, GRID = 0.1, 60
+# times that noise is estimated again with the effect in the data
+ROUNDS = 2
+# standard deviations that a normal variable stays below with the power of 90 %
+QUANTILE = 1.2816
 
 
 def detection_limits(search, base, trial, power, kept=True):
-    """Return the smallest size of each parameter of a trial that these data would have shown.
+    """Return the least size of each parameter of a trial that these data would show.
 
-    A parameter alone is not zero. In drawn records of noise, each hypothesis as often as the data
-    let expect, it passes the test and lowers the error of parts that are held out for certain. What
-    the noise does to the parameters shall not raise that error by a quarter, as where one part
-    alone shows them. What changes with time or temperature can look like slow noise: where data
-    with it would let expect more, the hypotheses are those of such data. Time constants and widths
-    lie between those of the shapes.
+    One parameter is not zero, and has a time constant or a width between those of the shapes. Its
+    size is a limit where it passes the test with the wanted power, and lowers the held-out error
+    for certain. Both are computed from expected values, see `tested` and `confirmed`.
 
-    `search` is that of all data, `base` the effects beside that of the trial, `power` the
-    probability of finding it, `kept` whether held-out parts have to confirm it. The sizes are by
-    parameter; those that no axis shows, or at no size, are left out.
+    Parameters
+    ----------
+    search : Search
+        The search of all data.
+    base : tuple of Effect
+        Effects beside that of the trial.
+    trial : Trial
+        The effect.
+    power : float
+        Probability with which the test finds it.
+    kept : bool
+        Whether the held-out error has to fall.
+
+    Returns
+    -------
+    dict of str to float
+        SI, by parameter; those that no size shows are left out.
     """
     training_fit, limits, names = search.training_fit(base), {}, list(trial.effect.parameters)
     pattern, moved = training_fit.evidence.patterns((trial.effect, trial.effect.moved(BETWEEN)))
-    rules = kept, power, trial.axes, search.threshold(len(base)) - trial.tries
-    for axis, own in enumerate(pattern.columns):
-        fit = training_fit.fit((*base, *trial.effects), axis) if own else None
+    rules = power, search.threshold(len(base)) - trial.tries, (trial.axes - 1) * [CHANCE]
+    for axis, added in enumerate(moved.columns):
+        effects = [(*base, *trial.effects), base, trial.effects]
+        fit = training_fit.fit(effects[0], axis) if pattern.columns[axis] else None
         if fit is None:
             continue
-        how = base, trial.effects, axis, _records(training_fit, fit, search.problem.settings.seed)
-        sizes = _sizes(search, training_fit, moved.columns[axis], how, *rules)
+        gain = explained(training_fit, effects, axis, added) / fit.scale[:, None]
+        sizes = SIZES[:, None] / np.sqrt(gain[np.argmax(fit.weight)])
+        certain = np.ones(sizes.shape, dtype=bool)
+        if kept:
+            certain = confirmed(search, training_fit, effects, axis, added, sizes)
+        passes = certain & tested(training_fit, effects, axis, added, sizes, *rules)
         if search.problem.slow(trial.effect):
-            values = training_fit.residuals((*base, *trial.effects), axis)
-            for k, column in enumerate(moved.columns[axis]):
-                one = training_fit.evidence.columns[column]
-                rounds, grown = [sizes[k]], np.isfinite(sizes[k])
-                while grown and len(rounds) <= ROUNDS:
-                    noise = search.problem.noise_with(base, values + rounds[-1] * one)
-                    slower = training_fit.evidence.with_noise(noise)
-                    number = slower.add_columns([one])
-                    (size,) = _sizes(search, slower.training_fit(), number, how, *rules)
-                    grown = SAME * rounds[-1] < size < np.inf
-                    rounds.append(max(sizes[k], size))
-                sizes[k] = _settled(*rounds) if len(rounds) > ROUNDS else rounds[-1]
-            if search.problem.own_rest and trial.effect.timed:
-                sizes = sizes * OWN_REST
-        sizes = search.problem.limit_correction * sizes / moved.scale[axis]
-        shown = [names[p] for p in pattern.parameters[axis]]
-        limits |= {n: float(s) for n, s in zip(shown, sizes, strict=True) if np.isfinite(s)}
+            for k, column in enumerate(added):
+                how = search, training_fit, effects, axis, column, sizes[:, [k]]
+                passes[:, [k]] = certain[:, [k]] & beside_noise(*how, passes[:, k], rules)
+        first = first_size(passes)
+        for k, parameter in enumerate(moved.parameters[axis]):
+            if first[k] < len(SIZES):
+                limits[names[parameter]] = float(sizes[first[k], k] / moved.scale[axis][k])
     return {name: limits[name] for name in names if name in limits}
 
 
-def _settled(first, second, third):
-    """Return where sizes settle that go on as from the first to the third, by Aitken's step."""
-    if not np.isfinite(third) or second <= first:
-        return third
-    step, last = np.log(second / first), np.log(third / second)
-    share = np.clip(last / step, 0.0, STEADY)
-    return third * np.exp(last * share / (1 - share))
+def first_size(passes):
+    """Return the number of the first size from which on all pass, (q,), of sizes, (s, q)."""
+    failing = np.vstack([np.zeros_like(passes[:1]), passes])[::-1]
+    return len(passes) - np.argmin(failing, axis=0)
 
 
-def _sizes(search, training_fit, added, how, kept, power, axes, threshold):
-    """Return the least size of each of some columns, (q,), infinite where none is found.
+def beside_noise(search, training_fit, effects, axis, column, sizes, passes, rules):
+    """Return which sizes of a column, (s, 1), pass the test of an effect that slow noise imitates.
 
-    `how` holds the effects of the base model and of the pattern, the axis, and records of noise.
+    Data with the effect let expect more slow noise: it is estimated again with the effect in the
+    data, at the size that passes. Takes which sizes pass by the noise as it is, (s,).
     """
-    least = np.zeros(len(added))
-    if kept:
-        least = _confirmed(search, training_fit, added, *how, power)
-    if np.all(np.isinf(least)):
-        return least
-    return _tested(training_fit, added, *how, axes, threshold, power, least)
+    evidence, known = training_fit.evidence, passes
+    one, values = evidence.columns[column], training_fit.residuals(effects[0], axis)
+    passes = passes[:, None]
+    for _ in range(ROUNDS):
+        first = min(int(first_size(passes)[0]), len(sizes) - 1)
+        noise = search.problem.noise_with(effects[1], values + sizes[first, 0] * one)
+        slower = evidence.with_noise(noise)
+        numbers = slower.add_columns([one])
+        passes = tested(slower.training_fit(), effects, axis, numbers, sizes, *rules)
+        passes &= known[:, None]
+    return passes
 
 
-def _tested(training_fit, added, base, own, axis, records, axes, threshold, power, least):
-    """Return the least sizes, (q,), from `least` on, that pass the test; infinite where none does.
+def explained(training_fit, effects, axis, added):
+    """Return by how much χ² falls, by the pattern in the model, for added columns of size one.
 
-    The squares that a fit leaves of records, ``|e + s c|²``, are parabolas of the size s.
+    Takes the numbers of what is added, (q,); gives (h, q), for each hypothesis about the noise.
     """
-    evidence = training_fit.evidence
-    fits = [training_fit.fit(e, axis) for e in (base, (*base, *own))]
-    columns, own = (evidence.columns_of(e, axis) for e in (base, own))
-    numbers, q = (*columns, *own, *added), len(added)
-    gram, product, square = training_fit.gram(numbers), 0.0, 0.0
-    for i, values in enumerate(evidence.split(records)):
-        of_columns, lost = training_fit.with_vectors(i, numbers, values)
-        whole = evidence.row_groups[i].noise.precision @ values
-        product, square = product + of_columns, square + (values * whole).sum(axis=1) - lost
-    parabolas = []
-    for n in (len(columns), len(columns) + len(own)):
-        side = np.concatenate([product[:, :n], gram[:, :n, -q:]], axis=2)
-        taken = np.linalg.solve(gram[:, :n, :n], side)
-        of_noise, of_added = taken[:, :, :-q], taken[:, :, -q:]
-        both = product[:, -q:] - np.swapaxes(gram[:, :n, -q:], 1, 2) @ of_noise
-        left = square - (product[:, :n] * of_noise).sum(axis=1)
-        # (h, q, m) of each record and its negative, and (h, q, 1)
-        every = np.einsum("hqq->hq", gram[:, -q:, -q:]) - (gram[:, :n, -q:] * of_added).sum(axis=1)
-        parabolas.append((np.tile(left, 2)[:, None], np.dstack([both, -both]), every[:, :, None]))
-
-    def passes(size):
-        """Return whether columns of some size, (q,), pass with the wanted power."""
-        drawn = []
-        for fit, (left, both, every) in zip(fits, parabolas, strict=True):
-            # what the weight holds beside the residuals stays
-            rest = (fit.log_weight + fit.spent)[:, None, None]
-            square = left + 2 * size[:, None] * both + size[:, None] ** 2 * every
-            one = replace(fit, square=square)
-            drawn.append(replace(one, log_weight=rest - one.spent))
-        log_p = averaged_log_p(*drawn, fits[1].theta.shape[1] - fits[0].theta.shape[1])
-        joint = fisher([log_p] + [np.full(log_p.shape, CHANCE)] * (axes - 1))
-        return np.mean(joint < threshold, axis=1) >= power
-
-    h = int(np.argmax(fits[1].log_weight))
-    unit = fits[1].scale[h] / np.maximum(parabolas[0][2] - parabolas[1][2], 1e-300)[h, :, 0]
-    low, high = np.log(SMALLEST * np.sqrt(unit)), np.log(LARGEST * np.sqrt(unit))
-    known = np.where(np.isfinite(least), least, 0.0)
-    enough = passes(known)
-    if np.all(enough | np.isinf(least)):
-        return least
-    never = ~passes(np.exp(high)) | np.isinf(least)
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        passed = passes(np.exp(middle))
-        low, high = np.where(passed, low, middle), np.where(passed, middle, high)
-    return np.where(never, np.inf, np.where(enough, known, np.maximum(known, np.exp(high))))
+    every, base, _ = (training_fit.evidence.columns_of(e, axis) for e in effects)
+    gram, left = training_fit.gram((*every, *added)), []
+    for n in (len(base), len(every)):
+        side = gram[:, :n, -len(added) :]
+        left.append((side * np.linalg.solve(gram[:, :n, :n], side)).sum(axis=1))
+    return left[1] - left[0]
 
 
-def _confirmed(search, training_fit, added, base, own, axis, records, power):
-    """Return the sizes from which on held-out parts confirm columns of what is added, (q,).
+def tested(training_fit, effects, axis, added, sizes, power, threshold, others):
+    """Return which sizes of added columns, (s, q), pass the test with the wanted power.
 
-    An error falls for certain where it does in 97.5 % of draws of whole parts. With held-out errors
-    of a record of noise without the pattern, e, and with it, E, and of a column, c and C, the sum
-    over a draw, ``Σ (e + s c)² - (E + s C)²``, is positive from its larger root s on.
+    F has the noncentrality ``s² gain`` under each hypothesis about the noise, of which the
+    p-values are averaged as those of data are.
+    """
+    fit, without = (training_fit.fit(e, axis) for e in effects[:2])
+    q, scale = fit.theta.shape[1] - without.theta.shape[1], fit.scale[:, None, None]
+    gain = explained(training_fit, effects, axis, added)[:, None]
+    square = np.maximum(sizes**2 * gain / scale, LEAST)
+    grid = np.geomspace(LEAST, max(square.max(), 2 * LEAST), GRID)
+    lowest = np.interp(np.log(square), np.log(grid), ncfdtri(q, fit.dof, grid, 1 - power))
+    rest = (without.log_weight + without.spent)[:, None, None]
+    one = replace(without, square=fit.square[:, None, None] + q * scale * lowest)
+    one = replace(one, log_weight=rest - one.spent)
+    weight = np.broadcast_to(fit.log_weight[:, None, None], square.shape)
+    alike = replace(fit, square=fit.square[:, None, None], log_weight=weight)
+    return fisher([averaged_log_p(one, alike, q), *others]) < threshold
+
+
+def confirmed(search, training_fit, effects, axis, added, sizes):
+    """Return which sizes of added columns, (s, q), lower the held-out error for certain.
+
+    Without the pattern in the model the held-out errors of part k are ``e + s c``, e of the noise,
+    with it ``e + s C - d δ``, d those of the pattern's own columns and δ the error of their
+    parameters, of covariance V. The sums of their squares over a part are expected to be
+
+        B_k = Σ (v + s² c²),    A_k = Σ (v + s² C² + d V dᵀ),    v the variance of e,
+
+    and their difference has the variance ``Σ 4 v (s² (c - C)² + d V dᵀ)``. The ratio ``√(A/B)`` of
+    the sums over all parts and its jackknife error follow; it has to be below one by Student's
+    quantile and by what that variance adds with a probability of 90 %.
     """
     problem, evidence = search.problem, training_fit.evidence
-    groups, row_parts = evidence.row_groups, evidence.row_parts
-    h, added = (
-        training_fit.hypothesis(training_fit.fit((*base, *own), axis)),
-        evidence.matrix(added),
-    )
-    known, own = (evidence.matrix(evidence.columns_of(e, axis)) for e in (base, own))
+    groups, parts = evidence.row_groups, evidence.row_parts
+    fit = training_fit.fit(effects[0], axis)
+    h = training_fit.hypothesis(fit)
+    known, own = (evidence.matrix(evidence.columns_of(e, axis)) for e in effects[1:])
     known = np.column_stack([block_diag(*(g.nuisance for g in groups)), known])
-    weights = block_diag(*(g.noise.precision[h] for g in groups))
-    design, counts = np.column_stack([known, own]), (known.shape[1], known.shape[1] + own.shape[1])
-    errors = (
-        held_out_errors(np.column_stack([records, added]), weights, design, row_parts, counts)
-        / np.broadcast_to(problem.error_scale, len(row_parts))[:, None]
-    )
-    (before, left), (after, held) = (np.split(e, [records.shape[1]], axis=1) for e in errors)
-    parts, kinds = np.unique(row_parts[:, 0]), np.array(problem.rows_by_kind())
-    parts = row_parts[:, 0] == parts[parts >= 0][:, None]
-    kinds = kinds[(kinds & parts.any(axis=0)).any(axis=1)] & parts.any(axis=0)
-    if np.mean(np.all(kinds @ after**2 <= MARGIN**2 * (kinds @ before**2), axis=0)) < power:
-        return np.full(added.shape[1], np.inf)
-    # in the kind of residual where it changes most
-    change = (left - held) ** 2 / np.maximum((before**2).mean(axis=1, keepdims=True), 1e-300)
-    rng, found = np.random.default_rng(problem.settings.seed), []
-    draws = rng.multinomial(len(parts), np.full(len(parts), 1 / len(parts)), DRAWS)
-    for c, C, rows in zip(left.T, held.T, kinds[np.argmax(kinds @ change, axis=0)], strict=True):
-        of_draw = draws @ (parts & rows)
-        square = of_draw @ (c**2 - C**2)
-        noise, both = of_draw @ (before**2 - after**2), of_draw @ (c[:, None] * before)
-        both = both - of_draw @ (C[:, None] * after)
-        root = np.sqrt(np.maximum(both**2 - square[:, None] * noise, 0.0))
-        # a record and its negative
-        sizes = np.hstack([root - both, root + both])
-        with np.errstate(divide="ignore"):
-            sizes = np.where(square > 0, sizes.T / np.maximum(square, 0.0), np.inf)
-        found.append(np.quantile(np.quantile(sizes, 0.975, axis=1, method="higher"), power))
-    return np.array(found)
+    weights, scale = block_diag(*(g.noise.precision[h] for g in groups)), fit.scale[h]
+    unit = np.broadcast_to(problem.error_scale, len(parts))
+    values, design = np.column_stack([evidence.matrix(added), own]), np.column_stack([known, own])
+    q, k = len(added), known.shape[1]
+    before, _ = fold_fits(values, weights, known, parts)
+    after, inverses = fold_fits(values[:, :q], weights, design, parts)
+    v, before = scale * evidence.held_out_variance(h) / unit**2, before / unit[:, None]
+    c, C, d = before[:, :q], after / unit[:, None], before[:, q:]
+    kinds = np.array(problem.rows_by_kind()) & (parts[:, 0] >= 0)
+    spread, by_kind = np.zeros(len(parts)), 0.0
+    for part, inverse in inverses.items():
+        rows, own = parts[:, 0] == part, scale * inverse[k:, k:]
+        spread[rows] = np.einsum("na,ab,nb->n", d[rows], own, d[rows])
+        by_kind = by_kind + np.array([d[rows & kind].T @ d[rows & kind] @ own for kind in kinds])
+    # what δ adds to the errors of a kind is Σ δᵀ dᵀ d δ: its mean, and standard deviation
+    most = np.trace(by_kind, axis1=1, axis2=2)
+    most = most + QUANTILE * np.sqrt(2 * np.einsum("kab,kba->k", by_kind, by_kind))
+    found = np.zeros(sizes.shape, dtype=bool)
+    if np.any(most > (MARGIN**2 - 1) * (kinds @ v)):
+        return found
+    for j in range(q):
+        change = (c[:, j] - C[:, j]) ** 2 / np.where(v > 0, v, 1.0)
+        rows = kinds[np.argmax(kinds @ change)]
+        cut, noise, square = cut_parts(parts[rows, 0], change[rows]), v[rows], sizes[:, [j]] ** 2
+        B = cut @ noise + square * (cut @ c[rows, j] ** 2)
+        A = cut @ (noise + spread[rows]) + square * (cut @ C[rows, j] ** 2)
+        variance = 4 * (cut @ (noise * spread[rows]))
+        variance = variance + 4 * square * (cut @ (noise * (c[rows, j] - C[rows, j]) ** 2))
+        found[:, j] = surely_below_one(A, B, variance)
+    return found
 
 
-def _records(training_fit, fit, seed):
-    """Return records of noise, (N, RECORDS), each hypothesis as often as a Fit finds it likely."""
-    rng, values, number = np.random.default_rng(seed), [], np.arange(RECORDS) + 0.5
-    # by numbers that rounding does not move
-    share = np.cumsum(np.round(fit.weight, 6))
-    drawn = np.searchsorted(share / share[-1], number / RECORDS)
-    for group in training_fit.evidence.row_groups:
-        white = rng.standard_normal((len(group.values), RECORDS))
-        for h in np.unique(drawn):
-            # with L Lᵀ = P white numbers become noise by L⁻ᵀ
-            root = np.linalg.cholesky(group.noise.precision[h] / fit.scale[h])
-            white[:, drawn == h] = solve_triangular(root.T, white[:, drawn == h])
-        values.append(white)
-    return np.concatenate(values)
+def surely_below_one(after, before, variance):
+    """Return whether ratios of held-out errors are below one for certain, (s,) of bool.
+
+    Takes the expected sums of squares of each part, (s, parts), and the variance of their
+    difference.
+    """
+    n, total = before.shape[1], (after.sum(axis=1), before.sum(axis=1))
+    ratio = np.sqrt(total[0] / total[1])
+    share = after / total[0][:, None] - before / total[1][:, None]
+    random = variance.sum(axis=1) / (total[0] * total[1])
+    error = ratio / 2 * np.sqrt(n / (n - 1) * (share**2).sum(axis=1) + random)
+    return ratio + stdtrit(n - 1, 0.975) * error + QUANTILE * ratio / 2 * np.sqrt(random) < 1

@@ -9,52 +9,58 @@ from imuloop.core.precision import precision
 SINGULAR = 1e-12
 
 
-def held_out_errors(values, weights, jacobian, row_parts, counts):
+def fold_fits(values, weights, jacobian, row_parts):
     """Return the errors of residuals of which each part is predicted by a fit to the others.
-
-    A list with one array, (n, m), per count: `counts` are how many of the parameters, the first
-    ones, are fitted. It is linear in the residuals, at weights that are fixed. The errors that the
-    verdict is by, of a choice of effects that is made again without each part, are those of
-    `imuloop.diagnose.choice.Choices.errors`.
 
     A fit to the residuals that are seen has the parameters' error ``A r``, with
     ``A = (Jᵀ W J)⁻¹ Jᵀ W``, W the inverse of the covariance of what is seen; the error of what is
     held out is ``E r = r_h - J_h A r_s``. Slow noise which both share, and a fitted bias takes up,
     does not count in its covariance ``E Σ Eᵀ``. E is zero in the rows of no part.
 
-    `values`, (n, m), are m records of residuals; `weights`, (n, n), the inverse of the covariance
-    of all residuals; J is `jacobian`, (n, p); `row_parts`, (n, 2), the part that a row is held out
-    with, and the other that it touches, or -1.
+    Parameters
+    ----------
+    values : ndarray, shape (n, m)
+        m records of residuals.
+    weights : ndarray, shape (n, n)
+        Inverse of the covariance of all residuals.
+    jacobian : ndarray, shape (n, p)
+        J.
+    row_parts : ndarray, shape (n, 2)
+        The part that a row is held out with, and the other that it touches, or -1.
+
+    Returns
+    -------
+    ndarray, shape (n, m)
+        E r. It is linear in the residuals, at weights that are fixed; the errors that the verdict
+        is by, of a choice of effects that is made again without each part, are those of
+        `imuloop.diagnose.choice.Choices.errors`.
+    dict of int to ndarray, shape (p, p)
+        ``(Jᵀ W J)⁻¹`` without each part.
     """
     size = np.linalg.norm(jacobian, axis=0)
-    jacobian = jacobian / np.where(size > 0, size, 1.0)
-    product, errors = weights @ jacobian, [np.zeros_like(values) for _ in counts]
-    parts, information, moment = sorted(set(row_parts[:, 0].tolist()) - {-1}), [], []
-    for part in parts:
+    size = np.where(size > 0, size, 1.0)
+    jacobian = jacobian / size
+    product, errors, inverses = weights @ jacobian, np.zeros_like(values), {}
+    for part in sorted(set(row_parts[:, 0].tolist()) - {-1}):
         touching = np.flatnonzero((row_parts == part).any(axis=1))
         # W J is what the weights of all rows leave without those that touch the part
         own = weights[:, touching]
         weighted = product - own @ np.linalg.solve(own[touching], product[touching])
         weighted[touching] = 0.0
-        information.append(jacobian.T @ weighted)
-        moment.append(weighted.T @ values)
-    for found, k in zip(errors, counts, strict=True):
-        own = np.reshape(information, (-1, *2 * jacobian.shape[1:]))[:, :k, :k]
-        inverses = np.linalg.pinv(own, SINGULAR, hermitian=True)
-        for part, inverse, each in zip(parts, inverses, moment, strict=True):
-            held_rows = row_parts[:, 0] == part
-            found[held_rows] = values[held_rows] - jacobian[held_rows, :k] @ (inverse @ each[:k])
-    return errors
+        inverse = np.linalg.pinv(jacobian.T @ weighted, SINGULAR, hermitian=True)
+        rows = row_parts[:, 0] == part
+        errors[rows] = values[rows] - jacobian[rows] @ (inverse @ (weighted.T @ values))
+        inverses[part] = inverse / np.outer(size, size)
+    return errors, inverses
 
 
 def held_out_covariance(covariance, jacobian, row_parts, weights=None):
     """Return the covariance that the noise, (n, n), alone gives to held-out errors, (n, n).
 
-    Other arguments as in `held_out_errors`; the inverse of the covariance without weights.
+    Other arguments as in `fold_fits`; the inverse of the covariance without weights.
     """
     weights = precision(covariance)[0] if weights is None else weights
-    unit, counts = np.eye(len(row_parts)), jacobian.shape[1:]
-    (operator,) = held_out_errors(unit, weights, jacobian, row_parts, counts)
+    operator, _ = fold_fits(np.eye(len(row_parts)), weights, jacobian, row_parts)
     return operator @ covariance @ operator.T
 
 

@@ -27,7 +27,3 @@ class DiagnoseSettings:
         "would give more than 2000",
         gt=0,
     )
-    draws: int = setting(
-        2000, "Bootstrap draws for the interval of a ratio of held-out errors", ge=100
-    )
-    seed: int = setting(0, "Seed of the bootstrap", ge=0)

@@ -193,20 +193,6 @@ class TrainingFit:
             self._steps[i, hypothesis] = np.triu(after).sum(axis=1) - lost
         return self._steps[i, hypothesis]
 
-    def with_vectors(self, i, columns, vectors):
-        """Return ``Zᵀ P̃ V`` of columns Z and other vectors V of a group, (n, m), and what V lose.
-
-        (h, k, m), and by how much ``vᵀ P̃ v`` is less than ``vᵀ P v``, (h, m).
-        """
-        self._enter(columns)
-        place = [self._place[c] for c in columns]
-        whole = self.evidence.row_groups[i].noise.precision
-        weighted = np.stack([self.evidence.weighted[i][c] for c in columns], axis=1)
-        own = np.swapaxes(self.evidence.sides[i], 1, 2) @ vectors
-        own = np.concatenate([whole[:, self.held_rows[i]] @ vectors, own], axis=1)
-        taken = np.swapaxes(self._roots[i], 1, 2) @ own
-        return weighted @ vectors - self._sides[i][:, place] @ taken, (taken**2).sum(axis=1)
-
     def fit(self, effects, axis):
         """Return the Fit of an axis to effects; None where they are not independent."""
         key = tuple(effects)

@@ -10,7 +10,8 @@ from imuloop.calibrate.least_squares import why_no_fit
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.core.sensor_calibration import SensorCalibration
-from imuloop.diagnose.choice import Choices, ratio_interval
+from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.error_ratio import ratio_interval
 from imuloop.diagnose.residuals import held_out_covariance
 
 try:
@@ -75,7 +76,7 @@ def validate_attitude(device, diagnosed, settings):
         return no_attitude(device, why_no_fit(error))
     u = [_directions(each["final"], recording) for each in models]
     errors = _errors(recording, block, models, u, diagnosed.names)
-    methods = {m: _summary(errors, m, settings) for m in METHODS}
+    methods = {m: _summary(errors, m) for m in METHODS}
     floor = _rotation_floor(problem, poses.solution)
     methods["rotation"]["floor_deg"] = float(np.degrees(floor))
     effects = [
@@ -171,13 +172,13 @@ def _errors(recording, block, models, directions, names):
     return pd.concat(tables, ignore_index=True)
 
 
-def _summary(rows, method, settings):
+def _summary(rows, method):
     """Return what attitude.json holds of a method: errors of each model when a turn is over."""
     rows = rows[(rows["method"] == method) & (rows["at"] == "arrival")]
     by_model = {model: rows[rows["model"] == model] for model in MODELS}
     errors = {model: each["error_deg"].to_numpy() for model, each in by_model.items()}
     base, final = (errors[m][:, None] for m in ("base", "final"))
-    low, high = ratio_interval(by_model["base"]["block"].to_numpy(), base, final, settings)
+    low, high = ratio_interval(by_model["base"]["block"].to_numpy(), base, final)
     return {
         "n": len(base),
         "duration_s": float(by_model["base"]["after_s"].median()),
@@ -189,7 +190,7 @@ def _summary(rows, method, settings):
             for model, e in errors.items()
         },
         "base_over_final": float(np.sqrt((base**2).sum() / (final**2).sum())),
-        "ratio_ci95": [1 / high, 1 / low],
+        "ratio_ci95": [1 / high, 1 / low if low else None],
     }
 
 

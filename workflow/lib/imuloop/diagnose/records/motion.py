@@ -43,9 +43,6 @@ class MotionProblem(PoseProblem):
     length, and so does what a lacking effect leaves.
     """
 
-    # of 0.95 times as large effects 82 of 100 were found
-    limit_correction = 1.0
-
     @cached_property
     def rows(self):
         """The move that each row is of, twice, -1 for none: of poses too; and its kind, (N,)."""

@@ -1,7 +1,7 @@
 """The poses of a device and the rotations between: residuals of a calibration, and their noise."""
 
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property
+from functools import cached_property
 from itertools import pairwise, product
 
 import numpy as np
@@ -19,8 +19,6 @@ from imuloop.effects.steps import Steps
 PATH = (0.0, 0.3, 0.6, 1.0)
 # effects whose derivative is found at once
 TOGETHER = 32
-# size at which a part of the noise counts as half a parameter that was fitted
-HALF_A_PARAMETER = 0.1
 
 
 @dataclass(frozen=True)
@@ -61,9 +59,6 @@ class PoseProblem:
     scans_again = True
     # in what held-out errors are compared: they are all alike
     error_scale = 1.0
-    # share of the size that drawn records ask for which is a detection limit: their noise is as
-    # large as data let expect, and effects of that size were found 95 times of 100, not 90
-    limit_correction = 0.95
 
     @cached_property
     def parts(self):
@@ -184,29 +179,12 @@ class PoseProblem:
         slow, missing = ([c.padded(len(z)) for c in each] for each in components)
         components = [*slow, *missing]
         estimated, first = (np.array([c.size for c in each]) for each in (slow, components))
-        likeliest = likely_sizes(values, jacobian, covariance, components)
-
-        @cache
-        def likelihood():
-            """Return the likelihood of sizes, made where drawn data ask for it, and its start."""
-            found = SizeLikelihood(jacobian, covariance, components)
-            return found, found.projection(likeliest)
-
+        likelihood = SizeLikelihood(jacobian, covariance, components)
+        likeliest = likelihood.maximised(values, likelihood.projection())
         kinds, number = np.unique([c.kind for c in components], return_inverse=True)
         # of each kind of residual as estimated or likeliest, whatever that of the others is: all as
         # estimated first, all likeliest last
         chosen = np.array([*product((False, True), repeat=len(kinds))])[:, number]
-
-        def hypotheses(likeliest):
-            """Return what the noise may be by some likeliest sizes."""
-            sizes = np.where(chosen, likeliest, first)
-            each = (precision(total(covariance, components, own)) for own in sizes)
-            return Hypotheses.of(each, chosen @ (likeliest / (likeliest + HALF_A_PARAMETER)))
-
-        def noise_with(values):
-            """Return what the noise may be by other residuals."""
-            found, start = likelihood()
-            return hypotheses(found.maximised(values, start, ROUGH))
 
         noisy = likely_sizes(values, jacobian, covariance, slow)
         off = (noisy - estimated) / [component.deviation for component in slow]
@@ -214,8 +192,19 @@ class PoseProblem:
             (-off @ off * s**2 / 2, total(covariance, slow, estimated + s * (noisy - estimated)))
             for s in PATH
         ]
-        noise_now = hypotheses(likeliest)
-        rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise_now, self.row_parts)
+
+        def hypotheses(likeliest):
+            """Return what the noise may be by some likeliest sizes."""
+            sizes = np.where(chosen, likeliest, first)
+            return Hypotheses.of(precision(total(covariance, components, own)) for own in sizes)
+
+        def noise_with(values):
+            """Return what the noise may be by other residuals."""
+            start = likelihood.projection(likeliest)
+            return hypotheses(likelihood.maximised(values, start, ROUGH))
+
+        noise = hypotheses(likeliest)
+        rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise, self.row_parts)
 
         def design(effect):
             return own[effect] if effect in own else self.added(effect)
@@ -274,11 +263,6 @@ class PoseProblem:
     def slow(self, effect):
         """Return whether noise could be larger for an effect: it changes as slow noise does."""
         return effect.timed or "temperature" in effect.needs
-
-    @property
-    def own_rest(self):
-        """Whether the noise was estimated at rests of the same log."""
-        return self.information is None
 
     def noise_with(self, base, values):
         """Return what the noise of each group of rows may be, were its residuals these."""

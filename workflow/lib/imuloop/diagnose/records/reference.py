@@ -8,7 +8,7 @@ from imuloop.calibrate.reference import LEAST_WINDOWS, fit_set_up, read_referenc
 from imuloop.core.effect import OUTPUT
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
-from imuloop.diagnose.choice import ratio
+from imuloop.diagnose.error_ratio import ratio_interval
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.diagnose.residuals import size
 from imuloop.diagnose.verdict import RESIDUALS, not_testable, verdict
@@ -52,7 +52,7 @@ def _judged(found, w, parts, settings, tests):
     for name, units in w.effects.items():
         at = w.shared[[[*w.units].index(name) for name in units]].tolist()
         own, before = found.covariance[np.ix_(at, at)], found.errors(parts, at)[rows, None]
-        interval = ratio(parts[rows], before / scale, after / scale, settings)
+        interval = ratio_interval(parts[rows], before / scale, after / scale)
         p_value = chdtrc(len(at), found.x[at] @ np.linalg.solve(own, found.x[at]))
         entry = {"name": name, "p_value": float(p_value), "residual": w.kind}
         entry |= _parameters(units, found.x[at], own) | {"heldout_after": size(_norm(after))}

@@ -36,7 +36,7 @@ class StaticProblem:
     # what looks for patterns whose shapes cannot be listed, by effect
     scans: ClassVar = {Steps: best_steps}
     # as of PoseProblem
-    scans_again, error_scale, limit_correction = False, 1.0, 0.95
+    scans_again, error_scale = False, 1.0
 
     @property
     def parts(self):
