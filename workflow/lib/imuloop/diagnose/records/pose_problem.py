@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise, product
+from itertools import pairwise
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -182,9 +182,10 @@ class PoseProblem:
         likelihood = SizeLikelihood(jacobian, covariance, components)
         likeliest = likelihood.maximised(values, likelihood.projection())
         kinds, number = np.unique([c.kind for c in components], return_inverse=True)
-        # of each kind of residual as estimated or likeliest, whatever that of the others is: all as
-        # estimated first, all likeliest last
-        chosen = np.array([*product((False, True), repeat=len(kinds))])[:, number]
+        # each kind of residual as estimated or likeliest, and all others as estimated or likeliest:
+        # all as estimated first, all likeliest last
+        one = np.eye(len(kinds), dtype=bool)
+        chosen = np.unique(np.vstack([0 * one, one, ~one, 0 * one == 0]), axis=0)[:, number]
 
         noisy = likely_sizes(values, jacobian, covariance, slow)
         off = (noisy - estimated) / [component.deviation for component in slow]
