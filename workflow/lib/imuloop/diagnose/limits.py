@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import block_diag
-from scipy.special import ncfdtri, stdtrit
+from scipy.special import ncfdtri, ndtri, stdtrit
 
 from imuloop.core.fisher import fisher
 from imuloop.diagnose.error_ratio import cut_parts
@@ -22,8 +22,6 @@ BETWEEN = 1.3**3**-0.5
 LEAST, GRID = 0.1, 60
 # by how much slow noise makes the limit of an effect that looks like it larger, about
 GROWN = 4.0
-# standard deviations that a normal variable stays below with the power of 90 %
-QUANTILE = 1.2816
 
 
 def detection_limits(search, base, trial, power, kept=True):
@@ -60,10 +58,12 @@ def detection_limits(search, base, trial, power, kept=True):
         if fit is None:
             continue
         gain = explained(training_fit, effects, axis, added) / fit.scale[:, None]
-        sizes = SIZES[:, None] / np.sqrt(gain[np.argmax(fit.weight)])
-        certain = np.ones(sizes.shape, dtype=bool)
+        gain = gain[np.argmax(fit.weight)]
+        sizes = SIZES[:, None] / np.sqrt(np.where(gain > 0, gain, np.inf))
+        certain = np.broadcast_to(gain > 0, sizes.shape)
         if kept:
-            certain = confirmed(search, training_fit, effects, axis, added, sizes)
+            how = search, training_fit, effects, axis, added, sizes
+            certain = certain & confirmed(*how, ndtri(power))
         passes = certain & tested(training_fit, effects, axis, added, sizes, *rules)
         if search.problem.slow(trial.effect):
             for k, column in enumerate(added):
@@ -133,7 +133,7 @@ def tested(training_fit, effects, axis, added, sizes, power, threshold, others):
     return fisher([averaged_log_p(one, alike, q), *others]) < threshold
 
 
-def confirmed(search, training_fit, effects, axis, added, sizes):
+def confirmed(search, training_fit, effects, axis, added, sizes, quantile):
     """Return which sizes of added columns, (s, q), lower the held-out error for certain.
 
     Without the pattern in the model the held-out errors of part k are ``e + s c``, e of the noise,
@@ -144,7 +144,8 @@ def confirmed(search, training_fit, effects, axis, added, sizes):
 
     and their difference has the variance ``Σ 4 v (s² (c - C)² + d V dᵀ)``. The ratio ``√(A/B)`` of
     the sums over all parts and its jackknife error follow; it has to be below one by Student's
-    quantile and by what that variance adds with a probability of 90 %.
+    quantile and by what that variance adds: so many standard deviations, `quantile`, as belong to
+    the wanted power.
     """
     problem, evidence = search.problem, training_fit.evidence
     groups, parts = evidence.row_groups, evidence.row_parts
@@ -168,7 +169,8 @@ def confirmed(search, training_fit, effects, axis, added, sizes):
         by_kind = by_kind + np.array([d[rows & kind].T @ d[rows & kind] @ own for kind in kinds])
     # what δ adds to the errors of a kind is Σ δᵀ dᵀ d δ: its mean, and standard deviation
     most = np.trace(by_kind, axis1=1, axis2=2)
-    most = most + QUANTILE * np.sqrt(2 * np.einsum("kab,kba->k", by_kind, by_kind))
+    variance = np.maximum(2 * np.einsum("kab,kba->k", by_kind, by_kind), 0.0)
+    most = most + quantile * np.sqrt(variance)
     found = np.zeros(sizes.shape, dtype=bool)
     if np.any(most > (MARGIN**2 - 1) * (kinds @ v)):
         return found
@@ -180,11 +182,11 @@ def confirmed(search, training_fit, effects, axis, added, sizes):
         A = cut @ (noise + spread[rows]) + square * (cut @ C[rows, j] ** 2)
         variance = 4 * (cut @ (noise * spread[rows]))
         variance = variance + 4 * square * (cut @ (noise * (c[rows, j] - C[rows, j]) ** 2))
-        found[:, j] = surely_below_one(A, B, variance)
+        found[:, j] = surely_below_one(A, B, variance, quantile)
     return found
 
 
-def surely_below_one(after, before, variance):
+def surely_below_one(after, before, variance, quantile):
     """Return whether ratios of held-out errors are below one for certain, (s,) of bool.
 
     Takes the expected sums of squares of each part, (s, parts), and the variance of their
@@ -195,4 +197,4 @@ def surely_below_one(after, before, variance):
     share = after / total[0][:, None] - before / total[1][:, None]
     random = variance.sum(axis=1) / (total[0] * total[1])
     error = ratio / 2 * np.sqrt(n / (n - 1) * (share**2).sum(axis=1) + random)
-    return ratio + stdtrit(n - 1, 0.975) * error + QUANTILE * ratio / 2 * np.sqrt(random) < 1
+    return ratio + stdtrit(n - 1, 0.975) * error + quantile * ratio / 2 * np.sqrt(random) < 1

@@ -24,6 +24,6 @@ class DiagnoseSettings:
     mean_time: float = setting(
         60.0,
         "Static records are compared with their floor as means of so many s, longer where that "
-        "would give more than 2000",
+        "would give more than 200",
         gt=0,
     )

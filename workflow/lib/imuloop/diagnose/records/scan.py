@@ -59,7 +59,7 @@ def most_promising_step(search, base, taken=()):
     where none is left to try.
     """
     found, training_fit, places = [(0.0, 3, None)], search.training_fit(base), []
-    for i, record in enumerate(search.problem.merged):
+    for i, record in enumerate(search.problem.records):
         rows = np.delete(np.arange(len(record.windows)), training_fit.held_rows[i])
         windows, length = record.windows[rows], np.median(record.length)
         rows = rows[BESIDE : len(rows) - BESIDE + 1]

@@ -1,6 +1,6 @@
 """Static records: means at rest, whose slow noise is not known beforehand."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import ClassVar
@@ -15,16 +15,13 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.diagnose.training_fit import ABSORBED, combined_axes
 from imuloop.effects.steps import Steps
 
-# more means than this are merged for the fit; held-out errors are those of all means
-MERGED = 200
-
 
 @dataclass(frozen=True)
 class StaticProblem:
     """The static records of one sensor: each a group of rows with its own level.
 
     The bias changes from one power cycle to the next, and so does the attitude. Rows are the means
-    over windows, in long records over several neighbours; their axes are those of the sensor.
+    over windows; their axes are those of the sensor.
     """
 
     records: tuple  # StaticRecords; parts of a session have its name
@@ -32,7 +29,6 @@ class StaticProblem:
     settings: DiagnoseSettings
     tests: int  # number of tests of the family
     noise: tuple | None = None  # Hypotheses of each record; a grid of white and slow noise without
-    _derivatives: dict = field(default_factory=dict, repr=False)
     # what looks for patterns whose shapes cannot be listed, by effect
     scans: ClassVar = {Steps: best_steps}
     # as of PoseProblem
@@ -44,13 +40,8 @@ class StaticProblem:
         return self.settings.blocks
 
     @cached_property
-    def merged(self):
-        """The records with so few windows that their covariance is handy, for the fit."""
-        return tuple(r.merged(MERGED) for r in self.records)
-
-    @cached_property
     def part_of_windows(self):
-        """In which part each window of the fit is held out, one array a record.
+        """In which part each window is held out, one array a record.
 
         A part is a stretch of time of every record, but not the same one: what happens at the start
         of each is predicted from the starts of the others.
@@ -58,44 +49,34 @@ class StaticProblem:
         n = len(self.records)
         return [
             (part_in_time(r, self.parts) + i * self.parts // n) % self.parts
-            for i, r in enumerate(self.merged)
+            for i, r in enumerate(self.records)
         ]
 
-    @cached_property
-    def window(self):
-        """The window of the fit that each mean lies in, shape (M,)."""
-        before, found = 0, []
-        for record, merged in zip(self.records, self.merged, strict=True):
-            starts = merged.windows[:, 0], record.windows[:, 0]
-            found.append(before + np.searchsorted(*starts, side="right") - 1)
-            before += len(merged.windows)
-        return np.concatenate(found)
-
-    @cached_property
+    @property
     def part_of_row(self):
-        """The part that each mean is held out with, shape (M,)."""
-        return np.concatenate(self.part_of_windows)[self.window]
+        """The part that each mean is held out with, shape (N,)."""
+        return np.concatenate(self.part_of_windows)
 
-    @cached_property
+    @property
     def session(self):
-        """The session of each mean, shape (M,)."""
+        """The session of each mean, shape (N,)."""
         return np.concatenate([np.repeat(r.session, len(r.windows)) for r in self.records])
 
     @property
     def row_parts(self):
-        """The same as `part_of_row`, and the other part that it touches: none, (M, 2)."""
+        """The same as `part_of_row`, and the other part that it touches: none, (N, 2)."""
         return _alone(self.part_of_row)
 
     @cached_property
     def evidence(self):
         """The rows."""
-        span = max(np.ptp(r.windows) for r in self.merged)
-        length = min(np.median(r.length) for r in self.merged)
+        span = max(np.ptp(r.windows) for r in self.records)
+        length = min(np.median(r.length) for r in self.records)
         grid, prior = ratios(span, length)
-        noise = self.noise or [hypotheses(r.windows, grid) for r in self.merged]
+        noise = self.noise or [hypotheses(r.windows, grid) for r in self.records]
         groups = [
             RowGroup(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, _alone(part))
-            for r, h, part in zip(self.merged, noise, self.part_of_windows, strict=True)
+            for r, h, part in zip(self.records, noise, self.part_of_windows, strict=True)
         ]
         # what a model lacks is rarely noise: the weights of a walk would take the parameters from
         # the fastest changes alone, where a lag that is not in the model counts most
@@ -104,38 +85,23 @@ class StaticProblem:
             groups, prior, self.design, estimation_mask=grid[:, 1] == 0, nuisance_index=0
         )
 
+    @property
+    def values(self):
+        """All means about those of their record, (N, 3), SI."""
+        return np.concatenate([g.values for g in self.evidence.row_groups])
+
     def design(self, effect):
         """Return the derivative of all rows with respect to an effect's parameters, (N, 3, p)."""
-        return np.concatenate([r.derivative(effect) for r in self.merged])
+        return np.concatenate([r.derivative(effect) for r in self.records])
 
     def residuals_left(self, search, base):
-        """Return what effects, fitted to what is seen, leave of all means, shape (M, 3)."""
-        training_fit, left = search.training_fit(base), self.values.copy()
-        record = np.repeat(np.arange(len(self.records)), [len(r.windows) for r in self.records])
-        for axis in range(3):
-            levels, vectors = training_fit.parameters(base, axis)
-            left[:, axis] -= np.concatenate(levels)[record]
-            for effect, vector in vectors.items():
-                left[:, axis] -= self.derivative(effect)[:, axis] @ vector
-        return left
-
-    @cached_property
-    def values(self):
-        """All means about those of their record's windows of the fit, (M, 3), SI."""
-        each = zip(self.records, self.merged, strict=True)
-        return np.concatenate([r.values - f.values.mean(axis=0) for r, f in each])
-
-    def derivative(self, effect):
-        """Return the derivative at all means, (M, 3, p)."""
-        if effect not in self._derivatives:
-            own = [r.derivative(effect) for r in self.records]
-            self._derivatives[effect] = np.concatenate(own)
-        return self._derivatives[effect]
+        """Return what effects, fitted to what is seen, leave of all means, shape (N, 3)."""
+        training_fit = search.training_fit(base)
+        return np.column_stack([training_fit.residuals(base, axis) for axis in range(3)])
 
     def release(self):
         """Free the memory of a search; it is recomputed if needed."""
         self.evidence.release()
-        self._derivatives.clear()
 
     def training_fit(self, base, held_out):
         """Return the TrainingFit: means at rest are straight in every effect."""
@@ -155,7 +121,7 @@ class StaticProblem:
 
     def rows_by_kind(self):
         """Return the rows of each kind of residual."""
-        return [np.ones(sum(len(r.windows) for r in self.merged), dtype=bool)]
+        return [np.ones(len(self.part_of_row), dtype=bool)]
 
     def components(self, kind):
         """Return how many rows make one residual."""

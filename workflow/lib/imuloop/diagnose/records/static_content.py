@@ -61,28 +61,19 @@ def static_content(sensor, finding, searched, noise, change):
 
 
 def _floor(problem, noise, axes):
-    """Return the variance that noise alone gives the errors without effects, (M, 3).
-
-    The slow noise at the windows of the fit, the rest at the means' own.
-    """
-    length, wide = (
-        np.concatenate([r.length for r in each]) for each in (problem.records, problem.merged)
-    )
-    each, found = list(zip(problem.merged, problem.evidence.row_groups, strict=True)), []
-    for process in (noise.axes[name] for name in axes):
+    """Return the variance that noise alone gives the errors without effects, (N, 3)."""
+    found = []
+    for name in axes:
         # the level is the mean of what is seen
+        each = zip(problem.records, problem.evidence.row_groups, strict=True)
         covariances = [
             held_out_covariance(
-                process.mean_covariance(r.windows), g.nuisance, g.row_parts, np.diag(r.length)
+                noise.axes[name].mean_covariance(r.windows),
+                *(g.nuisance, g.row_parts, np.diag(r.length)),
             )
             for r, g in each
         ]
-        slow = np.concatenate([c.diagonal() for c in covariances])
-        own, fast = (
-            process.N.square / t + 2 * process.Q.square / t**2
-            for t in (length, wide[problem.window])
-        )
-        found.append(slow[problem.window] + own - fast)
+        found.append(np.concatenate([np.diag(c) for c in covariances]))
     return np.column_stack(found)
 
 
@@ -101,17 +92,14 @@ def _judged(problem, effects, errors, noise, axes):
     for model in (noise, most):
         groups = []
         for values, group, record in zip(
-            evidence.split(left), evidence.row_groups, problem.merged, strict=True
+            evidence.split(left), evidence.row_groups, problem.records, strict=True
         ):
             for k, name in enumerate(axes):
                 covariance = model.axes[name].mean_covariance(record.windows)
                 rows = [np.ones(len(values), dtype=bool)]
                 groups.append((values[:, k], covariance, group.nuisance, group.row_parts, rows))
         alternatives.append((0.0, groups))
-    # errors of all means are those of the windows of the fit
-    first = np.flatnonzero(np.diff(problem.window, prepend=-1))
-    mean = np.add.reduceat(errors, first) / np.diff(np.append(first, len(errors)))[:, None]
-    _, (judged,) = judge(alternatives, [(mean**2).sum()], fitted)
+    _, (judged,) = judge(alternatives, [(errors**2).sum()], fitted)
     return judged
 
 
@@ -133,7 +121,7 @@ def _by_axis(axes, problem, errors, floor):
 def _points(problem, effects, errors, floor):
     """Return one entry per mean, for pictures."""
     points, start = [], 0
-    taken = sum((problem.derivative(e.effect) @ e.vector for e in effects), np.zeros(()))
+    taken = sum((problem.design(e.effect) @ e.vector for e in effects), np.zeros(()))
     for record in problem.records:
         own = slice(start, start + len(record.windows))
         raw, left = (v[own] - v[own].mean(axis=0) for v in (problem.values, problem.values - taken))

@@ -11,7 +11,7 @@ from imuloop.core.samples import other_sensor, sums_over
 from imuloop.core.segments import STATIC
 
 # fewer means leave a shorter window; more a longer one, for a covariance of n means has n² entries
-LEAST_MEANS, MOST_MEANS = 64, 2000
+LEAST_MEANS, MOST_MEANS = 64, 200
 # samples that a mean needs at least
 LEAST_SAMPLES = 10
 
@@ -39,31 +39,8 @@ class StaticRecord:
 
     def part(self, rows):
         """Return some windows of the record, rows of them as a mask."""
-        return self._changed(self.windows[rows], self.stretch[rows], lambda v: v[rows])
-
-    def merged(self, most):
-        """Return the record with so many neighbours in one window that at most `most` remain.
-
-        A few more may remain where stretches do not divide evenly.
-        """
-        count = -(-len(self.windows) // most)
-        place = np.arange(len(self.windows)) - np.searchsorted(self.stretch, self.stretch)
-        first = np.flatnonzero(place % count == 0)
-        if count == 1 or not len(first):
-            return self
-        last = np.append(first[1:], len(self.windows)) - 1
-        counts = last - first + 1
-
-        def mean(values):
-            shape = (-1, *[1] * (values.ndim - 1))
-            return np.add.reduceat(values, first, axis=0) / counts.reshape(shape)
-
-        windows = np.column_stack([self.windows[first, 0], self.windows[last, 1]])
-        return self._changed(windows, self.stretch[first], mean)
-
-    def _changed(self, windows, stretch, change):
-        """Return the record with other windows, what is in them by a function of arrays."""
-        values, channels = change(self.values), self.channels.map(change)
+        windows, stretch, values = (x[rows] for x in (self.windows, self.stretch, self.values))
+        channels = self.channels.map(lambda x: x[rows])
         return StaticRecord(self.session, windows, stretch, values, channels)
 
 
