@@ -68,7 +68,7 @@ class Rows:
     def shows(self, search, base, trial):
         return "kind", slice(None)
 
-    def rejection_reason(self, base, held_out=frozenset()):
+    def refit(self, base):
         return None
 
 

@@ -86,9 +86,6 @@ def _candidate(sensor, choices, kind):
     elif kind in choice.failed:
         low, high = choice.failed[kind]
         why = f"held-out error does not fall for certain: ratio {low:.3f} to {high:.3f}"
-        if high < 1:
-            why = problem.rejection_reason((*choice.base, trial.effect))
-            why = why or "the fit with it is none"
     elif trial.impossible:
         why = f"it would have to be larger than {kind.limit:g}, the most that is possible"
     elif name := twin(search, choice.base, kind):
@@ -129,7 +126,7 @@ def _by_slow_noise(search, base, trial):
     if trial.log_p < search.threshold(len(base)):
         return False
     estimated = search.training_fit(base).evidence.as_estimated_mask
-    (plain,) = search.tests(base, trial.effects, estimated)
+    (plain,) = search.tests(base, (trial.effect,), estimated)
     return bool(plain and plain.log_p + trial.tries < search.threshold(len(base)))
 
 

@@ -53,7 +53,7 @@ def detection_limits(search, base, trial, power, kept=True):
     pattern, moved = training_fit.evidence.patterns((trial.effect, trial.effect.moved(BETWEEN)))
     rules = power, search.threshold(len(base)) - trial.tries, (trial.axes - 1) * [CHANCE]
     for axis, added in enumerate(moved.columns):
-        effects = [(*base, *trial.effects), base, trial.effects]
+        effects = [(*base, trial.effect), base, (trial.effect,)]
         fit = training_fit.fit(effects[0], axis) if pattern.columns[axis] else None
         if fit is None:
             continue

@@ -1,14 +1,12 @@
 """The search: test every shape of every effect beside those found, on the training rows."""
 
 from dataclasses import dataclass, field, replace
-from itertools import combinations
 
 import numpy as np
-from scipy.special import chdtrc
 
 from imuloop.core.effect import Effect
 from imuloop.core.fisher import fisher
-from imuloop.diagnose.likeness import ONE, SHARE, imitated_share, share_on_axes
+from imuloop.diagnose.likeness import ONE, share_on_axes
 from imuloop.diagnose.p_values import log_p_values
 from imuloop.diagnose.training_fit import combined_axes
 
@@ -45,20 +43,15 @@ def _priced(base, trial):
 
 @dataclass(frozen=True)
 class Trial:
-    """An effect in its best shape, or two effects, tested beside others."""
+    """An effect in its best shape, tested beside others."""
 
-    effects: tuple[Effect, ...]  # the shape; two of a pair
+    effect: Effect
     log_p: float  # logarithm of the p-value, times the number of shapes
     axis: int  # on which it shows most
     axes: int  # that it was tested on
     tries: float = 0.0  # logarithm of the number of shapes
     # whether a parameter is larger than physics allows, by more than its standard error
     impossible: bool = False
-
-    @property
-    def effect(self):
-        """The effect; the first of a pair."""
-        return self.effects[0]
 
     @property
     def p_value(self):
@@ -74,7 +67,6 @@ class Search:
     held_out: frozenset
     _trials: dict = field(default_factory=dict)
     _following: dict = field(default_factory=dict)
-    _pairs: dict = field(default_factory=dict)
 
     def threshold(self, count):
         """Return the logarithm of the largest p-value that passes beside `count` effects: Holm."""
@@ -110,7 +102,7 @@ class Search:
         for k in seen:
             own = {axis: next(log_p) for axis in shown[k]}
             joint = float(fisher(own.values()))
-            found[k] = Trial((effects[k],), joint, min(own, key=own.get), len(own))
+            found[k] = Trial(effects[k], joint, min(own, key=own.get), len(own))
         return found
 
     def trial(self, base, kind, hopeful=False):
@@ -176,17 +168,25 @@ class Search:
         values, covariance = combined_axes(count, estimates)
         return values, np.sqrt(np.diag(covariance)), covariance
 
+    def significant(self, banned=()):
+        """Return the effects that are significant, each beside those before, the clearest first.
+
+        Takes kinds that are not tried.
+        """
+        base = ()
+        while best := self.best(base, banned):
+            base = self.reshaped((*base, best.effect))
+        return base
+
     def best(self, base, banned=()):
         """Return the trial that passes with the smallest p-value beside others, or None.
 
         What time or the past of a temperature explains the temperature itself explains first, where
-        it does so at least half as clearly: it is a cause that is logged. Where none passes and the
-        noise is known to be smaller than what is left, the best pair; then formulas.
+        it does so at least half as clearly: it is a cause that is logged. Formulas come last.
         """
         kinds = [kind for kind in (*self.problem.shapes, *self.problem.scans) if kind not in banned]
         named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
-        best = self._best_of(base, named) or self.best_pair(base, banned)
-        return best or self._best_of(base, formulas)
+        return self._best_of(base, named) or self._best_of(base, formulas)
 
     def _best_of(self, base, kinds):
         trials = [self.trial(base, kind, hopeful=True) for kind in kinds]
@@ -211,50 +211,6 @@ class Search:
             share = share_on_axes(training_fit, best.effect, trial.effect) if alike == own else 0.0
             if trial is best or share > ONE:
                 return trial
-
-    def best_pair(self, base, banned):
-        """Return the pair of effects that passes with the smallest p-value, or None.
-
-        Two of like size hide each other. Both together have to pass, and each beside the other, by
-        the test that single effects have. Twins are no pair: what both fit where neither fits alone
-        is the little that tells them apart. Effects whose size physics limits are tried alone only.
-        """
-        if base not in self._pairs:
-            self._pairs[base] = self._passing_pairs(base)
-        allowed = [t for t in self._pairs[base] if kinds_of(t.effects) not in banned]
-        return min(allowed, key=lambda t: t.log_p, default=None)
-
-    def _passing_pairs(self, base):
-        training_fit, used = self.training_fit(base), kinds_of(base)
-        if training_fit.evidence.axes > 1 or not self._above(base):
-            return []
-        kinds = [c for c in self.problem.shapes if c not in used and np.isinf(c.limit)]
-        kinds = [c for c in kinds if not c.is_formula]
-        shapes = [s for kind in kinds for s in self.problem.shapes[kind]]
-        (alone,) = training_fit.fits(base, [(shape,) for shape in shapes])
-        seen = [k for k, fit in enumerate(alone) if fit]
-        pairs = [(i, j) for i, j in combinations(seen, 2) if shapes[i].kind != shapes[j].kind]
-        (both,) = training_fit.fits(base, [(shapes[i], shapes[j]) for i, j in pairs])
-        tries, threshold, found = np.log(max(len(pairs), 1)), self.threshold(len(base)), []
-        known = [(pair, fit) for pair, fit in zip(pairs, both, strict=True) if fit]
-        plain = training_fit.fit(base, 0)
-        log_p = log_p_values(
-            [p for (i, j), fit in known for p in ((plain, fit), (alone[i], fit), (alone[j], fit))]
-        )
-        for ((i, j), _), own in zip(known, np.reshape(log_p, (-1, 3)), strict=True):
-            joint = float(own[0] + tries)
-            if max(joint, *own[1:]) >= threshold:
-                continue
-            if max(imitated_share(training_fit, base, shapes[i], shapes[j])) < SHARE:
-                found.append(Trial((shapes[i], shapes[j]), joint, 0, 1, tries))
-        return found
-
-    def _above(self, base):
-        """Return whether what effects leave is more than the noise, whatever it is."""
-        training_fit = self.training_fit(base)
-        fit, known = training_fit.fit(base, 0), np.exp(training_fit.evidence.prior)
-        chance = known @ chdtrc(fit.dof, fit.square) if fit.least > 0 else 0.0
-        return chance < self.problem.settings.significance * known.sum()
 
     def reshaped(self, base):
         """Return the same effects, all but the last in the shape that is best beside the others."""

@@ -119,7 +119,8 @@ def held_out_models(diagnosed, problem):
     models, choices = [], Choices(problem)
     for k in range(problem.parts):
         held_out = frozenset({k})
-        whole = without(problem, choices.choice(held_out).base if searched else (), held_out)
+        chosen = diagnosed.poses.choices.nested(choices.search(held_out)) if searched else ()
+        whole = without(problem, chosen, held_out)
         simple = without(plain, (), held_out) if whole.effects else whole
         models.append({"raw": raw, "base": simple, "final": whole})
     return models

@@ -59,11 +59,6 @@ class MotionProblem(PoseProblem):
         likeliest = self.linearized().evidence.row_groups[0].noise.precision[-1]
         return np.sqrt(np.diag(precision(likeliest)[0]))
 
-    def rejection_reason(self, base, held_out=frozenset()):
-        """Return None; what all data choose is fitted, for what is tested beside it."""
-        if not held_out:
-            self.linearized(base)
-
 
 def candidates_in_motion(known):
     """Return the shapes of each effect to try, but of known kinds."""

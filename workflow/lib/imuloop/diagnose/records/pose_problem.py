@@ -269,14 +269,14 @@ class PoseProblem:
         """Return what the noise of each group of rows may be, were its residuals these."""
         return [self.nearest(base).noise_with(-values)]
 
-    def rejection_reason(self, base, held_out=frozenset()):
-        """Return None: the prior makes every fit valid; a LinAlgError if it does not converge."""
+    def refit(self, base):
+        """Fit all poses with some effects: what is tested beside them is linear about that fit."""
         self.linearized(base)
 
     def shows(self, search, base, trial):
         """Return kind and rows in which a trial changes most, in standard deviations."""
         training_fit = search.training_fit(base)
-        wider = (*base, *trial.effects)
+        wider = (*base, trial.effect)
         change = training_fit.residuals(base, 0) - training_fit.residuals(wider, 0)
         variance = np.diag(self.nearest(base).alternatives[0][1])
         by_kind = [rows & (self.part_of_row >= 0) for rows in self.rows_by_kind()]

@@ -117,7 +117,7 @@ def pose_step(sensor, search, base, hopeful=False):
         if not tried:
             return None
         clearest = min(tried, key=lambda t: t.log_p)
-        best = search.shaped(base, clearest.effects, tries)
+        best = search.shaped(base, [clearest.effect], tries)
         if best is None or apart < CLOSE or best.log_p > 0:
             return best
         (found,) = best.effect.times

@@ -107,9 +107,8 @@ class StaticProblem:
         """Return the TrainingFit: means at rest are straight in every effect."""
         return self.evidence.training_fit(held_out)
 
-    def rejection_reason(self, base, held_out=frozenset()):
-        """Return why a fit with some effects is none: here it always is one."""
-        return None
+    def refit(self, base):
+        """Do nothing: means at rest are straight in every effect."""
 
     def shows(self, search, base, trial):
         """Return kind and rows in which a trial shows most."""

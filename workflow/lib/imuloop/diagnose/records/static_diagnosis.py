@@ -184,9 +184,9 @@ def find(sensor, records, settings, tests):
     choices = Choices(StaticProblem(tuple(records), shapes, settings, tests))
     choice, search = choices.choice(), choices.search()
     errors = choices.following(()), choices.errors(choices.nested)
-    unconfirmed = [k for k in choice.failed if isinstance(k, type) and k.lasting]
+    unconfirmed = [k for k in choice.failed if k.lasting]
     trial = search.trial(choice.base, unconfirmed[0]) if unconfirmed else None
     effects = fitted_effects(search, choice.base)
-    doubtful = fitted_effects(search, (*choice.base, *trial.effects)) if trial else effects
+    doubtful = fitted_effects(search, (*choice.base, trial.effect)) if trial else effects
     choices.problem.release()
     return StaticFinding(choices, others, effects, doubtful or effects, errors)
