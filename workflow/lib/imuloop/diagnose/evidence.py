@@ -138,7 +138,7 @@ class Evidence:
     def with_noise(self, noise):
         """Return the same evidence under other Hypotheses about the noise of each group."""
         groups = [replace(g, noise=n) for g, n in zip(self.row_groups, noise, strict=True)]
-        return replace(self, row_groups=groups)
+        return Evidence(groups, np.zeros(len(noise[0].log_det)), self.design, self.least)
 
     def held_out_variance(self, hypothesis):
         """Return the variance of held-out errors by one hypothesis, without any pattern, (N,)."""

@@ -19,7 +19,7 @@ SIZES = np.geomspace(1.0, 300.0, 250)
 # what a time constant or a width, even up to 1.3 from a shape, is off by: root mean square
 BETWEEN = 1.3**3**-0.5
 # noncentrality, the least, and how many of them are computed
-LEAST, GRID = 0.1, 60
+LEAST, GRID = 1.0, 24
 # by how much slow noise makes the limit of an effect that looks like it larger, about
 GROWN = 4.0
 

@@ -40,18 +40,23 @@ def fold_fits(values, weights, jacobian, row_parts):
     size = np.linalg.norm(jacobian, axis=0)
     size = np.where(size > 0, size, 1.0)
     jacobian = jacobian / size
-    product, errors, inverses = weights @ jacobian, np.zeros_like(values), {}
-    for part in sorted(set(row_parts[:, 0].tolist()) - {-1}):
+    product, information, moments = weights @ jacobian, [], []
+    parts = sorted(set(row_parts[:, 0].tolist()) - {-1})
+    for part in parts:
         touching = np.flatnonzero((row_parts == part).any(axis=1))
         # W J is what the weights of all rows leave without those that touch the part
         own = weights[:, touching]
         weighted = product - own @ np.linalg.solve(own[touching], product[touching])
         weighted[touching] = 0.0
-        inverse = np.linalg.pinv(jacobian.T @ weighted, SINGULAR, hermitian=True)
+        information.append(jacobian.T @ weighted)
+        moments.append(weighted.T @ values)
+    information = np.reshape(information, (-1, *2 * jacobian.shape[1:]))
+    inverses = np.linalg.pinv(information, SINGULAR, hermitian=True)
+    errors = np.zeros_like(values)
+    for part, inverse, moment in zip(parts, inverses, moments, strict=True):
         rows = row_parts[:, 0] == part
-        errors[rows] = values[rows] - jacobian[rows] @ (inverse @ (weighted.T @ values))
-        inverses[part] = inverse / np.outer(size, size)
-    return errors, inverses
+        errors[rows] = values[rows] - jacobian[rows] @ (inverse @ moment)
+    return errors, dict(zip(parts, inverses / np.outer(size, size), strict=True))
 
 
 def held_out_covariance(covariance, jacobian, row_parts, weights=None):

@@ -231,7 +231,8 @@ def judged_residuals(choices, kinds, errors, sensors=()):
     base = problem.linearized(others if more else added)
     final = problem.linearized(added)
     groups, both = [problem.of_kind(kind) for kind in kinds], []
-    for about, own in zip((base, final), errors, strict=True):
+    # without more effects both sides are one
+    for about, own in ((final, errors[1]), (base, errors[0]))[: 1 + more]:
         alternatives = [
             (prior, [(about.values, covariance, about.jacobian, problem.row_parts, groups)])
             for prior, covariance in about.alternatives
@@ -239,7 +240,7 @@ def judged_residuals(choices, kinds, errors, sensors=()):
         squares = [np.nansum(own[rows] ** 2) for rows in groups]
         both.append(judge(alternatives, squares, predicted=predicted[:, 0]))
     # the noise is as likely as the fit with the effects has it
-    (_, judged_base), (weights, judged_final) = both
+    (weights, judged_final), (_, judged_base) = both[0], both[-1]
     how = base.jacobian, problem.row_parts
     spreads = (held_out_covariance(c, *how) for _, c in final.alternatives)
     floors = [np.where(predicted, np.diag(spread)[:, None], np.nan) for spread in spreads]

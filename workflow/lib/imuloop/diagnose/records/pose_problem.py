@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
-from imuloop.calibrate.noise_components import ROUGH, SizeLikelihood, likely_sizes, total
+from imuloop.calibrate.noise_components import SizeLikelihood, likely_sizes, total
 from imuloop.calibrate.sensor_pair import OF_SENSOR
 from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Evidence, Hypotheses, RowGroup
@@ -17,6 +17,8 @@ from imuloop.effects.steps import Steps
 
 # from the noise as estimated to what the residuals make of it
 PATH = (0.0, 0.3, 0.6, 1.0)
+# by how much the logarithm of the likelihood may still rise where limits ask for the noise
+ROUGH = 0.05
 # effects whose derivative is found at once
 TOGETHER = 32
 
@@ -194,17 +196,17 @@ class PoseProblem:
             for s in PATH
         ]
 
-        def hypotheses(likeliest):
-            """Return what the noise may be by some likeliest sizes."""
+        def hypotheses(chosen, likeliest):
+            """Return what the noise may be with some sizes likeliest, the others as estimated."""
             sizes = np.where(chosen, likeliest, first)
             return Hypotheses.of(precision(total(covariance, components, own)) for own in sizes)
 
         def noise_with(values):
-            """Return what the noise may be by other residuals."""
+            """Return the noise as estimated, and as other residuals make it likeliest."""
             start = likelihood.projection(likeliest)
-            return hypotheses(likelihood.maximised(values, start, ROUGH))
+            return hypotheses(chosen[[0, -1]], likelihood.maximised(values, start, ROUGH))
 
-        noise = hypotheses(likeliest)
+        noise = hypotheses(chosen, likeliest)
         rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise, self.row_parts)
 
         def design(effect):
