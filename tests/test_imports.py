@@ -22,13 +22,17 @@ ARROWS = {
     "segment": {"ingest"},
     "noise": {"effects", "ingest", "segment"},
     "calibrate": {"ingest", "segment", "sensors"},
-    "diagnose": {"effects", "ingest", "segment", "noise", "calibrate"},
+    "estimate": {"calibrate"},
+    "diagnose": {"effects", "ingest", "segment", "noise", "calibrate", "estimate"},
     "family": {"effects", "calibrate"},
-    "validate": {"effects", "calibrate", "diagnose"},
+    "validate": {"effects", "calibrate", "diagnose", "estimate"},
     "plan": {"segment", "noise", "calibrate", "diagnose"},
     "simulate": {"effects"},
     "export": {"effects", "noise", "diagnose"},
-    "report": {"effects", "ingest", "segment", "noise", "calibrate", "diagnose", "plan", "export"},
+    "report": {
+        *("effects", "ingest", "segment", "noise", "calibrate", "estimate", "diagnose", "plan"),
+        "export",
+    },
 }
 # import name of packages that are called otherwise
 DISTRIBUTIONS = {"yaml": "pyyaml"}

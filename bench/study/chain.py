@@ -19,13 +19,13 @@ from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.likeness import SHARE, share_on_axes
-from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.records.motion import untestable
 from imuloop.diagnose.records.pose_diagnosis import pose_problem, pose_products
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.products import Product
+from imuloop.estimate.choice import Choices
+from imuloop.estimate.likeness import SHARE, share_on_axes
+from imuloop.estimate.limits import detection_limits
 from imuloop.simulate.simulate import log_metadata, simulate_session, write_log
 from imuloop.validate.attitude import no_attitude
 

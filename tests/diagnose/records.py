@@ -6,8 +6,8 @@ from imuloop.core.effect import Channels
 from imuloop.diagnose.records.slow_noise import unit_noise
 from imuloop.diagnose.records.static import StaticProblem
 from imuloop.diagnose.records.static_windows import StaticRecord
-from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.estimate.search import Search
 
 LENGTH = 60.0
 

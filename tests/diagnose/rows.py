@@ -7,9 +7,9 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.precision import precision
-from imuloop.diagnose.evidence import Evidence, Hypotheses, RowGroup
-from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
+from imuloop.estimate.search import Search
 
 N, PARTS = 60, 10
 T = np.linspace(0, 1, N)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.diagnose.error_ratio import ratio_interval
+from imuloop.estimate.error_ratio import ratio_interval
 
 
 def covered(rng, parts):

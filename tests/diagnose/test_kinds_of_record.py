@@ -14,13 +14,13 @@ from imuloop.calibrate import least_squares
 from imuloop.calibrate.noise_components import Component
 from imuloop.core.effect import Channels
 from imuloop.core.precision import precision
-from imuloop.diagnose.evidence import Hypotheses
 from imuloop.diagnose.records.pose_problem import PoseProblem
 from imuloop.diagnose.records.slow_noise import ratios
 from imuloop.diagnose.records.static import StaticProblem
 from imuloop.diagnose.records.static_windows import StaticRecord
-from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.estimate.evidence import Hypotheses
+from imuloop.estimate.search import Search
 
 SETTINGS, TESTS = DiagnoseSettings(), 20
 # rows of each group, whose noise is independent of the other's

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnose.rows import Column, N, Other, T, search
-from imuloop.diagnose.likeness import imitated, twin
+from imuloop.estimate.likeness import imitated, twin
 
 # what every fit has: a constant, far from the columns of the first tests
 LAST = np.eye(N)[:, -1:]

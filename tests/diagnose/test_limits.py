@@ -10,11 +10,11 @@ from diagnose.models import of_sensor, pair_of, problem_of, shapes_of
 from diagnose.records import record, root, search
 from diagnose.test_search import with_effect
 from imuloop.core.noise_model import Coefficient
-from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.limits import detection_limits
 from imuloop.diagnose.records.pose_problem import PoseProblem
 from imuloop.effects.drifts import BiasDrift, Ramp, WarmUp
 from imuloop.effects.temperature import BiasTemperature
+from imuloop.estimate.choice import Choices
+from imuloop.estimate.limits import detection_limits
 from imuloop.simulate.truth import example_truth
 from seeds import least, seeds
 

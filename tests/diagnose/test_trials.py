@@ -7,8 +7,8 @@ import pytest
 from scipy.stats import kstest
 
 from diagnose.rows import Column, N, T, rows, search
-from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.limits import detection_limits
+from imuloop.estimate.choice import Choices
+from imuloop.estimate.limits import detection_limits
 from seeds import seeds
 
 LINE = np.column_stack([np.ones(N), T])

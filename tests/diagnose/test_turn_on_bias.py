@@ -13,7 +13,7 @@ from imuloop.calibrate.recording import record
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.limits import detection_limits
+from imuloop.estimate.limits import detection_limits
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session

@@ -9,7 +9,7 @@ from imuloop.calibrate.calibrate import start_pair
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import find_effect
 from imuloop.core.samples import SENSORS, read_columns
-from imuloop.diagnose.choice import Choices
+from imuloop.estimate.choice import Choices
 from published.conftest import BOARDS
 
 GRAVITY = 9.81744

@@ -70,7 +70,7 @@ def test_what_changes_no_content_reruns_nothing(finished, checkout, written, tmp
     # first the last result, then what it was made from
     for path in sorted((*checkout.rglob("*"), *folder.rglob("*")), reverse=True):
         path.touch()
-    module = checkout / "workflow/lib/imuloop/diagnose/verdict.py"
+    module = checkout / "workflow/lib/imuloop/diagnose/content.py"
     source = module.read_text().replace('"""', '"""Again: ', 1)
     with edited(module, f"# another comment\n{source}"):
         assert planned(checkout, folder) == set()
@@ -123,7 +123,7 @@ def test_a_default_reruns_the_devices_that_do_not_override_it(folder, checkout, 
 
 
 def test_an_edited_module_reruns_the_stages_that_import_it(finished, checkout):
-    module = checkout / "workflow/lib/imuloop/diagnose/verdict.py"
+    module = checkout / "workflow/lib/imuloop/diagnose/content.py"
     with edited(module, f"{module.read_text()}\nEXTRA = 1\n"):
         found = planned(checkout, finished[0])
     assert (

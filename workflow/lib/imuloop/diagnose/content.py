@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from imuloop.diagnose.likeness import holder, imitated, twin
-from imuloop.diagnose.limits import detection_limits
-from imuloop.diagnose.residuals import size
-from imuloop.diagnose.verdict import above_floor, why_not_shown
+from imuloop.estimate.likeness import holder, imitated, twin
+from imuloop.estimate.limits import detection_limits
+from imuloop.estimate.residuals import size
+from imuloop.estimate.verdict import above_floor, why_not_shown
 
 
 def search_content(choices, fitted, others, sensor):

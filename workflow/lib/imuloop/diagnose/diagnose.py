@@ -29,7 +29,7 @@ from imuloop.diagnose.records.pose_tables import moves_table, poses_table
 from imuloop.diagnose.records.reference import diagnose_reference
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
-from imuloop.diagnose.verdict import not_testable, of_calibration
+from imuloop.estimate.verdict import not_testable, of_calibration
 
 # version of the JSON file
 FORMAT = 1

@@ -5,7 +5,7 @@ from scipy.special import chdtr
 
 from imuloop.core.errors import joined, plural
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.verdict import TESTED
+from imuloop.estimate.verdict import TESTED
 from imuloop.report.numbers import missing, number, p_text
 from imuloop.report.units import RESIDUAL
 

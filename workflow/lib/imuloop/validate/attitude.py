@@ -10,9 +10,9 @@ from imuloop.calibrate.least_squares import why_no_fit
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.core.sensor_calibration import SensorCalibration
-from imuloop.diagnose.choice import Choices
-from imuloop.diagnose.error_ratio import ratio_interval
-from imuloop.diagnose.residuals import held_out_covariance
+from imuloop.estimate.choice import Choices
+from imuloop.estimate.error_ratio import ratio_interval
+from imuloop.estimate.residuals import held_out_covariance
 
 try:
     from vqf import VQF

@@ -13,14 +13,14 @@ from imuloop.core.effect import Effect
 from imuloop.core.errors import plural
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import untried
 from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnosed
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
-from imuloop.diagnose.search import kinds_of
-from imuloop.diagnose.verdict import not_testable
 from imuloop.effects.products import products
 from imuloop.effects.steps import Steps
+from imuloop.estimate.choice import Choices
+from imuloop.estimate.search import kinds_of
+from imuloop.estimate.verdict import not_testable
 
 # moves of which the velocity counts, at least
 LEAST_MOVES = 10

@@ -4,9 +4,9 @@ import numpy as np
 
 from imuloop.diagnose.records.scan import BESIDE
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects
-from imuloop.diagnose.search import Search
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
+from imuloop.estimate.search import Search
 
 # probability that a device which was not moved counts as moved
 MOVED = 1e-3

@@ -14,17 +14,17 @@ from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
 from imuloop.diagnose.candidates import candidates
-from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.scan import pose_step
-from imuloop.diagnose.residuals import held_out_covariance
-from imuloop.diagnose.search import kinds_of
-from imuloop.diagnose.verdict import RESIDUALS, judge, leaves, not_testable, verdict
 from imuloop.effects.products import Product, products
 from imuloop.effects.steps import Steps
 from imuloop.effects.temperature import LEAST_SPAN, span, whole_degrees
+from imuloop.estimate.choice import Choices
+from imuloop.estimate.residuals import held_out_covariance
+from imuloop.estimate.search import kinds_of
+from imuloop.estimate.verdict import RESIDUALS, judge, leaves, not_testable, verdict
 
 # kinds of residuals that a device leaves which does not lie still, and the share of its rests from
 # which on what is left of them may be that

@@ -10,10 +10,10 @@ from scipy.linalg import block_diag
 from imuloop.calibrate.noise_components import SizeLikelihood, likely_sizes, total
 from imuloop.calibrate.sensor_pair import OF_SENSOR
 from imuloop.core.precision import precision
-from imuloop.diagnose.evidence import Evidence, Hypotheses, RowGroup
 from imuloop.diagnose.settings import DiagnoseSettings
-from imuloop.diagnose.training_fit import ABSORBED
 from imuloop.effects.steps import Steps
+from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
+from imuloop.estimate.training_fit import ABSORBED
 
 # from the noise as estimated to what the residuals make of it
 PATH = (0.0, 0.3, 0.6, 1.0)

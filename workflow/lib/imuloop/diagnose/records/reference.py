@@ -8,10 +8,10 @@ from imuloop.calibrate.reference import LEAST_WINDOWS, fit_set_up, read_referenc
 from imuloop.core.effect import OUTPUT
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
-from imuloop.diagnose.error_ratio import ratio_interval
 from imuloop.diagnose.records.pose_tables import no_tables
-from imuloop.diagnose.residuals import size
-from imuloop.diagnose.verdict import RESIDUALS, not_testable, verdict
+from imuloop.estimate.error_ratio import ratio_interval
+from imuloop.estimate.residuals import size
+from imuloop.estimate.verdict import RESIDUALS, not_testable, verdict
 
 FEW = f"fewer than {LEAST_WINDOWS} windows in which a reference is compared"
 

@@ -3,8 +3,8 @@
 import numpy as np
 
 from imuloop.calibrate.sensor_pair import OfSensor
-from imuloop.diagnose.p_values import log_f_tail
 from imuloop.effects.steps import Steps, joined, share_after
+from imuloop.estimate.p_values import log_f_tail
 
 # windows on either side of a step, and times that are tried within one
 BESIDE, WITHIN = 3, 4

@@ -4,7 +4,7 @@ import numpy as np
 
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.precision import precision
-from imuloop.diagnose.evidence import Hypotheses
+from imuloop.estimate.evidence import Hypotheses
 
 # ratio of neighbouring variances of flicker, and of walk, on the grid
 STEP = 6.0

@@ -6,8 +6,8 @@ from imuloop.calibrate.noise_components import FARTHEST
 from imuloop.core.effect import Effect
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import residual_entry, search_content, untried
-from imuloop.diagnose.residuals import held_out_covariance
-from imuloop.diagnose.verdict import MARGIN, RESIDUALS, judge, verdict
+from imuloop.estimate.residuals import held_out_covariance
+from imuloop.estimate.verdict import MARGIN, RESIDUALS, judge, verdict
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # why a static record cannot show what the poses can

@@ -6,9 +6,9 @@ import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.core.fisher import fisher
-from imuloop.diagnose.likeness import ONE, share_on_axes
-from imuloop.diagnose.p_values import log_p_values
-from imuloop.diagnose.training_fit import combined_axes
+from imuloop.estimate.likeness import ONE, share_on_axes
+from imuloop.estimate.p_values import log_p_values
+from imuloop.estimate.training_fit import combined_axes
 
 # share of log p by which shapes may differ and count as equally significant
 ALIKE = 0.05

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.core.precision import precision
-from imuloop.diagnose.residuals import held_out_covariance
-from imuloop.diagnose.training_fit import TrainingFit
+from imuloop.estimate.residuals import held_out_covariance
+from imuloop.estimate.training_fit import TrainingFit
 
 
 @dataclass(frozen=True)

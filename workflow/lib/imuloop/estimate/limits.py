@@ -7,10 +7,10 @@ from scipy.linalg import block_diag
 from scipy.special import ncfdtri, ndtri, stdtrit
 
 from imuloop.core.fisher import fisher
-from imuloop.diagnose.error_ratio import cut_parts
-from imuloop.diagnose.p_values import averaged_log_p
-from imuloop.diagnose.residuals import fold_fits
-from imuloop.diagnose.verdict import MARGIN
+from imuloop.estimate.error_ratio import cut_parts
+from imuloop.estimate.p_values import averaged_log_p
+from imuloop.estimate.residuals import fold_fits
+from imuloop.estimate.verdict import MARGIN
 
 # logarithm of the p-value in the middle of chance, for the axes that show nothing
 CHANCE = np.log(0.5)

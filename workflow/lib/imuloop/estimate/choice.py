@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from imuloop.core.effect import Effect
-from imuloop.diagnose.error_ratio import ratio_interval
-from imuloop.diagnose.search import Search, Trial, kinds_of
+from imuloop.estimate.error_ratio import ratio_interval
+from imuloop.estimate.search import Search, Trial, kinds_of
 
 
 class ErrorChange(NamedTuple):

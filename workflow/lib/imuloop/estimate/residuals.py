@@ -33,7 +33,7 @@ def fold_fits(values, weights, jacobian, row_parts):
     ndarray, shape (n, m)
         E r. It is linear in the residuals, at weights that are fixed; the errors that the verdict
         is by, of a choice of effects that is made again without each part, are those of
-        `imuloop.diagnose.choice.Choices.errors`.
+        `imuloop.estimate.choice.Choices.errors`.
     dict of int to ndarray, shape (p, p)
         ``(Jᵀ W J)⁻¹`` without each part.
     """

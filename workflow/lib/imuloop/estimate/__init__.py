@@ -1,0 +1,1 @@
+"""One estimator: evidence, test, search, held-out errors, detection limits and verdict."""
