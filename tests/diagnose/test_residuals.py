@@ -5,11 +5,11 @@ import pytest
 
 from calibrate.devices import recording
 from diagnose.models import pair_of, problem_of
-from imuloop.calibrate.least_squares import chi_square
 from imuloop.core.effect import find_effect
 from imuloop.diagnose.choice import Choices
 from imuloop.diagnose.residuals import chance, held_out_covariance, held_out_errors, size
 from imuloop.diagnose.verdict import Judged, above_floor, of_calibration, why_not_shown
+from imuloop.estimate.least_squares import chi_square
 from imuloop.simulate.truth import example_truth
 
 

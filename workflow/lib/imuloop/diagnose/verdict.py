@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc, softmax
 
-from imuloop.calibrate.least_squares import chi_square
 from imuloop.diagnose.residuals import chance, held_out_covariance
+from imuloop.estimate.least_squares import chi_square
 
 # held-out error over its floor up to which the floor itself may be wrong
 MARGIN = 1.25

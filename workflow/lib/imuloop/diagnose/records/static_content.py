@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from imuloop.calibrate.noise_components import FARTHEST
 from imuloop.core.effect import Effect
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import residual_entry, search_content, untried
 from imuloop.diagnose.residuals import held_out_covariance
 from imuloop.diagnose.verdict import MARGIN, RESIDUALS, judge, verdict
+from imuloop.estimate.noise_components import FARTHEST
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # why a static record cannot show what the poses can

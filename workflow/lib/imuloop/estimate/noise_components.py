@@ -6,8 +6,8 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 from scipy.optimize import lsq_linear
 
-from imuloop.calibrate.least_squares import NotConverged
 from imuloop.core.precision import precision
+from imuloop.estimate.least_squares import NotConverged
 
 # size of a component, of which a deviation of what was known, or white noise, is one, that is none
 TINY = 1e-6
