@@ -13,6 +13,8 @@ from scipy.io import savemat
 
 from calibrated import calibrated_device
 
+# the fit of a device, below all that calibrate
+FIT = {"sensors", "model", "factors", "estimate"}
 # what a stage may take from, itself and core left out
 ARROWS = {
     "core": set(),
@@ -21,12 +23,14 @@ ARROWS = {
     "ingest": set(),
     "segment": {"ingest"},
     "noise": {"effects", "ingest", "segment"},
-    "calibrate": {"ingest", "segment", "sensors"},
-    "estimate": {"calibrate"},
-    "diagnose": {"effects", "ingest", "segment", "noise", "calibrate", "estimate"},
-    "family": {"effects", "calibrate"},
-    "validate": {"effects", "calibrate", "diagnose", "estimate"},
-    "plan": {"segment", "noise", "calibrate", "diagnose"},
+    "model": {"sensors"},
+    "factors": {"model"},
+    "estimate": {"model", "factors"},
+    "calibrate": {"ingest", "segment", *FIT},
+    "diagnose": {"effects", "ingest", "segment", "noise", "calibrate", *FIT},
+    "family": {"effects", "calibrate", *FIT},
+    "validate": {"effects", "calibrate", "diagnose", *FIT},
+    "plan": {"segment", "noise", "calibrate", "diagnose", *FIT},
     "simulate": {"effects"},
     "export": {"effects", "noise", "diagnose"},
     "report": {

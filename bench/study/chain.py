@@ -10,9 +10,7 @@ import numpy as np
 
 from bench.study.physics import PRODUCTS
 from imuloop import chain
-from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.calibrate import raw_units, read_recording, start_pair
-from imuloop.calibrate.sensor_pair import Kind, OfSensor
+from imuloop.calibrate.calibrate import raw_units, read_recording, start_fit
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
 from imuloop.core.files import read_json
@@ -26,6 +24,8 @@ from imuloop.effects.products import Product
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.likeness import SHARE, share_on_axes
 from imuloop.estimate.limits import detection_limits
+from imuloop.model.effects import EffectKind, SensorEffect
+from imuloop.model.state import NAMES
 from imuloop.simulate.simulate import log_metadata, simulate_session, write_log
 from imuloop.validate.attitude import no_attitude
 
@@ -79,7 +79,7 @@ def base_pulls(truth, sessions, folder):
     By sensor and parameter; without sensors that were not calibrated at the poses.
     """
     calibration, found = Calibration.from_json(folder / "calibration.json"), {}
-    for sensor, names in (("accelerometer", accelerometer.NAMES), ("gyroscope", gyroscope.NAMES)):
+    for sensor, names in NAMES.items():
         fitted, true = getattr(calibration, sensor), getattr(truth, sensor)
         if fitted.method == "multi_position":
             found[sensor] = {
@@ -116,7 +116,7 @@ def _problem(truth, sessions, folder):
     recording = read_recording(sessions, settings.longest_rotation)
     units = dict(zip(SENSORS, raw_units(sessions), strict=True))
     noise = NoiseModel.from_json(folder / "noise.json")
-    pair, _ = start_pair(recording, noise, truth.gravity, units, settings)
+    pair, _ = start_fit(recording, noise, truth.gravity, units)
     return pair and pose_problem(pair, recording, DiagnoseSettings(), TESTS)
 
 
@@ -124,7 +124,7 @@ def _with_products(problem):
     """Return the problem with the products of both sensors, and these by sensor."""
     each = {sensor: pose_products(problem.recording, sensor) for sensor in SENSORS}
     formulas = {
-        Kind(Product, sensor): tuple(OfSensor(one, sensor) for one in own)
+        EffectKind(Product, sensor): tuple(SensorEffect(one, sensor) for one in own)
         for sensor, own in each.items()
     }
     return problem.with_formulas(formulas), each
@@ -138,7 +138,7 @@ def product_limits(truth, sessions, folder):
     search = Choices(problem).search()
     for formula, (sensor, axis, _) in PRODUCTS.items():
         for one in (p for p in each[sensor] if (p.formula, p.axis) == (formula, axis)):
-            trial = search.test((), OfSensor(one, sensor))
+            trial = search.test((), SensorEffect(one, sensor))
             trial = trial and replace(trial, tries=np.log(len(each[sensor])))
             limits = detection_limits(search, (), trial, POWER) if trial else {}
             found |= dict.fromkeys([formula], *limits.values())
@@ -156,7 +156,7 @@ def alike_products(formula, truth, sessions, folder):
     training_fit, found = Choices(problem).search().training_fit(()), {}
     true = next(p for p in each[sensor] if (p.formula, p.axis) == (formula, axis))
     for one in each[sensor]:
-        share = share_on_axes(training_fit, OfSensor(true, sensor), OfSensor(one, sensor))
+        share = share_on_axes(training_fit, SensorEffect(true, sensor), SensorEffect(one, sensor))
         if share >= SHARE:
             found[one.formula, one.axis] = share
     return found

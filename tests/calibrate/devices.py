@@ -7,11 +7,13 @@ import numpy as np
 from imuloop.calibrate.calibrate import calibrate_sensors
 from imuloop.calibrate.poses import Poses, Rotations
 from imuloop.calibrate.recording import Recording, record
-from imuloop.calibrate.sensor_pair import SensorPair
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.core.units import RawUnit
+from imuloop.estimate.joint_fit import JointFit
+from imuloop.factors.factors import Factors
+from imuloop.model.state import State
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -52,9 +54,9 @@ def recording(truth, seed, session="multi_position"):
     return recorded(simulate_session(truth, session, seed))
 
 
-def calibrated(recording, noise, gravity, given=None, turns=None, units=UNITS, **settings):
+def calibrated(recording, noise, gravity, prior=None, turns=None, units=UNITS, **settings):
     """Return the accelerometer's and the gyroscope's calibration by a recording."""
-    how = units, CalibrateSettings(**settings), given, turns
+    how = units, CalibrateSettings(**settings), prior, turns
     made = calibrate_sensors(recording, noise, gravity, *how)
     return made["accelerometer"], made["gyroscope"]
 
@@ -92,18 +94,16 @@ def true_parameters(truth):
     return np.concatenate([of_force, a.K, a.b, of_turn, g.K, g.b])
 
 
-def true_pair(truth, made, moves=True, **more):
-    """Return the SensorPair of a recording at the true parameters, and these.
+def true_fit(truth, made, moves=True, **how):
+    """Return the JointFit of a recording at the true parameters, and these.
 
-    With the velocity of all moves, or without any; estimates both sensors, if not said otherwise.
+    With the velocity of all moves, or without any; others as in Factors.
     """
-    base, noise, how = true_parameters(truth), known_noise(truth), CalibrateSettings()
-    more = {"estimated": tuple(UNITS), **more}
-    pair = SensorPair(noise, truth.gravity, UNITS, how, base=base, **more)
+    x, noise, factors = true_parameters(truth), known_noise(truth), Factors(truth.gravity, **how)
     if moves:
-        pair = replace(pair, quiet=np.ones(len(made.rotations), dtype=bool))
-        pair = pair.given_rotation(made, (), base[pair.free])
-    return pair, base[pair.free]
+        factors = replace(factors, quiet=np.ones(len(made.rotations), dtype=bool))
+        factors = factors.without_rotation(made, State(x), noise)
+    return JointFit(factors, noise, UNITS, x), x
 
 
 def noiseless(truth):

@@ -66,9 +66,9 @@ def test_a_stretch_that_is_cut_out_costs_one_turn(cut_s):
 def test_nothing_contradicts_in_a_sound_recording(seed):
     made = recording(TRUTH, seed)
     assert made.lost.contradicting == ()
-    assert not odd_turns(made.poses, made.rotations)[0].any()
+    assert not odd_turns(made)[0].any()
     for sensor in ("accelerometer", "gyroscope"):
-        assert change(sensor, made.poses, made.rotations) is None
+        assert change(sensor, made) is None
 
 
 def test_a_bias_that_jumps_costs_no_more_than_the_turn_in_which_it_does():
@@ -77,7 +77,7 @@ def test_a_bias_that_jumps_costs_no_more_than_the_turn_in_which_it_does():
     samples.loc[late, RATE] += 0.03
     made = recorded(samples)
     assert all(start < when < end for _, start, end, _ in made.lost.contradicting)
-    assert change("gyroscope", made.poses, made.rotations) is None
+    assert change("gyroscope", made) is None
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_no_turn_contradicts_where_the_direction_of_gravity_is_not_known(tilt):
         for size in (1e-3, 3e-3):
             norm = 1 + rng.normal(0, size, len(made.poses))
             poses = replace(made.poses, f=made.poses.f * norm[:, None])
-            assert not odd_turns(poses, made.rotations)[0].any()
+            assert not odd_turns(replace(made, poses=poses))[0].any()
 
 
 def test_what_is_left_out_stands_in_the_diagnosis(tmp_path):

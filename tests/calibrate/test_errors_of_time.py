@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from calibrate.devices import calibrated, known_noise, recorded, scores
-from imuloop.calibrate import accelerometer, gyroscope
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.recording import record
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_metadata, read_samples
@@ -12,6 +11,7 @@ from imuloop.core.tables import write_table
 from imuloop.diagnose.records.motion import knocks
 from imuloop.diagnose.records.pose_diagnosis import too_few
 from imuloop.ingest.ingest import ingest
+from imuloop.model.state import NAMES
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session
@@ -42,7 +42,7 @@ HARMS = {
 }
 
 
-# without harm intervals are tested in test_sensor_pair.py, too
+# without harm intervals are tested in test_joint_fit.py, too
 @pytest.mark.parametrize(
     "harm", [pytest.param(harm, marks=[pytest.mark.study] * (harm == "none")) for harm in HARMS]
 )
@@ -55,8 +55,8 @@ def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
         assert made.lost.rotations - made.lost.left_out == len(made.rotations) >= 37
         assert made.rotations.extra_covariance.any() == (harm != "none")
         sensors = (
-            scores(force, TRUTH.accelerometer, accelerometer.NAMES),
-            scores(turn, TRUTH.gyroscope, gyroscope.NAMES),
+            scores(force, TRUTH.accelerometer, NAMES["accelerometer"]),
+            scores(turn, TRUTH.gyroscope, NAMES["gyroscope"]),
         )
         found.append((np.concatenate(sensors), turn.reduced_chi2))
     each, chi2 = (np.array(part) for part in zip(*found, strict=True))
@@ -109,7 +109,7 @@ def test_turns_beyond_the_range_are_left_out_and_pull_nothing(low, tmp_path):
     _, turn, made = calibrated_from_file(log, tmp_path)
     assert 0 < made.lost.clipped < 0.5 * made.lost.rotations
     assert len(made.rotations) == made.lost.rotations - made.lost.clipped
-    assert np.abs(scores(turn, TRUTH.gyroscope, gyroscope.NAMES)).max() < 4
+    assert np.abs(scores(turn, TRUTH.gyroscope, NAMES["gyroscope"])).max() < 4
     assert turn.reduced_chi2 < 1.6
 
 
@@ -145,8 +145,8 @@ def test_rests_at_the_end_of_the_range_are_left_out_and_pull_nothing(tmp_path):
     log[list(ACCELERATION)] = log[list(ACCELERATION)].clip(-9.0, 9.0)
     force, turn, made = calibrated_from_file(log, tmp_path)
     assert 2 < made.lost.railed < 0.5 * len(made.poses)
-    assert np.abs(scores(force, TRUTH.accelerometer, accelerometer.NAMES)).max() < 4
-    assert np.abs(scores(turn, TRUTH.gyroscope, gyroscope.NAMES)).max() < 4
+    assert np.abs(scores(force, TRUTH.accelerometer, NAMES["accelerometer"])).max() < 4
+    assert np.abs(scores(turn, TRUTH.gyroscope, NAMES["gyroscope"])).max() < 4
     assert force.reduced_chi2 < 1.6
 
 

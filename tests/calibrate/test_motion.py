@@ -5,9 +5,9 @@ import pytest
 
 from bench.study import physics
 from bench.study.devices import Injected, with_effects
-from calibrate.devices import noiseless, planned, recording, true_pair
-from imuloop.calibrate.sensor_pair import OfSensor
+from calibrate.devices import noiseless, planned, recording, true_fit
 from imuloop.core.effect import find_effect
+from imuloop.model.effects import SensorEffect
 from imuloop.simulate.truth import example_truth
 
 NAMES = ("lever_arm", "time_offset", "rate_sensitivity", "gyro_axis_delay", "anisoinertia")
@@ -32,8 +32,8 @@ def test_what_was_put_in_comes_back(name):
     effect, true = values(name)
     truth = injected(name, true, noiseless(short(poses=30)))
     one = recording(truth, 2)
-    effect = OfSensor(effect, effect.sensors[0])
-    found = true_pair(truth, one)[0].fit(one, (effect,)).fit.x[-len(true) :]
+    effect = SensorEffect(effect, effect.sensors[0])
+    found = true_fit(truth, one)[0].fit(one, (effect,)).x[-len(true) :]
     np.testing.assert_allclose(found, [*true.values()], rtol=0.02, atol=0.01 * SIZE[name])
 
 

@@ -1,22 +1,21 @@
 """How the sensors of a simulated device are fitted at the poses, and what is looked for there."""
 
 from calibrate.devices import UNITS, known_noise
-from imuloop.calibrate.calibrate import start_pair
-from imuloop.calibrate.sensor_pair import Kind, OfSensor
-from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.calibrate.calibrate import start_fit
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.model.effects import EffectKind, SensorEffect
 
 
-def fitted_pair(truth, recording, noise=None, given=None):
-    """Return the SensorPair of a recording, None without one, and why a sensor is not fitted."""
+def fitted_pair(truth, recording, noise=None, prior=None):
+    """Return the JointFit of a recording, None without one, and why a sensor is not fitted."""
     noise = noise or known_noise(truth)
-    return start_pair(recording, noise, truth.gravity, UNITS, CalibrateSettings(), given)
+    return start_fit(recording, noise, truth.gravity, UNITS, prior)
 
 
 def pair_of(truth, recording, noise=None):
-    """Return the SensorPair of a recording that determines both sensors."""
+    """Return the JointFit of a recording that determines both sensors."""
     pair, reasons = fitted_pair(truth, recording, noise)
     assert reasons == {}
     return pair
@@ -24,18 +23,18 @@ def pair_of(truth, recording, noise=None):
 
 def of_sensor(sensor, *effects):
     """Return effects as those of one sensor."""
-    return tuple(OfSensor(effect, sensor) for effect in effects)
+    return tuple(SensorEffect(effect, sensor) for effect in effects)
 
 
 def shapes_of(sensor, *effects):
     """Return shapes of one kind of effect of a sensor, by that kind."""
-    return {Kind(type(effects[0]), sensor): of_sensor(sensor, *effects)}
+    return {EffectKind(type(effects[0]), sensor): of_sensor(sensor, *effects)}
 
 
 def problem_of(pair, recording, shapes=None, parts=10, **more):
     """Return a PoseProblem, parts interleaved, in which these shapes are looked for."""
     part_of_pose = interleaved(len(recording.poses), parts)
-    more = {"base_rows": pair.prior_rows()} | more
+    more = {"base_rows": pair.known} | more
     return PoseProblem(pair, recording, shapes or {}, DiagnoseSettings(), 1, part_of_pose, **more)
 
 

@@ -10,8 +10,6 @@ from scipy.stats import f as f_distribution
 
 from diagnose import rows
 from diagnose.records import LENGTH, windows
-from imuloop.calibrate import least_squares
-from imuloop.calibrate.noise_components import Component
 from imuloop.core.effect import Channels
 from imuloop.core.precision import precision
 from imuloop.diagnose.records.pose_problem import PoseProblem
@@ -19,7 +17,9 @@ from imuloop.diagnose.records.slow_noise import ratios
 from imuloop.diagnose.records.static import StaticProblem
 from imuloop.diagnose.records.static_windows import StaticRecord
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.estimate import least_squares
 from imuloop.estimate.evidence import Hypotheses
+from imuloop.estimate.noise_components import Component
 from imuloop.estimate.search import Search
 
 SETTINGS, TESTS = DiagnoseSettings(), 20
@@ -106,21 +106,26 @@ class LinearSensor:
         return np.column_stack([poses, poses]), np.zeros(len(poses), dtype=int)
 
     def fit(self, problem, effects=(), start=None, prior=None):
-        x = np.zeros(problem.design(effects).shape[1])
-        model, covariance = self.model(None, problem, effects), block_diag(*problem.covariances)
-        found = least_squares.fit(model.residuals, x, covariance)
-        return least_squares.Solution(tuple(effects), found)
+        x, covariance = np.zeros(problem.design(effects).shape[1]), block_diag(*problem.covariances)
+        found = least_squares.fit(lambda x: self.at(problem, effects, x), x, covariance)
+        return replace(found, effects=tuple(effects))
 
-    def model(self, solution, problem, shapes=()):
-        design = problem.design((*(solution.effects if solution else ()), *shapes))
-        return SimpleNamespace(residuals=lambda x: (design @ x - problem.y, design))
+    def at(self, problem, effects, x):
+        """Return the problem with some effects, straight in the parameters."""
+        count, design = len(self.names), problem.design(effects)
+        return SimpleNamespace(
+            residual=design @ x - problem.y,
+            jacobian=design,
+            columns=lambda more: problem.design(more)[:, count:],
+            problem=problem,
+        )
 
-    def derivative(self, solution, problem, shapes, base):
-        return problem.design(shapes)[:, len(self.names) :]
+    def linearised(self, found, problem):
+        return self.at(problem, found.effects, found.x)
 
-    def noise_components(self, x, problem, effects=()):
+    def noise_components(self, at):
         """Return the noise, whose size is known, without flicker and walk, and an even excess."""
-        covariance = block_diag(*problem.covariances)
+        covariance = block_diag(*at.problem.covariances)
         even = np.median(np.diag(covariance)) * np.eye(len(covariance))
         return covariance, [], [Component(even)]
 

@@ -163,8 +163,8 @@ def test_a_time_constant_between_those_of_the_library_is_found_as_it_is():
     shapes = shapes_of("accelerometer", WarmUp(330.0), WarmUp(1090.0))
     choices = Choices(problem_of(pair_of(truth, made), made, shapes))
     (found,) = choices.choice().base
-    assert found.tau == pytest.approx(600.0, rel=0.1)
-    fitted = choices.problem.linearized((found,)).solution.fit.x[-3:]
+    assert found.effect.tau == pytest.approx(600.0, rel=0.1)
+    fitted = choices.problem.linearized((found,)).solution.x[-3:]
     np.testing.assert_allclose(fitted, 0.5, rtol=0.1)
 
 
@@ -178,7 +178,7 @@ def test_the_error_of_a_parameter_holds_that_of_its_time_constant():
         problem = problem_of(pair_of(truth, made), made, shapes)
         search = Choices(problem).search()
         base = search.finer(search.following((*shapes,)))
-        x, covariance = problem.linearized(base).solution.fit.x, problem.covariance(base)
+        x, covariance = problem.linearized(base).solution.x, problem.covariance(base)
         pulls.append((x[-3:] - size) / np.sqrt(np.diag(covariance)[-3:]))
     # 18 pulls, those of a device alike; 1.5 where the time constant is taken for known
     assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.35

@@ -10,18 +10,19 @@ import pytest
 
 from calibrate.devices import UNITS, calibrated, known_noise, planned, recording
 from family.members import sensor
-from imuloop.calibrate.prior import data_sheets
-from imuloop.calibrate.raw_units import as_logged
-from imuloop.calibrate.sensor_pair import BASES, parameters
 from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import plain
 from imuloop.core.model import Calibration
+from imuloop.core.samples import SENSORS
 from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.effects.turn_on_bias import TURN_ON, TurnOnBias
 from imuloop.family.family import Member, write_family
-from imuloop.family.prior import read_priors
+from imuloop.family.prior import read_prior
+from imuloop.model.prior import data_sheet
+from imuloop.model.raw_units import as_logged
+from imuloop.model.state import BASE, parameters
 from imuloop.simulate.truth import example_truth
 from seeds import seeds
 
@@ -40,13 +41,13 @@ NOMINAL = {s: SensorCalibration.nominal(unit, "no rest") for s, unit in UNITS.it
 def estimated(name, x, std=ERROR):
     """Return a Calibration with these parameters, SI, a scale factor less 1, and their errors."""
     x, std = (dict(zip(NAMES, each, strict=True)) for each in (x, std))
-    return Calibration(name, EXAMPLE.gravity, *(sensor(s, x, std) for s in BASES))
+    return Calibration(name, EXAMPLE.gravity, *(sensor(s, x, std) for s in SENSORS))
 
 
 def device(x):
     """Return the device that has these parameters."""
     made = estimated("d", x)
-    each = {s: {k: getattr(getattr(made, s), k) for k in "TKb"} for s in BASES}
+    each = {s: {k: getattr(getattr(made, s), k) for k in "TKb"} for s in SENSORS}
     return replace(EXAMPLE, **{s: replace(getattr(EXAMPLE, s), **own) for s, own in each.items()})
 
 
@@ -57,17 +58,17 @@ def recorded(x, seed, poses):
     return recording(planned(device(x), poses=poses - 1, initial_rest_s=10.0), seed)
 
 
-def calibration(made, priors=None):
-    return Calibration("d", EXAMPLE.gravity, *calibrated(made, NOISE, EXAMPLE.gravity, priors))
+def calibration(made, prior=None):
+    return Calibration("d", EXAMPLE.gravity, *calibrated(made, NOISE, EXAMPLE.gravity, prior))
 
 
 def values(calibration):
-    found = [as_logged(getattr(calibration, s), base) for s, base in BASES.items()]
+    found = [as_logged(s, getattr(calibration, s)) for s in SENSORS]
     return np.concatenate(found) - [name.partition(".")[2][0] == "K" for name in NAMES]
 
 
 def errors(calibration):
-    return np.concatenate([[getattr(calibration, s).std[n] for n in BASES[s]] for s in BASES])
+    return np.array([getattr(calibration, s).std[n] for s, n, _ in parameters()])
 
 
 def family(path, count, seed=2):
@@ -100,11 +101,11 @@ def test_a_device_that_was_held_out_is_better_with_the_family(seeds, poses, tmp_
     true = family(tmp_path / "family.json", max(seeds, 8))[:seeds]
     before, after, scores = [], [], []
     for k, x in enumerate(true):
-        made, priors = (
+        made, prior = (
             recorded(x, k, poses),
-            read_priors(data_sheets(), tmp_path / "family.json", f"d{k}", {}),
+            read_prior(data_sheet(), tmp_path / "family.json", f"d{k}", {}),
         )
-        plain, found = calibration(made), calibration(made, priors)
+        plain, found = calibration(made), calibration(made, prior)
         before.append(values(plain) - x)
         after.append(values(found) - x)
         scores.append(after[-1] / errors(found))
@@ -119,8 +120,8 @@ def test_a_device_that_was_held_out_is_better_with_the_family(seeds, poses, tmp_
 
 def test_a_family_is_as_wide_as_its_devices_spread(tmp_path):
     true = family(tmp_path / "family.json", 30)
-    priors = read_priors(data_sheets(), tmp_path / "family.json", "d0", {})
-    mean, std = (np.concatenate([getattr(p, k) for p in priors.values()]) for k in ("mean", "std"))
+    prior = read_prior(data_sheet(), tmp_path / "family.json", "d0", {})
+    mean, std = prior.mean, prior.std
     mean = mean - [name.partition(".")[2][0] == "K" for name in NAMES]
     np.testing.assert_allclose(mean, true[1:].mean(axis=0), atol=ERROR.max())
     wide = true[1:].std(axis=0, ddof=1) * np.sqrt((1 + 1 / 29) * 28 / 26)
@@ -129,13 +130,13 @@ def test_a_family_is_as_wide_as_its_devices_spread(tmp_path):
 
 def test_too_few_other_devices_are_no_family(tmp_path):
     family(tmp_path / "family.json", 5)
-    assert read_priors(data_sheets(), tmp_path / "family.json", "d4", {})
+    assert read_prior(data_sheet(), tmp_path / "family.json", "d4", {})
     family(tmp_path / "family.json", 4)
     # the device itself is one of them
     with pytest.raises(ImuloopError, match="fewer than 4 other devices"):
-        read_priors(data_sheets(), tmp_path / "family.json", "d3", {})
-    priors = read_priors(data_sheets(), tmp_path / "family.json", "other", {})
-    assert {prior.source for prior in priors.values()} == {str(tmp_path / "family.json")}
+        read_prior(data_sheet(), tmp_path / "family.json", "d3", {})
+    prior = read_prior(data_sheet(), tmp_path / "family.json", "other", {})
+    assert {*prior.sources.values()} == {str(tmp_path / "family.json")}
 
 
 def test_an_earlier_calibration_keeps_axes_and_scale_and_the_bias_is_measured_again(tmp_path):
@@ -145,8 +146,8 @@ def test_an_earlier_calibration_keeps_axes_and_scale_and_the_bias_is_measured_ag
     earlier.to_json(tmp_path / "earlier.json")
     true[BIAS] += [TURN_ON["accelerometer"]] * 3 + [-TURN_ON["gyroscope"]] * 3
     file = str(tmp_path / "earlier.json")
-    made, priors = recorded(true, 4, 2), read_priors(data_sheets(), file, "d", session(tmp_path))
-    found = calibration(made, priors)
+    made, prior = recorded(true, 4, 2), read_prior(data_sheet(), file, "d", session(tmp_path))
+    found = calibration(made, prior)
     away = values(found) - true
     assert (np.abs(away[~BIAS]) < 4 * ERROR[~BIAS]).all()
     assert (errors(found)[~BIAS] <= 1.001 * ERROR[~BIAS]).all()
@@ -154,7 +155,7 @@ def test_an_earlier_calibration_keeps_axes_and_scale_and_the_bias_is_measured_ag
     # of an accelerometer along both directions of gravity
     norm = np.linalg.norm(found.accelerometer.apply(made.poses.f), axis=1)
     assert np.abs(norm - EXAMPLE.gravity).max() < 0.1 * TURN_ON["accelerometer"]
-    assert {getattr(found, s).prior["source"] for s in BASES} == {file}
+    assert {getattr(found, s).prior["source"] for s in SENSORS} == {file}
 
 
 def in_counts(calibration):
@@ -180,13 +181,13 @@ def test_the_bias_has_the_scatter_of_switching_on_and_what_is_unknown_the_data_s
         "gyroscope": replace(gyroscope, names=names, covariance=own, T=np.eye(3), K=np.ones(3)),
     }
     replace(earlier, **sensors).to_json(tmp_path / "earlier.json")
-    priors = read_priors(data_sheets(), tmp_path / "earlier.json", "d", session(tmp_path))
-    error = {s: ERROR[[name.startswith(s) for name in NAMES]] for s in BASES}
+    prior = read_prior(data_sheet(), tmp_path / "earlier.json", "d", session(tmp_path))
+    error = {s: ERROR[[name.startswith(s) for name in NAMES]] for s in SENSORS}
     expected = np.sqrt([2e-4, 2e-4, 2e-4] + error["accelerometer"][-3:] ** 2)
-    np.testing.assert_allclose(priors["accelerometer"].std[-3:], expected)
-    np.testing.assert_allclose(priors["accelerometer"].std[:-3], error["accelerometer"][:-3])
+    np.testing.assert_allclose(prior.std[BASE["accelerometer"]][-3:], expected)
+    np.testing.assert_allclose(prior.std[BASE["accelerometer"]][:-3], error["accelerometer"][:-3])
     expected = np.hypot(TURN_ON["gyroscope"], error["gyroscope"][-3:])
-    np.testing.assert_allclose(priors["gyroscope"].std, [*[0.02] * 6, *[0.03] * 3, *expected])
+    np.testing.assert_allclose(prior.std[BASE["gyroscope"]], [*[0.02] * 6, *[0.03] * 3, *expected])
 
 
 def damaged(content, *keys, value):
@@ -213,7 +214,9 @@ WRONG = {
         lambda c, f: damaged(c, "accelerometer", "K", value=[1e-9, 1, 1]), {}, "accelerometer: K0"
     ),
     "nothing measured": (
-        lambda c, f: c | {s: NOMINAL[s].to_dict() for s in BASES}, {}, "nothing was measured there"
+        lambda c, f: c | {s: own.to_dict() for s, own in NOMINAL.items()},
+        {},
+        "nothing was measured there",
     ),
     "the same log": (
         lambda c, f: c | {"sha256": ["1" * 64]}, {"sha256": "1" * 64}, "would count twice"
@@ -249,7 +252,7 @@ def test_a_file_that_gives_no_prior_is_one_line(wrong, tmp_path):
     how = dict(how)
     type = how.pop("type", None)
     with pytest.raises(ImuloopError) as error:
-        read_priors(data_sheets(), path, "d", session(tmp_path, **how), type)
+        read_prior(data_sheet(), path, "d", session(tmp_path, **how), type)
     line = str(error.value)
     assert line.startswith(f"prior: {path}: ") and "\n" not in line and said in line
     assert line.count(str(path)) == 1
@@ -257,4 +260,4 @@ def test_a_file_that_gives_no_prior_is_one_line(wrong, tmp_path):
 
 def test_a_night_for_the_noise_may_be_in_both(tmp_path):
     replace(estimated("d", LOT), sha256=("0" * 64,)).to_json(tmp_path / "earlier.json")
-    assert read_priors(data_sheets(), tmp_path / "earlier.json", "d", session(tmp_path, "static"))
+    assert read_prior(data_sheet(), tmp_path / "earlier.json", "d", session(tmp_path, "static"))

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from calibrate.devices import calibrated
-from imuloop.calibrate.raw_units import as_logged
-from imuloop.calibrate.sensor_pair import BASES, SensorPair
-from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.samples import SENSORS
+from imuloop.factors.factors import Factors
+from imuloop.model.raw_units import as_logged
+from imuloop.model.state import State
 
 GRAVITY = 9.81744
 T = np.array([[1, -0.0033593, -0.0089064], [0, 1, -0.0213341], [0, 0, 1]])
@@ -46,9 +46,9 @@ def test_gyroscope_without_effects_reaches_the_published_cost(measured):
     force, turn = calibrated(recording, noise, multi.gravity, **how)
     np.testing.assert_allclose(turn.K, K_GYROSCOPE, rtol=5e-4)
     made = zip(SENSORS, (force, turn), strict=True)
-    x = np.concatenate([as_logged(own, BASES[sensor]) for sensor, own in made])
-    pair = SensorPair(noise, multi.gravity, units, CalibrateSettings(), tuple(SENSORS), x)
-    errors = pair.model_at(x, recording).residuals(x)[0][4 * len(recording.poses) :]
+    x = np.concatenate([as_logged(*each) for each in made])
+    at = Factors(multi.gravity).about(recording, State(x)).at(x)
+    errors = at.residual[4 * len(recording.poses) :]
     # half the sum of squared differences of unit vectors, as imu_tk prints it
     sine = np.linalg.norm(errors.reshape(-1, 2), axis=1)
     assert len(recording.rotations) == pytest.approx(37, abs=2)

@@ -11,11 +11,11 @@ from scipy.spatial.transform import Rotation
 
 import imuloop.effects  # noqa: F401  loads the library
 from diagnose.models import of_sensor
-from imuloop.calibrate.calibrate import start_pair
-from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.calibrate.calibrate import start_fit
 from imuloop.core.effect import find_effect
 from imuloop.core.model import Calibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
+from imuloop.model.state import State
 from published.conftest import BOARDS
 
 GRAVITY = 9.81744
@@ -58,12 +58,19 @@ def moves(measured):
     """The Xsens poses and moves, the pair that is fitted, and what the poses alone show."""
     recording, noise, base = measured.fit_of("xsens_mti")
     units = {s: getattr(base, s).raw_unit for s in SENSORS}
-    pair, reasons = start_pair(recording, noise, base.gravity, units, CalibrateSettings())
+    pair, reasons = start_fit(recording, noise, base.gravity, units)
     assert reasons == {}
     known = of_sensor("gyroscope", find_effect("g_sensitivity")())
-    pair = replace(pair, quiet=np.ones(len(recording.rotations), dtype=bool))
-    x = np.append(pair.base[pair.free], np.zeros(len(known[0].parameters)))
-    return recording, pair.given_rotation(recording, known, x), known
+    return recording, with_velocities(pair, recording, known), known
+
+
+def with_velocities(pair, recording, known, moves=slice(None)):
+    """Return a JointFit with the velocities of some moves."""
+    state = State(pair.start).with_effects(known)
+    quiet = np.zeros(len(recording.rotations), dtype=bool)
+    quiet[moves] = True
+    factors = replace(pair.factors, quiet=quiet).without_rotation(recording, state, pair.noise)
+    return replace(pair, factors=factors)
 
 
 def in_motion():
@@ -76,8 +83,8 @@ def test_two_halves_of_the_moves_say_the_same(moves):
     effects = (*known, *in_motion())
     count, found = sum(len(e.parameters) for e in effects[1:]), []
     for parity in range(2):
-        quiet = np.arange(len(recording.rotations)) % 2 == parity
-        fit = replace(pair, quiet=quiet).fit(recording, effects).fit
+        half = with_velocities(pair, recording, known, slice(parity, None, 2))
+        fit = half.fit(recording, effects)
         found.append((fit.x[-count:], np.diag(fit.scaled_covariance)[-count:]))
     (first, var_first), (second, var_second) = found
     assert np.all(np.abs(first - second) < 3 * np.sqrt(var_first + var_second))
@@ -86,12 +93,9 @@ def test_two_halves_of_the_moves_say_the_same(moves):
 def test_effects_of_other_moves_do_not_explain_the_velocity(moves):
     recording, pair, known = moves
     start = pair.fit(recording, known)
-    model = pair.model(start, recording, in_motion())
-    x, count = start.fit.x, len(start.fit.x)
-    total = sum(len(e.parameters) for e in in_motion())
-    values, jacobian = model.residuals(np.append(x, np.zeros(total)))
-    covariance = pair.covariance_at(start.fit.x, recording, known).by(pair.noise)
-    root = cholesky(covariance, lower=True)
+    at, count = pair.linearised(start, recording), len(start.x)
+    values, jacobian = at.residual, np.hstack([at.jacobian, at.columns(in_motion())])
+    root = cholesky(at.noise.by(pair.noise), lower=True)
     kinds, m = pair.rows(recording)[1], len(recording.rotations)
     vertical, horizontal = (np.flatnonzero(kinds == k) for k in (3, 4))
 

@@ -5,8 +5,7 @@ import pytest
 
 import imuloop.effects  # noqa: F401  loads the library
 from diagnose.models import of_sensor, problem_of
-from imuloop.calibrate.calibrate import start_pair
-from imuloop.calibrate.settings import CalibrateSettings
+from imuloop.calibrate.calibrate import start_fit
 from imuloop.core.effect import find_effect
 from imuloop.core.samples import SENSORS, read_columns
 from imuloop.estimate.choice import Choices
@@ -82,7 +81,7 @@ def test_mpu9150_has_no_g_sensitivity_and_no_polynomial_term(measured, board, se
 def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     recording, noise, multi = measured.fit_of(f"mpu9150_{board}")
     units = {s: getattr(multi, s).raw_unit for s in SENSORS}
-    pair, reasons = start_pair(recording, noise, multi.gravity, units, CalibrateSettings())
+    pair, reasons = start_fit(recording, noise, multi.gravity, units)
     assert reasons == {}
     drift, sensitivity = of_sensor(
         "gyroscope", *(find_effect(n)() for n in ("bias_drift", "g_sensitivity"))

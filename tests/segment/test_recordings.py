@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
+from imuloop.factors.gravity_norm import gravity_norm
+from imuloop.model.sensor import Sensor
+from imuloop.model.state import ENTRIES
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from segment.logs import G, adis16405, ferraris, mpu9150, rests_of, thermal_chamber, xsens
@@ -32,8 +34,15 @@ def test_mpu9150_has_its_poses_and_knows_those_in_the_hand(recordings, board):
     w = rests[~held].groupby("pose")[[f"{c}_mean" for c in ANGULAR_RATE]].mean()
     assert np.sqrt(np.mean((w - w.mean()).to_numpy() ** 2)) < 0.25e-3
     # to one accelerometer gravity is as large in the hand as at rest, to 0.3 mg
-    model = AccelerometerModel(rests[MEANS].to_numpy(), np.zeros((len(rests), 3, 0)), G)
-    found = least_squares(lambda x: model.residuals(x)[0], model.start())
+
+    def errors(x):
+        T = np.eye(3)
+        T[ENTRIES["accelerometer"]] = x[:3]
+        sensor = Sensor(ENTRIES["accelerometer"], T, *np.split(x[3:], [3, 6]))
+        rows = gravity_norm(sensor, rests[MEANS].to_numpy(), G, np.zeros((len(rests), 3, 0)))
+        return rows.residual[:, 0]
+
+    found = least_squares(errors, np.repeat([0.0, 1.0, 0.0], 3))
     assert np.sqrt(np.mean(found.fun[held] ** 2)) < 3e-4 * G
 
 

@@ -11,12 +11,12 @@ from bench.study.chain import LIMITS
 from calibrate.devices import difference, recording
 from diagnose.models import diagnosed as pose_results
 from diagnose.test_search import MATRIX, with_g_sensitivity
-from imuloop.calibrate.sensor_pair import BASES
 from imuloop.core.model import Calibration
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.diagnose import Diagnosed
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.model.state import NAMES
 from imuloop.simulate.truth import example_truth
 from imuloop.validate.attitude import (
     METHODS,
@@ -164,7 +164,7 @@ def test_models_do_not_see_what_they_are_judged_by(sensitive):
     one, other = (each["final"] for each in models)
     # what a model lacks counts as noise by all rows, so the base model's weights are of them too
     alone = pair.calibrations(pair.fit(made.select(~held), (effect,)))
-    for sensor, names in BASES.items():
+    for sensor, names in NAMES.items():
         a, b = (getattr(each, sensor) for each in (one, other))
         assert [e.name for e in a.effects] == [e.name for e in b.effects]
         # what they say of the noise, and where the fit is linear about

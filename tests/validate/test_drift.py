@@ -6,9 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, planned, recording
-from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.calibrate import calibrate_sensors
-from imuloop.calibrate.calibrated_pair import CalibratedPair
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect
@@ -17,6 +15,7 @@ from imuloop.core.model import Calibration
 from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.effects.other_sensor import GSensitivity
+from imuloop.model.raw_units import state_of
 from imuloop.simulate.truth import Noise, example_truth
 from imuloop.validate.drift import check_drift
 from imuloop.validate.new_bias import update_biases
@@ -185,10 +184,6 @@ def in_counts(calibration):
     return replace(calibration, accelerometer=force)
 
 
-def pair_of(calibration, noise):
-    return CalibratedPair.of(calibration, noise, calibration.gravity)
-
-
 def test_what_was_never_calibrated_is_not_tested(still, truth, noise, calibrations):
     bare = SensorCalibration.nominal(ACCELERATION_UNIT, "no poses")
     drift = check_drift(
@@ -276,8 +271,10 @@ def test_new_biases_take_the_error_of_fresh_data_away(updated, calibrations, tru
     for old, new in zip(calibrations, updated, strict=True):
         before.append(np.mean((old.accelerometer.aligned(raw) - g) ** 2))
         after.append(np.mean((new.accelerometer.aligned(raw) - g) ** 2))
-        pair, model = pair_of(new, noise), AccelerometerModel(raw, np.zeros((50, 3, 0)), 9.8)
-        derivative, covariance = model.derivative(pair.x[:9]), pair.covariance[:9, :9]
+        state, covariance = state_of(new)
+        sensor, nothing = state.sensor("accelerometer"), np.zeros((50, 1, 3, 0))
+        derivative = sensor.jacobian(np.tile(np.eye(3), (50, 1, 1, 1)), raw[:, None], nothing)
+        covariance = covariance[:9, :9]
         predicted.append(np.mean(np.einsum("nip,pq,niq->ni", derivative, covariance, derivative)))
     jump = np.mean(JUMP["accelerometer"] ** 2)
     assert abs(np.mean(before) / jump - 1) < 0.05

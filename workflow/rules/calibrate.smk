@@ -19,6 +19,6 @@ rule calibrate:
     params:
         device=settings("gravity", "calibrate", "prior", "tolerances"),
         prior=prior_digest,
-        code=code("calibrate.py", "family"),
+        code=code("calibrate.py", "family", "model"),
     script:
         "../../scripts/calibrate.py"

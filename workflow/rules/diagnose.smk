@@ -27,6 +27,6 @@ rule diagnose:
     params:
         device=settings("gravity", "noise", "calibrate", "diagnose", "prior", "tolerances"),
         prior=prior_digest,
-        code=code("diagnose.py", "calibrate", "family", "noise", "plan", "validate"),
+        code=code("diagnose.py", "calibrate", "family", "model", "noise", "plan", "validate"),
     script:
         "../../scripts/diagnose.py"

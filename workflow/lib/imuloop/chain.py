@@ -34,7 +34,7 @@ class Device:
     noise: Mapping = field(default_factory=dict)
     calibrate: Mapping = field(default_factory=dict)
     diagnose: Mapping = field(default_factory=dict)
-    prior: Mapping = field(default_factory=dict)  # file, and type, of `read_priors`
+    prior: Mapping = field(default_factory=dict)  # file, and type, of `read_prior`
 
     def file(self, name):
         """Return the path of one of the device's results."""
@@ -130,21 +130,21 @@ def calibrate(device):
         sessions=device.sessions,
         noise=device.file("noise.json"),
         settings=CalibrateSettings(**device.calibrate),
-        priors=_priors(device),
+        prior=_prior(device),
         six_path=device.file("six_position.json"),
         multi_path=device.file("multi_position.json"),
     )
 
 
-def _priors(device):
-    """Return the SensorPrior of both sensors, by the device's file if it names one."""
-    from imuloop.calibrate.prior import data_sheets
-    from imuloop.family.prior import read_priors
+def _prior(device):
+    """Return the Prior of a device, by its file if it names one."""
+    from imuloop.family.prior import read_prior
+    from imuloop.model.prior import data_sheet
 
-    sheets = data_sheets(device.tolerances)
+    sheet = data_sheet(device.tolerances)
     if device.prior:
-        return read_priors(sheets, device=device.name, sessions=device.sessions, **device.prior)
-    return sheets
+        return read_prior(sheet, device=device.name, sessions=device.sessions, **device.prior)
+    return sheet
 
 
 def diagnose(device):
@@ -171,7 +171,7 @@ def diagnose(device):
         calibrate_settings=CalibrateSettings(**device.calibrate),
         settings=settings,
         noise_settings=NoiseSettings(**device.noise),
-        priors=_priors(device),
+        prior=_prior(device),
     )
     step = next_step(found.calibration, found.noise, found.recording)
     diagnosis = found.content | {"next_step": step}

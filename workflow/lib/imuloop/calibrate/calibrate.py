@@ -3,17 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import LinAlgError, block_diag
+from scipy.linalg import LinAlgError
 from scipy.special import chdtri
 
 from imuloop.calibrate.contradictions import change, changed_at
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.calibrate.least_squares import NotConverged, fit, why_no_fit
 from imuloop.calibrate.poses import gather_poses
-from imuloop.calibrate.prior import data_sheets
-from imuloop.calibrate.raw_units import in_raw_units, prior_content
 from imuloop.calibrate.recording import record
-from imuloop.calibrate.sensor_pair import BASES, SensorPair, places
 from imuloop.core.calibration_faults import sensor_fault
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
@@ -30,6 +26,12 @@ from imuloop.core.samples import (
 )
 from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
+from imuloop.estimate.joint_fit import JointFit
+from imuloop.estimate.least_squares import NotConverged, fit, why_no_fit
+from imuloop.factors.factors import Factors
+from imuloop.model.prior import data_sheet
+from imuloop.model.raw_units import in_raw_units
+from imuloop.model.state import BASE, BIAS, COUNT
 
 KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")
 # of sessions whose rests are poses in any attitude
@@ -142,174 +144,162 @@ def largest_recording(sessions, longest_rotation):
     return max(made.items(), key=lambda each: len(each[1].poses))
 
 
-def start_pair(
-    recording, noise, gravity, units, settings, priors=None, turns=None, bias=None, method=POSED[0]
-):
-    """Return the SensorPair of a recording, None if it holds no data, and reasons.
+def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=None, method=POSED[0]):
+    """Return the JointFit of a recording, None if it holds no data, and reasons.
 
     Parameters
     ----------
-    recording, noise, gravity, settings : Recording, NoiseModel, float, CalibrateSettings
-        As in `SensorPair`.
+    recording, noise, gravity : Recording, NoiseModel, float
+        Rests and turns between them, the noise of the device, local gravity, m/s^2.
     units : dict of str to RawUnit
         Units of each sensor.
-    priors : dict of str to SensorPrior, optional
-        What is known of each sensor before; by default the data sheet of a generic device.
+    prior : Prior, optional
+        What is known before; by default the data sheet of a generic device.
     turns : KnownTurns, optional
         Known turns of the gyroscope, in addition to the rotations of the recording.
-    bias, method : optional
-        As in `SensorPair`.
+    bias : (ndarray, ndarray), optional
+        Bias of the gyroscope and its variance, SI as logged, where it is held.
+    method : str, optional
+        As in `JointFit`.
 
     Returns
     -------
-    SensorPair or None
-        Its base parameters are those to start a fit from.
+    JointFit or None
+        With the state to start a fit from.
     dict of str to str
         Why a sensor has no data.
     """
-    poses, priors = recording.poses, priors or data_sheets()
+    poses, prior = recording.poses, prior or data_sheet()
     if not len(poses):
         why = without_pose({}, "multi_position") + recording.lost.rests_reason
         return None, dict.fromkeys(SENSORS, why)
-    reasons = {s: poses.unknown_noise(noise, axes) for s, axes in SENSORS.items()}
-    reasons = {sensor: why for sensor, why in reasons.items() if why}
+    reasons = {s: why for s, axes in SENSORS.items() if (why := poses.unknown_noise(noise, axes))}
     estimated = tuple(s for s in SENSORS if s not in reasons)
     if not estimated:
         return None, reasons
-    base = np.concatenate([prior.mean for prior in priors.values()])
-    how = {"priors": priors, "method": method, "bias": bias}
-    pair = SensorPair(noise, gravity, units, settings, estimated, base, **how)
+    start = prior.mean.copy()
     if "gyroscope" in estimated:
-        base[-3:] = poses.w.mean(axis=0) if bias is None else bias[0]
-    known = _knowing(pair, priors, turns)
+        start[BIAS] = poses.w.mean(axis=0) if bias is None else bias[0]
+    factors = Factors(gravity, estimated, bias_held=bias is not None)
+    known = known_rows(prior, turns, bias)
+    joint = JointFit(factors, noise, units, start, prior, known, method)
     # the variance components are estimated where the data lead, however far from the prior
-    model, kinds = pair.model_at(base[pair.free], recording), pair.kinds_of_rows(recording)[0]
+    kinds = factors.kinds_of_rows(recording)[0]
     variance = np.array([START[kind] ** 2 for kind in kinds.tolist()])
     try:
-        rough = fit(model.residuals, base[pair.free], variance, known.prior_rows())
+        rough = fit(joint.measured(start, recording).at, start, variance, joint.known)
     except NotConverged:
-        return known, reasons
-    if np.mean(rough.white**2) > MISFIT**2:
-        return known, reasons
-    base[pair.free] = rough.x
-    each = places()
-    wide = {sensor: prior.widened(base[each[sensor]]) for sensor, prior in priors.items()}
-    return _knowing(pair, wide, turns), reasons
+        return joint, reasons
+    if np.mean(rough.white**2) <= MISFIT**2:
+        known = known_rows(prior.widened(rough.x), turns, bias)
+        joint = replace(joint, start=rough.x, known=known)
+    return joint, reasons
 
 
-def _knowing(pair, priors, turns):
-    """Return a SensorPair with the rows of the priors of its sensors and of known turns."""
-    for sensor in pair.estimated:
-        pair = pair.knowing(sensor, *priors[sensor].rows())
-    if turns is not None and len(turns) and "gyroscope" in pair.estimated:
-        pair = pair.knowing("gyroscope", *turns.rows())
-    return pair
+def known_rows(prior, turns, bias):
+    """Return rows R, (k, 21), and z of a Prior and KnownTurns; arguments as in `start_fit`."""
+    rows, z = (prior if bias is None else prior.with_bias(*bias)).rows()
+    if turns is None or not len(turns):
+        return rows, z
+    more, of_turns = turns.rows()
+    more = np.pad(more, ((0, 0), (BASE["gyroscope"].start, 0)))
+    return np.concatenate([rows, more]), np.append(z, of_turns)
 
 
 def calibrate_sensors(
-    recording, noise, gravity, units, settings, priors=None, turns=None, method="multi_position"
+    recording, noise, gravity, units, settings, prior=None, turns=None, method="multi_position"
 ):
     """Return the calibration of both sensors by the poses of a recording and the turns between.
 
     A sensor keeps the nominal values, with the reason, where the recording holds none of its data,
-    or data that contradict each other. Arguments as in `start_pair`; `method` is the name that the
-    calibrations carry.
+    or data that contradict each other. Takes CalibrateSettings, others as in `start_fit`; `method`
+    is the name that the calibrations carry.
     """
-    poses, bias, priors = recording.poses, None, priors or data_sheets()
+    poses, bias, prior = recording.poses, None, prior or data_sheet()
     if settings.gyroscope_bias == "initial_rest" and len(poses):
         # its error is the error of the mean over the first rest
         bias = poses.w[0], poses.mean_covariance(noise)[3:, 0, 0]
-    how = noise, gravity, units, settings, priors
-    pair, reasons = start_pair(recording, *how, turns, bias, method)
+    joint, reasons = start_fit(recording, noise, gravity, units, prior, turns, bias, method)
     made = {}
-    while pair is not None and pair.estimated:
+    while joint is not None and joint.estimated:
         try:
-            solution = pair.fit(recording)
+            found = joint.fit(recording)
         except LinAlgError as error:
-            refused = without_fit(pair, recording, error)
+            refused = without_fit(joint, recording, error)
         else:
-            made, refused = pair.calibrations(solution), contradictions(pair, solution, recording)
+            made, refused = joint.calibrations(found), contradictions(joint, found, recording)
         if not refused:
             break
         reasons |= refused
-        if "accelerometer" in refused and "gyroscope" in pair.estimated:
+        if "accelerometer" in refused and "gyroscope" in joint.estimated:
             reasons.setdefault("gyroscope", NO_DIRECTION)
-        left = tuple(sensor for sensor in pair.estimated if sensor not in reasons)
-        pair, made = replace(pair, estimated=left), {}
-    return made | nominal_sensors(reasons, recording, noise, units, priors)
+        joint = joint.of_sensors(s for s in joint.estimated if s not in reasons)
+        made = {}
+    return made | nominal_sensors(reasons, recording, noise, units, prior)
 
 
-def without_fit(pair, recording, error):
+def without_fit(joint, recording, error):
     """Return why sensors have no fit, by sensor: those that changed, or else the last one.
 
-    Takes the SensorPair, its Recording and the LinAlgError of the fit.
+    Takes the JointFit, its Recording and the LinAlgError of the fit.
     """
-    changes = {s: change(s, recording.poses, recording.rotations) for s in pair.estimated}
-    changes = {sensor: why for sensor, why in changes.items() if why}
-    return changes or {pair.estimated[-1]: why_no_fit(error)}
+    changes = {s: why for s in joint.estimated if (why := change(s, recording))}
+    return changes or {joint.estimated[-1]: why_no_fit(error)}
 
 
-def contradictions(pair, solution, recording):
+def contradictions(joint, found, recording):
     """Return why the data of a sensor contradict each other, text, by such sensors.
 
     They do if the sensor changed amid the recording, if the fit gives what no sensor has, or if its
     n residuals r are larger than the prior alone lets expect: ``|r|² > χ²(n) tr(J P₀ Jᵀ)/n``, with
     the quantile of χ² at the probability `CHANCE` for an accelerometer and its mean n for a
-    gyroscope, whose bias a rest alone gives. Takes the SensorPair, the Solution of its fit and the
-    Recording.
+    gyroscope, whose bias a rest alone gives. Takes the JointFit, its Fit and the Recording.
     """
-    found, owner = {}, pair.kinds_of_rows(recording)[1]
-    r, jacobian = pair.model(solution, recording).residuals(solution.fit.x)
-    prior = block_diag(*(p.covariance for p in pair.priors.values()))[np.ix_(pair.free, pair.free)]
-    expected = np.einsum("np,pq,nq->n", jacobian[:, : len(prior)], prior, jacobian[:, : len(prior)])
-    for sensor, made in pair.calibrations(solution).items():
+    refused, owner = {}, joint.factors.kinds_of_rows(recording)[1]
+    at = joint.linearised(found, recording)
+    jacobian = at.jacobian[:, :COUNT]
+    expected = np.einsum("np,pq,nq->n", jacobian, joint.prior.covariance, jacobian)
+    for sensor, made in joint.calibrations(found).items():
         rows, why = owner == sensor, None
         count = rows.sum()
         most = chdtri(count, CHANCE) if sensor == "accelerometer" else count
         if fault := sensor_fault(made, sensor):
             why = f"the fit gives what no sensor has: {fault}"
-        elif np.sum(r[rows] ** 2) > np.mean(expected[rows]) * most:
+        elif np.sum(at.residual[rows] ** 2) > np.mean(expected[rows]) * most:
             what = "poses" if sensor == "accelerometer" else "turns"
             why = (
                 f"its {what} contradict each other by more than the data sheet's tolerance; were "
                 "samples clipped or wrapped around, did scale, offset or axes change midway?"
             )
         if why or (made.reduced_chi2 or 0.0) > CONTRADICTORY:
-            why = change(sensor, recording.poses, recording.rotations) or why
+            why = change(sensor, recording) or why
         if why:
-            found[sensor] = why
-    return found
+            refused[sensor] = why
+    return refused
 
 
-def nominal_sensors(reasons, recording, noise, units, priors):
+def nominal_sensors(reasons, recording, noise, units, prior):
     """Return the calibrations of sensors that have no fit, by the reasons.
 
     The gyroscope's bias is measured wherever there is a rest, unless it changed amid the recording.
-    Arguments as in `start_pair`, and the reason by sensor.
+    Arguments as in `start_fit`, and the reason by sensor.
     """
     made = {}
     for sensor, reason in reasons.items():
-        unit = units[sensor]
-        nominal = SensorCalibration.nominal(unit, reason)
+        nominal = SensorCalibration.nominal(units[sensor], reason)
         if sensor == "gyroscope":
-            poses = recording.poses
-            time, words = changed_at(sensor, poses, recording.rotations) or (np.inf, "")
+            time, words = changed_at(sensor, recording) or (np.inf, "")
             reason = reason if words in reason else f"{reason}; {words}"
-            nominal = rest_bias(poses, noise, unit, reason, time)
-        made[sensor] = at_prior(nominal, priors[sensor], BASES[sensor])
+            nominal = rest_bias(recording.poses, noise, units[sensor], reason, time)
+        made[sensor] = at_prior(nominal, prior, sensor)
     return made
 
 
-def at_prior(calibration, prior, base):
-    """Return a SensorCalibration without a fit, its unmeasured parameters those of a SensorPrior.
-
-    `base` are the names of the parameters of the prior.
-    """
-    unit = calibration.raw_unit
-    mean = in_raw_units(unit, base, prior.mean, prior.covariance, method="nominal")
+def at_prior(calibration, prior, sensor):
+    """Return a SensorCalibration without a fit, its unmeasured parameters those of the Prior."""
+    mean = in_raw_units(sensor, calibration.raw_unit, *prior.of(sensor), prior=prior)
     b = calibration.b if calibration.names else mean.b
-    content = prior_content(prior, base, unit)
-    return replace(calibration, T=mean.T, K=mean.K, b=b, prior=content)
+    return replace(calibration, T=mean.T, K=mean.K, b=b, prior=mean.prior)
 
 
 def rest_bias(poses, noise, unit, reason, changed=np.inf):
@@ -353,15 +343,15 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
 
 
 def calibrate_device(
-    *, device, gravity, sessions, noise, settings, six_path, multi_path, priors=None
+    *, device, gravity, sessions, noise, settings, six_path, multi_path, prior=None
 ):
     """Calibrate a device from its sessions, as in `usable`, and its noise.json.
 
-    Writes the six-position and the multi-position calibration; gravity is local, m/s^2. `priors`
-    as in `start_pair`.
+    Writes the six-position and the multi-position calibration; gravity is local, m/s^2. `prior`
+    as in `start_fit`.
     """
     model, units = NoiseModel.from_json(noise), dict(zip(SENSORS, raw_units(sessions), strict=True))
-    how = model, gravity, units, settings, priors
+    how = model, gravity, units, settings, prior
     multi, six, turned = (
         read_recording(sessions, settings.longest_rotation, kinds) for kinds in GROUPS.values()
     )
@@ -377,8 +367,7 @@ def calibrate_device(
     if not len(recording.poses) and len(static):
         reason = f"{without_pose(sessions, 'multi_position')}; bias only"
         bias = rest_bias(static, model, units["gyroscope"], reason)
-        gyroscope = (priors or data_sheets())["gyroscope"]
-        made["gyroscope"] = at_prior(bias, gyroscope, BASES["gyroscope"])
+        made["gyroscope"] = at_prior(bias, prior or data_sheet(), "gyroscope")
     log, sha256 = layout(sessions), hashes(sessions)
     for path, sensors in ((six_path, six), (multi_path, made)):
         named = (

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from imuloop.calibrate.accelerometer import AccelerometerModel
-from imuloop.calibrate.gyroscope import GyroscopeModel, cross_matrix
+from imuloop.factors.factors import Factors
+from imuloop.factors.gravity_norm import gravity_norm
+from imuloop.model.state import BASE, COUNT, State
 
 # what contradicts is off by so many times what the others are, and a turn that is left out by more
 # than effects of sensors, rad
@@ -72,55 +73,54 @@ def inverse_root(rows):
 def fitted(poses):
     """Fit gravity's norm at Poses with soft-L1 loss, and loosely to the data sheet.
 
-    Returns the AccelerometerModel, in shares of gravity, its parameters, (9,), and a root of their
-    covariance, (9, 9): what the poses do not determine is as the data sheet has it.
+    Returns the parameters of the accelerometer, (9,), specific force in shares of gravity, a root
+    of their covariance, (9, 9), and the RestRows: what the poses do not determine is as the data
+    sheet has it.
     """
-    model = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), 1.0)
-    start = model.start()
-    K = start[3:6]
+    K = np.full(3, 1 / np.median(np.linalg.norm(poses.f, axis=1)))
+    start, nothing = np.concatenate([np.zeros(3), K, np.zeros(3)]), np.zeros((len(poses), 3, 0))
     loose = np.diag(1 / (LOOSE * np.concatenate([np.ones(3), K, 1 / K])))
+
+    def rows(x):
+        sensor = State(np.append(x, np.zeros(COUNT - 9))).sensor("accelerometer")
+        return gravity_norm(sensor, poses.f, 1.0, nothing)
+
     x = robust(
-        lambda x: np.append(model.residuals(x)[0], EVEN * loose @ (x - start)),
-        lambda x: np.concatenate([model.residuals(x)[1], EVEN * loose]),
+        lambda x: np.append(rows(x).residual, EVEN * loose @ (x - start)),
+        lambda x: np.concatenate([rows(x).jacobian[:, 0], EVEN * loose]),
         start,
     )
-    values, design = model.residuals(x)
-    usual = np.median(np.abs(values)) / 0.67 * np.sqrt(len(values) / max(len(values) - 9, 1))
-    return model, x, usual * inverse_root(np.concatenate([design, usual * loose]))
+    found = rows(x)
+    usual = np.median(np.abs(found.residual)) / 0.67
+    usual *= np.sqrt(len(poses) / max(len(poses) - 9, 1))
+    root = inverse_root(np.concatenate([found.jacobian[:, 0], usual * loose]))
+    return x, usual * root, found
 
 
 def pose_errors(poses):
     """Return the Errors of gravity's norm at Poses about a soft-L1 fit, share of gravity."""
-    model, x, _ = fitted(poses)
-    values, design = model.residuals(x)
-    return Errors(values[:, None], design[:, None], np.zeros((len(values), 1, 1)))
+    *_, rows = fitted(poses)
+    return Errors(rows.residual, rows.jacobian, np.zeros((len(poses), 1, 1)))
 
 
-def turn_errors(poses, rotations):
+def turn_errors(recording):
     """Return the Errors of Rotations, rad, by the data sheet's misalignment and scale factor.
 
     A turn carries gravity's direction from pose to pose, as a soft-L1 fit of the accelerometer has
-    it. The bias is the mean rate of both poses: it may drift.
+    it. The bias is the mean rate of both poses: it may drift. Takes a Recording.
     """
-    base = np.repeat([0.0, 1.0, 0.0], [6, 3, 3])
-    bias = (poses.w[rotations.first] + poses.w[rotations.first + 1]) / 2
-    rotations = replace(rotations, w=rotations.w - bias[:, None])
-    no_effect = np.zeros((len(poses), 3, 0)), np.zeros((*rotations.w.shape, 0))
-    force, x, root = fitted(poses)
-    up = force.values(x)
-    norm = np.linalg.norm(up, axis=1)[:, None]
-    up, ends = up / norm, (poses.to_start, poses.to_end)
-    model = GyroscopeModel(poses.w, no_effect[0], rotations, no_effect[1], up, *ends)
-    carried, start = model.carried(base), model.departures
-    by_turn = (carried @ cross_matrix(start))[:, None]
-    design = model.summed(by_turn @ model.path(base).middle, base)
+    poses, moves = recording.poses, recording.rotations
+    bias = (poses.w[moves.first] + poses.w[moves.first + 1]) / 2
+    recording = replace(recording, rotations=replace(moves, w=moves.w - bias[:, None]))
+    x, root, _ = fitted(poses)
+    state = State(np.concatenate([x, np.repeat([0.0, 1.0, 0.0], [6, 3, 3])]))
+    at = Factors(1.0).about(recording, state).at(state.x)
+    values, design = at.residual[4 * len(poses) :], at.jacobian[4 * len(poses) :]
+    design = design.reshape(len(moves), 2, COUNT)
     # how well the directions are known
-    across = (np.eye(3) - up[:, :, None] * up[:, None]) / norm[..., None]
-    turned = across @ force.derivative(x) @ root
-    first = rotations.first
-    own = carried @ turned[first] - model.plane @ turned[first + 1]
-    values = (carried @ start[..., None])[..., 0]
-    return Errors(values, design[..., :9], own @ own.swapaxes(1, 2))
+    known = design[..., BASE["accelerometer"]] @ root
+    by_turn = design[..., BASE["gyroscope"]][..., :9]
+    return Errors(values.reshape(-1, 2), by_turn, known @ known.swapaxes(1, 2))
 
 
 def live(poses):
@@ -135,15 +135,16 @@ def robust(residuals, derivative, start):
     return least_squares(residuals, start, derivative, **how).x
 
 
-def odd_turns(poses, rotations):
-    """Return which Rotations contradict all others, a mask, and by how much, rad, (m,) each.
+def odd_turns(recording):
+    """Return which turns of a Recording contradict all others, and by how much, rad, (m,) each.
 
     None where more than a few do. What a turn too quick for the log may lose contradicts nothing,
     nor does a turn from or to a direction of gravity that the poses do not determine.
     """
-    if len(rotations) < FEWEST or not live(poses):
+    rotations = recording.rotations
+    if len(rotations) < FEWEST or not live(recording.poses):
         return np.zeros(len(rotations), dtype=bool), np.zeros(len(rotations))
-    turns = turn_errors(poses, rotations)
+    turns = turn_errors(recording)
     errors = np.linalg.norm(turns.robust(), axis=1)
     doubt = np.einsum("mcc->m", turns.spread) + np.einsum("mgii->m", rotations.extra_covariance)
     odd = errors > np.maximum(TIMES * np.maximum(np.median(errors), np.sqrt(doubt)), TURN)
@@ -181,8 +182,9 @@ def first_changed(errors, fewest, least):
     return max((count, k) for count, usual, k in found if usual <= UNEVEN * smallest)[1]
 
 
-def changed_at(sensor, poses, rotations):
-    """Return when a sensor changed amid a recording, s, and a description; None if it did not."""
+def changed_at(sensor, recording):
+    """Return when a sensor changed amid a Recording, s, and a description; None if it did not."""
+    poses, rotations = recording.poses, recording.rotations
     if sensor == "accelerometer":
         table, what, name = poses, "poses", "the accelerometer"
     else:
@@ -191,7 +193,7 @@ def changed_at(sensor, poses, rotations):
     # two sessions have two clocks
     if len(table) < PARTS[sensor] + CHANGED or not live(poses) or np.ptp(poses.session):
         return None
-    errors = pose_errors(poses) if table is poses else turn_errors(poses, rotations)
+    errors = pose_errors(poses) if table is poses else turn_errors(recording)
     k = first_changed(errors, PARTS[sensor], LEAST[sensor])
     if k is None:
         return None
@@ -203,7 +205,7 @@ def changed_at(sensor, poses, rotations):
     )
 
 
-def change(sensor, poses, rotations):
-    """Return when and how a sensor changed amid a recording, in words, or None if it did not."""
-    found = changed_at(sensor, poses, rotations)
+def change(sensor, recording):
+    """Return when and how a sensor changed amid a Recording, in words, or None if it did not."""
+    found = changed_at(sensor, recording)
     return found and found[1]

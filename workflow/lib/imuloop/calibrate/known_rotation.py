@@ -1,67 +1,15 @@
-"""Turns of a known angle, or at a known rate: a reference of one number each."""
-
-from dataclasses import dataclass
+"""Turns of a known angle, or at a known rate, gathered from the sessions of a device."""
 
 import numpy as np
 
-from imuloop.calibrate.gyroscope import AngularRate
 from imuloop.calibrate.recording import Log
 from imuloop.core.samples import ANGULAR_RATE, at_rail, read_columns, read_metadata
 from imuloop.core.segments import STATIC
 from imuloop.core.units import DEGREE
+from imuloop.factors.known_turns import KnownTurns
 
-# rad; standard deviation of an end of a turn that is made by hand against an edge, half a turn's
-# worth on each axis
-BY_HAND = 0.005
 # cosine of 20 degrees: gravity so near to the axis is the axis, of a turn on a level table
 LEVEL = 0.94
-
-
-@dataclass(frozen=True)
-class KnownTurns:
-    """Turns about fixed axes: ``T K (a - b L) = θ u``, with a the integral of the rate as logged.
-
-    `turned` a, rad as logged, (m, 3); `seconds` L, (m,); `target` θ u, rad on body axes, (m, 3);
-    `bias` of the rests beside them, rad/s as logged, (3,).
-    """
-
-    turned: np.ndarray
-    seconds: np.ndarray
-    target: np.ndarray
-    bias: np.ndarray
-
-    def __len__(self):
-        return len(self.seconds)
-
-    def select(self, keep):
-        """Return the turns of an index or mask."""
-        own = (self.turned[keep], self.seconds[keep], self.target[keep])
-        return KnownTurns(*own, self.bias)
-
-    @property
-    def _rate(self):
-        """Mean angular rate of each turn, as logged."""
-        return AngularRate(self.turned / self.seconds[:, None], np.zeros((len(self), 3, 0)))
-
-    def start(self):
-        """Return T, K and b by the turns alone, nominal where they determine nothing: (12,)."""
-        raw = self.turned - self.seconds[:, None] * self.bias
-        found = np.eye(3)
-        if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:
-            found = np.linalg.lstsq(raw, self.target, rcond=None)[0].T
-        K = np.diag(found)
-        return np.concatenate([(found / K)[AngularRate.entries], K, self.bias])
-
-    def rows(self):
-        """Return rows R, (3 m, 12), and z of what they say: ``R x - z`` has variance one."""
-        x, length = self.start(), self.seconds[:, None]
-        derivative = self._rate.summed(length[..., None, None] * np.eye(3), x).reshape(-1, 12)
-        left = length * self._rate.values(x) - self.target
-        return derivative / BY_HAND, (derivative @ x - left.ravel()) / BY_HAND
-
-    def errors(self, calibration):
-        """Return what a SensorCalibration leaves of each turn, rad, (m, 3)."""
-        return self.seconds[:, None] * calibration.aligned(self._rate.y) - self.target
 
 
 def read_turns(sessions, force):

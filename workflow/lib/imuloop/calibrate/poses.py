@@ -70,7 +70,7 @@ class Poses:
     def mean_covariance(self, noise):
         """Return the covariance of the pose means, (6, n, n), SI units squared, in order ax … gz.
 
-        Of the poses alone; the fit of both sensors takes that of `PairCovariance`, moves included.
+        Of the poses alone; the fit of both sensors takes `ResidualCovariance`, moves included.
         It is that of `NoiseModel.mean_covariance`, and what rounding and tilts add, independent
         from pose to pose. An axis whose noise is not known gets the white part alone, the variance
         within the pose over its samples.
@@ -130,6 +130,14 @@ class Rotations:
     def select(self, keep):
         """Return the rotations of an index or mask."""
         return _selected(self, keep)
+
+    def errors(self, aliasing=True, others=True):
+        """Return steps about which an error is added, (m, g), and its covariance, (m, g, 3, 3).
+
+        By samples too far apart, and by others.
+        """
+        part = slice(0 if aliasing else PARTS, None if others else PARTS)
+        return self.extra_at[:, part], self.extra_covariance[:, part]
 
     def without_aliasing(self):
         """Return the same, as if their samples were close enough."""

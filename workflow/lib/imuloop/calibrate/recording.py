@@ -27,9 +27,7 @@ from imuloop.core.samples import (
     on_gyroscope_clock,
 )
 from imuloop.core.segments import DISTURBED
-
-# a sensor's own channels of Poses, Rotations and Log, and the other sensor's
-OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
+from imuloop.factors.factors import OWN
 
 
 def unchanged(values):
@@ -185,7 +183,8 @@ def record(samples, segments, longest_rotation, rails=None):
         for log, ends in zip(samples, rails, strict=True)
     ]
     rotations, lost = gather_rotations(poses, logs, segments, longest_rotation, clipped)
-    odd, errors = odd_turns(poses, rotations)
+    recording = Recording(poses, rotations, logs)
+    odd, errors = odd_turns(recording)
     left_out = poses.session[rotations.first], rotations.start_s, rotations.end_s, errors
     contradicting = tuple(zip(*(values[odd].tolist() for values in left_out), strict=True))
     railed = sum(int(np.sum(np.asarray(table["kind"]) == DISTURBED)) for table in segments)

@@ -7,8 +7,6 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from imuloop.calibrate.least_squares import covariance_of
-from imuloop.calibrate.prior import BASES, SensorPrior
 from imuloop.calibrate.recording import Log
 from imuloop.core.gaps import gap_limit
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
@@ -19,6 +17,9 @@ from imuloop.core.samples import (
     read_columns,
     read_metadata,
 )
+from imuloop.estimate.least_squares import covariance_of
+from imuloop.model.prior import data_sheet
+from imuloop.model.state import BASE, NAMES
 
 # s; from the start of a window to that of the next, and half the length of one of position
 TURN, HALF = 1.0, 0.2
@@ -88,11 +89,11 @@ class Windows:
         self.rows = np.minimum(self.first[:, None] + np.arange(length), self.last[:, None])
         self.t = self.of_logs("t", self.rows)
         # A as what is known of T and K, relative
-        own, sheet = getattr(calibration, self.sensor), SensorPrior.data_sheet(self.sensor).std
+        own, sheet = getattr(calibration, self.sensor), data_sheet().std[BASE[self.sensor]]
         names = [f"K{i}" if i == j else f"T{i}{j}" for i, j in zip(*self.entries, strict=True)]
         scale = [own.K[int(n[1])] if n[0] == "K" else 1.0 for n in names]
         std = np.array([own.std.get(n, np.inf) for n in names]) / scale
-        std = np.minimum(std, sheet[[BASES[self.sensor].index(n) for n in names]])
+        std = np.minimum(std, sheet[[NAMES[self.sensor].index(n) for n in names]])
         self.units = {n: unit for each in self.effects.values() for n, unit in each.items()}
         self.prior = np.append([LOOSE[n] for n in self.units], std)
         self.places = len(OWN) * np.arange(len(logs))[:, None] + np.array(self.own)

@@ -1,6 +1,6 @@
 """The calibration of a device, ``x = T (K (raw - b) - e)``, and how it is applied to samples.
 
-How it is fitted, with its derivative: `imuloop.calibrate.sensor_model`.
+How it is fitted, with its derivative: `imuloop.model.sensor`.
 """
 
 from dataclasses import dataclass, field

@@ -11,12 +11,11 @@ from imuloop.calibrate.calibrate import (
     largest_recording,
     nominal_sensors,
     read_poses,
-    start_pair,
+    start_fit,
     usable,
     with_sessions,
 )
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.calibrate.prior import data_sheets
 from imuloop.calibrate.recording import Recording
 from imuloop.core.calibration_faults import implausible
 from imuloop.core.model import Calibration
@@ -30,6 +29,7 @@ from imuloop.diagnose.records.reference import diagnose_reference
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.estimate.verdict import not_testable, of_calibration
+from imuloop.model.prior import data_sheet
 
 # version of the JSON file
 FORMAT = 1
@@ -50,7 +50,7 @@ class Diagnosed:
     recording: Recording  # all poses and rotations
     names: list  # of the recording's sessions
     tables: dict  # columns of poses.parquet and moves.parquet
-    motion: tuple = ()  # SensorPair and the Solution of what the moves show
+    motion: tuple = ()  # JointFit and the Fit of what the moves show
 
 
 def diagnose_device(
@@ -64,7 +64,7 @@ def diagnose_device(
     calibrate_settings,
     settings,
     noise_settings,
-    priors=None,
+    prior=None,
 ):
     """Return the Diagnosed of a device, by its name.
 
@@ -94,20 +94,12 @@ def diagnose_device(
     noise = still.noise
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
     turns = read_turns(sessions, base.accelerometer)
-    pair, reasons = start_pair(
-        recording,
-        noise,
-        gravity,
-        units,
-        replace(calibrate_settings, gyroscope_bias="rests"),
-        priors,
-        turns,
-        method=method,
-    )
+    how = recording, noise, gravity, units, prior, turns
+    pair, reasons = start_fit(*how, method=method)
     reasons = {sensor: with_sessions(reason, sessions) for sensor, reason in reasons.items()}
     how = recording, settings, tests
     poses = diagnose_poses(pair, reasons, *how, found, information)
-    refused = nominal_sensors(poses.rejected, recording, noise, units, priors or data_sheets())
+    refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())
     base = replace(base, **refused)
     motion = diagnose_motion(poses.pair, poses.solution, *how, information)
     # a gyroscope is calibrated against gravity as the accelerometer with its effects has it

@@ -1,1 +1,1 @@
-"""One estimator: evidence, test, search, held-out errors, detection limits and verdict."""
+"""One estimator: fit with a prior, size of the noise, test, held-out errors, limits, verdict."""

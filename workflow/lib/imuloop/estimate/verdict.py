@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtrc, softmax
 
-from imuloop.calibrate.least_squares import chi_square
+from imuloop.estimate.least_squares import chi_square
 from imuloop.estimate.residuals import chance, held_out_covariance
 
 # held-out error over its floor up to which the floor itself may be wrong

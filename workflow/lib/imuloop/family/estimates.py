@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.calibrate.raw_units import as_logged, si_factor
-from imuloop.calibrate.sensor_pair import BASES, parameters
 from imuloop.core.samples import SENSORS
+from imuloop.model.raw_units import as_logged, si_factor
+from imuloop.model.state import parameters
 
 # noise coefficients, white, flicker and walk, with their SI units
 TERMS = {
@@ -43,10 +43,7 @@ def of_calibrations(calibrations):
     """
     names = parameters()
     std = np.array([[_error(getattr(c, s), name) for s, name, _ in names] for c in calibrations])
-    values = [
-        np.concatenate([as_logged(getattr(c, s), base) for s, base in BASES.items()])
-        for c in calibrations
-    ]
+    values = [np.concatenate([as_logged(s, getattr(c, s)) for s in SENSORS]) for c in calibrations]
     values = np.array(values) - [name[0] == "K" for _, name, _ in names]
     values[~np.isfinite(std)] = np.nan
     return [

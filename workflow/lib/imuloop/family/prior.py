@@ -5,27 +5,28 @@ import numpy as np
 # a calibration may hold any effect of the library
 import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import hashes, layout
-from imuloop.calibrate.prior import BASES, DATA_SHEET, SensorPrior
-from imuloop.calibrate.raw_units import as_logged, si_factor
 from imuloop.core.errors import ImuloopError, nearest
 from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.effects.turn_on_bias import turn_on_std
 from imuloop.family import LEAST_OTHERS
 from imuloop.family.random_effects import fit
+from imuloop.model.prior import DATA_SHEET
+from imuloop.model.raw_units import as_logged, si_factor
+from imuloop.model.state import NAMES
 
 # eigenvalue of a correlation matrix below which it is singular
 _SMALLEST = 1e-13
 
 
-def read_priors(sheets, file, device, sessions, type=None):
-    """Return the SensorPrior of both sensors that a file gives, by sensor.
+def read_prior(sheet, file, device, sessions, type=None):
+    """Return the Prior that a file gives.
 
     A parameter that the file does not know keeps the data sheet's tolerance.
 
     Parameters
     ----------
-    sheets : dict of str to SensorPrior
+    sheet : Prior
         The data sheet's.
     file : path-like
         calibration.json of the device by earlier logs, or family.json of its type.
@@ -44,11 +45,11 @@ def read_priors(sheets, file, device, sessions, type=None):
     try:
         content = read_json(file)
         if isinstance(content, dict) and "types" in content:
-            priors = _of_family(sheets, _members(content, type), device, str(file))
+            prior = _of_family(sheet, _members(content, type), device, str(file))
         elif isinstance(content, dict) and "accelerometer" in content:
             calibration = Calibration.from_json(file)
             _refuse_other_logs(calibration, sessions)
-            priors = of_calibration(sheets, calibration, str(file))
+            prior = of_calibration(sheet, calibration, str(file))
         else:
             raise ImuloopError("neither a calibration.json nor a family.json")
     except OSError as error:
@@ -56,36 +57,35 @@ def read_priors(sheets, file, device, sessions, type=None):
     except ImuloopError as error:
         why = str(error).removeprefix(f"{file}: ")
         raise ImuloopError(f"prior: {file}: {why}") from error
-    return priors
+    return prior
 
 
-def of_calibration(sheets, calibration, source):
-    """Return the SensorPrior of both sensors by a Calibration from earlier logs of the device.
+def of_calibration(prior, calibration, source):
+    """Return the Prior by a Calibration from earlier logs of the device.
 
-    Mean and covariance of its base parameters. The variance of a bias also has the scatter from one
-    switching on to the next.
+    Mean and covariance of its base parameters; others as in `prior`. The variance of a bias also
+    has the scatter from one switching on to the next.
     """
     if not calibration.measured:
         raise ImuloopError("nothing was measured there")
-    priors = dict(sheets)
-    for sensor, sheet in sheets.items():
-        earlier, base = getattr(calibration, sensor), BASES[sensor]
-        known = [k for k, name in enumerate(base) if name in earlier.names]
+    for sensor, names in NAMES.items():
+        earlier = getattr(calibration, sensor)
+        known = [k for k, name in enumerate(names) if name in earlier.names]
         if not known:
             continue
-        rows = [earlier.names.index(base[k]) for k in known]
-        mean, covariance = sheet.mean.copy(), sheet.covariance.copy()
-        factor = si_factor([base[k] for k in known], earlier.raw_unit)
-        mean[known] = as_logged(earlier, base)[known]
+        rows = [earlier.names.index(names[k]) for k in known]
+        mean, covariance = (values.copy() for values in prior.of(sensor))
+        factor = si_factor([names[k] for k in known], earlier.raw_unit)
+        mean[known] = as_logged(sensor, earlier)[known]
         found = earlier.covariance[np.ix_(rows, rows)] * np.outer(factor, factor)
         covariance[np.ix_(known, known)] = found
-        scatter = np.append(np.zeros(len(base) - 3), np.square(turn_on_std(earlier, sensor)))
+        scatter = np.append(np.zeros(len(names) - 3), np.square(turn_on_std(earlier, sensor)))
         covariance[known, known] += scatter[known]
-        priors[sensor] = SensorPrior(source, mean, covariance)
-        size = priors[sensor].std
+        size = np.sqrt(np.diag(covariance))
         if not size.all() or np.linalg.eigvalsh(covariance / np.outer(size, size))[0] < _SMALLEST:
             raise ImuloopError(f"{sensor}: the covariance is singular")
-    return priors
+        prior = prior.with_sensor(sensor, source, mean, covariance)
+    return prior
 
 
 def _refuse_other_logs(calibration, sessions):
@@ -123,8 +123,8 @@ def _members(content, type):
     return types[type]
 
 
-def _of_family(sheets, found, device, source):
-    """Return the SensorPrior of both sensors by the other devices of a type.
+def _of_family(prior, found, device, source):
+    """Return the Prior by the other devices of a type; what they do not tell is as in `prior`.
 
     Normal with the mean μ and the variance of a new device, ``τ² + var(μ)``, as wide as Student's t
     with n - 1 degrees of freedom is: times ``(n - 1)/(n - 3)``.
@@ -134,20 +134,21 @@ def _of_family(sheets, found, device, source):
     J. Higgins, S. Thompson, D. Spiegelhalter, "A re-evaluation of random-effects meta-analysis",
     J. R. Stat. Soc. A 172 (2009), 137, section 5.
     """
-    priors = {}
-    for sensor, sheet in sheets.items():
-        mean, variance, known = sheet.mean.copy(), np.diag(sheet.covariance).copy(), False
-        for k, name in enumerate(BASES[sensor]):
+    for sensor, names in NAMES.items():
+        mean, covariance = (values.copy() for values in prior.of(sensor))
+        known = False
+        for k, name in enumerate(names):
             y, std = _others(found, f"{sensor}.{name}", device)
             if len(y) >= LEAST_OTHERS:
                 each, known = fit(y, std**2), True
                 mean[k] = each.mean[0] + (name[0] == "K")
                 wide = each.dof[0] / (each.dof[0] - 2)
-                variance[k] = (each.variance[0] + each.mean_variance[0]) * wide
-        priors[sensor] = SensorPrior(source if known else DATA_SHEET, mean, np.diag(variance))
-    if all(prior.source == DATA_SHEET for prior in priors.values()):
+                covariance[k, k] = (each.variance[0] + each.mean_variance[0]) * wide
+        if known:
+            prior = prior.with_sensor(sensor, source, mean, covariance)
+    if set(prior.sources.values()) == {DATA_SHEET}:
         raise ImuloopError(f"fewer than {LEAST_OTHERS} other devices determined any parameter")
-    return priors
+    return prior
 
 
 def _others(found, name, device):

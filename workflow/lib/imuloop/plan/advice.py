@@ -5,15 +5,16 @@ from itertools import product
 
 import numpy as np
 
-from imuloop.calibrate.calibrated_pair import CalibratedPair
 from imuloop.calibrate.poses import Rotations
-from imuloop.calibrate.raw_units import si_factor
 from imuloop.calibrate.recording import Recording
-from imuloop.calibrate.sensor_pair import BASES, OfSensor
 from imuloop.core.rotation import exponential, matrix, shortest_turn
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.sphere import direction_words
 from imuloop.core.units import DEGREE
+from imuloop.factors.factors import Factors
+from imuloop.model.effects import SensorEffect
+from imuloop.model.raw_units import si_factor, state_of
+from imuloop.model.state import NAMES
 
 # what a first session should hold: seconds at rest before all, poses, seconds of a rest, of a move
 # and of a turn of 360 degrees by hand
@@ -88,21 +89,20 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
     """
     needs = set() if recording.poses.temperature is None else {"temperature"}
     effects = [
-        OfSensor(e.effect, sensor)
+        SensorEffect(e.effect, sensor)
         for sensor in SENSORS
         for e in getattr(calibration, sensor).effects
         # what any rest or turn shows
         if not (e.effect.timed or e.effect.rate_of_change) and needs.issuperset(e.effect.needs)
     ]
-    about = CalibratedPair.of(calibration, noise, calibration.gravity, effects)
-    covariance, limits = about.covariance.copy(), []
+    (state, covariance), limits = state_of(calibration, effects), []
     use = {"accelerometer": calibration.gravity, "gyroscope": RATE_IN_USE}
-    for k, (sensor, base) in enumerate(BASES.items()):
+    for k, (sensor, base) in enumerate(NAMES.items()):
         own = getattr(calibration, sensor)
         # what was not estimated has the prior's
         before = (own.prior or {"std": {}})["std"]
         for name, factor in zip(base, si_factor(base, own.raw_unit), strict=True):
-            at = about.names.index(f"{sensor}.{name}")
+            at = state.names.index(f"{sensor}.{name}")
             covariance[at, at] = covariance[at, at] or (factor * before.get(name, 0.0)) ** 2
             error = np.sqrt(covariance[at, at]) * (1.0 if name[0] == "b" else use[sensor])
             if name[0] in letters:
@@ -111,16 +111,16 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
     up = upward(calibration, recording.poses)
     steps = candidates(up)
     made = recorded(steps, up[-1], calibration, recording)
-    _, rows = about.model(made).residuals(about.x)
-    jacobian = np.pad(rows, ((0, 0), (0, len(covariance) - rows.shape[1])))
+    factors = Factors(calibration.gravity)
+    new = factors.about(made, state).at(state.x)
     excess = {s: max(1.0, getattr(calibration, s).reduced_chi2 or 1.0) for s in SENSORS}
-    size = np.sqrt([excess[s] for s in about.pair.kinds_of_rows(made)[1].tolist()])
-    R, after = about.noise(made) * size[:, None] * size, []
+    size = np.sqrt([excess[s] for s in factors.kinds_of_rows(made)[1].tolist()])
+    R, after = new.noise.by(noise) * size[:, None] * size, []
     # the second rest of each session: the first is known already
-    ends = about.pair.rows(made)[0].max(axis=1)
+    ends = factors.rows(made)[0].max(axis=1)
     for k in range(len(steps)):
         own = np.flatnonzero(ends == 2 * k + 1)
-        J, gain = jacobian[own], covariance @ jacobian[own].T
+        J, gain = new.jacobian[own], covariance @ new.jacobian[own].T
         lost = np.linalg.solve(J @ gain + R[np.ix_(own, own)], gain[at])
         after.append(covariance[at, at] - gain[at] @ lost)
     best = int(np.argmin(after))

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 from scipy.linalg import LinAlgError
 
-from imuloop.calibrate.least_squares import why_no_fit
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.error_ratio import ratio_interval
+from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.residuals import held_out_covariance
 
 try:
@@ -198,10 +198,9 @@ def _summary(rows, method):
 def _rotation_floor(problem, solution):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
     pair, recording = problem.sensor, problem.recording
-    _, jacobian = pair.model(solution, recording).residuals(solution.fit.x)
-    noise = pair.covariance_at(solution.fit.x, recording, solution.effects).by(pair.noise)
-    own = slice(len(jacobian))
-    covariance = held_out_covariance(noise, jacobian, problem.row_parts[own])
+    at = pair.linearised(solution, recording)
+    own = slice(len(at.residual))
+    covariance = held_out_covariance(at.noise.by(pair.noise), at.jacobian, problem.row_parts[own])
     return np.sqrt(2 * np.diag(covariance)[problem.of_kind("rotation")[own]].mean())
 
 

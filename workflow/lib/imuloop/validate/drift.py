@@ -6,11 +6,11 @@ import numpy as np
 from scipy.linalg import LinAlgError, cholesky, solve_triangular
 from scipy.special import chdtrc, ndtr
 
-from imuloop.calibrate.least_squares import chi_square
 from imuloop.core.errors import ImuloopError
 from imuloop.core.p_values import holm
 from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import turn_on_std
+from imuloop.estimate.least_squares import chi_square
 from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
 
 # level at which a misfit of the new log widens the errors
@@ -172,14 +172,14 @@ def _test(residuals, turn_on, level):
     r, jacobian = residuals.at(old.x)
     tests = [testable(residuals, name, jacobian) for name in tested]
     basis = np.hstack([own[0] for own in tests])
-    scatter = np.zeros(len(old.covariance))
+    scatter = np.zeros(len(old.x))
     for name in SENSORS:
         scatter[residuals.places(name, BIASES)] = np.square(turn_on[name])
     # the log alone determines the change of a bias, so the scatter adds to its error. In S it would
     # hide the noise, as the derivative is not quite the same at the old and at the new parameters
     hidden = np.eye(len(basis)) - basis @ basis.T
     change, covariance, expected = fit_change(
-        residuals, basis, old.covariance + hidden * scatter @ hidden
+        residuals, basis, residuals.covariance + hidden * scatter @ hidden
     )
     measured = np.sqrt(np.diag(covariance))
     covariance = covariance + basis.T * scatter @ basis

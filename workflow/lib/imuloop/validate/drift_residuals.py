@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
-from imuloop.calibrate.calibrated_pair import CalibratedPair
 from imuloop.calibrate.recording import Recording
-from imuloop.calibrate.sensor_pair import KINDS
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
+from imuloop.factors.factors import KINDS, Factors
+from imuloop.model.raw_units import state_of
+from imuloop.model.state import State
 
 # condition number, each parameter in units of what the log shows of it, beyond which a set of
 # parameters is called undetermined, as in the calibration
@@ -27,8 +28,12 @@ class DriftResiduals:
 
     Attributes
     ----------
-    old : CalibratedPair
-        The old calibration.
+    old : State
+        That of the old calibration.
+    covariance : ndarray, shape (p, p)
+        That of the old calibration.
+    factors : Factors
+        Measurements in the new log.
     recording : Recording
         Rests, and turns between them, of the new log.
     counted : ndarray of bool
@@ -43,7 +48,9 @@ class DriftResiduals:
         Why a sensor has no residuals.
     """
 
-    old: CalibratedPair
+    old: State
+    covariance: np.ndarray
+    factors: Factors
     recording: Recording
     counted: np.ndarray
     kinds: np.ndarray
@@ -59,22 +66,24 @@ class DriftResiduals:
         Turns do not count where misalignment and scale factor of a sensor were not estimated: there
         is no direction of gravity.
         """
-        old, untestable = CalibratedPair.of(calibration, noise, gravity), {}
+        (old, covariance), factors, untestable = state_of(calibration), Factors(gravity), {}
         estimated = {sensor: getattr(calibration, sensor).names for sensor in SENSORS}
         for sensor, axes in SENSORS.items():
             if not estimated[sensor]:
                 untestable[sensor] = "the calibration estimated nothing of it"
             elif unknown := recording.poses.unknown_noise(noise, axes):
                 untestable[sensor] = unknown
-        kinds, owners = old.pair.kinds_of_rows(recording)
+        kinds, owners = factors.kinds_of_rows(recording)
         counted = ~np.isin(owners, [*untestable])
         if not all("K0" in names for names in estimated.values()):
             counted &= kinds != "rotation"
         kinds, owners = kinds[counted], owners[counted]
         excess = {s: max(1.0, getattr(calibration, s).reduced_chi2 or 1.0) for s in SENSORS}
         size = np.sqrt([excess[owner] for owner in owners])
-        covariance = old.noise(recording, counted) * np.outer(size, size)
-        return cls(old, recording, counted, kinds, owners, covariance, estimated, untestable)
+        predicted = factors.about(recording, old).at(old.x).noise.by(noise)
+        predicted = predicted[np.ix_(counted, counted)] * np.outer(size, size)
+        how = counted, kinds, owners, predicted, estimated, untestable
+        return cls(old, covariance, factors, recording, *how)
 
     @property
     def tested(self):
@@ -83,7 +92,8 @@ class DriftResiduals:
 
     def at(self, x):
         """Return the residuals, (n,), with parameters x, and their derivative, (n, p)."""
-        return self.old.model(self.recording, x, self.counted).residuals(x)
+        at = self.factors.about(self.recording, State(x, self.old.effects)).at(x)
+        return at.residual[self.counted], at.jacobian[self.counted]
 
     def places(self, sensor, names):
         """Return where parameters of a sensor are among all."""
@@ -133,7 +143,7 @@ def testable(residuals, sensor, jacobian):
     own = residuals.owners == sensor
     root = cholesky(residuals.noise[np.ix_(own, own)], lower=True)
     shown = solve_triangular(root, jacobian[own], lower=True)
-    std = np.sqrt(np.diag(old.covariance))
+    std = np.sqrt(np.diag(residuals.covariance))
     taken, missed = [], []
     for group in groups:
         tried = [*taken, *group]

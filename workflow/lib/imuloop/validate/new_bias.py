@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from imuloop.calibrate.raw_units import si_factor
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import SENSORS
+from imuloop.model.raw_units import si_factor
 from imuloop.validate.drift import fit_change
 from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
 
@@ -66,7 +66,7 @@ def _new_biases(residuals, updated):
     """Return the change of all parameters, none but biases of some sensors, and covariance."""
     old = residuals.old
     biases = np.concatenate([residuals.places(name, BIASES) for name in updated])
-    prior, change = old.covariance.copy(), np.zeros(len(old.x))
+    prior, change = residuals.covariance.copy(), np.zeros(len(old.x))
     prior[biases], prior[:, biases] = 0.0, 0.0
     found, own, expected = fit_change(residuals, np.eye(len(old.x))[:, biases], prior)
     _, jacobian = residuals.at(old.x)

@@ -6,9 +6,6 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from imuloop.calibrate.gyroscope import midpoints
-from imuloop.calibrate.least_squares import why_no_fit
-from imuloop.calibrate.sensor_pair import VELOCITY, Kind, OfSensor
 from imuloop.core.effect import Effect
 from imuloop.core.errors import plural
 from imuloop.core.precision import precision
@@ -19,8 +16,13 @@ from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
 from imuloop.effects.products import products
 from imuloop.effects.steps import Steps
 from imuloop.estimate.choice import Choices
+from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.search import kinds_of
 from imuloop.estimate.verdict import not_testable
+from imuloop.factors.factors import VELOCITY
+from imuloop.factors.velocity import midpoints
+from imuloop.model.effects import EffectKind, SensorEffect
+from imuloop.model.state import BIAS, COUNT, State
 
 # moves of which the velocity counts, at least
 LEAST_MOVES = 10
@@ -64,9 +66,9 @@ def candidates_in_motion(known):
     """Return the shapes of each effect to try, but of known kinds."""
     found = {}
     for cls in Effect.library.values():
-        kind = Kind(cls, cls.sensors[0])
+        kind = EffectKind(cls, cls.sensors[0])
         if "motion" in cls.records and kind not in known:
-            found[kind] = tuple(OfSensor(shape, kind.sensor) for shape in cls.shapes(None))
+            found[kind] = tuple(SensorEffect(shape, kind.sensor) for shape in cls.shapes(None))
     return found
 
 
@@ -79,7 +81,7 @@ def motion_products(sensor):
 def diagnose_motion(pair, solution, recording, settings, tests, information=None):
     """Return the PoseResult of a device in motion; calibrations where motion shows an effect.
 
-    Takes the SensorPair and its Solution at the poses, effects included, None where these determine
+    Takes the JointFit and its Fit at the poses, effects included, None where these determine
     none; the number of tests of the other records, which share the significance; `information` of
     PoseProblem.
     """
@@ -88,16 +90,14 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
     if recording.slow_force:
         why = "the accelerometer is slower than the gyroscope, and misses what a move does between"
         return untestable(f"{why} two of its samples: log both at one rate")
-    found, x = solution.effects, solution.fit.x
-    every = pair.base.copy()
-    every[pair.free] = x[: len(pair.free)]
-    knock = knocks(recording, every[-3:])
+    found, start = solution.effects, solution.x[:COUNT]
+    knock = knocks(recording, start[BIAS])
     # where it tilts at either end the velocity there is not zero
     first, tilt = recording.rotations.first, recording.poses.tilt
     tilts = (tilt[first] > 0) | (tilt[first + 1] > 0)
-    lossy, columns = hidden(recording, every[-3:]) > HIDDEN, {"knock_m_s": knock}
+    lossy, columns = hidden(recording, start[BIAS]) > HIDDEN, {"knock_m_s": knock}
     quiet = (knock <= SPOILED) & ~lossy & ~tilts & ~_jumps(recording, found)
-    pair = replace(pair, quiet=quiet, base=every)
+    pair = replace(pair, factors=replace(pair.factors, quiet=quiet), start=start)
     if quiet.sum() < LEAST_MOVES:
         why = f"{quiet.sum()} of {plural(len(quiet), 'move')} without a knock"
         why += " and between rests without a tilt" * bool(tilts.any())
@@ -107,7 +107,9 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
         why += f", at least {LEAST_MOVES} needed{recording.lost.reason}"
         how = WHOLE if lossy.sum() > np.sum(~(knock <= SPOILED)) else SOFTER
         return replace(untestable(f"{why}: {how}", columns), pair=pair, solution=solution)
-    pair = pair.given_rotation(recording, found, x)
+    state = State(solution.x, found)
+    factors = pair.factors.without_rotation(recording, state, pair.noise)
+    pair = replace(pair, factors=factors)
     shapes = candidates_in_motion(kinds_of(found))
     problem = MotionProblem(
         pair,
@@ -119,7 +121,7 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
         np.append(interleaved(len(quiet), settings.folds), -1),
         found,
         information,
-        pair.prior_rows(),
+        pair.known,
     )
     # the same moves judge both
     parts = {tuple(SENSORS): VELOCITY}
@@ -141,7 +143,7 @@ def diagnose_motion(pair, solution, recording, settings, tests, information=None
 def _jumps(recording, effects):
     """Return in which moves a bias jumps, (m,): the poses do not tell when."""
     mid, first = recording.poses.mid_s, recording.rotations.first
-    times = [effect.times[0] for effect in effects if effect.name == Steps.name]
+    times = [effect.effect.times[0] for effect in effects if effect.name == Steps.name]
     found = [(mid[first] <= time) & (time <= mid[first + 1]) for time in times]
     return np.any([np.zeros(len(first), dtype=bool), *found], axis=0)
 

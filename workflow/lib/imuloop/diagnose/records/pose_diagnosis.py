@@ -8,8 +8,6 @@ from scipy.linalg import LinAlgError
 
 from imuloop.calibrate.calibrate import NO_DIRECTION, contradictions
 from imuloop.calibrate.contradictions import change
-from imuloop.calibrate.least_squares import Solution, why_no_fit
-from imuloop.calibrate.sensor_pair import OF_SENSOR, VELOCITY, Kind, OfSensor, SensorPair
 from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
@@ -22,9 +20,13 @@ from imuloop.effects.products import Product, products
 from imuloop.effects.steps import Steps
 from imuloop.effects.temperature import LEAST_SPAN, span, whole_degrees
 from imuloop.estimate.choice import Choices
+from imuloop.estimate.joint_fit import JointFit
+from imuloop.estimate.least_squares import Fit, why_no_fit
 from imuloop.estimate.residuals import held_out_covariance
 from imuloop.estimate.search import kinds_of
 from imuloop.estimate.verdict import RESIDUALS, judge, leaves, not_testable, verdict
+from imuloop.factors.factors import OF_SENSOR, VELOCITY
+from imuloop.model.effects import EffectKind, SensorEffect
 
 # kinds of residuals that a device leaves which does not lie still, and the share of its rests from
 # which on what is left of them may be that
@@ -47,9 +49,9 @@ class PoseResult:
     """The diagnosis of both sensors at the poses, or in motion."""
 
     contents: dict  # the contract's fields, by sensor
-    pair: SensorPair | None = None  # None where the poses determine no sensor
+    pair: JointFit | None = None  # None where the poses determine no sensor
     # the fit with the effects that were added; None where nothing could be fitted
-    solution: Solution | None = None
+    solution: Fit | None = None
     calibrations: dict = field(default_factory=dict)  # of the sensors that were fitted
     choices: Choices | None = None  # the searches; None where nothing could be tested
     # as in `residual_columns`; empty where nothing could be tested
@@ -84,10 +86,12 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
     for sensor in pair.estimated if sensors is None else sensors:
         for cls, own in pose_candidates(sensor, recording, found)[0].items():
             if cls is Steps:
-                scans[Kind(cls, sensor)] = partial(pose_step, sensor)
+                scans[EffectKind(cls, sensor)] = partial(pose_step, sensor)
             else:
-                shapes[Kind(cls, sensor)] = tuple(OfSensor(shape, sensor) for shape in own)
-    parts, rows = interleaved(len(recording.poses), settings.folds), pair.prior_rows()
+                shapes[EffectKind(cls, sensor)] = tuple(
+                    SensorEffect(shape, sensor) for shape in own
+                )
+    parts, rows = interleaved(len(recording.poses), settings.folds), pair.known
     return PoseProblem(
         pair, recording, shapes, settings, tests, parts, tuple(found), information, rows, scans
     )
@@ -96,7 +100,7 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
 def diagnose_poses(pair, reasons, recording, settings, tests, found=(), information=None):
     """Return the PoseResult of a device.
 
-    Takes what `calibrate.calibrate.start_pair` gives, the Recording, DiagnoseSettings, the number
+    Takes what `calibrate.calibrate.start_fit` gives, the Recording, DiagnoseSettings, the number
     of tests that share the significance, and `found` and `information` of PoseProblem.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
@@ -128,7 +132,7 @@ def diagnose_poses(pair, reasons, recording, settings, tests, found=(), informat
     if "accelerometer" in rejected or "accelerometer" not in pair.estimated:
         lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
         return PoseResult(contents | lost, pair, rejected=rejected)
-    alone, how = replace(pair, estimated=("accelerometer",)), (recording, settings, tests)
+    alone, how = pair.of_sensors(["accelerometer"]), (recording, settings, tests)
     again = diagnose_poses(alone, reasons | rejected, *how, found, information)
     return replace(again, rejected=rejected | again.rejected)
 
@@ -161,7 +165,7 @@ def rejections(result, recording):
         # what jumps and is corrected leaves little
         left = result.contents[sensor]["residuals"].values()
         if any(not r["after"] <= FAR * r["floor"] for r in left):
-            if why := change(sensor, recording.poses, recording.rotations):
+            if why := change(sensor, recording):
                 rejected[sensor] = why
     if "accelerometer" in rejected and "gyroscope" in result.calibrations:
         rejected["gyroscope"] = NO_DIRECTION
@@ -185,7 +189,7 @@ def diagnosed(choices, parts, others, formulas):
     result, contents, more = judged(choices, parts), {}, {}
     for sensor in (s for s, content in result.contents.items() if leaves(content)):
         if own := formulas(sensor):
-            more[Kind(Product, sensor)] = tuple(OfSensor(shape, sensor) for shape in own)
+            more[EffectKind(Product, sensor)] = tuple(SensorEffect(shape, sensor) for shape in own)
     if more:
         choices = Choices(choices.problem.with_formulas(more))
         result = judged(choices, parts)
@@ -290,7 +294,7 @@ def undersampled(problem, solution, floor):
     if not rotations.aliased.any():
         return {}
     found = [
-        sensor.covariance_at(solution.fit.x, each, solution.effects).by(sensor.noise)
+        sensor.linearised(solution, each).noise.by(sensor.noise)
         for each in (recording, recording.without_aliasing())
     ]
     sums = (np.diag(each)[-2 * len(rotations) :].sum() for each in found)

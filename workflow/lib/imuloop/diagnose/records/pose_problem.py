@@ -7,13 +7,13 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import block_diag
 
-from imuloop.calibrate.noise_components import SizeLikelihood, likely_sizes, total
-from imuloop.calibrate.sensor_pair import OF_SENSOR
 from imuloop.core.precision import precision
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
+from imuloop.estimate.noise_components import SizeLikelihood, likely_sizes, total
 from imuloop.estimate.training_fit import ABSORBED
+from imuloop.factors.factors import OF_SENSOR
 
 # from the noise as estimated to what the residuals make of it
 PATH = (0.0, 0.3, 0.6, 1.0)
@@ -27,8 +27,8 @@ TOGETHER = 32
 class Linearized:
     """The residuals about the fit of all poses with some effects."""
 
-    solution: object  # the fit
-    model: object  # at the solution
+    solution: object  # the Fit
+    at: object  # Linearised factors about it
     values: np.ndarray  # (N,): residuals
     jacobian: np.ndarray  # (N, p): derivative with respect to the parameters
     # what the noise may be, from what was estimated of it to what the residuals make of it:
@@ -42,7 +42,7 @@ class Linearized:
 class PoseProblem:
     """The poses of a device: one group of rows, whose nuisances are the base parameters."""
 
-    sensor: object  # SensorPair
+    sensor: object  # JointFit
     recording: object
     shapes: dict  # tuple of the shapes of each effect to try, by kind
     settings: DiagnoseSettings
@@ -127,7 +127,7 @@ class PoseProblem:
         Between the last pose before it and the first after it that are in no part of `held_out`.
         """
         held, pair = np.isin(self.part_of_pose, list(held_out)), self.rows[0]
-        after = self.recording.poses.mid_s > effect.times[0]
+        after = self.recording.poses.mid_s > effect.effect.times[0]
         number = np.arange(len(held))
         last = number[~held & ~after].max(initial=-1)
         first = number[~held & after].min(initial=len(held))
@@ -164,18 +164,17 @@ class PoseProblem:
 
     def _made(self, base):
         effects, count = (*self.found, *base), len(self.sensor.names)
-        start = self.linearized(base[:-1]).solution.fit.x if base else None
+        start = self.linearized(base[:-1]).solution.x if base else None
         _, z = self.prior_rows
         known = np.hstack([self._known_base(), self._known_effects(effects)])
         solution = self.sensor.fit(self.recording, effects, start, (known, z))
-        x = solution.fit.x
-        model = self.sensor.model(solution, self.recording)
-        values, jacobian = model.residuals(x)
-        values = np.append(values, known @ x - z)
-        jacobian = np.concatenate([jacobian, known])
+        x = solution.x
+        at = self.sensor.linearised(solution, self.recording)
+        values = np.append(at.residual, known @ x - z)
+        jacobian = np.concatenate([at.jacobian, known])
         nuisances = count + sum(len(e.parameters) for e in self.found)
         own = by_effect(jacobian[:, None, nuisances:], base)
-        covariance, *components = self.sensor.noise_components(x, self.recording, model)
+        covariance, *components = self.sensor.noise_components(at)
         # rows of other records are independent, of variance one
         covariance = block_diag(covariance, np.eye(len(z)))
         slow, missing = ([c.padded(len(z)) for c in each] for each in components)
@@ -214,7 +213,7 @@ class PoseProblem:
 
         prior, plain = np.full(len(chosen), -np.log(len(chosen))), ~chosen.any(axis=1)
         evidence = Evidence([rows], prior, design, least=1.0, as_estimated_mask=plain)
-        return Linearized(solution, model, values, jacobian, alternatives, evidence, noise_with)
+        return Linearized(solution, at, values, jacobian, alternatives, evidence, noise_with)
 
     def _known_base(self):
         """Return what other records say of the base parameters, rows R as above."""
@@ -244,11 +243,10 @@ class PoseProblem:
     def enter(self, effects):
         """Find what several effects add, many at once: what they have in common is found once."""
         new = [e for e in effects if e not in self._columns]
-        solution, base = self.linearized(()).solution, self.linearized(()).model
+        about = self.linearized(()).at
         for first in range(0, len(new), TOGETHER):
             own = new[first : first + TOGETHER]
-            of_effects = self.sensor.derivative(solution, self.recording, own, base)
-            columns = np.concatenate([of_effects, self._known_effects(own)])
+            columns = np.concatenate([about.columns(own), self._known_effects(own)])
             self._columns.update(by_effect(columns[:, None], own))
 
     def nearest(self, base):
@@ -295,7 +293,7 @@ class PoseProblem:
         """
         about = self.linearized(base)
         fit = about.evidence.training_fit().fit(base, 0)
-        count, more = about.jacobian.shape[1], self._by_constants(base, about.solution.fit.x)
+        count, more = about.jacobian.shape[1], self._by_constants(base, about.solution.x)
         total, design = 0.0, np.column_stack([about.jacobian, *more])
         size = np.linalg.norm(design, axis=0)
         size[size == 0] = 1.0
@@ -330,10 +328,10 @@ class PoseProblem:
         return "what it adds in these data is taken up by the base model"
 
     def fitted(self, base, held_out=frozenset()):
-        """Return the Solution with some effects that does not see some parts."""
+        """Return the Fit with some effects that does not see some parts."""
         solution, count = self.nearest(base).solution, len(self.sensor.names)
         nuisance, vectors = self.training_fit(base, held_out).parameters(base, 0)
-        start = solution.fit.x.copy()
+        start = solution.x.copy()
         # the nuisances: the base model, and what other records show
         start[: len(nuisance[0])] += nuisance[0]
         x = by_effect(start[count:], solution.effects)
@@ -342,8 +340,8 @@ class PoseProblem:
         effects = (*self.found, *base)
         values = np.concatenate([start[:count], *(x[e] for e in effects)])
         # nobody asks how well a part determines them
-        fit = replace(solution.fit, x=values, covariance=np.zeros((len(values), len(values))))
-        return replace(solution, effects=effects, fit=fit)
+        nothing = np.zeros((len(values), len(values)))
+        return replace(solution, effects=effects, x=values, covariance=nothing)
 
 
 def by_effect(values, effects):

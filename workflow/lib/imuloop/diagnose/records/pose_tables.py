@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from imuloop.calibrate.gyroscope import midpoints
 from imuloop.core.samples import CHANNELS, TEMPERATURE
+from imuloop.factors.velocity import midpoints
 
 # errors of a residual: held out and in the fit, without the added effects and with them
 ERRORS = ("before", "after", "in_sample_before", "in_sample_after")

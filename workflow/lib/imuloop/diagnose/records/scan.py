@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.effects.steps import Steps, joined, share_after
 from imuloop.estimate.p_values import log_f_tail
+from imuloop.model.effects import SensorEffect
 
 # windows on either side of a step, and times that are tried within one
 BESIDE, WITHIN = 3, 4
@@ -111,7 +111,7 @@ def pose_step(sensor, search, base, hopeful=False):
     apart, tries = np.diff(times).max() / 2, np.log(WITHIN * len(times))
     estimated = search.training_fit(base).evidence.as_estimated_mask
     while True:
-        shapes = [OfSensor(Steps((float(t),)), sensor) for t in times]
+        shapes = [SensorEffect(Steps((float(t),)), sensor) for t in times]
         search.problem.enter(shapes)
         tried = [t for t in search.tests(base, shapes, estimated) if t]
         if not tried:
@@ -120,7 +120,7 @@ def pose_step(sensor, search, base, hopeful=False):
         best = search.shaped(base, [clearest.effect], tries)
         if best is None or apart < CLOSE or best.log_p > 0:
             return best
-        (found,) = best.effect.times
+        (found,) = best.effect.effect.times
         times, apart = found + apart * np.array([0, -1, 1]), apart / 2
 
 

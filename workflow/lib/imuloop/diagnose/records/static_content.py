@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from imuloop.calibrate.noise_components import FARTHEST
 from imuloop.core.effect import Effect
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import residual_entry, search_content, untried
+from imuloop.estimate.noise_components import FARTHEST
 from imuloop.estimate.residuals import held_out_covariance
 from imuloop.estimate.verdict import MARGIN, RESIDUALS, judge, verdict
 

@@ -6,8 +6,6 @@ from functools import partial
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from imuloop.calibrate.least_squares import why_no_fit
-from imuloop.calibrate.sensor_pair import OfSensor
 from imuloop.core.effect import Channels
 from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
@@ -17,7 +15,9 @@ from imuloop.diagnose.records.rests import LONG_REST
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
 from imuloop.diagnose.records.static_content import searched_content, static_content
 from imuloop.estimate.choice import Choices
+from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.verdict import not_testable
+from imuloop.model.effects import SensorEffect
 from imuloop.noise.allan import session_curves
 from imuloop.noise.correction import corrected_sessions
 from imuloop.noise.noise import estimate_noise
@@ -45,7 +45,7 @@ class StaticResult:
         `warm` is whether the poses have a temperature.
         """
         found = tuple(
-            OfSensor(e.effect, sensor)
+            SensorEffect(e.effect, sensor)
             for sensor, effects in self.effects.items()
             for e in effects
             if warm or "temperature" not in e.effect.needs

@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 
-from imuloop.calibrate.recording import OWN
 from imuloop.core.effect import Channels
 from imuloop.core.samples import other_sensor, sums_over
 from imuloop.core.segments import STATIC
+from imuloop.factors.factors import OWN
 
 # fewer means leave a shorter window; more a longer one, for a covariance of n means has n² entries
 LEAST_MEANS, MOST_MEANS = 64, 200

@@ -12,13 +12,13 @@ from calibrate.devices import (
     recorded,
     recording,
     scores,
-    true_pair,
 )
-from imuloop.calibrate import accelerometer, gyroscope
-from imuloop.calibrate.accelerometer import AccelerometerModel
 from imuloop.calibrate.recording import Log, pose_means
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import fibonacci_lattice
+from imuloop.factors.factors import Factors
+from imuloop.model.raw_units import as_logged
+from imuloop.model.state import NAMES, State
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 from seeds import seeds
@@ -66,7 +66,7 @@ def test_intervals_cover_the_truth_and_the_mean_of_the_bias_over_the_rests(seeds
         each = []
         for sensor, names, level, own in zip(
             ("accelerometer", "gyroscope"),
-            (accelerometer.NAMES, gyroscope.NAMES),
+            NAMES.values(),
             bias,
             calibrated(made, NOISE, COARSE.gravity),
             strict=True,
@@ -98,19 +98,18 @@ def plain(made, gravity):
 
     Nine of gravity's norm; nine of the rotations by these, and the mean rate of the rests.
     """
-    poses = made.poses
-    model = AccelerometerModel(poses.f, np.zeros((len(poses), 3, 0)), gravity)
-    x = least_squares(lambda x: model.residuals(x)[0], model.start(), x_scale="jac").x
-    bias = np.average(poses.w, axis=0, weights=poses.duration_s)
-    start = np.concatenate([np.zeros(6), np.ones(3), bias])
-    pair, _ = true_pair(TRUTH, made, moves=False)
-    model, rotations = pair.model_at(np.append(x, start), made), 4 * len(poses)
+    n, base = len(made.poses), np.repeat([0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [3, 3, 3, 6, 3, 3])
+    base[-3:] = np.average(made.poses.w, axis=0, weights=made.poses.duration_s)
+    measured = Factors(gravity).about(made, State(base))
+    # the angles between gravity as it is carried and as it is measured come after the rates
+    for own, rows in ((slice(0, 9), slice(0, n)), (slice(9, 18), slice(4 * n, None))):
 
-    def errors(y):
-        """Return the angles between gravity as it is carried and as it is measured."""
-        return model.residuals(np.concatenate([x, y, bias]))[0][rotations:]
+        def errors(x, own=own, rows=rows):
+            whole = np.concatenate([base[: own.start], x, base[own.stop :]])
+            return measured.at(whole).residual[rows]
 
-    return np.concatenate([x, least_squares(errors, start[:9]).x, bias])
+        base[own] = least_squares(errors, base[own], x_scale="jac").x
+    return base
 
 
 def errors_in_use(x, truth):
@@ -118,14 +117,11 @@ def errors_in_use(x, truth):
 
     The accelerometer's frame is its own x axis and xy plane: a turn of the whole is no error.
     """
-    u, found = fibonacci_lattice(200), []
-    for unpack, own, size, sensor in (
-        (accelerometer.unpack, x[:9], truth.gravity, truth.accelerometer),
-        (gyroscope.unpack, x[9:], np.pi / 2, truth.gyroscope),
-    ):
-        raw = np.linalg.solve(sensor.T, size * u.T).T / sensor.K + sensor.b
-        T, K, b = unpack(own)
-        found.append(np.sqrt(np.mean(((K * (raw - b)) @ T.T - size * u) ** 2)))
+    u, found, state = fibonacci_lattice(200), [], State(x)
+    for name, size in (("accelerometer", truth.gravity), ("gyroscope", np.pi / 2)):
+        true = getattr(truth, name)
+        raw = np.linalg.solve(true.T, size * u.T).T / true.K + true.b
+        found.append(np.sqrt(np.mean((state.sensor(name).aligned(raw) - size * u) ** 2)))
     return found
 
 
@@ -135,12 +131,7 @@ def test_it_is_no_worse_than_a_plain_fit_on_clean_devices(seeds):
     for seed in range(seeds):
         made = recording(COARSE, 300 + seed)
         sensors = calibrated(made, NOISE, COARSE.gravity)
-        joint = np.concatenate(
-            [
-                *(sensors[0].T[np.triu_indices(3, 1)], sensors[0].K, sensors[0].b),
-                *(sensors[1].T[~np.eye(3, dtype=bool)], sensors[1].K, sensors[1].b),
-            ]
-        )
+        joint = np.concatenate([as_logged(*each) for each in zip(NAMES, sensors, strict=True)])
         each = [errors_in_use(x, COARSE) for x in (joint, plain(made, COARSE.gravity))]
         ratios.append(np.divide(*each))
     # in the mean it is better, and none is worse by more than its noise

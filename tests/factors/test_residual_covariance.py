@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.devices import known, planned, recording, true_pair
+from calibrate.devices import known, planned, recording, true_fit
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.simulate.noise import flicker, walk, white
@@ -21,13 +21,13 @@ SLOW = {"B": (1.0, flicker), "K": (0.6, walk)}
 
 @pytest.fixture(scope="module")
 def device():
-    """A PairCovariance, and what errors of each channel's samples make of the residuals.
+    """A JointFit, its ResidualCovariance, and what errors of each sample make of the residuals.
 
     The latter by differences, for the means at the poses and the samples along the moves.
     """
     made = recording(TRUTH, 2)
-    pair, x = true_pair(TRUTH, made)
-    plain, step, gains = pair.model_at(x, made).residuals(x)[0], 1e-6, []
+    joint, x = true_fit(TRUTH, made)
+    plain, step, gains = joint.measured(x, made).at(x), 1e-6, []
     for axis in range(6):
         name, columns = "fw"[axis // 3], []
         for table in ("poses", "rotations"):
@@ -36,9 +36,10 @@ def device():
                 values = getattr(whole, name).copy()
                 values[(*at, axis % 3)] += step
                 changed = replace(made, **{table: replace(whole, **{name: values})})
-                columns.append((pair.model_at(x, changed).residuals(x)[0] - plain) / step)
+                moved = joint.measured(x, changed).at(x).residual
+                columns.append((moved - plain.residual) / step)
         gains.append(np.transpose(columns))
-    return pair, pair.covariance_at(x, made), made, gains
+    return joint, plain.noise, made, gains
 
 
 def drawn(made, term, rng):
@@ -61,7 +62,7 @@ def drawn(made, term, rng):
 @pytest.mark.parametrize("axis", (0, 4))
 @pytest.mark.parametrize("term", SLOW)
 def test_it_is_that_of_drawn_records(device, term, axis):
-    pair, covariance, made, gains = device
+    joint, covariance, made, gains = device
     found = np.cov((drawn(made, term, np.random.default_rng(axis)) @ gains[axis].T).T)
     own = AxisNoise(N=known(1.0), **{term: known(SLOW[term][0])})
     # of the other channels next to nothing
@@ -70,7 +71,7 @@ def test_it_is_that_of_drawn_records(device, term, axis):
     # of velocities, rotations, and whichever of gravity and rates the channel is of
     assert np.count_nonzero(size > 1e-6) == 5 * len(made.rotations) + len(made.poses)
     # an angle that next to none of it enters has what the turn within a sample lets in
-    kinds = pair.rows(made)[1]
+    kinds = joint.rows(made)[1]
     counts = size > 0.1 * np.array([size[kinds == k].max() for k in range(5)])[kinds] + 1e-6
     off = off[np.ix_(counts, counts)] / np.outer(size[counts], size[counts])
     # five standard deviations
@@ -94,10 +95,10 @@ def test_errors_at_the_truth_have_the_predicted_covariance():
     found = {}
     for seed in range(SEEDS):
         made = recording(truth, 100 + seed)
-        pair, x = true_pair(truth, made)
-        (r, jacobian), kinds = pair.model_at(x, made).residuals(x), pair.rows(made)[1]
-        covariance = pair.covariance_at(x, made).by(pair.noise)
-        groups = {kind: kinds == k for k, kind in enumerate(pair.kinds)} | {"all": kinds >= 0}
+        joint, x = true_fit(truth, made)
+        at, kinds = joint.measured(x, made).at(x), joint.rows(made)[1]
+        r, jacobian, covariance = at.residual, at.jacobian, at.noise.by(joint.noise)
+        groups = {kind: kinds == k for k, kind in enumerate(joint.kinds)} | {"all": kinds >= 0}
         for kind, rows in groups.items():
             own = covariance[np.ix_(rows, rows)]
             more = square(r[rows], own, jacobian[np.ix_(rows, BIASES)])
@@ -112,9 +113,9 @@ def test_a_walk_of_the_rate_is_common_to_rotations_and_the_poses_beside_them():
     together, alone = np.zeros(2), np.zeros(2)
     for seed in range(SEEDS):
         made = recording(truth, seed)
-        pair, x = true_pair(truth, made, moves=False)
-        r, jacobian = pair.model_at(x, made).residuals(x)
-        covariance = pair.covariance_at(x, made).by(pair.noise)
+        joint, x = true_fit(truth, made, moves=False)
+        at = joint.measured(x, made).at(x)
+        r, jacobian, covariance = at.residual, at.jacobian, at.noise.by(joint.noise)
         n, first = len(made.poses), made.rotations.first
         apart = covariance.copy()
         apart[: 4 * n, 4 * n :] = apart[4 * n :, : 4 * n] = 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imuloop.calibrate.noise_components import Component, likely_sizes, total
+from imuloop.estimate.noise_components import Component, likely_sizes, total
 
 N = 40
 T = np.arange(N)

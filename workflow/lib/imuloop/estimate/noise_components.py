@@ -6,16 +6,15 @@ import numpy as np
 from scipy.linalg import block_diag, solve_triangular
 from scipy.optimize import lsq_linear
 
-from imuloop.calibrate.least_squares import NotConverged
 from imuloop.core.precision import precision
+from imuloop.estimate.least_squares import NotConverged
 
 # size of a component, of which a deviation of what was known, or white noise, is one, that is none
 TINY = 1e-6
 # in standard deviations, how far a size is from what is known of it: to the end of its interval
 FARTHEST = 1.96
-# steps of the search, and its end: by so much the logarithm of the likelihood may still rise; and
-# where the noise of drawn data is wanted
-STEPS, RISE, ROUGH = 100, 1e-9, 5e-3
+# steps of the search, and its end: by so much the logarithm of the likelihood may still rise
+STEPS, RISE = 100, 1e-9
 # rise after the last step that makes no other weights; beyond it nothing was found
 UNSETTLED = 1e-3
 

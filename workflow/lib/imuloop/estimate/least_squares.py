@@ -30,46 +30,32 @@ def why_no_fit(error):
 
 
 @dataclass(frozen=True)
-class FitResult:
-    """Result of a generalised least-squares fit of p parameters to n residuals.
+class Fit:
+    """A generalised least-squares fit of p parameters to n residuals.
 
     The covariance is ``C = (Jᵀ Σ⁻¹ J + Rᵀ R)⁻¹``, from the predicted covariance Σ of the residuals
     and the rows R of the prior; χ² is ``rᵀ Σ⁻¹ r``, its degrees of freedom ``n - p + tr(R C Rᵀ)``.
-    The derivative J, (n, p), is not whitened, the residuals are, (n,), each given those before it.
+    The residuals, (n,), are whitened, each given those before it. `effects` are those among the
+    parameters; reduced χ² is by what the noise alone predicts, of each sensor's residuals and of
+    those of ``motion``.
     """
 
     x: np.ndarray
     covariance: np.ndarray
     chi2: float
     dof: float
-    jacobian: np.ndarray
     white: np.ndarray
-
-    @property
-    def reduced_chi2(self):
-        """Chi square per degree of freedom; not a number below `LEAST_DOF`, where it is chance."""
-        return self.chi2 / self.dof if self.dof >= LEAST_DOF else np.nan
+    effects: tuple = ()
+    reduced_chi2: dict = field(default_factory=dict)
 
     @property
     def scaled_covariance(self):
-        """Covariance inflated by the reduced chi square where the residual exceeds its floor."""
-        return self.covariance * np.fmax(1.0, self.reduced_chi2)
+        """Covariance inflated by the reduced χ² above one; below `LEAST_DOF` that is chance."""
+        enough = self.dof >= LEAST_DOF
+        return self.covariance * max(1.0, self.chi2 / self.dof if enough else 1.0)
 
 
-@dataclass(frozen=True)
-class Solution:
-    """A fit to data, and the effects in it.
-
-    The fit has the base parameters that are estimated, then the effects', SI as logged. Reduced χ²
-    is by what the noise alone predicts, of each sensor's residuals and of those of ``motion``.
-    """
-
-    effects: tuple
-    fit: FitResult
-    reduced_chi2: dict = field(default_factory=dict)
-
-
-def fit(residuals, x0, covariance, prior=None):
+def fit(linearise, x0, covariance, prior=None):
     """Minimise ``r(x)ᵀ Σ⁻¹ r(x)``, or ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` with what is known of x.
 
     MINPACK's Levenberg-Marquardt on the analytic derivative. Parameters are measured by the length
@@ -77,8 +63,9 @@ def fit(residuals, x0, covariance, prior=None):
 
     Parameters
     ----------
-    residuals : callable
-        Gives the residuals, shape (n,), and their derivative, shape (n, p), at x.
+    linearise : callable
+        Gives at x an object with the residuals, shape (n,), as `residual`, and their derivative,
+        shape (n, p), as `jacobian`.
     x0 : array_like, shape (p,)
         Start.
     covariance : array_like, shape (n, n) or (n,)
@@ -88,7 +75,7 @@ def fit(residuals, x0, covariance, prior=None):
 
     Returns
     -------
-    FitResult
+    Fit
 
     Raises
     ------
@@ -96,46 +83,37 @@ def fit(residuals, x0, covariance, prior=None):
         If the covariance is not positive definite or the design is of deficient rank; NotConverged
         where chi square still falls after the last step.
     """
-    one_each = np.ndim(covariance) == 1
-    root = np.sqrt(covariance) if one_each else np.linalg.cholesky(covariance)
-    whiten = np.diag(1 / root) if one_each else np.linalg.inv(root)
-    last = {}
+    independent = np.ndim(covariance) == 1
+    root = np.sqrt(covariance) if independent else np.linalg.cholesky(covariance)
+    whiten = np.diag(1 / root) if independent else np.linalg.inv(root)
+    rows, z = (np.zeros((0, len(x0))), np.zeros(0)) if prior is None else prior
+    last = None
 
-    def evaluate(x):
-        key = x.tobytes()
-        if key not in last:
-            r, jacobian = residuals(x)
-            r, white = whiten @ r, whiten @ jacobian
-            if prior is not None:
-                known, z = prior
-                r, white = np.append(r, known @ x - z), np.concatenate([white, known])
-            last.clear()
-            last[key] = r, white, jacobian
-        return last[key]
+    def at(x):
+        """Return the rows at x: MINPACK asks for the residuals, then perhaps for the derivative."""
+        nonlocal last
+        if last is None or np.any(last[0] != x):
+            last = np.array(x), linearise(x)
+        return last[1]
+
+    def residual(x):
+        return np.append(whiten @ at(x).residual, rows @ x - z)
+
+    def jacobian(x):
+        return np.concatenate([whiten @ at(x).jacobian, rows])
 
     x = np.array(x0, dtype=float)
-    if not np.isfinite(evaluate(x)[0]).all():
+    if not np.isfinite(residual(x)).all():
         raise LinAlgError("residuals that are not finite")
-    found = least_squares(
-        lambda x: evaluate(x)[0],
-        x,
-        lambda x: evaluate(x)[1],
-        method="lm",
-        x_scale="jac",
-        ftol=_TOLERANCE,
-        xtol=_TOLERANCE,
-        gtol=_TOLERANCE,
-        max_nfev=_STEPS,
-    )
+    how = dict.fromkeys(("ftol", "xtol", "gtol"), _TOLERANCE) | {"max_nfev": _STEPS}
+    found = least_squares(residual, x, jacobian, method="lm", x_scale="jac", **how)
     if not found.status:
         raise NotConverged(f"the fit does not converge in {_STEPS} steps")
-    x = found.x
-    r, white, jacobian = evaluate(x)
-    left, covariance = r[: len(jacobian)], covariance_of(white)
+    x, covariance = found.x, covariance_of(jacobian(found.x))
+    white = residual(x)[: len(whiten)]
     # the prior determines parts of the parameters: of so many the data determine none
-    held = 0.0 if prior is None else np.sum(prior[0] @ covariance * prior[0])
-    dof = float(len(left) - len(x) + held)
-    return FitResult(x, covariance, float(left @ left), dof, jacobian, left)
+    dof = float(len(white) - len(x) + np.sum(rows @ covariance * rows))
+    return Fit(x, covariance, float(white @ white), dof, white)
 
 
 def chi_square(values, covariance, jacobian, groups):

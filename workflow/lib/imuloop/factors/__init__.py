@@ -1,0 +1,1 @@
+"""Kinds of measurement: residual, derivative and noise of each."""

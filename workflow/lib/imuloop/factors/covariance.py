@@ -1,0 +1,189 @@
+"""The covariance of all residuals by the noise of the six channels."""
+
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from imuloop.core.noise_model import AxisNoise, Coefficient, edges
+from imuloop.core.samples import ANGULAR_RATE, CHANNELS
+from imuloop.factors.directions import cross_matrix
+
+# parts of a move over each of which slow noise has a mean: early noise moves a velocity more
+PARTS = 4
+
+
+class ResidualCovariance:
+    """The covariance that the noise predicts of Linearised factors.
+
+    Every channel has means over windows, at the n rests and over parts of the m moves; what each
+    adds to a residual is the gain. What a move has of slow noise the rests beside it have too;
+    noise of different power cycles is independent. White noise within a move, and errors of its
+    time stamps, enter its rotation and its velocity alike.
+    """
+
+    def __init__(self, at):
+        measured = at.measured
+        self.rests, self.moves, self.counted = measured.rests, measured.moves, measured.counted
+        self.rest_rows, self.rows, self.places = at.rest_rows, at.move_rows, at.places
+        self.force, self.force_gain, self.weights = at.force_at_rest, at.force.gain, at.weights
+        # few means enter each residual
+        self.gains = [csr_array(gain) for gain in self._gains()]
+
+    def by(self, noise, aliasing=True):
+        """Return the covariance of the residuals that count by a NoiseModel, shape (N, N).
+
+        With what samples too far apart lose, or as if they were close enough.
+        """
+        covariance, places = 0.0, self.places
+        for gain, channel in zip(self.gains, range(6), strict=True):
+            covariance = covariance + _through(gain, self._of_means(noise, channel))
+        white = [noise.axes[name].N.square for name in CHANNELS]
+        within = np.tensordot(white, self._within, 1)
+        within += self._extra(self.moves.errors(aliasing=aliasing))
+        covariance[places[:, :, None], places[:, None]] += within
+        for axis, columns in zip(ANGULAR_RATE, self._tilted, strict=True):
+            covariance += noise.axes[axis].N.square * (columns @ columns.T)
+        return self._chosen(covariance)
+
+    def component(self, channel, term):
+        """Return that of flicker, 'B', or walk, 'K', of one channel alone, of size one."""
+        return self._chosen(_through(self.gains[CHANNELS.index(channel)], self._of_one[term]))
+
+    def of_aliasing(self):
+        """Return what samples too far apart add to the covariance of the residuals that count."""
+        found, places = np.zeros((len(self.counted),) * 2), self.places
+        found[places[:, :, None], places[:, None]] = self._extra(self.moves.errors(others=False))
+        return self._chosen(found)
+
+    def _chosen(self, covariance):
+        counted = self.counted
+        return covariance if counted.all() else covariance[np.ix_(counted, counted)]
+
+    @cached_property
+    def _windows(self):
+        """Windows of all means, at the rests and over parts of the moves, s, (M, 2)."""
+        ends = np.linspace(self.moves.start_s, self.moves.end_s, PARTS + 1)
+        parts = np.stack([ends[:-1].T.ravel(), ends[1:].T.ravel()], axis=1)
+        return np.concatenate([self.rests.windows, parts])
+
+    @cached_property
+    def _edges(self):
+        """What the covariances of all channels share."""
+        cycle = self.rests.power_cycle
+        return edges(self._windows, np.append(cycle, np.repeat(cycle[self.moves.first], PARTS)))
+
+    @cached_property
+    def _of_one(self):
+        """Covariance of the means by flicker and by walk of size one."""
+        ones = {term: AxisNoise(**{term: Coefficient(1.0)}) for term in "BK"}
+        return {
+            term: self._about_mean(one.mean_covariance(self._windows, self._edges))
+            for term, one in ones.items()
+        }
+
+    def _about_mean(self, means):
+        """Return a covariance of means less the mean over all rests: the bias is that mean."""
+        share = np.zeros(len(means))
+        share[: len(self.rests)] = self.rests.duration_s / self.rests.duration_s.sum()
+        left = means - share @ means
+        return left - (left @ share)[:, None]
+
+    def _of_means(self, noise, channel):
+        """Return the covariance of one channel's means, and what rounding and tilts add."""
+        rests, model, n = self.rests, noise.axes[CHANNELS[channel]], len(self.rests)
+        fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
+        whole = quick = model.mean_covariance(self._windows, self._edges)
+        if fast != model:
+            quick = fast.mean_covariance(self._windows, self._edges)
+        slow, diagonal = self._about_mean(whole - quick), quick.diagonal().copy()
+        if model.N.square or model.Q.square:
+            diagonal[:n] += rests.extra_variance[:, channel]
+            # white noise within a move does not act as its mean does
+            diagonal[n:] -= model.N.square / np.ptp(self._windows[n:], axis=1)
+        else:
+            # where white noise is not known, the variance within the rests is taken for it
+            diagonal[:n] += rests.variance[:, channel] / rests.n
+        np.fill_diagonal(quick, diagonal)
+        return quick + slow
+
+    @cached_property
+    def _within(self):
+        """Covariance of a move's residuals by white noise of each channel, (6, m, a, a)."""
+        a, b = self.rows.residual.shape[1], self.rows.by_force.shape[2]
+        found = np.zeros((6, len(self.moves), a, a))
+        pushed = self.rows.by_force @ self.force_gain
+        for axis in range(3):
+            turned = self.rows.by_turn[..., axis]
+            found[3 + axis] = (turned * self.moves.steps[..., None]).swapaxes(1, 2) @ turned
+            own = pushed[..., axis]
+            weighted = own * self.weights[..., None]
+            found[axis, :, a - b :, a - b :] = weighted.swapaxes(1, 2) @ own
+        return found
+
+    def _extra(self, errors):
+        """Return what errors of turns about some steps add to the residuals, (m, a, a)."""
+        at, covariance = errors
+        gain = self.rows.by_turn[np.arange(len(at))[:, None], at]
+        return (gain @ covariance @ gain.swapaxes(2, 3)).sum(axis=1)
+
+    @cached_property
+    def _tilted(self):
+        """Effect of white noise of each rate on residuals where a rest tilts, (3, N, k).
+
+        A direction at a tilted rest is turned by the gyroscope to where its move starts or ends.
+        With white noise n over T those turns are off by ``∫ n s/T ds`` to the end and
+        ``-∫ n (1 - s/T) ds`` to the start: variances of T/3, and a covariance of -T/6.
+        """
+        rests, first, found = self.rests, self.moves.first, []
+        for k in np.flatnonzero(rests.tilt > 0):
+            leaving, arriving = np.zeros((2, len(self.counted), 3))
+            leaving[self.places[first == k]] = self.rows.by_start[first == k]
+            arriving[self.places[first + 1 == k]] = self.rows.by_end[first + 1 == k]
+            crossed = np.sqrt(rests.duration_s[k] / 3) * cross_matrix(self.force[k])
+            found += [(leaving - arriving / 2) @ crossed, np.sqrt(3) / 2 * arriving @ crossed]
+        return np.array(found).reshape(-1, len(self.counted), 3).transpose(2, 1, 0)
+
+    def _gains(self):
+        """Return what each channel's mean at a rest or over a part of a move adds, (6, N, M).
+
+        Calibrated rates are as good as those logged: K and T are one but for percents.
+        """
+        rows, first, n, m = self.rows, self.moves.first[:, None], len(self.rests), len(self.moves)
+        gains, rests = np.zeros((6, len(self.counted), n + PARTS * m)), np.arange(n)[:, None]
+        parts, start = n + np.arange(PARTS * m).reshape(m, PARTS, 1), 0
+        started, ended = rows.by_start @ self.force_gain, rows.by_end @ self.force_gain
+        steps, passed = self.moves.steps, self.moves.steps.cumsum(axis=1)
+        turned = _by_part(rows.by_turn, steps, passed - steps / 2)
+        pushed = rows.by_force @ self.force_gain
+        pushed = _by_part(pushed, self.weights, np.pad(passed, ((0, 0), (1, 0))))
+        last = self.places[:, None, self.places.shape[1] - pushed.shape[2] :]
+        for sensor, own in enumerate(self.rest_rows.values()):
+            at = start + np.arange(own.residual.size).reshape(n, -1)
+            start += own.residual.size
+            for axis in range(3):
+                gains[3 * sensor + axis, at, rests] = own.gain[..., axis]
+        for axis in range(3):
+            gains[axis, self.places, first] += started[..., axis]
+            gains[axis, self.places, first + 1] += ended[..., axis]
+            gains[axis, last, parts] = pushed[..., axis]
+            gains[3 + axis, self.places[:, None], parts] = turned[..., axis]
+        return gains
+
+
+def _by_part(change, seconds, passed):
+    """Return integrals over each part of each move, (m, parts, a, 3).
+
+    Takes what is integrated, (m, k, a, 3), the time that each stands for, and the time since the
+    start of the move, s, (m, k).
+    """
+    part = np.minimum((passed / passed.max(axis=1, keepdims=True) * PARTS).astype(int), PARTS - 1)
+    weights = (part[:, None] == np.arange(PARTS)[:, None]) * seconds[:, None]
+    m, k, a, _ = change.shape
+    return (weights @ change.reshape(m, k, 3 * a)).reshape(m, PARTS, a, 3)
+
+
+def _through(gain, covariance):
+    """Return ``G C Gᵀ``."""
+    return gain @ (gain @ covariance).T

@@ -1,0 +1,20 @@
+"""Directions, and what is normal to them."""
+
+import numpy as np
+
+
+def tangents(directions):
+    """Return two unit vectors normal to each direction, (n, 3), and to each other, (n, 2, 3)."""
+    helper = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    first = np.cross(directions, helper)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.stack([first, np.cross(directions, first)], axis=1)
+
+
+def cross_matrix(vectors):
+    """Return the matrices of ``v ×`` of vectors v: of (..., 3), (..., 3, 3)."""
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    made = np.zeros((*vectors.shape, 3))
+    made[..., 0, 1], made[..., 0, 2], made[..., 1, 2] = -z, y, -x
+    made[..., 1, 0], made[..., 2, 0], made[..., 2, 1] = z, -y, x
+    return made

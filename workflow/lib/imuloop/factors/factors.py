@@ -1,0 +1,171 @@
+"""Which measurements of a recording count, and what effects add to them."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from imuloop.core.effect import effect_design
+from imuloop.core.samples import SENSORS
+from imuloop.factors.linearised import Linearised
+from imuloop.model.state import State
+
+# kinds of residuals in the order of their rows: SI unit, components, and whose they are
+KINDS = {
+    "gravity_norm": ("m/s^2", 1),
+    "pose_rate": ("rad/s", 3),
+    "rotation": ("rad", 2),
+    "velocity_vertical": ("m/s", 1),
+    "velocity_horizontal": ("m/s", 2),
+}
+OWNER = {"gravity_norm": "accelerometer", "pose_rate": "gyroscope", "rotation": "gyroscope"}
+OF_SENSOR = {s: tuple(kind for kind, owner in OWNER.items() if owner == s) for s in SENSORS}
+AT_RESTS = ("gravity_norm", "pose_rate")
+VELOCITY = ("velocity_vertical", "velocity_horizontal")
+OWNER |= dict.fromkeys(VELOCITY, "motion")
+# a sensor's own channels of rests and moves, and the other sensor's
+OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Which measurements count.
+
+    Attributes
+    ----------
+    gravity : float
+        Local gravity, m/s^2.
+    sensors : tuple of str
+        Sensors whose data count.
+    quiet : ndarray of bool, shape (m,), or None
+        Whether the velocity of a move counts; None where none does.
+    share : ndarray, shape (m, 3, 2), or None
+        As in `velocity`; None for none.
+    bias_held : bool
+        Whether the bias of the gyroscope stays as the prior has it.
+    """
+
+    gravity: float
+    sensors: tuple = tuple(SENSORS)
+    quiet: np.ndarray | None = None
+    share: np.ndarray | None = None
+    bias_held: bool = False
+
+    @property
+    def kinds(self):
+        """Kinds of residuals that count, with SI unit and number of components."""
+        known = {*self.sensors, "motion"} if self.quiet is not None else {*self.sensors}
+        # a rotation carries the direction of gravity
+        without = () if "accelerometer" in known else ("rotation",)
+        return {k: KINDS[k] for k, owner in OWNER.items() if owner in known and k not in without}
+
+    def table(self, recording):
+        """Return start, end, kind and whether it counts of each residual, (4, N)."""
+        rests, first, kinds = np.arange(len(recording.poses)), recording.rotations.first, self.kinds
+        table = []
+        for kind in (kind for kind in KINDS if kind not in VELOCITY or self.quiet is not None):
+            start, further = (rests, 0) if kind in AT_RESTS else (first, 1)
+            counts = self.quiet if kind in VELOCITY else kind in kinds
+            number = [*kinds].index(kind) if kind in kinds else -1
+            rows = np.broadcast_arrays(start, start + further, number, counts)
+            table.append(np.repeat(rows, KINDS[kind][1], axis=1))
+        return np.hstack(table)
+
+    def rows(self, recording):
+        """Return the rests where each residual starts and ends, (N, 2), and its kind, (N,)."""
+        start, end, kinds, counts = self.table(recording)
+        return np.column_stack([start, end])[counts > 0], kinds[counts > 0]
+
+    def kinds_of_rows(self, recording):
+        """Return the kind of each residual, and its `OWNER`, (N,) of str."""
+        kinds = np.array([*self.kinds])[self.rows(recording)[1]]
+        return kinds, np.array([OWNER[kind] for kind in kinds.tolist()], dtype=str)
+
+    def about(self, recording, state):
+        """Return the Measurements of a recording, effects seen with the parameters of a State."""
+        if "accelerometer" not in self.sensors:
+            # a dead accelerometer has no direction of gravity
+            up = np.tile([0.0, 0.0, self.gravity], (len(recording.poses), 1))
+            recording = replace(recording, poses=replace(recording.poses, f=up))
+        return Measurements(self, recording, state)
+
+    def without_rotation(self, recording, state, noise):
+        """Return the same, velocities less what the noise has in common with rotations.
+
+        By the NoiseModel, at a State.
+        """
+        every = np.ones(len(recording.rotations), dtype=bool)
+        at = replace(self, share=None, quiet=every).about(recording, state).at(state.x)
+        block = at.noise.by(noise)[at.places[:, :, None], at.places[:, None]]
+        share = np.linalg.solve(block[:, :2, :2], block[:, :2, 2:]).swapaxes(1, 2)
+        return replace(self, share=share)
+
+
+@dataclass(frozen=True)
+class Measurements:
+    """Rests and moves of a recording, with effects as they are seen with the parameters `about`.
+
+    What effects add is straight in their parameters then, and so it stays in a fit.
+    """
+
+    factors: Factors
+    recording: object
+    about: State
+
+    @property
+    def rests(self):
+        """The Poses, n of them."""
+        return self.recording.poses
+
+    @property
+    def moves(self):
+        """The Rotations, m of k samples."""
+        return self.recording.rotations
+
+    @cached_property
+    def counted(self):
+        """Which of all residuals count."""
+        return self.factors.table(self.recording)[3] > 0
+
+    @cached_property
+    def designs(self):
+        """As in `designs_of`, of the effects of the state."""
+        return self.designs_of()
+
+    def designs_of(self, more=()):
+        """Return of each sensor D, as in `Sensor`, of its effects and some more.
+
+        At rests, (n, 3, q), and along moves, (m, k, 3, q), the latter None where nothing asks.
+        """
+        state = self.about.with_effects(more)
+        return {sensor: self._designs(sensor, state) for sensor in SENSORS}
+
+    def _designs(self, sensor, state):
+        effects = [e.effect for e in state.effects if e.sensor == sensor]
+        own, (other,) = state.sensor(sensor), (s for s in SENSORS if s != sensor)
+        see, made = state.sensor(other).aligned, []
+        tables = [(self.rests, self.recording.pose_channels)]
+        if sensor == "gyroscope" or self.factors.quiet is not None:
+            tables.append((self.moves, self.recording.rotation_channels))
+        for table, channels in tables:
+            y, beside = (getattr(table, name) for name in OWN[sensor])
+            design = np.zeros((*y.shape, len(own.p)))
+            if effects and len(y):
+                seen = channels(sensor, own.output, see(beside), see)
+                design = effect_design(effects, seen, own.p).reshape(design.shape)
+            made.append(design)
+        return made if len(made) == 2 else (*made, None)
+
+    @cached_property
+    def to_start(self):
+        """Small turns from the attitude of a rest's mean to its start, rad, (n, 3)."""
+        return self.rests.to_start @ self.about.sensor("gyroscope").gain.T
+
+    @cached_property
+    def to_end(self):
+        """The same to its end."""
+        return self.rests.to_end @ self.about.sensor("gyroscope").gain.T
+
+    def at(self, x):
+        """Return the Linearised factors with parameters x, (p,)."""
+        return Linearised(self, State(x, self.about.effects))

@@ -1,0 +1,26 @@
+"""A turn carries gravity from one rest to the next."""
+
+import numpy as np
+
+from imuloop.factors.directions import cross_matrix, tangents
+from imuloop.factors.rows import MoveRows
+
+
+def rotation(at):
+    """Return the MoveRows ``r = P Cᵀ u``, rad, two of each move.
+
+    C is the attitude at the end of the move, u gravity's direction at its start, and P two unit
+    vectors normal to the direction measured at its end. A turn φ on the axes at the start changes
+    Cᵀ u by ``Cᵀ (u × φ)``. Takes the `Linearised`.
+    """
+    P, u, first = tangents(at.arriving), at.leaving, at.measured.moves.first
+    attitude, within = at.attitudes
+    carried = P @ attitude[:, -1].swapaxes(1, 2)
+    by_turn = (carried @ cross_matrix(u))[:, None] @ within
+    return MoveRows(
+        (carried @ u[..., None])[..., 0],
+        carried @ at.across[first],
+        -P @ at.across[first + 1],
+        by_turn,
+        np.zeros((*attitude.shape[:2], 0, 3)),
+    )

@@ -1,0 +1,49 @@
+"""A move begins and ends at rest."""
+
+import numpy as np
+
+from imuloop.factors.directions import cross_matrix, tangents
+from imuloop.factors.rows import MoveRows
+
+
+def velocity(at, rotation, share):
+    """Return the MoveRows of the velocity at the end, m/s: along gravity, then two across.
+
+    With C the attitude, one at the start of a move of length L, f specific force and u gravity's
+    direction at the rest before,
+
+        v = ∫ C f dt - g L u.
+
+    Its vertical component feels an error of attitude to second order alone; of the horizontal ones
+    g times that error is the integrand. A turn φ amid the move adds ``φ × v'``, with v' the
+    velocity still to come. What the move's own error of rotation lets expect is taken away.
+
+    Parameters
+    ----------
+    at : Linearised
+        What factors share.
+    rotation : MoveRows
+        Those of `rotation`.
+    share : ndarray, shape (m, 3, 2)
+        Velocity that an error of rotation lets expect, m/s per rad.
+    """
+    u, moves, (attitude, within) = at.leaving, at.measured.moves, at.attitudes
+    frame = np.concatenate([u[:, None], tangents(u)], axis=1)
+    pull = at.measured.factors.gravity * at.weights.sum(axis=1)[:, None, None]
+    force = (attitude @ at.force_along[..., None])[..., 0]
+    gained = midpoints(force) * moves.steps[..., None]
+    to_come = gained[:, ::-1].cumsum(axis=1)[:, ::-1] - gained / 2
+    v = (at.weights[:, None] @ force).swapaxes(1, 2) - pull * u[..., None]
+    own = MoveRows(
+        (frame @ v)[..., 0],
+        -pull * frame @ at.across[moves.first],
+        np.zeros_like(frame),
+        -frame[:, None] @ cross_matrix(to_come) @ within,
+        frame[:, None] @ attitude,
+    )
+    return own.minus(share, rotation)
+
+
+def midpoints(values):
+    """Return the means of neighbours along the second axis: of (m, k, ...), (m, k - 1, ...)."""
+    return (values[:, 1:] + values[:, :-1]) / 2

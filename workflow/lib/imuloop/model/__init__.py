@@ -1,0 +1,1 @@
+"""The parameters of a device and the equation of its sensors."""

@@ -1,0 +1,44 @@
+"""An effect of one of two sensors, which are fitted together and may both have it."""
+
+from dataclasses import dataclass, replace
+from operator import attrgetter
+
+from imuloop.core.effect import Effect
+
+
+@dataclass(frozen=True)
+class EffectKind:
+    """A class of the library of effects, on one sensor; the properties are those of `Effect`."""
+
+    cls: type
+    sensor: str
+
+    name = property(attrgetter("cls.name"))
+    limit = property(attrgetter("cls.limit"))
+    is_formula = property(attrgetter("cls.is_formula"))
+
+
+@dataclass(frozen=True)
+class SensorEffect:
+    """An effect with its constants, on one sensor; the properties are those of `Effect`."""
+
+    effect: Effect
+    sensor: str
+
+    name = property(attrgetter("effect.name"))
+    parameters = property(attrgetter("effect.parameters"))
+    constants = property(attrgetter("effect.constants"))
+    needs = property(attrgetter("effect.needs"))
+    timed = property(attrgetter("effect.timed"))
+    after_temperature = property(attrgetter("effect.after_temperature"))
+    price = property(attrgetter("effect.price"))
+    units = property(attrgetter("effect.units"))
+
+    @property
+    def kind(self):
+        """The class of the effect, on this sensor."""
+        return EffectKind(type(self.effect), self.sensor)
+
+    def moved(self, factor):
+        """Return the same with its time constant, or width, multiplied by a factor."""
+        return replace(self, effect=self.effect.moved(factor))

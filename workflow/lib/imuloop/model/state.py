@@ -1,0 +1,70 @@
+"""The state vector: parameters of the accelerometer, of the gyroscope, then of the effects.
+
+All in SI as logged. The axes of the accelerometer are those of the body, so its T is upper
+triangular; that of the gyroscope has six parameters.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.core.effect import OUTPUT
+from imuloop.model.sensor import Sensor
+
+# rows and columns of the elements of T that are parameters
+ENTRIES = {
+    "accelerometer": ((0, 0, 1), (1, 2, 2)),
+    "gyroscope": ((0, 0, 1, 1, 2, 2), (1, 2, 0, 2, 0, 1)),
+}
+_SCALE_AND_BIAS = ("K0", "K1", "K2", "b0", "b1", "b2")
+# of each sensor without its effects: names of the parameters, and their places in the state; how
+# many these are, and the places of the gyroscope's bias
+NAMES = {s: (*(f"T{i}{j}" for i, j in zip(*at, strict=True)), *_SCALE_AND_BIAS)
+         for s, at in ENTRIES.items()}  # fmt: skip
+BASE = {"accelerometer": slice(0, 9), "gyroscope": slice(9, 21)}
+COUNT, BIAS = 21, slice(18, 21)
+
+
+@dataclass(frozen=True)
+class State:
+    """Values x of all parameters, (21 + q,), the last those of some `SensorEffect`."""
+
+    x: np.ndarray
+    effects: tuple = ()
+
+    @property
+    def names(self):
+        """Name of every parameter: ``accelerometer.K0``, ``gyroscope.g_sensitivity.G00``."""
+        return tuple(f"{sensor}.{name}" for sensor, name, _ in parameters(self.effects))
+
+    @property
+    def units(self):
+        """SI unit of a change of every parameter."""
+        return tuple(unit for *_, unit in parameters(self.effects))
+
+    def places(self, sensor):
+        """Return the places of the parameters of one sensor, its effects' last."""
+        return np.flatnonzero([owner == sensor for owner, *_ in parameters(self.effects)])
+
+    def sensor(self, sensor):
+        """Return the Sensor with these parameters."""
+        own, entries, T = self.x[self.places(sensor)], ENTRIES[sensor], np.eye(3)
+        T[entries], own = np.split(own, [len(entries[0])])
+        return Sensor(entries, T, *np.split(own, [3, 6]))
+
+    def with_effects(self, effects):
+        """Return the state with more effects, of size zero."""
+        count = sum(len(e.parameters) for e in effects)
+        return State(np.append(self.x, np.zeros(count)), (*self.effects, *effects))
+
+
+def parameters(effects=()):
+    """Return sensor, name and SI unit of each parameter of a state with some effects."""
+    found = []
+    for sensor, names in NAMES.items():
+        units = {"T": "rad", "K": "1", "b": OUTPUT[sensor]}
+        found += [(sensor, name, units[name[0]]) for name in names]
+    for effect in effects:
+        units = effect.units(effect.sensor).items()
+        found += [(effect.sensor, f"{effect.name}.{name}", unit) for name, unit in units]
+    return found
