@@ -110,6 +110,10 @@ class Evidence:
                 weighted += list(np.moveaxis(group.noise.precision @ own, 2, 0))
         return tuple(numbers)
 
+    def weighted_columns(self, i, numbers):
+        """Return ``P Z`` of columns Z of a group, by their numbers, (h, k, n)."""
+        return np.stack([self.weighted[i][c] for c in numbers], axis=1)
+
     def matrix(self, numbers):
         """Return columns by their numbers, (N, k)."""
         columns = [self.columns[c] for c in numbers]

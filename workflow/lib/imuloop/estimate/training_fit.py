@@ -11,8 +11,6 @@ from scipy.special import softmax
 ABSORBED = 1e-6
 # share of a column's square that rounding may leave
 ROUNDING = 1e-12
-# bytes of products beyond which those of a part of the data are not kept
-KEPT = 1 << 21
 
 
 @dataclass(frozen=True)
@@ -71,10 +69,10 @@ class TrainingFit:
     evidence: object  # all rows
     held_rows: tuple  # rows of each group that are held out, or touch a part that is
     residual_columns: tuple  # number of the column that holds the residuals, by axis
-    _place: dict = field(default_factory=dict)
-    _sides: dict = field(default_factory=dict)
-    _gram: np.ndarray | None = None
-    _whole: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    # of each column that was asked for: what is taken out of it in each group, (h, u), and its
+    # square by the first hypothesis, the nuisances not taken out
+    _taken: dict = field(default_factory=dict)
+    _whole: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict)
     _steps: dict = field(default_factory=dict)
 
@@ -114,54 +112,60 @@ class TrainingFit:
         each = ((g, np.einsum("huu->hu", root)) for g, root in groups)
         return sum(g.noise.log_det - 2 * np.log(own).sum(axis=1) for g, own in each)
 
-    def gram(self, columns):
-        """Return products of columns, nuisances taken out, summed over the groups, (h, k, k).
+    def products(self, first, second):
+        """Return products of columns with others, (h, a, b), summed over the groups.
 
-        Of columns Z, with U as in `_roots`: ``Zᵀ P Z - (Uᵀ P Z)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
+        What is held out and the nuisances are taken out. Of columns Y and Z, with U as in `_roots`:
+        ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
         """
-        self._enter(columns)
-        place = np.array([self._place[c] for c in columns], dtype=int)
-        return self._gram[:, place[:, None], place]
+        self._enter((*first, *second))
+        total, rows = 0.0, self.evidence.split(self.evidence.matrix(second))
+        for i, z in enumerate(rows):
+            taken = self.taken_out(i, first) @ np.swapaxes(self.taken_out(i, second), 1, 2)
+            total = total + self.evidence.weighted_columns(i, first) @ z - taken
+        return total
+
+    def gram(self, columns):
+        """Return the products of columns with each other, (h, k, k)."""
+        return self.products(columns, columns)
+
+    def _blocks(self, sets):
+        """Return the products within each of several sets of columns, (s, q) to (h, s, q, q)."""
+        flat, total = tuple(sets.ravel().tolist()), 0.0
+        self._enter(flat)
+        for i, z in enumerate(self.evidence.split(self.evidence.matrix(flat))):
+            weighted, taken = self.evidence.weighted_columns(i, flat), self.taken_out(i, flat)
+            weighted, taken = (x.reshape(len(x), *sets.shape, -1) for x in (weighted, taken))
+            total = total + weighted @ z.T.reshape(*sets.shape, -1).swapaxes(1, 2)
+            total = total - taken @ np.swapaxes(taken, 2, 3)
+        return total
+
+    def taken_out(self, i, columns):
+        """Return what is taken out of columns in a group, (h, k, u)."""
+        return np.stack([self._taken[c][i] for c in columns], axis=1)
 
     def _enter(self, columns):
-        """Add the products of those columns that nobody asked for before."""
-        new = [c for c in dict.fromkeys(columns) if c not in self._place]
+        """Find what is taken out of those columns that nobody asked for before."""
+        new = [c for c in dict.fromkeys(columns) if c not in self._taken]
         if not new:
             return
-        # they may not be determined: then no column has a place
-        first, count, roots = len(self._place), len(self.evidence.prior), self._roots
-        self._place |= {c: first + k for k, c in enumerate(new)}
-        known, total = list(self._place), len(self._place)
-        grown, added, whole, full = np.zeros((count, total, total)), 0.0, 0.0, 0.0
-        if first:
-            grown[:, :first, :first] = self._gram
-        rows = self.evidence.split(self.evidence.matrix(known))
-        groups = zip(self.evidence.row_groups, self.held_rows, rows, strict=True)
-        for i, (group, held_rows, z) in enumerate(groups):
-            # (h, new, known)
-            more = np.stack([self.evidence.weighted[i][c] for c in new], axis=1)
-            cross = more @ z
-            side = np.concatenate([more[:, :, held_rows], more @ group.nuisance], axis=2) @ roots[i]
-            if first:
-                side = np.concatenate([self._sides[i], side], axis=1)
-            self._sides[i], own = side, side[:, first:]
-            # of the first hypothesis alone, the nuisances not taken out
-            full = full + np.diag(cross[0, :, first:])
-            whole = whole + np.diag(cross[0, :, first:])
+        taken, whole, full = [], 0.0, 0.0
+        for i, z in enumerate(self.evidence.split(self.evidence.matrix(new))):
+            weighted, held_rows = self.evidence.weighted_columns(i, new), self.held_rows[i]
+            own = self.taken(i, slice(None), weighted)
+            square = np.einsum("kn,nk->k", weighted[0], z)
+            full, whole = full + square, whole + square
             whole = whole - (own[0, :, : len(held_rows)] ** 2).sum(axis=1)
-            added = added + cross - own @ np.swapaxes(side, 1, 2)
-        grown[:, first:], grown[:, :, first:] = added, np.swapaxes(added, 1, 2)
+            taken.append(own)
         # of a column that is zero in the training rows only rounding is left
         whole = np.where(whole > ROUNDING * full, whole, np.inf)
-        self._gram, self._whole = grown, np.append(self._whole, whole)
+        self._taken |= {c: [own[:, k] for own in taken] for k, c in enumerate(new)}
+        self._whole |= dict(zip(new, whole.tolist(), strict=True))
 
     def release(self):
-        """Free the memory of fits and large products; they are recomputed if needed."""
-        self._fits.clear()
-        if self._gram is not None and self._gram.nbytes > KEPT:
-            self._gram, self._whole = None, np.zeros(0)
-            self._place.clear()
-            self._sides.clear()
+        """Free the memory of fits and products; they are recomputed if needed."""
+        for known in (self._fits, self._taken, self._whole):
+            known.clear()
 
     def apply_precision(self, i, hypothesis, columns):
         """Return ``P̃ X`` of columns X of a group, (n, k), zero in the rows that are held out.
@@ -205,36 +209,48 @@ class TrainingFit:
 
         None where their columns are not independent, or as many as rows.
         """
-        columns_of, by_count = self.evidence.columns_of, {}
+        columns_of, alike = self.evidence.columns_of, {}
         found = [[None] * len(more) for _ in self.residual_columns]
         for axis in range(len(self.residual_columns)):
             known = columns_of(base, axis)
             for k, effects in enumerate(more):
-                columns = (*known, *columns_of(effects, axis))
-                by_count.setdefault(len(columns), {}).setdefault(columns, []).append((axis, k))
-        used = (c for sets in by_count.values() for own in sets for c in own)
-        self._enter((*self.residual_columns, *used))
-        for sets in by_count.values():
+                own = columns_of(effects, axis)
+                alike.setdefault((known, len(own)), {}).setdefault(own, []).append((axis, k))
+        for (known, count), sets in alike.items():
             # axes that have the same columns share what these take
-            for each, own in zip(self._fit(list(sets)), sets.values(), strict=True):
-                for axis, k in own:
+            own = np.reshape(list(sets), (len(sets), count)).astype(int)
+            for each, places in zip(self._fit(known, own), sets.values(), strict=True):
+                for axis, k in places:
                     found[axis][k] = each and each[axis]
         return found
 
-    def _fit(self, sets):
-        """Return of sets of as many columns the fits by axis, None where not independent."""
-        sets = np.array(sets, dtype=int)
-        count, k = sets.shape
+    def _fit(self, known, sets):
+        """Return the Fits by axis to columns with each of several sets, (s, q), of further ones.
+
+        None for those that are not independent.
+        """
+        axes, (count, q) = len(self.residual_columns), sets.shape
+        k, first = len(known) + q, axes + len(known)
         dof, least = self.free_rows - k, self.evidence.least
         if dof < 1:
             return [None] * count
-        place = np.array([self._place[c] for c in sets.ravel().tolist()], int).reshape(count, k)
-        at = np.array([self._place[value] for value in self.residual_columns])
+        beside, flat = (*self.residual_columns, *known), tuple(sets.ravel().tolist())
+        products = self.products(beside, (*beside, *flat))
+        of_sets = products[:, :, first:].reshape(len(products), first, count, q)
+        of_sets = of_sets.transpose(0, 2, 3, 1)
+        own = np.empty((len(products), count, k, k))
+        own[:, :, : k - q, : k - q] = products[:, None, axes:, axes:first]
+        own[:, :, k - q :, : k - q] = of_sets[..., axes:]
+        own[:, :, : k - q, k - q :] = np.swapaxes(of_sets[..., axes:], 2, 3)
+        if q:
+            own[:, :, k - q :, k - q :] = self._blocks(sets)
         # (h, s, k, axes), and (h, 1, axes)
-        product, total = self._gram[:, place[:, :, None], at], self._gram[:, None, at, at]
-        own = self._gram[:, place[:, :, None], place[:, None]]
+        product = np.broadcast_to(products[:, None, axes:, :axes], (*own.shape[:2], k - q, axes))
+        product = np.concatenate([product, of_sets[..., :axes]], axis=2)
+        total = np.einsum("haa->ha", products[:, :axes, :axes])[:, None]
+        whole = np.array([[self._whole[c] for c in (*known, *each)] for each in sets.tolist()])
         size = np.sqrt(np.maximum(np.einsum("hskk->hsk", own), 0.0))
-        independent = np.all(size[0] ** 2 > ABSORBED * self._whole[place], axis=1)
+        independent = np.all(size[0] ** 2 > ABSORBED * whole.reshape(count, k), axis=1)
         size = np.where(size > 0, size, 1.0)
         own, product = own / size[..., :, None] / size[..., None, :], product / size[..., None]
         independent &= np.linalg.eigvalsh(own[0]).min(axis=1, initial=1.0) > ABSORBED
@@ -249,7 +265,7 @@ class TrainingFit:
         log_weight = log_weight - (dof * np.log(scale) + square / scale) / 2
 
         def by_axis(s):
-            each = ((x[:, s, ..., a] for x in (theta, square, log_weight)) for a in range(len(at)))
+            each = ((x[:, s, ..., a] for x in (theta, square, log_weight)) for a in range(axes))
             return [
                 Fit(theta, own[:, s], size[:, s], square, log_weight, dof, least)
                 for theta, square, log_weight in each
@@ -275,10 +291,9 @@ class TrainingFit:
         index = self.evidence.nuisance_index
         of_nuisances = hypothesis if index is None else index
         theta = fit.theta[hypothesis]
-        at, found = [self._place[c] for c in (self.residual_columns[axis], *columns)], []
-        each = zip(self._roots, self._sides.values(), self.held_rows, strict=True)
-        for root, side, held_rows in each:
-            own = side[of_nuisances][at]
+        found = []
+        for i, (root, held_rows) in enumerate(zip(self._roots, self.held_rows, strict=True)):
+            own = self.taken_out(i, (self.residual_columns[axis], *columns))[of_nuisances]
             found.append((root[of_nuisances] @ (own[0] - theta @ own[1:]))[len(held_rows) :])
         return found, theta
 

@@ -15,7 +15,7 @@ MOST_STEPS, HOPELESS = 6, 6.0
 # number of an accelerometer, three of a gyroscope
 POSES_BESIDE = {"accelerometer": 3, "gyroscope": 2}
 # times that are tried first among poses at most, and how close the best is found, s
-MOST_TIMES, CLOSE = 100, 0.01
+MOST_TIMES, CLOSE = 50, 0.01
 
 
 def residuals(search, base, axis):
@@ -106,9 +106,9 @@ def pose_step(sensor, search, base, hopeful=False):
     if len(middle) < 2 * beside:
         return None
     inner = middle[beside - 1 : len(middle) - beside + 1]
-    number = np.linspace(0, len(inner) - 1, min(2 * len(inner) - 1, MOST_TIMES))
+    number = np.linspace(0, len(inner) - 1, min(len(inner), MOST_TIMES))
     times = np.interp(number, np.arange(len(inner)), inner)
-    apart, tries = np.diff(times).max() / 2, np.log(WITHIN * len(times))
+    apart, tries = np.diff(times).max() / 2, np.log(2 * WITHIN * len(times))
     estimated = search.training_fit(base).evidence.as_estimated_mask
     while True:
         shapes = [SensorEffect(Steps((float(t),)), sensor) for t in times]
