@@ -70,7 +70,7 @@ def find_line(signals, spectrum, level):
     each = {i: periodogram for i, periodogram in each.items() if periodogram}
     if not each:
         return None
-    peaks = {i: periodogram.strongest() for i, periodogram in each.items()}
+    peaks = {i: periodogram.strongest(level) for i, periodogram in each.items()}
     best = min(peaks, key=lambda i: peaks[i][0])
     independent = sum(periodogram.independent for periodogram in each.values())
     if chance_over_band(peaks[best][0], independent) > level:

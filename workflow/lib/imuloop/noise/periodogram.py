@@ -122,12 +122,18 @@ class Periodogram:
         block = np.searchsorted(self.edges, frequency / self.step, side="right") - 1
         return self._beside(int(np.clip(block, 0, len(self.sizes) - 1)))
 
-    def strongest(self):
-        """Return the least chance, at one frequency, that a peak may have, and its place in Hz."""
+    def strongest(self, level):
+        """Return the least chance, at one frequency, that a peak may have, and its place in Hz.
+
+        A chance of 1 stands for any that is no line at the level.
+        """
         edges = self.edges - self.edges[0]
-        peaks = np.maximum.reduceat(self.ratio, edges[:-1])
+        peaks, chances = np.maximum.reduceat(self.ratio, edges[:-1]), np.ones(len(self.sizes))
+        # a median is below 1, so that the chance is above exp(-x)
+        lowest = -np.log(level / self.independent)
         # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
-        chances = np.array([self._chance(x / 0.81, self._beside(b)) for b, x in enumerate(peaks)])
+        for b in np.flatnonzero(peaks / 0.81 > lowest * self.medians):
+            chances[b] = self._chance(peaks[b] / 0.81, self._beside(b))
         # a strong line leaks into other blocks, where it is weaker
         b = int(np.where(chances <= max(chances.min(), SURE), peaks, 0).argmax())
         top = edges[b] + int(self.ratio[edges[b] : edges[b + 1]].argmax())
