@@ -139,7 +139,16 @@ class Likelihood:
 
     def error(self, unit, expected):
         """Return the standard error of a variance, all else known, for a spectrum."""
-        return 1 / np.sqrt(self.count @ (unit / self.above_rounding(expected)) ** 2 / 2)
+        return np.sqrt(self.covariance(unit[:, None], expected)[0, 0])
+
+    def covariance(self, derivatives, expected):
+        """Return the covariance of parameters by the derivatives of a spectrum, shape (r, p)."""
+        rows = derivatives * np.sqrt(self.count / 2)[:, None]
+        rows /= self.above_rounding(expected)[:, None]
+        size = np.linalg.norm(rows, axis=0)
+        size[size == 0] = 1.0
+        rows /= size
+        return np.linalg.pinv(rows.T @ rows, hermitian=True) / np.outer(size, size)
 
     def ramp_error(self, expected):
         """Return the standard error of a ramp for a spectrum, SI/s."""

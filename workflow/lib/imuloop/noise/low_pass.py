@@ -7,6 +7,7 @@ rate, and N is the density in front of the filter.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from operator import itemgetter
 
 import numpy as np
 from scipy.optimize import minimize_scalar
@@ -16,10 +17,8 @@ from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.modes import Modes
 from imuloop.noise.processes import NAMES, density
 
-# corners that are tried, share of the rate, and every so many of them at first
-CORNERS, COARSE = np.geomspace(0.01, 0.48, 53), 4
-# the likeliest corner is looked for within this factor of the best of these
-STEP = 1.1
+# corners that are tried, share of the rate
+CORNERS = np.geomspace(0.01, 0.48, 14)
 # highest corner, share of the rate
 HIGHEST = 0.495
 # kinds that are tried at all corners, and those that are then tried near the best of these
@@ -31,6 +30,8 @@ KINDS = {
     "held or averaged": ("held or averaged", "interpolated"),
     "averaged three times": ("averaged three times",),
 }
+# shift of the logarithm of a corner by which a derivative is taken
+SHIFT = 1e-3
 # bins a decade in which corners are tried
 BINS = 24
 # log-likelihood that a parameter has to gain: half a chi-square of one degree at 0.002
@@ -45,17 +46,18 @@ def choose_low_pass(selection):
     filter.
     """
     rows = _Rows.of(selection, BINS)
-    coarse = {kind: [rows.fit(kind, c)[0] for c in CORNERS[::COARSE]] for kind in KINDS}
-    if max(map(max, coarse.values())) - rows.plain() < 2 * PRICE:
+    found = {kind: [rows.fit(kind, corner)[0] for corner in CORNERS] for kind in KINDS}
+    if max(map(max, found.values())) - rows.plain() < 2 * PRICE:
         return None
     tops = [
-        (*rows.top(kind, COARSE * int(np.argmax(coarse[first]))), kind)
+        rows.likeliest(kind, CORNERS[np.argmax(found[first])])
         for first, kinds in KINDS.items()
         for kind in kinds
     ]
     # a floor of a millionth is seen in the last row alone
     every = _Rows.of(selection, np.inf)
-    fits = [every.likeliest(kind, corner) for _, corner, kind in sorted(tops)[-3:]]
+    best = sorted(tops, key=itemgetter(0))[-3:]
+    fits = [every.likeliest(each.kind, each.corner) for _, each in best]
     # a record that is too short to tell takes the simpler name
     low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
     price = PRICE * (3 if low_pass.floor else 2)
@@ -131,29 +133,12 @@ class _Rows:
         floor = float(behind / (white + behind)) if behind else 0.0
         return found.value, replace(low_pass, floor=floor)
 
-    def top(self, kind, at):
-        """Return the largest log-likelihood and its corner: a parabola through three of `CORNERS`.
-
-        They lie uphill from a place among them.
-        """
-        at = min(max(at, 1), len(CORNERS) - 2)
-        below, centre, above = (self.fit(kind, CORNERS[at + k])[0] for k in (-1, 0, 1))
-        while above > centre and at + 2 < len(CORNERS):
-            at += 1
-            below, centre, above = centre, above, self.fit(kind, CORNERS[at + 1])[0]
-        while below > centre and at > 1:
-            at -= 1
-            below, centre, above = self.fit(kind, CORNERS[at - 1])[0], below, centre
-        bend = 2 * centre - below - above
-        move = np.clip((above - below) / (2 * bend), -1, 1) if bend > 0 else 0.0
-        value = centre + move * (above - below) / 2 - move**2 * bend / 2
-        return value, float(CORNERS[at] * (CORNERS[1] / CORNERS[0]) ** move)
-
     def likeliest(self, kind, start):
-        """Return the same at the likeliest corner near `start`, within a factor of `STEP`."""
+        """Return the same at the likeliest corner, between those beside `start` in `CORNERS`."""
+        step = CORNERS[1] / CORNERS[0]
         found = minimize_scalar(
             lambda u: -self.fit(kind, np.exp(u))[0],
-            bounds=np.log([start / STEP, min(start * STEP, HIGHEST)]),
+            bounds=np.log([start / step, min(start * step, HIGHEST)]),
             method="bounded",
             options={"xatol": 3e-3},
         )
@@ -161,15 +146,7 @@ class _Rows:
 
 
 def likeliest_corner(selection, low_pass, terms):
-    r"""Return a LowPass at the likeliest corner c, with what N has in common with the corner.
-
-    Along the ridge of the likelihood, where for each N the corner is the likeliest,
-
-    .. math:: \ln c = \ln \hat c + b \ln(N/\hat N),
-        \quad b = s \sigma_c^2 / (\sigma_N^2 + s^2 \sigma_c^2)
-
-    with s the change of ln N with ln c, :math:`\sigma_N` the standard error of ln N at a known
-    corner and :math:`\sigma_c` that of ln c.
+    """Return a LowPass at the likeliest corner, with the errors by the information matrix.
 
     Takes a Selection behind the filter, and the supported terms.
 
@@ -177,9 +154,9 @@ def likeliest_corner(selection, low_pass, terms):
     -------
     low_pass : LowPass
     error : float
-        Standard error of ln c.
-    along : callable
-        The selection on the ridge as a function of N over the likeliest.
+        Standard error of the logarithm of the corner.
+    wider : float
+        Standard error of N over that at a known corner.
     """
 
     @cache
@@ -187,28 +164,26 @@ def likeliest_corner(selection, low_pass, terms):
         corner = min(float(np.exp(u)), HIGHEST)
         return selection.filtered(replace(low_pass, corner=corner))
 
-    def value(u):
-        return behind(u).fit(terms).value
-
     u = np.log(low_pass.corner)
     found = minimize_scalar(
-        lambda x: -value(x), bounds=(u - 0.2, u + 0.2), method="bounded", options={"xatol": 1e-4}
+        lambda x: -behind(x).fit(terms).value,
+        bounds=(u - 0.2, u + 0.2),
+        method="bounded",
+        options={"xatol": 1e-4},
     )
-    u, step, drop = float(found.x), 1e-3, 0.0
-    while drop < 0.1 and step < 0.3:
-        step *= 2
-        drop = -(value(u + step) + value(u - step) + 2 * found.fun) / 2
-    error = float(step / np.sqrt(2 * max(drop, 1e-3)))
-    below, centre, above = (behind(v).squares(terms)["N"] for v in (u - step, u, u + step))
-    change = np.log(above / below) / (4 * step)
-    best = behind(u)
-    expected = best.units(terms) @ best.fit(terms).theta
-    share = best.likelihood.error(best.unit("N"), expected) / (2 * centre)
-    slope = change * error**2 / (share**2 + change**2 * error**2)
-    corner = replace(low_pass, corner=min(float(np.exp(u)), HIGHEST))
-    # in small steps, so that few gains are calculated
-    grid = error / 8
-    return corner, error, lambda ratio: behind(u + grid * round(slope * np.log(ratio) / grid))
+    u, best = float(found.x), behind(float(found.x))
+    units, theta = best.units(terms), best.fit(terms).theta
+    change = (units - behind(u - SHIFT).units(terms)) @ theta / SHIFT
+    known, free = (
+        best.likelihood.covariance(each, units @ theta)
+        for each in (units, np.column_stack([units, change]))
+    )
+    place, corner = terms.index("N"), min(float(np.exp(u)), HIGHEST)
+    return (
+        replace(low_pass, corner=corner),
+        float(np.sqrt(free[-1, -1])),
+        float(np.sqrt(free[place, place] / known[place, place])),
+    )
 
 
 def _score(selection):
