@@ -4,8 +4,7 @@ Nearly every inertial sensor filters its output. White noise then falls towards 
 rate, and N is the density in front of the filter.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from operator import itemgetter
 
@@ -13,8 +12,6 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from imuloop.core.low_pass import DEGREES, LowPass
-from imuloop.noise.likelihood import Likelihood
-from imuloop.noise.modes import Modes
 from imuloop.noise.processes import NAMES, density
 
 # corners that are tried, share of the rate
@@ -32,8 +29,6 @@ KINDS = {
 }
 # shift of the logarithm of a corner by which a derivative is taken
 SHIFT = 1e-3
-# bins a decade in which corners are tried
-BINS = 24
 # log-likelihood that a parameter has to gain: half a chi-square of one degree at 0.002
 PRICE = 4.8
 
@@ -45,19 +40,18 @@ def choose_low_pass(selection):
     gain `PRICE` in log-likelihood, so that a filter is not taken for a hump, and a hump not for a
     filter.
     """
-    rows = _Rows.of(selection, BINS)
-    found = {kind: [rows.fit(kind, corner)[0] for corner in CORNERS] for kind in KINDS}
-    if max(map(max, found.values())) - rows.plain() < 2 * PRICE:
+    whole, none = selection.likelihood, np.zeros(0)
+    power = whole.power(selection.fit((*NAMES, "R")).ramp)
+    level = replace(selection, likelihood=replace(whole, slow=none, rho=none, fast=power))
+    found = {kind: [_fit(level, kind, corner)[0] for corner in CORNERS] for kind in KINDS}
+    if max(map(max, found.values())) - level.fit(NAMES).value < 2 * PRICE:
         return None
     tops = [
-        rows.likeliest(kind, CORNERS[np.argmax(found[first])])
+        _likeliest(level, kind, CORNERS[np.argmax(found[first])])
         for first, kinds in KINDS.items()
         for kind in kinds
     ]
-    # a floor of a millionth is seen in the last row alone
-    every = _Rows.of(selection, np.inf)
-    best = sorted(tops, key=itemgetter(0))[-3:]
-    fits = [every.likeliest(each.kind, each.corner) for _, each in best]
+    fits = sorted(tops, key=itemgetter(0))[-3:]
     # a record that is too short to tell takes the simpler name
     low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
     price = PRICE * (3 if low_pass.floor else 2)
@@ -86,63 +80,26 @@ def leakage_weights(modes, low_pass):
     return np.minimum(density / modes.gain(low_pass), 1.0) ** 2
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """A spectrum in logarithmic bins, so that many corners can be tried.
+def _fit(selection, kind, corner):
+    """Return the log-likelihood of all terms behind a filter, and its LowPass."""
+    low_pass = LowPass(kind, float(corner))
+    units = selection.filtered(low_pass).units(NAMES)
+    found = selection.likelihood.fit(np.column_stack([units, selection.unit("N")]))
+    white, behind = found.theta[NAMES.index("N")], found.theta[-1]
+    floor = float(behind / (white + behind)) if behind else 0.0
+    return found.value, replace(low_pass, floor=floor)
 
-    `binned` averages rows of the Modes in these bins; `units`, (k, 4), are the expected squares of
-    Q, N, B and K.
-    """
 
-    binned: Callable
-    modes: Modes
-    units: np.ndarray
-    likelihood: Likelihood
-
-    @classmethod
-    def of(cls, selection, bins):
-        """Return the rows of a Selection, its ramp taken out, in bins per decade."""
-        frequency, whole = selection.modes.frequency, selection.likelihood
-        used = np.flatnonzero(whole.count)
-        order = used[np.argsort(frequency[used], kind="stable")]
-        first = np.arange(len(order))
-        if np.isfinite(bins):
-            number = np.floor(bins * np.log10(frequency[order]))
-            first = np.flatnonzero(np.diff(number, prepend=-np.inf))
-        weight = whole.count[order]
-        count, none = np.add.reduceat(weight, first), np.zeros(0)
-
-        def binned(rows):
-            return (np.add.reduceat(weight * rows[order].T, first, axis=-1) / count).T
-
-        power = binned(whole.power(selection.fit((*NAMES, "R")).ramp))
-        likelihood = Likelihood(none, power, count, none, whole.digits)
-        return cls(binned, selection.modes, binned(selection.units(NAMES)), likelihood)
-
-    def plain(self):
-        """Return the log-likelihood of all terms without a filter."""
-        return self.likelihood.fit(self.units).value
-
-    def fit(self, kind, corner):
-        """Return the log-likelihood of all terms behind a filter, and its LowPass."""
-        low_pass = LowPass(kind, float(corner))
-        units = self.units * self.binned(self.modes.gain(low_pass))[:, None]
-        units = np.column_stack([self.units[:, 0], units[:, 1:], self.units[:, 1]])
-        found = self.likelihood.fit(units)
-        white, behind = found.theta[1], found.theta[-1]
-        floor = float(behind / (white + behind)) if behind else 0.0
-        return found.value, replace(low_pass, floor=floor)
-
-    def likeliest(self, kind, start):
-        """Return the same at the likeliest corner, between those beside `start` in `CORNERS`."""
-        step = CORNERS[1] / CORNERS[0]
-        found = minimize_scalar(
-            lambda u: -self.fit(kind, np.exp(u))[0],
-            bounds=np.log([start / step, min(start * step, HIGHEST)]),
-            method="bounded",
-            options={"xatol": 3e-3},
-        )
-        return self.fit(kind, np.exp(found.x))
+def _likeliest(selection, kind, start):
+    """Return the same at the likeliest corner, between those beside `start` in `CORNERS`."""
+    step = CORNERS[1] / CORNERS[0]
+    found = minimize_scalar(
+        lambda u: -_fit(selection, kind, np.exp(u))[0],
+        bounds=np.log([start / step, min(start * step, HIGHEST)]),
+        method="bounded",
+        options={"xatol": 3e-3},
+    )
+    return _fit(selection, kind, np.exp(found.x))
 
 
 def likeliest_corner(selection, low_pass, terms):
