@@ -19,6 +19,9 @@ SHORTER, SHORTEST = 64, 64
 PERIODS = 16
 # samples that are transformed at a time, or one segment
 PIECE = 1 << 16
+# squared correlation, by the Hann window, of coefficients d = 0, 1, ... apart: of a segment with
+# itself, and with that half a segment on
+SAME, NEXT = np.array([[1, 4 / 9, 1 / 36, 0], [1 / 36, 0.020014, 1 / 144, 0.0008]])
 
 
 def spectrum_table(axis, stretches, rate):
@@ -111,17 +114,6 @@ def _pooled_welch(stretches, rate, length):
 def _window(length):
     """Return the periodic Hann window."""
     return np.hanning(length + 1)[:-1].astype(np.float32)
-
-
-def _squared_correlation(shift, length=64):
-    """Return the squared correlation of coefficients d = 0, 1, ... apart, `shift` samples on."""
-    window = _window(length)
-    product = window[shift:] * window[: length - shift]
-    return np.abs(rfft(product, length) / (window @ window))[: length // 4] ** 2
-
-
-# the same segment, and the one half a segment on
-SAME, NEXT = _squared_correlation(0), _squared_correlation(32)
 
 
 def _freedom(frequencies, segments, overlaps):
