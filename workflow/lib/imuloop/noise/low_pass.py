@@ -43,8 +43,10 @@ def choose_low_pass(selection):
     whole, none = selection.likelihood, np.zeros(0)
     power = whole.power(selection.fit((*NAMES, "R")).ramp)
     level = replace(selection, likelihood=replace(whole, slow=none, rho=none, fast=power))
-    found = {kind: [_fit(level, kind, corner)[0] for corner in CORNERS] for kind in KINDS}
-    if max(map(max, found.values())) - level.fit(NAMES).value < 2 * PRICE:
+    plain = level.fit(NAMES)
+    start = np.append(plain.theta, 0.0)
+    found = {kind: [_fit(level, kind, corner, start)[0] for corner in CORNERS] for kind in KINDS}
+    if max(map(max, found.values())) - plain.value < 2 * PRICE:
         return None
     tops = [
         _likeliest(level, kind, CORNERS[np.argmax(found[first])])
@@ -80,11 +82,11 @@ def leakage_weights(modes, low_pass):
     return np.minimum(density / modes.gain(low_pass), 1.0) ** 2
 
 
-def _fit(selection, kind, corner):
+def _fit(selection, kind, corner, start=None):
     """Return the log-likelihood of all terms behind a filter, and its LowPass."""
     low_pass = LowPass(kind, float(corner))
     units = selection.filtered(low_pass).units(NAMES)
-    found = selection.likelihood.fit(np.column_stack([units, selection.unit("N")]))
+    found = selection.likelihood.fit(np.column_stack([units, selection.unit("N")]), start=start)
     white, behind = found.theta[NAMES.index("N")], found.theta[-1]
     floor = float(behind / (white + behind)) if behind else 0.0
     return found.value, replace(low_pass, floor=floor)

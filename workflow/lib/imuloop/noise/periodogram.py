@@ -90,6 +90,7 @@ class Periodogram:
         # of what never changes rounding alone is left
         if not sizes or signal.is_sparse or signal.is_constant():
             return None
+        t = signal.samples.astype(float)
         padded = 16 * fft.next_fast_len(-(-(last + 1 - first) // 8))
         edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
         edges[-1] = int((n / 2 - low) * padded / n)
@@ -101,7 +102,7 @@ class Periodogram:
         # single precision: its rounding lies 14 decades below the variance; a power of two keeps
         # squares within it
         size = 2.0 ** np.rint(np.log2(density.max()) / 2)
-        transform = fft.rfft(_filled(signal, size), padded)[start:stop]
+        transform = fft.rfft(_filled(signal, t, size), padded)[start:stop]
         ratio = transform.real**2 + transform.imag**2
         ratio /= np.interp(np.arange(start, stop), nodes, density / size**2)
         edges -= start
@@ -117,7 +118,7 @@ class Periodogram:
             sizes=minimum_filter1d(sizes, 3, mode="nearest")[centre],
             background=maximum_filter1d(medians, 3, mode="nearest")[centre],
             ratio=ratio,
-            independent=float(edges[-1] / padded * np.sqrt(4 * np.pi * signal.samples.var())),
+            independent=float(edges[-1] / padded * np.sqrt(4 * np.pi * t.var())),
             spectrum=spectrum,
             rate=signal.rate,
         )
@@ -188,9 +189,11 @@ def _block_sizes(low, n, rate):
     return sizes
 
 
-def _filled(signal, size):
-    """Return the values over `size`, levels and slope removed, with zeros in the gaps."""
-    t, x, place = signal.centred(signal.samples), signal.centred(signal.values), signal.samples
-    filled = np.zeros(int(place[-1] - place[0]) + 1, np.float32)
-    filled[place - place[0]] = (x - (t @ x) / (t @ t) * t) / size
+def _filled(signal, t, size):
+    """Return the values at t over `size`, levels and slope removed, with zeros in the gaps."""
+    t, x, (first, last) = signal.centred(t), signal.centred(signal.values), signal.extent
+    x -= (t @ x) / (t @ t) * t
+    filled = np.zeros(last + 1 - first, np.float32)
+    for start, part in zip(signal.starts, signal.split(x), strict=True):
+        filled[start - first : start - first + len(part)] = part / size
     return filled
