@@ -13,13 +13,13 @@ from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.choice import Choices
+from imuloop.diagnose.records.correction import corrected_sessions
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.rests import LONG_REST
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
 from imuloop.diagnose.records.static_content import searched_content, static_content
 from imuloop.diagnose.verdict import not_testable
 from imuloop.noise.allan import session_curves
-from imuloop.noise.correction import corrected_sessions
 from imuloop.noise.noise import estimate_noise
 
 # windows that tell noise from lines
