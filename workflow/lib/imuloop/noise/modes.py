@@ -178,16 +178,14 @@ class Modes:
 
     def gain(self, low_pass):
         """Return the power gain of a LowPass for each row, shape (r,): its share of white noise."""
-        if low_pass not in self._gains:
-            self._gains[low_pass] = self._gain(low_pass)
-        return self._gains[low_pass]
-
-    def _gain(self, low_pass):
+        if low_pass in self._gains:
+            return self._gains[low_pass]
         slow = low_pass.gain(np.minimum(self.frequency[: len(self.ramp)] * self.dt, 0.5))
         lags = irfft(low_pass.gain(np.linspace(0, 0.5, POINTS)))[:POINTS]
         covariance = np.zeros(self.m)
         covariance[: len(lags)] = lags[: self.m]
-        return np.append(slow, _binned(expected_squares(covariance), self._bins))
+        fast = _binned(expected_squares(covariance), self._bins)
+        return self._gains.setdefault(low_pass, np.append(slow, fast))
 
     @cached_property
     def correlation_times(self):
@@ -203,11 +201,9 @@ class Modes:
     def _rows(self):
         """Expected mean squares at the correlation times, shape (c, r)."""
         tc = self.correlation_times
-        slow = [
-            level.squares(gauss_markov_means(level.distance, self.m, self.dt, t) for t in tc)
-            for piece in self._pieces
-            for level in piece.levels
-        ]
+        slow = _slow(
+            self._pieces, lambda d: (gauss_markov_means(d, self.m, self.dt, t) for t in tc)
+        )
         fast = expected_squares(gauss_markov_samples(self.m, self.dt, tc))
         return np.concatenate([*slow, _binned(fast, self._bins)], axis=1)
 
@@ -219,11 +215,7 @@ def modes(samplings):
     m = _block_length(np.concatenate([sampling.lengths for sampling in closed]))
     # blocks of one sample where all are lone blocks of a level, as of bursts of two samples
     m, pieces = next((k, p) for k in (m, 1) if (p := _pieces(closed, k)))
-    slow = [
-        level.squares(block_mean_covariances(level.distance, m, dt))
-        for piece in pieces
-        for level in piece.levels
-    ]
+    slow = _slow(pieces, lambda d: block_mean_covariances(d, m, dt))
     k = np.arange(1, m)
     bins = np.flatnonzero(np.diff(np.floor(BINS * np.log10(k)), prepend=-1))
     fast = _binned(expected_squares(sample_covariances(m, dt)), bins)
@@ -251,6 +243,11 @@ def modes(samplings):
 def _binned(values, first):
     """Return the mean over each bin of the last axis, of the first value of each."""
     return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
+
+
+def _slow(pieces, covariances):
+    """Return the expected squares of the slow modes of each level, covariances by distance."""
+    return [e.squares(covariances(e.distance)) for piece in pieces for e in piece.levels]
 
 
 def _level_times(sampling):

@@ -84,7 +84,10 @@ def estimate_noise(device, sessions, settings, views=True):
         notes.append("no session holds a rest: no coefficient can be estimated")
         return replace(nothing, notes=tuple(notes))
     static = next(iter(by_sensor.values()))[0].session.static
-    rates = {s: _mean_rate(own) for s, own in by_sensor.items()}
+    rates = {
+        s: float(np.average([r.rate for r in own], weights=[r.lengths.sum() for r in own]))
+        for s, own in by_sensor.items()
+    }
     # sensors of one clock share their records
     each = {id(records): records for records in by_sensor.values()}
     bases = {key: modes([s for r in own for s in r.samplings]) for key, own in each.items()}
@@ -127,12 +130,6 @@ def estimate_noise(device, sessions, settings, views=True):
         notes=tuple(notes),
         spectra={name: joined(parts) for name, parts in spectra.items()},
     )
-
-
-def _mean_rate(records):
-    """Return the mean sampling rate of records, weighted by their samples, Hz."""
-    weights = [record.lengths.sum() for record in records]
-    return float(np.average([record.rate for record in records], weights=weights))
 
 
 def _estimate(axis, records, basis, settings, notes):
