@@ -30,13 +30,12 @@ def line_limit(sampling, density, frequency, level=LEVEL):
     """
     n, rng = sampling.lengths.sum(), np.random.default_rng(0)
     noise = Periodogram.of(sampling.with_values(rng.standard_normal(n)), density)
-    sizes = noise.sizes[noise.near(frequency)]
-    m, sides = sizes.min(), len(sizes)
+    m = noise.sizes[noise.block(frequency)]
     ratio = brentq(
-        lambda x: chance_over_band(chance_at_one(x, m, sides), noise.independent) - level, 0.1, 1e6
+        lambda x: chance_over_band(chance_at_one(x, m), noise.independent) - level, 0.1, 1e6
     )
     half = (m + 1) / 2
     # the line itself, some three values wide, lies in the block that it is compared with
-    share = betaincinv(half, half, 0.5 ** (1 / sides)) * m / (m - 3)
+    share = betaincinv(half, half, 0.5 ** (1 / 3)) * m / (m - 3)
     noncentrality = chndtrinc(-2 * ratio * np.log1p(-share), 2, 1 - PROBABILITY)
     return np.sqrt(noncentrality * noise.rate * density(np.array([frequency]))[0] / n)

@@ -8,9 +8,7 @@ from imuloop.noise.statistics import repeatability, summary
 def test_figures_of_a_known_sequence():
     x = [np.array([1.0, 2, 3]), np.array([4.0, 5])]
     figures = summary(x, rate=0.1)
-    assert figures["mean"] == 3 and figures["median"] == 3
-    assert (figures["min"], figures["q25"], figures["q75"], figures["max"]) == (1, 2, 4, 5)
-    assert figures["peak_to_peak"] == 4
+    assert figures["mean"] == 3
     assert figures["std"] == pytest.approx(np.sqrt(2.5))
     assert figures["std_10s"] == pytest.approx(np.sqrt(2.5))  # one sample is 10 s long
     assert figures["std_100s"] is None

@@ -9,7 +9,7 @@ from imuloop.core.noise_model import Coefficient, GaussMarkovTerm, SinusoidTerm
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.noise.spectrum import COLUMNS
 
-KEYS = "mean std min q25 median q75 max peak_to_peak std_10s std_100s".split()
+KEYS = "mean std std_10s std_100s".split()
 # axis, amplitude and frequency; axis, drive and correlation time
 LINE, HUMP = ("az", 2e-3, 0.08), ("gx", 2e-5, 30.0)
 

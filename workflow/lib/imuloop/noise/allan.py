@@ -22,7 +22,7 @@ EXPONENTS, SLOPES = (2, 0, -1, -2), (-0.9, -0.25, 0.25)
 # a slope is taken over averaging times up to so many times shorter and longer
 REACH = 5.0
 # terms that AllanTools sums at a time: its temporaries fit the cache, for half the time
-PIECE = 1 << 18
+PIECE = 1 << 17
 
 
 def session_curves(session, settings, stage="raw"):

@@ -45,7 +45,7 @@ def estimate_axis(basis, signals, settings):
     if basis.count.sum() < MIN_VALUES:
         return AxisEstimate(AxisNoise(), 0.0)
     lines, selection = find_lines(basis, signals, settings)
-    low_pass, along, term = choose_low_pass(selection), None, None
+    low_pass, wider, term = choose_low_pass(selection), 1.0, None
     selection = selection.filtered(low_pass)
     terms = selection.supported
     if low_pass:
@@ -54,7 +54,7 @@ def estimate_axis(basis, signals, settings):
     if size:
         selection, terms = _weighted(selection, weight, terms)
     if low_pass:
-        low_pass, error, along = likeliest_corner(selection, low_pass, terms)
+        low_pass, error, wider = likeliest_corner(selection, low_pass, terms)
         selection = selection.filtered(low_pass)
         corner = low_pass.corner / basis.dt
         term = LowPassTerm(low_pass.kind, Coefficient.of(corner, corner * error), low_pass.floor)
@@ -62,7 +62,7 @@ def estimate_axis(basis, signals, settings):
         SinusoidTerm(line.amplitude, line.frequency, mains(line.frequency.value, 1 / basis.dt))
         for line in lines
     )
-    noise = coefficients_with_intervals(selection, terms, along)
+    noise = coefficients_with_intervals(selection, terms, wider)
     return AxisEstimate(replace(noise, sinusoid=sinusoid, low_pass=term), size)
 
 

@@ -1,10 +1,10 @@
 """Coefficients with intervals, and upper limits of those that are not supported."""
 
 from functools import cache
-from math import exp, inf, log, sqrt
+from math import exp, log, sqrt
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri
 
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
@@ -19,11 +19,13 @@ TINY = 1e-300
 # terms that may stand in for each other: intervals are averaged over models with and without them,
 # but for models of less weight than this share
 FREE, NEGLIGIBLE = ("B", "K", "R"), 1e-3
+# shift of the logarithm of a correlation time by which a derivative is taken
+SHIFT = 1e-3
 # share of the spectrum where it is lowest that a term which is not there may have, as a root
 SMALL = 1e-3
 
 
-def coefficients_with_intervals(selection, terms, along=None):
+def coefficients_with_intervals(selection, terms, wider=1.0):
     r"""Return the AxisNoise of supported terms: values with intervals, limits of the others.
 
     Values are those of the supported terms alone, so that together they are the spectrum that
@@ -37,8 +39,9 @@ def coefficients_with_intervals(selection, terms, along=None):
     reach 2.5 %. :math:`\ell_m(x)` is the profile likelihood of the coefficient, and weights of
     models of k terms are Akaike's.
 
-    Where there is a filter, N depends on its corner: `along`, of `low_pass.likeliest_corner`, gives
-    the selection for a ratio of N to its likeliest value.
+    Where there is a filter, N depends on its corner: its interval is `wider`, of
+    `low_pass.likeliest_corner`, by so much on a logarithmic scale. Those of Gauss-Markov processes
+    are by the information matrix beside white noise, flicker and walk.
 
     References
     ----------
@@ -48,17 +51,21 @@ def coefficients_with_intervals(selection, terms, along=None):
     theta = dict(zip(variances(terms), fit.theta, strict=True))
     coefficients = {}
     for name in ORDER:
-        ridge = along if name == "N" else None
         models = _models(selection, terms, name)
-        profiles = [_profile(selection, name, model, ridge) for model in models]
+        profiles = [_profile(selection, name, model) for model in models]
         if name in terms:
-            value = abs(fit.ramp) if name == "R" else np.sqrt(theta[name])
-            coefficients[name] = _coefficient(profiles, value)
+            value = float(abs(fit.ramp) if name == "R" else np.sqrt(theta[name]))
+            deviate, near = _tail(profiles)
+            ends = [_crossing(deviate, value or near, area) for area in (0.025, 0.975, 0.95)]
+            if name == "N":
+                ends = [value * (end / value) ** wider if value else end for end in ends]
+            low, high, upper = min(ends[0], value), max(ends[1], value), max(ends[2], value)
+            coefficients[name] = Coefficient(value, (low, high), upper, True)
         else:
             # a ramp has either sign, so that the limit of the likelier one is a two-sided one
             limit = _crossing(*_tail(profiles), 1 - 0.05 / (2 if name == "R" else 1))
             coefficients[name] = Coefficient(None, None, limit, False)
-    processes = (_process(selection, terms, tc, theta[tc]) for tc in correlation_times(terms))
+    processes = (_process(selection, terms, tc, fit) for tc in correlation_times(terms))
     return AxisNoise(**coefficients, gauss_markov=tuple(processes))
 
 
@@ -91,7 +98,7 @@ def _deviate(value, best, top):
     return deviate
 
 
-def _profile(selection, name, model, along=None):
+def _profile(selection, name, model):
     """Return the log weight of a model, where to look for ends of a coefficient, and its deviate.
 
     The second is the likeliest value, or the standard error where that is larger.
@@ -108,7 +115,8 @@ def _profile(selection, name, model, along=None):
     else:
         unit, place = selection.unit(name), model.index(name)
         expected = selection.units(model) @ likeliest.theta
-        best = max(np.sqrt(likeliest.theta[place]), _small(unit, expected))
+        # small beside what is there, where another takes its place
+        best = max(np.sqrt(likeliest.theta[place]), SMALL * np.sqrt(np.min(expected / unit)))
         start = np.delete(likeliest.theta, place)
         size = np.sqrt(likelihood.error(unit, expected))
 
@@ -117,64 +125,33 @@ def _profile(selection, name, model, along=None):
 
     known = {best: start}
 
-    def value(x):
+    def deviate(x):
         # from the nearest one that is known
-        nearest, columns, others = known[min(known, key=lambda other: abs(other - x))], units, {}
-        if along:
-            behind = along(x / best)
-            columns, others = behind.units(rest), {"fixed": x**2 * behind.unit(name)}
-        found = likelihood.fit(columns, start=nearest, **fixed(x) | others)
+        nearest = known[min(known, key=lambda other: abs(other - x))]
+        found = likelihood.fit(units, start=nearest, **fixed(x))
         known[x] = found.theta
-        return found.value
+        return np.copysign(sqrt(2 * max(likeliest.value - found.value, 0.0)), x - best)
 
-    weight = selection.fit(model).value - len(model)
-    return weight, max(best, size), _deviate(value, best, likeliest.value)
+    return selection.fit(model).value - len(model), max(best, size), deviate
 
 
-def _process(selection, terms, tc, variance):
-    """Return a Gauss-Markov process, q and tc profiled over each other beside flicker and walk.
-
-    Where one of these takes its place, the interval of q goes down to zero, and that of tc is all
-    that can be tried.
-    """
-    modes, likelihood = selection.modes, selection.likelihood
-    rest = without(plus(terms, "N"), tc)
-    for name in ("B", "K"):
-        rest = plus(rest, name) if name in selection.candidates else rest
-    units, times = selection.units(rest), modes.correlation_times
-    around = np.log(np.clip(tc * np.exp([-3.0, 3.0]), times[0], times[-1]))
-
-    def highest(value):
-        """Return the largest value over the correlation times, and where it is."""
-        found = minimize_scalar(lambda u: -value(np.exp(u)), bounds=around, method="bounded")
-        return max((value(x), float(x)) for x in (tc, np.exp(found.x)))
-
-    def of_tc(x):
-        return selection.fit(plus(rest, x), True).value
-
-    def of_q(x):
-        def value(tc):
-            fixed = x**2 * tc / 2 * selection.unit(tc)
-            return likelihood.fit(units, "R" in rest, fixed, restricted=True).value
-
-        return highest(value)[0]
-
-    top, likeliest = highest(of_tc)
-    wide = plus(rest, likeliest)
-    theta, unit = selection.fit(wide, True).theta, likeliest / 2 * selection.unit(likeliest)
-    expected = selection.units(wide) @ theta
-    best = max(np.sqrt(2 * theta[-1] / likeliest), _small(unit, expected))
-    near = max(best, np.sqrt(likelihood.error(unit, expected)))
-    q, time = (0.0, near, _deviate(of_q, best, top)), (0.0, tc, _deviate(of_tc, likeliest, top))
+def _process(selection, terms, tc, fit):
+    """Return a Gauss-Markov process, its errors beside white noise, flicker, walk and others."""
+    variance = fit.theta[variances(terms).index(tc)]
+    wide, times = terms, selection.modes.correlation_times
+    for name in ("N", "B", "K"):
+        wide = plus(wide, name) if name in selection.candidates else wide
+    unit = variance * selection.unit(tc)
+    change = (variance * selection.unit(tc * exp(SHIFT)) - unit) / SHIFT
+    columns = np.column_stack([unit, change, selection.units(without(wide, tc))])
+    errors = selection.likelihood.covariance(columns, selection.units(terms) @ fit.theta)[:2, :2]
+    # of the logarithms of q = sqrt(2 v/tc) and tc
+    q_error, tc_error = (sqrt(w @ errors @ w) for w in (np.array([0.5, -0.5]), np.array([0, 1.0])))
+    q, ends = sqrt(2 * variance / tc), tc * np.exp(tc_error * np.array([-1.96, 1.96, 1.645]))
+    low, high, upper = np.clip(ends, times[0], times[-1]).tolist()
     return GaussMarkovTerm(
-        _coefficient([q], np.sqrt(2 * variance / tc)),
-        _coefficient([time], tc, times[0], times[-1]),
+        Coefficient.of(q, q * q_error), Coefficient(tc, (low, high), upper, True)
     )
-
-
-def _small(unit, expected):
-    """Return a coefficient that is small beside what is there, where another takes its place."""
-    return SMALL * np.sqrt(np.min(expected / unit))
 
 
 def _tail(profiles):
@@ -198,28 +175,18 @@ def _tail(profiles):
     return deviate, profiles[int(weight.argmax())][1]
 
 
-def _crossing(deviate, near, area, low=0.0, high=inf):
-    """Return where the tail area reaches a value, the end if nowhere, 0 where there is none."""
-    wanted, ends = float(ndtri(area)), (log(low) if low else -inf, log(high))
+def _crossing(deviate, near, area):
+    """Return where the tail area reaches a value, 0 if nowhere."""
+    wanted, u, step = float(ndtri(area)), log(near), FIRST
 
     def excess(u):
         found = deviate(u) - wanted
         return found if abs(found) > ALIKE else 0.0
 
-    u, step = log(near), FIRST
     rising = deviate(u) <= wanted
-    while True:
-        beyond = min(max(u + (step if rising else -step), ends[0]), ends[1])
-        if step > FARTHEST or beyond == u:
-            return exp(beyond) if beyond in ends else 0.0
+    while step <= FARTHEST:
+        beyond = u + (step if rising else -step)
         if (deviate(beyond) <= wanted) != rising:
             return exp(brentq(excess, u, beyond, xtol=CLOSE))
         u, step = beyond, step * GROWTH
-
-
-def _coefficient(profiles, value, low=0.0, high=inf):
-    """Return a supported coefficient, its interval within `low` and `high`."""
-    value, (deviate, near) = float(value), _tail(profiles)
-    ends = (_crossing(deviate, value or near, p, low, high) for p in (0.025, 0.975, 0.95))
-    low, high, upper = ends
-    return Coefficient(value, (min(low, value), max(high, value)), max(upper, value), True)
+    return 0.0

@@ -96,18 +96,15 @@ class Likelihood:
         free, slope = ramp is True, 0.0 if isinstance(ramp, bool) else ramp
         slow, restricted, power = len(self.rho), restricted and free, self.power(slope)
         floor = max(self.floor, ROUNDING * np.max(fixed))
-        size = units.max(axis=0) if units.size else np.ones(units.shape[1])
-        units = units / size
 
         def spectrum(theta):
             return np.maximum(units @ theta + fixed, floor)
 
-        if start is not None:
-            theta = start * size
-        else:
+        theta = start
+        if start is None:
             theta = weighted_nnls(units, power - fixed, self.count / np.maximum(power, floor) ** 2)
             if not theta.any():
-                theta = np.full(len(theta), power.mean())
+                theta = power.mean() / units.max(axis=0)
         expected, last, growth = spectrum(theta), -np.inf, np.inf
         for _ in range(ROUNDS):
             if free:
@@ -128,7 +125,7 @@ class Likelihood:
                 if self.value(power, trial, restricted) >= value:
                     theta, expected = theta + share * change, trial
                     break
-        return MaximumLikelihood(theta / size, float(slope), value)
+        return MaximumLikelihood(theta, float(slope), value)
 
     def value(self, power, expected, restricted=False):
         """Return the log-likelihood of an expected spectrum, or the restricted one."""
@@ -139,7 +136,16 @@ class Likelihood:
 
     def error(self, unit, expected):
         """Return the standard error of a variance, all else known, for a spectrum."""
-        return 1 / np.sqrt(self.count @ (unit / self.above_rounding(expected)) ** 2 / 2)
+        return np.sqrt(self.covariance(unit[:, None], expected)[0, 0])
+
+    def covariance(self, derivatives, expected):
+        """Return the covariance of parameters by the derivatives of a spectrum, shape (r, p)."""
+        rows = derivatives * np.sqrt(self.count / 2)[:, None]
+        rows /= self.above_rounding(expected)[:, None]
+        size = np.linalg.norm(rows, axis=0)
+        size[size == 0] = 1.0
+        rows /= size
+        return np.linalg.pinv(rows.T @ rows, hermitian=True) / np.outer(size, size)
 
     def ramp_error(self, expected):
         """Return the standard error of a ramp for a spectrum, SI/s."""

@@ -1,13 +1,12 @@
 """Lines of one axis: found, measured, removed, named."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 
 from imuloop.core.noise_model import Coefficient
 from imuloop.noise.periodogram import SHORTEST, Periodogram, chance_over_band
-from imuloop.noise.sinusoids import FittedSinusoid, fit_sinusoid, strongest_frequency
+from imuloop.noise.sinusoids import FittedSinusoid, fit_sinusoid
 
 # relative difference of the clocks of two power cycles, within which a line is the same
 SAME_CLOCK = 1e-4
@@ -16,8 +15,6 @@ MAINS, ORDERS = (50.0, 60.0), ("1st", "2nd", "3rd", "4th", "5th")
 WANDER, CLOCK = 1e-3, 2e-4
 # share of its frequency within which a line that wandered leaves others
 NEAR = 0.02
-# ends of a normal interval, standard errors
-TWO_SIDED, ONE_SIDED = 1.959964, 1.644854
 
 
 @dataclass(frozen=True)
@@ -36,9 +33,7 @@ class Line:
         """Return the Signals without the line; those that do not show it are returned unchanged."""
         signals = list(signals)
         for each in self.sinusoids:
-            values = np.array(signals[each.signal].values, float)
-            signals[each.signal] = replace(signals[each.signal], values=values)
-            each.subtract(signals[each.signal])
+            signals[each.signal] = each.subtract(signals[each.signal])
         return signals
 
     def explains(self, line, span):
@@ -70,30 +65,27 @@ def find_line(signals, spectrum, level):
     each = {i: periodogram for i, periodogram in each.items() if periodogram}
     if not each:
         return None
-    peaks = {i: periodogram.strongest() for i, periodogram in each.items()}
-    best = min(peaks, key=lambda i: peaks[i][0])
     independent = sum(periodogram.independent for periodogram in each.values())
+    peaks = {i: periodogram.strongest(level) for i, periodogram in each.items()}
+    best = min(peaks, key=lambda i: peaks[i][0])
     if chance_over_band(peaks[best][0], independent) > level:
         return None
-    strongest = fit_sinusoid(signals[best], peaks[best][1], best)
-    if chance_over_band(each[best].chance(strongest), independent) > level:
+    strongest, own = fit_sinusoid(signals[best], peaks[best][1], best), each.pop(best)
+    if chance_over_band(own.chance(strongest), independent) > level:
         return None
-    sinusoids = [strongest]
+    sinusoids, frequency = [strongest], strongest.frequency
     for i, periodogram in each.items():
-        signal = signals[i]
-        if i == best or strongest.frequency * signal.span < SHORTEST:
-            continue
-        reach = 1 / signals[best].span + 1 / signal.span + SAME_CLOCK * strongest.frequency
-        near = strongest_frequency(signal, strongest.frequency, reach)
-        sinusoid = fit_sinusoid(signal, near, i)
-        if chance_over_band(periodogram.chance(sinusoid), 2 * reach * signal.span) <= level:
-            sinusoids.append(sinusoid)
-    density, freedom = each[best].density(strongest.frequency)
-    error = stdtrit(freedom, 0.975) * np.sqrt(density * signals[best].rate / 2)
+        span = signals[i].span
+        reach = 1 / signals[best].span + 1 / span + SAME_CLOCK * frequency
+        if frequency * span >= SHORTEST:
+            sinusoid = fit_sinusoid(signals[i], periodogram.near(frequency, reach), i)
+            if chance_over_band(periodogram.chance(sinusoid), 2 * reach * span) <= level:
+                sinusoids.append(sinusoid)
+    error = np.sqrt(own.variance(frequency))
     amplitude = float(np.hypot(strongest.cosine, strongest.sine))
     return Line(
-        _coefficient(strongest.frequency, error * strongest.frequency_std),
-        _coefficient(amplitude, error * strongest.amplitude_std),
+        Coefficient.of(frequency, error * strongest.frequency_std),
+        Coefficient.of(amplitude, error * strongest.amplitude_std),
         tuple(sinusoids),
     )
 
@@ -120,9 +112,3 @@ def mains(frequency, rate):
                 names.append(f"{f0:.0f} Hz mains{alias}{harmonic}")
                 break
     return " or ".join(names) or None
-
-
-def _coefficient(value, error):
-    """Return the coefficient of a value that is never negative, of the half of its interval."""
-    interval = float(max(value - error, 0.0)), float(value + error)
-    return Coefficient(float(value), interval, float(value + error * ONE_SIDED / TWO_SIDED), True)

@@ -1,6 +1,7 @@
 """Where a spectrum departs from its model, and the weights that follow."""
 
 import numpy as np
+from scipy.ndimage import convolve1d
 from scipy.special import chdtrc, chdtri, polygamma, psi
 
 # rows are compared with the model in groups of at least so many values, at most so many per decade
@@ -25,23 +26,20 @@ def misfit(selection, terms):
     n = np.bincount(group, likelihood.count)
     used = n > 0
     half = np.where(used, n, 2.0) / 2
-    r = np.bincount(group, likelihood.count * ratio) / np.maximum(n, 1)
-    logarithm = np.log(np.where(used, np.maximum(r, 1e-12), 1.0))
+    r = np.maximum(np.bincount(group, likelihood.count * ratio) / (2 * half), 1e-12)
     variance = polygamma(1, half)
-    square = np.where(used, (logarithm - psi(half) + np.log(half)) ** 2, 0.0)
+    square = used * (np.log(r * half) - psi(half)) ** 2
     dof = used.sum() - len(terms)
-    if dof < 2 or chdtrc(dof, (square / variance)[used].sum()) >= level:
+    if dof < 2 or chdtrc(dof, (square / variance).sum()) >= level:
         return 0.0, np.ones(len(group))
 
     def around(values):
-        values = np.where(used, values, 0.0)
-        return np.convolve(values, np.ones(2 * TOGETHER + 1))[TOGETHER : TOGETHER + len(n)]
+        return convolve1d(used * values, np.ones(2 * TOGETHER + 1), mode="constant")
 
     near = np.maximum(around(1.0), 1)
-    excess = np.maximum(around(square - variance) / near, 0.0)
     beyond = around(square / variance) > chdtri(near, level / 10)
-    epsilon = np.sqrt(np.where(beyond, excess, 0.0))
-    return float(epsilon.max()), (1 / (1 + TOGETHER * epsilon**2 * n / 2))[group]
+    excess = np.where(beyond, np.maximum(around(square - variance) / near, 0.0), 0.0)
+    return float(np.sqrt(excess.max())), (1 / (1 + TOGETHER * excess * n / 2))[group]
 
 
 def _groups(frequency, count):

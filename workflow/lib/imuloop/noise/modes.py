@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-from scipy.fft import dct, irfft, rfft
+from scipy.fft import dct, irfft, next_fast_len, rfft
 from scipy.interpolate import CubicSpline
 
 from imuloop.noise.processes import (
@@ -17,6 +17,8 @@ from imuloop.noise.processes import (
 
 # blocks of a record; more would cost the cube, fewer would mix slow and fast noise
 BLOCKS = 512
+# samples of a block whose length is rounded up to one that is fast to transform
+LONG = 4096
 # share of the samples that whole blocks have to hold
 HELD = 0.9
 # bins of the fast modes a decade, and correlation times between which spectra are interpolated
@@ -176,16 +178,14 @@ class Modes:
 
     def gain(self, low_pass):
         """Return the power gain of a LowPass for each row, shape (r,): its share of white noise."""
-        if low_pass not in self._gains:
-            self._gains[low_pass] = self._gain(low_pass)
-        return self._gains[low_pass]
-
-    def _gain(self, low_pass):
+        if low_pass in self._gains:
+            return self._gains[low_pass]
         slow = low_pass.gain(np.minimum(self.frequency[: len(self.ramp)] * self.dt, 0.5))
         lags = irfft(low_pass.gain(np.linspace(0, 0.5, POINTS)))[:POINTS]
         covariance = np.zeros(self.m)
         covariance[: len(lags)] = lags[: self.m]
-        return np.append(slow, _binned(expected_squares(covariance), self._bins))
+        fast = _binned(expected_squares(covariance), self._bins)
+        return self._gains.setdefault(low_pass, np.append(slow, fast))
 
     @cached_property
     def correlation_times(self):
@@ -201,11 +201,9 @@ class Modes:
     def _rows(self):
         """Expected mean squares at the correlation times, shape (c, r)."""
         tc = self.correlation_times
-        slow = [
-            level.squares(gauss_markov_means(level.distance, self.m, self.dt, t) for t in tc)
-            for piece in self._pieces
-            for level in piece.levels
-        ]
+        slow = _slow(
+            self._pieces, lambda d: (gauss_markov_means(d, self.m, self.dt, t) for t in tc)
+        )
         fast = expected_squares(gauss_markov_samples(self.m, self.dt, tc))
         return np.concatenate([*slow, _binned(fast, self._bins)], axis=1)
 
@@ -217,11 +215,7 @@ def modes(samplings):
     m = _block_length(np.concatenate([sampling.lengths for sampling in closed]))
     # blocks of one sample where all are lone blocks of a level, as of bursts of two samples
     m, pieces = next((k, p) for k in (m, 1) if (p := _pieces(closed, k)))
-    slow = [
-        level.squares(block_mean_covariances(level.distance, m, dt))
-        for piece in pieces
-        for level in piece.levels
-    ]
+    slow = _slow(pieces, lambda d: block_mean_covariances(d, m, dt))
     k = np.arange(1, m)
     bins = np.flatnonzero(np.diff(np.floor(BINS * np.log10(k)), prepend=-1))
     fast = _binned(expected_squares(sample_covariances(m, dt)), bins)
@@ -251,6 +245,11 @@ def _binned(values, first):
     return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
 
 
+def _slow(pieces, covariances):
+    """Return the expected squares of the slow modes of each level, covariances by distance."""
+    return [e.squares(covariances(e.distance)) for piece in pieces for e in piece.levels]
+
+
 def _level_times(sampling):
     """Return the time from start to end of the stretches of each level, s."""
     first = np.flatnonzero(np.diff(sampling.level, prepend=-1))
@@ -260,11 +259,17 @@ def _level_times(sampling):
 
 
 def _block_length(lengths):
-    """Return the samples of a block: about `BLOCKS` of them, that hold nearly all samples."""
-    m = -(-lengths.sum() // BLOCKS)
+    """Return the samples of a block: up to `BLOCKS` of them, that hold nearly all samples.
+
+    Long blocks have a length without large prime factors, for which the transform is up to four
+    times faster.
+    """
+    m = int(-(-lengths.sum() // BLOCKS))
+    if m > LONG:
+        m = next_fast_len(m, real=True)
     while m > 1 and (lengths // m * m).sum() < HELD * lengths.sum():
         m //= 2
-    return int(m)
+    return m
 
 
 def _pieces(samplings, m):

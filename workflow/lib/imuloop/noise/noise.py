@@ -84,13 +84,22 @@ def estimate_noise(device, sessions, settings, views=True):
         notes.append("no session holds a rest: no coefficient can be estimated")
         return replace(nothing, notes=tuple(notes))
     static = next(iter(by_sensor.values()))[0].session.static
-    lengths = {s: [record.lengths for record in own] for s, own in by_sensor.items()}
-    rates = {s: _mean_rate(own) for s, own in by_sensor.items()}
-    found = _estimates(by_sensor, settings, notes)
+    rates = {
+        s: float(np.average([r.rate for r in own], weights=[r.lengths.sum() for r in own]))
+        for s, own in by_sensor.items()
+    }
+    # sensors of one clock share their records
+    each = {id(records): records for records in by_sensor.values()}
+    bases = {key: modes([s for r in own for s in r.samplings]) for key, own in each.items()}
+    found = {
+        axis: _estimate(axis, records, bases[id(records)], settings, notes)
+        for sensor, records in by_sensor.items()
+        for axis in SENSORS[sensor]
+    }
     axes = {axis: estimate.noise for axis, estimate in found.items()}
     if unseen := [axis for axis, noise in axes.items() if not noise.K.identifiable]:
         # the walk weighs most in long integrals
-        longest = max(each.max() / rates[s] for s, own in lengths.items() for each in own)
+        longest = max(r.lengths.max() / rates[s] for s, own in by_sensor.items() for r in own)
         notes.append(
             f"random walk not supported by clean stretches of up to {longest:.4g} s: "
             f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
@@ -121,29 +130,6 @@ def estimate_noise(device, sessions, settings, views=True):
         notes=tuple(notes),
         spectra={name: joined(parts) for name, parts in spectra.items()},
     )
-
-
-def _mean_rate(records):
-    """Return the mean sampling rate of records, weighted by their samples, Hz."""
-    weights = [record.lengths.sum() for record in records]
-    return float(np.average([record.rate for record in records], weights=weights))
-
-
-def _estimates(by_sensor, settings, notes):
-    """Return the AxisEstimate of each axis by all records of its sensor, notes on its limits."""
-    bases = _of_each(by_sensor, lambda own: modes([s for r in own for s in r.samplings]))
-    return {
-        axis: _estimate(axis, by_sensor[sensor], bases[sensor], settings, notes)
-        for sensor in by_sensor
-        for axis in SENSORS[sensor]
-    }
-
-
-def _of_each(by_sensor, function):
-    """Return what a function gives of the records of each sensor, once where both share them."""
-    first, *_ = by_sensor.values()
-    shared = function(first)
-    return {s: shared if own is first else function(own) for s, own in by_sensor.items()}
 
 
 def _estimate(axis, records, basis, settings, notes):

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from math import log
 
 import numpy as np
 from scipy import fft
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.special import betainc
 
 # periods in a signal below which a line is not told from a drift; as far from Nyquist
@@ -15,8 +15,8 @@ SHORTEST = 3
 # what a median needs and to 0.3 Hz; 1 % of its frequency where that is more. Mains' wander, folded
 # or not, is narrower than half a block and a line; what is wider is none
 FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
-# places in a block where the spectrum is calculated: 1e-4 of a walk's, where it is steepest
-NODES = 33
+# frequencies at which the spectrum is calculated: 2e-4 of a walk's, the steepest, over six decades
+NODES = 1000
 # where the chance of a peak is integrated
 EXPONENTS = np.geomspace(1e-4, 1e3, 700)
 # chance at one frequency below which peaks are ranked by their height
@@ -25,14 +25,15 @@ SURE = 1e-9
 
 @dataclass(frozen=True)
 class Periodogram:
-    r"""Periodogram of one Signal relative to its spectrum, and the medians of its blocks.
+    r"""Periodogram of one Signal relative to its spectrum, and the background of its blocks.
 
     The periodogram :math:`I(f) = 2 |\sum x_j e^{-2 \pi i f t_j}|^2/(n r)`, level means and one
     slope removed, gaps filled with zeros, padded to twice the record, is divided by the spectrum
     and by the local background: the largest of the medians of I/S in the block of frequencies
-    around and in the two beside it. So a misfit of the smooth model, its slope, and a band of
-    neighbouring lines wider than half a block (0.15 Hz, 0.5 % of f or 128 independent frequencies)
-    raise the background and are no lines. With a spectrum that is right up to a local factor, I/S
+    around and in the two beside it, or the next two at an end. So a misfit of the smooth model, its
+    slope, and a band of neighbouring lines wider than half a block (0.15 Hz, 0.5 % of f or 128
+    independent frequencies) raise the background and are no lines. With a spectrum that is right up
+    to a local factor, I/S
     is exponential, and
 
     .. math:: p_1 = E[e^{-x M}],\quad p = 1 - \exp(-p_1 - W \sqrt u e^{-u}),\quad u = -\ln p_1
@@ -43,18 +44,22 @@ class Periodogram:
 
     Attributes
     ----------
-    rate, step : float
-        Of the samples, and between frequencies of the padded transform, Hz.
+    step : float
+        Between frequencies of the padded transform, Hz.
+    first : int
+        Number of the first frequency, in steps.
     edges : ndarray of int, shape (b + 1,)
-        Of the blocks of the background, in steps.
-    sizes, medians : ndarray, shape (b,)
-        Independent values in each block, and the median of its ratios.
+        Of the blocks of the background, in steps from the first.
+    sizes, background : ndarray, shape (b,)
+        Of each block and the two nearest the fewest independent values, and the largest median.
     ratio : ndarray
         I/S from the first edge to the last.
     independent : float
         W.
     spectrum : callable
         S, one-sided, as a function of frequency in Hz.
+    rate : float
+        Of the samples, Hz.
 
     References
     ----------
@@ -62,18 +67,22 @@ class Periodogram:
     Aerosp. Electron. Syst. 19 (1983) 608.
     """
 
-    rate: float
     step: float
+    first: int
     edges: np.ndarray
     sizes: np.ndarray
-    medians: np.ndarray
+    background: np.ndarray
     ratio: np.ndarray
     independent: float
     spectrum: Callable
+    rate: float
 
     @classmethod
     def of(cls, signal, spectrum):
-        """Return the periodogram of one Signal; None if it is too short, sparse or has no noise."""
+        """Return the periodogram of one Signal; None if it is too short, sparse or has no noise.
+
+        `spectrum` is the one-sided density, SI^2/Hz, as a function of frequency in Hz.
+        """
         n, (first, last) = int(signal.lengths.sum()), signal.extent
         # frequencies in units of rate/n, the distance of independent ones
         low = SHORTEST * n / (last + 1 - first)
@@ -81,88 +90,87 @@ class Periodogram:
         # of what never changes rounding alone is left
         if not sizes or signal.is_sparse or signal.is_constant():
             return None
+        t = signal.samples.astype(float)
         padded = 16 * fft.next_fast_len(-(-(last + 1 - first) // 8))
         edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
         edges[-1] = int((n / 2 - low) * padded / n)
-        step, blocks = signal.rate / padded, [*pairwise(edges.tolist())]
-        nodes = [np.linspace(i, j - 1, min(NODES, j - i)) for i, j in blocks]
-        density = [spectrum(step * each) * n * signal.rate / 2 for each in nodes]
-        if not all((each > 0).all() for each in density):
+        start, stop, step = edges[0], edges[-1], signal.rate / padded
+        nodes = np.geomspace(start, stop, NODES)
+        density = spectrum(step * nodes) * n * signal.rate / 2
+        if not (density > 0).all():
             return None
         # single precision: its rounding lies 14 decades below the variance; a power of two keeps
         # squares within it
-        size = 2.0 ** np.rint(np.log2(max(each.max() for each in density)) / 2)
-        transform = fft.rfft(_filled(signal, size), padded)
-        power = transform.real**2 + transform.imag**2
-        medians = np.empty(len(sizes))
-        for b, (i, j) in enumerate(blocks):
-            power[i:j] /= np.interp(np.arange(i, j), nodes[b], density[b] / size**2)
-            # every other one: those between are not independent
-            medians[b] = np.median(power[i:j:2])
+        size = 2.0 ** np.rint(np.log2(density.max()) / 2)
+        transform = fft.rfft(_filled(signal, t, size), padded)[start:stop]
+        ratio = transform.real**2 + transform.imag**2
+        ratio /= np.interp(np.arange(start, stop), nodes, density / size**2)
+        edges -= start
+        # every other one: those between are not independent
+        medians = np.array([np.median(ratio[i:j:2]) for i, j in pairwise(edges.tolist())])
         if not medians.all():
             return None
-        middle = signal.starts + (signal.lengths - 1) / 2
-        spread = (middle - np.average(middle, weights=signal.lengths)) ** 2 + (
-            signal.lengths**2 - 1
-        ) / 12
-        turns = np.sqrt(4 * np.pi * np.average(spread, weights=signal.lengths))
+        centre = np.clip(np.arange(len(sizes)), 1, len(sizes) - 2)
         return cls(
-            rate=signal.rate,
             step=step,
+            first=int(start),
             edges=edges,
-            sizes=np.array(sizes),
-            medians=medians,
-            ratio=power[edges[0] : edges[-1]],
-            independent=float((edges[-1] - edges[0]) / padded * turns),
+            sizes=minimum_filter1d(sizes, 3, mode="nearest")[centre],
+            background=maximum_filter1d(medians, 3, mode="nearest")[centre],
+            ratio=ratio,
+            independent=float(edges[-1] / padded * np.sqrt(4 * np.pi * t.var())),
             spectrum=spectrum,
+            rate=signal.rate,
         )
 
-    def near(self, frequency):
-        """Return the block of a frequency in Hz and those beside it."""
-        block = np.searchsorted(self.edges, frequency / self.step, side="right") - 1
-        return self._beside(int(np.clip(block, 0, len(self.sizes) - 1)))
+    def block(self, frequency):
+        """Return the number of the block of a frequency in Hz."""
+        place = frequency / self.step - self.first
+        return int(np.searchsorted(self.edges[1:-1], place, side="right"))
 
-    def strongest(self):
-        """Return the least chance, at one frequency, that a peak may have, and its place in Hz."""
-        edges = self.edges - self.edges[0]
-        peaks = np.maximum.reduceat(self.ratio, edges[:-1])
+    def strongest(self, level):
+        """Return the least chance, at one frequency, that a peak may have, and its place in Hz.
+
+        A chance of 1 stands for any that is no line at the level.
+        """
+        heights, chances = (
+            np.maximum.reduceat(self.ratio, self.edges[:-1]),
+            np.ones(len(self.sizes)),
+        )
         # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
-        chances = np.array([self._chance(x / 0.81, self._beside(b)) for b, x in enumerate(peaks)])
+        x = heights / 0.81 / self.background
+        # a median is below 1, so that the chance is above exp(-x)
+        for b in np.flatnonzero(x > np.log(self.independent / level)):
+            chances[b] = chance_at_one(x[b], self.sizes[b])
         # a strong line leaks into other blocks, where it is weaker
-        b = int(np.where(chances <= max(chances.min(), SURE), peaks, 0).argmax())
-        top = edges[b] + int(self.ratio[edges[b] : edges[b + 1]].argmax())
-        place = float(top + self.edges[0])
-        if 0 < top < self.ratio.size - 1:
-            left, centre, right = np.log(self.ratio[top - 1 : top + 2].astype(float))
-            place += np.clip((right - left) / (4 * centre - 2 * (left + right)), -0.5, 0.5)
-        return chances[b], place * self.step
+        b = int(np.where(chances <= max(chances.min(), SURE), heights, 0).argmax())
+        return chances[b], self._highest(*self.edges[b : b + 2])
+
+    def near(self, frequency, reach):
+        """Return the place of the highest peak within `reach` of a frequency, Hz."""
+        ends = (np.array([frequency - reach, frequency + reach]) / self.step).astype(int)
+        first, last = np.clip(ends - self.first, 0, len(self.ratio) - 1)
+        return self._highest(first, last + 1)
+
+    def _highest(self, first, last):
+        return float((self.first + first + self.ratio[first:last].argmax()) * self.step)
+
+    def variance(self, frequency):
+        """Return the variance of white noise of the local density, SI^2."""
+        density = self.spectrum(np.array([frequency]))[0]
+        return density * self.rate / 2 * self.background[self.block(frequency)] / np.log(2)
 
     def chance(self, sinusoid):
         """Return the chance of a peak as high as a fitted sinusoid at one frequency."""
-        density = self.spectrum(np.array([sinusoid.frequency]))[0]
-        ratio = sinusoid.explained / (self.rate * density)
-        return self._chance(ratio, self.near(sinusoid.frequency))
-
-    def _beside(self, block):
-        return slice(max(block - 1, 0), block + 2)
-
-    def _chance(self, ratio, near):
-        sizes = self.sizes[near]
-        return chance_at_one(ratio / self.medians[near].max(), sizes.min(), sizes.size)
-
-    def density(self, frequency):
-        """Return the local density and its degrees of freedom; a median has 48 % of a mean's."""
-        near = self.near(frequency)
-        sizes = self.sizes[near]
-        scale = np.average(self.medians[near], weights=sizes) / log(2)
-        return self.spectrum(np.array([frequency]))[0] * scale, 2 * log(2) ** 2 * sizes.sum()
+        x = sinusoid.explained / (2 * np.log(2) * self.variance(sinusoid.frequency))
+        return chance_at_one(x, self.sizes[self.block(sinusoid.frequency)])
 
 
-def chance_at_one(x, m, sides):
-    """Return E[exp(-x M)], M the largest of `sides` medians of m exponentials of mean 1."""
+def chance_at_one(x, m):
+    """Return E[exp(-x M)], M the largest of three medians of m exponentials of mean 1."""
     if x <= 0:
         return 1.0
-    below = betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-EXPONENTS / x)) ** sides
+    below = betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-EXPONENTS / x)) ** 3
     return np.trapezoid(np.exp(-EXPONENTS) * below, EXPONENTS)
 
 
@@ -181,11 +189,9 @@ def _block_sizes(low, n, rate):
     return sizes
 
 
-def _filled(signal, size):
-    """Return the values over `size`, levels and slope removed, with zeros in the gaps."""
-    samples = zip(signal.starts, signal.lengths, strict=True)
-    t = signal.centred(np.concatenate([start + np.arange(float(n)) for start, n in samples]))
-    x, (first, last) = signal.centred(signal.values), signal.extent
+def _filled(signal, t, size):
+    """Return the values at t over `size`, levels and slope removed, with zeros in the gaps."""
+    t, x, (first, last) = signal.centred(t), signal.centred(signal.values), signal.extent
     x -= (t @ x) / (t @ t) * t
     filled = np.zeros(last + 1 - first, np.float32)
     for start, part in zip(signal.starts, signal.split(x), strict=True):

@@ -20,10 +20,10 @@ from imuloop.noise.sampling import SPARSEST, Sampling
 
 # sessions pool into one estimate where their rates agree within this share
 RATE_TOLERANCE = 0.01
-# samples that are looked at together
+# samples whose median interval is the usual one
 PART = 1 << 20
-# what is worth a note: spread of the sampling interval and missing samples, shares; temperature, K
-JITTER, LOST, TEMPERATURE_RANGE = 0.05, 1e-3, 2.0
+# what is worth a note: missing samples, share, and a change of temperature, K
+LOST, TEMPERATURE_RANGE = 1e-3, 2.0
 
 
 @dataclass(frozen=True)
@@ -48,15 +48,13 @@ class RecordedSession:
 class Record:
     """Stretches of a session, one power cycle after the other (`core.segments.power_cycles`).
 
-    For each the `slices` of its samples, and the `samplings`, where in time they lie; `jitter`
-    is the spread of the sampling interval, share of its mean, `lost` the samples missing in gaps of
-    a few, share of those there.
+    For each the `slices` of its samples, and the `samplings`, where in time they lie; `lost` are
+    the samples missing in gaps of a few, share of those there.
     """
 
     session: RecordedSession
     slices: tuple[tuple[slice, ...], ...]
     samplings: tuple[Sampling, ...]
-    jitter: float
     lost: float
 
     @property
@@ -108,7 +106,7 @@ def record_of(session):
     if not len(first):
         return None
     seconds, count = (t[last - 1] - t[first]).sum(), (last - first).sum()
-    first, last, stretch, lost, steps, jitter = _split_at_losses(t, first, last)
+    first, last, stretch, lost, steps = _split_at_losses(t, first, last)
     rate, level, cycle = float(steps / seconds), level[stretch], cycle[stretch]
     samplings, slices = [], []
     for k in np.unique(cycle):
@@ -118,7 +116,7 @@ def record_of(session):
         start = before + np.maximum.accumulate(start - before)
         samplings.append(Sampling(rate, start, j - i, level[cycle == k]))
         slices.append(tuple(map(slice, i.tolist(), j.tolist())))
-    return Record(session, tuple(slices), tuple(samplings), jitter, float(lost / count))
+    return Record(session, tuple(slices), tuple(samplings), float(lost / count))
 
 
 def _steadiest(segments):
@@ -142,28 +140,22 @@ def _steadiest(segments):
 def _split_at_losses(t, first, last):
     """Return stretches split where samples are missing, and the stretch each is part of.
 
-    Then the samples missing, the steps of the clock in all stretches, and the standard deviation of
-    those without a loss, share of their mean.
+    Then the samples missing, and the steps of the clock in all stretches.
     """
     longest = np.argmax(last - first)
-    usual = np.median(np.diff(t[first[longest] : last[longest]][: PART + 1]))
-    cuts, lost, count, moments = [], 0, 0, np.zeros(3)
-    bounds = zip(first, last, strict=True)
-    for begin, end in ((k, min(k + PART + 1, j)) for i, j in bounds for k in range(i, j - 1, PART)):
-        steps = np.diff(t[begin:end])
+    usual = np.median(np.diff(t[first[longest] : last[longest]][:PART]))
+    cuts, lost, count = [], 0, 0
+    for i, j in zip(first, last, strict=True):
+        steps = np.diff(t[i:j])
         missing = lost_samples(steps, usual)
-        cuts.append(begin + 1 + np.flatnonzero(missing))
+        cuts.append(i + 1 + np.flatnonzero(missing))
         lost += int(missing.sum())
         # a late stamp that looks like a loss is made good by the short step after it
         count += int(np.rint(steps / usual).sum()) if len(cuts[-1]) else len(steps)
-        error = steps[missing == 0] / usual - 1
-        moments += len(error), error.sum(), error @ error
     starts = np.sort(np.concatenate([first, *cuts]))
     stretch = np.searchsorted(first, starts, side="right") - 1
     ends = np.minimum(np.append(starts[1:], last[-1]), last[stretch])
-    mean, square = moments[1:] / moments[0]
-    jitter = float(np.sqrt(max(square - mean**2, 0.0)) / (1 + mean))
-    return starts, ends, stretch, lost, count, jitter
+    return starts, ends, stretch, lost, count
 
 
 def records_by_sensor(sessions, notes):
@@ -226,7 +218,7 @@ def used_records(sessions, notes):
 
 
 def _conditions(record):
-    """Yield notes on the gaps, jitter and temperature of a record."""
+    """Yield notes on the gaps and the temperature of a record."""
     if jumps := len(record.samplings) - 1:
         yield (
             f"{jumps} gap(s) longer than all that was recorded; noise is not followed across, "
@@ -234,11 +226,6 @@ def _conditions(record):
         )
     if any(sampling.is_sparse for sampling in record.samplings):
         yield f"gaps leave less than 1/{SPARSEST} of the time: no lines are sought"
-    if record.jitter > JITTER:
-        yield (
-            f"sampling interval scatters by {100 * record.jitter:.2g} %; the estimate takes the "
-            "mean rate"
-        )
     if record.lost > LOST:
         yield (
             f"{100 * record.lost:.2g} % of the samples are missing, a few at a time; the gaps are "

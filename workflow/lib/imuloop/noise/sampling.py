@@ -39,6 +39,12 @@ class Sampling:
         return cls(rate, *np.array([[0], [samples], [0]]))
 
     @property
+    def samples(self):
+        """The number of each sample, shape (n,)."""
+        before = np.cumsum(self.lengths) - self.lengths
+        return np.arange(self.lengths.sum()) + np.repeat(self.starts - before, self.lengths)
+
+    @property
     def extent(self):
         """First and last sample."""
         return int(self.starts[0]), int(self.starts[-1] + self.lengths[-1]) - 1

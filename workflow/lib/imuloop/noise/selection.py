@@ -24,8 +24,6 @@ TESTS = 2.5
 MOST = 3
 # a term that raises the log-likelihood by less raises it by nothing: fits end so near the maximum
 NOTHING = 1e-4
-# a fit gains less than so many times what its beginning lets expect
-LEEWAY = 4.0
 # share of a session over which one level has to last before walk or ramp is told from flicker:
 # from short rests, each at its own level, it would be carried on over all that lies between
 LASTING = 1 / 8
@@ -165,14 +163,10 @@ class Selection:
         if len(correlation_times(terms)) == MOST or not len(self.times):
             return terms
         base = self.fit(terms)
-        # most are not there: none of it is close to the best fit, and few are worth a fit
-        start, expected = np.append(base.theta, 0.0), self._expected_gains(terms, base)
-        worth = LEEWAY * expected >= expected.max()
-        if self.p_value(0.0, LEEWAY * expected.max()) > self.level:
-            return terms
+        start = np.append(base.theta, 0.0)
         gains = {
             tc: self.likelihood.fit(self.units(plus(terms, tc)), "R" in terms, start=start).value
-            for tc in self.times[worth].tolist()
+            for tc in self.times.tolist()
         }
         tc = max(gains, key=gains.get)
         if self.p_value(tc, gains[tc] - base.value) > self.level:
@@ -182,21 +176,6 @@ class Selection:
         for place in [*places] * min(len(places), 2):
             terms = self._refined(terms, place)
         return terms
-
-    def _expected_gains(self, terms, fit):
-        r"""Return the gain of log-likelihood by each process as its derivatives at zero tell.
-
-        .. math:: u^2/2I, \quad u = \partial\ell/\partial v > 0, with I the information on the
-            variance v that the other variances leave
-        """
-        units = self.units(terms)
-        expected = self.likelihood.above_rounding(units @ fit.theta)
-        root = np.sqrt(self.likelihood.count / 2) / expected
-        basis = np.linalg.qr(root[:, None] * units)[0]
-        rows = root * np.array([self.unit(tc) for tc in self.times])
-        remainder = rows - rows @ basis @ basis.T
-        slope = rows @ (root * (self.likelihood.power(fit.ramp) - expected))
-        return np.maximum(slope, 0.0) ** 2 / (2 * (remainder**2).sum(axis=1))
 
     def _refined(self, terms, place):
         """Return the terms with the most likely correlation time at a place."""

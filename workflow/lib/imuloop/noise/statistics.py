@@ -13,15 +13,11 @@ MEANS = {"std_10s": 10.0, "std_100s": 100.0}
 def summary(stretches, rate):
     """Return summary figures of one axis of clean output, any unit.
 
-    mean, std, min, q25, median, q75, max and peak_to_peak of the samples; std_10s and std_100s, the
-    standard deviation of consecutive 10 s and 100 s means. None where a figure needs more data.
+    mean and std of the samples; std_10s and std_100s, the standard deviation of means in turn over
+    10 s and 100 s. None where a figure needs more data.
     """
     x = np.concatenate(stretches)
     figures = {"mean": x.mean(), "std": x.std(ddof=1) if len(x) > 1 else None}
-    # x is a copy, which may be sorted in place
-    quantiles = np.quantile(x, [0, 0.25, 0.5, 0.75, 1], overwrite_input=True)
-    figures |= zip(("min", "q25", "median", "q75", "max"), quantiles, strict=True)
-    figures["peak_to_peak"] = figures["max"] - figures["min"]
     for name, seconds in MEANS.items():
         means = consecutive_means(stretches, round(seconds * rate))
         figures[name] = means.std(ddof=1) if len(means) > 1 else None

@@ -10,6 +10,7 @@ from imuloop.core.effect import Channels
 from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
+from imuloop.diagnose.records.correction import corrected_sessions
 from imuloop.diagnose.records.moves import separated
 from imuloop.diagnose.records.rests import LONG_REST
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
@@ -19,7 +20,6 @@ from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.verdict import not_testable
 from imuloop.model.effects import SensorEffect
 from imuloop.noise.allan import session_curves
-from imuloop.noise.correction import corrected_sessions
 from imuloop.noise.noise import estimate_noise
 
 # windows that tell noise from lines
