@@ -123,7 +123,7 @@ class LinearSensor:
     def linearised(self, found, problem):
         return self.at(problem, found.effects, found.x)
 
-    def noise_components(self, at):
+    def noise_components(self, at, prior_rows):
         """Return the noise, whose size is known, without flicker and walk, and an even excess."""
         covariance = block_diag(*at.problem.covariances)
         even = np.median(np.diag(covariance)) * np.eye(len(covariance))

@@ -55,7 +55,7 @@ class Fit:
         return self.covariance * max(1.0, self.chi2 / self.dof if enough else 1.0)
 
 
-def fit(linearise, x0, covariance, prior=None):
+def fit(linearise, x0, covariance, prior=None, first=None):
     """Minimise ``r(x)ᵀ Σ⁻¹ r(x)``, or ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` with what is known of x.
 
     MINPACK's Levenberg-Marquardt on the analytic derivative. Parameters are measured by the length
@@ -72,6 +72,8 @@ def fit(linearise, x0, covariance, prior=None):
         Covariance Σ of the residuals, positive definite, or the variances of independent ones.
     prior : (ndarray, ndarray), optional
         R, shape (k, p), and z, shape (k,), from other data.
+    first : optional
+        What `linearise` gives at the start, where that is known.
 
     Returns
     -------
@@ -87,13 +89,14 @@ def fit(linearise, x0, covariance, prior=None):
     root = np.sqrt(covariance) if independent else np.linalg.cholesky(covariance)
     whiten = np.diag(1 / root) if independent else np.linalg.inv(root)
     rows, z = (np.zeros((0, len(x0))), np.zeros(0)) if prior is None else prior
-    last = None
+    x = np.array(x0, dtype=float)
+    last = x.copy(), linearise(x) if first is None else first
 
     def at(x):
         """Return the rows at x: MINPACK asks for the residuals, then perhaps for the derivative."""
         nonlocal last
-        if last is None or np.any(last[0] != x):
-            last = np.array(x), linearise(x)
+        if np.any(last[0] != x):
+            last = x.copy(), linearise(x)
         return last[1]
 
     def residual(x):
@@ -102,7 +105,6 @@ def fit(linearise, x0, covariance, prior=None):
     def jacobian(x):
         return np.concatenate([whiten @ at(x).jacobian, rows])
 
-    x = np.array(x0, dtype=float)
     if not np.isfinite(residual(x)).all():
         raise LinAlgError("residuals that are not finite")
     how = dict.fromkeys(("ftol", "xtol", "gtol"), _TOLERANCE) | {"max_nfev": _STEPS}

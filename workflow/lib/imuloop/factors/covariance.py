@@ -26,10 +26,17 @@ class ResidualCovariance:
     def __init__(self, at):
         measured = at.measured
         self.rests, self.moves, self.counted = measured.rests, measured.moves, measured.counted
-        self.rest_rows, self.rows, self.places = at.rest_rows, at.move_rows, at.places
-        self.force, self.force_gain, self.weights = at.force_at_rest, at.force.gain, at.weights
+        self.rows, self.places, self.weights = at.move_rows, at.places, at.weights
+        self.force, self.force_gain = at.force_at_rest, at.force.gain
+        ends = np.linspace(self.moves.start_s, self.moves.end_s, PARTS + 1)
+        parts = np.stack([ends[:-1].T.ravel(), ends[1:].T.ravel()], axis=1)
+        # of all means, at the rests and over parts of the moves, s, (M, 2)
+        self.windows, cycle = np.concatenate([self.rests.windows, parts]), self.rests.power_cycle
+        cycle = np.append(cycle, np.repeat(cycle[self.moves.first], PARTS))
+        # what the covariances of all channels share
+        self.edges = edges(self.windows, cycle)
         # few means enter each residual
-        self.gains = [csr_array(gain) for gain in self._gains()]
+        self.gains = [csr_array(gain) for gain in self._gains(at.rest_rows)]
 
     def by(self, noise, aliasing=True):
         """Return the covariance of the residuals that count by a NoiseModel, shape (N, N).
@@ -62,24 +69,11 @@ class ResidualCovariance:
         return covariance if counted.all() else covariance[np.ix_(counted, counted)]
 
     @cached_property
-    def _windows(self):
-        """Windows of all means, at the rests and over parts of the moves, s, (M, 2)."""
-        ends = np.linspace(self.moves.start_s, self.moves.end_s, PARTS + 1)
-        parts = np.stack([ends[:-1].T.ravel(), ends[1:].T.ravel()], axis=1)
-        return np.concatenate([self.rests.windows, parts])
-
-    @cached_property
-    def _edges(self):
-        """What the covariances of all channels share."""
-        cycle = self.rests.power_cycle
-        return edges(self._windows, np.append(cycle, np.repeat(cycle[self.moves.first], PARTS)))
-
-    @cached_property
     def _of_one(self):
         """Covariance of the means by flicker and by walk of size one."""
         ones = {term: AxisNoise(**{term: Coefficient(1.0)}) for term in "BK"}
         return {
-            term: self._about_mean(one.mean_covariance(self._windows, self._edges))
+            term: self._about_mean(one.mean_covariance(self.windows, self.edges))
             for term, one in ones.items()
         }
 
@@ -94,14 +88,14 @@ class ResidualCovariance:
         """Return the covariance of one channel's means, and what rounding and tilts add."""
         rests, model, n = self.rests, noise.axes[CHANNELS[channel]], len(self.rests)
         fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
-        whole = quick = model.mean_covariance(self._windows, self._edges)
+        whole = quick = model.mean_covariance(self.windows, self.edges)
         if fast != model:
-            quick = fast.mean_covariance(self._windows, self._edges)
+            quick = fast.mean_covariance(self.windows, self.edges)
         slow, diagonal = self._about_mean(whole - quick), quick.diagonal().copy()
         if model.N.square or model.Q.square:
             diagonal[:n] += rests.extra_variance[:, channel]
             # white noise within a move does not act as its mean does
-            diagonal[n:] -= model.N.square / np.ptp(self._windows[n:], axis=1)
+            diagonal[n:] -= model.N.square / np.ptp(self.windows[n:], axis=1)
         else:
             # where white noise is not known, the variance within the rests is taken for it
             diagonal[:n] += rests.variance[:, channel] / rests.n
@@ -111,15 +105,15 @@ class ResidualCovariance:
     @cached_property
     def _within(self):
         """Covariance of a move's residuals by white noise of each channel, (6, m, a, a)."""
-        a, b = self.rows.residual.shape[1], self.rows.by_force.shape[2]
+        a = self.rows.residual.shape[1]
         found = np.zeros((6, len(self.moves), a, a))
-        pushed = self.rows.by_force @ self.force_gain
         for axis in range(3):
             turned = self.rows.by_turn[..., axis]
             found[3 + axis] = (turned * self.moves.steps[..., None]).swapaxes(1, 2) @ turned
-            own = pushed[..., axis]
-            weighted = own * self.weights[..., None]
-            found[axis, :, a - b :, a - b :] = weighted.swapaxes(1, 2) @ own
+            if self.rows.by_force is not None:
+                own = (self.rows.by_force @ self.force_gain)[..., axis]
+                weighted = own * self.weights[..., None]
+                found[axis, :, 2:, 2:] = weighted.swapaxes(1, 2) @ own
         return found
 
     def _extra(self, errors):
@@ -145,30 +139,31 @@ class ResidualCovariance:
             found += [(leaving - arriving / 2) @ crossed, np.sqrt(3) / 2 * arriving @ crossed]
         return np.array(found).reshape(-1, len(self.counted), 3).transpose(2, 1, 0)
 
-    def _gains(self):
+    def _gains(self, rest_rows):
         """Return what each channel's mean at a rest or over a part of a move adds, (6, N, M).
 
         Calibrated rates are as good as those logged: K and T are one but for percents.
         """
-        rows, first, n, m = self.rows, self.moves.first[:, None], len(self.rests), len(self.moves)
-        gains, rests = np.zeros((6, len(self.counted), n + PARTS * m)), np.arange(n)[:, None]
-        parts, start = n + np.arange(PARTS * m).reshape(m, PARTS, 1), 0
-        started, ended = rows.by_start @ self.force_gain, rows.by_end @ self.force_gain
-        steps, passed = self.moves.steps, self.moves.steps.cumsum(axis=1)
-        turned = _by_part(rows.by_turn, steps, passed - steps / 2)
-        pushed = rows.by_force @ self.force_gain
-        pushed = _by_part(pushed, self.weights, np.pad(passed, ((0, 0), (1, 0))))
-        last = self.places[:, None, self.places.shape[1] - pushed.shape[2] :]
-        for sensor, own in enumerate(self.rest_rows.values()):
+        rows, places, n, m = self.rows, self.places, len(self.rests), len(self.moves)
+        gains, start = np.zeros((6, len(self.counted), n + PARTS * m)), 0
+        for sensor, own in enumerate(rest_rows):
             at = start + np.arange(own.residual.size).reshape(n, -1)
             start += own.residual.size
             for axis in range(3):
-                gains[3 * sensor + axis, at, rests] = own.gain[..., axis]
+                gains[3 * sensor + axis, at, np.arange(n)[:, None]] = own.gain[..., axis]
+        first, parts = self.moves.first[:, None], n + np.arange(PARTS * m).reshape(m, PARTS, 1)
+        started, ended = rows.by_start @ self.force_gain, rows.by_end @ self.force_gain
+        steps, passed = self.moves.steps, self.moves.steps.cumsum(axis=1)
+        turned = _by_part(rows.by_turn, steps, passed - steps / 2)
         for axis in range(3):
-            gains[axis, self.places, first] += started[..., axis]
-            gains[axis, self.places, first + 1] += ended[..., axis]
-            gains[axis, last, parts] = pushed[..., axis]
-            gains[3 + axis, self.places[:, None], parts] = turned[..., axis]
+            gains[axis, places, first] += started[..., axis]
+            gains[axis, places, first + 1] += ended[..., axis]
+            gains[3 + axis, places[:, None], parts] = turned[..., axis]
+        if rows.by_force is not None:
+            passed = np.pad(passed, ((0, 0), (1, 0)))
+            pushed = _by_part(rows.by_force @ self.force_gain, self.weights, passed)
+            for axis in range(3):
+                gains[axis, places[:, None, 2:], parts] = pushed[..., axis]
         return gains
 
 

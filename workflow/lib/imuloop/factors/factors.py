@@ -129,43 +129,40 @@ class Measurements:
 
     @cached_property
     def designs(self):
-        """As in `designs_of`, of the effects of the state."""
-        return self.designs_of()
+        """As `designs_with` no more effects."""
+        return self.designs_with(())
 
-    def designs_of(self, more=()):
-        """Return of each sensor D, as in `Sensor`, of its effects and some more.
+    def designs_with(self, effects):
+        """Return of each sensor D, as in `Sensor`, of the effects of the state and of more.
 
         At rests, (n, 3, q), and along moves, (m, k, 3, q), the latter None where nothing asks.
         """
-        state = self.about.with_effects(more)
-        return {sensor: self._designs(sensor, state) for sensor in SENSORS}
-
-    def _designs(self, sensor, state):
-        effects = [e.effect for e in state.effects if e.sensor == sensor]
-        own, (other,) = state.sensor(sensor), (s for s in SENSORS if s != sensor)
-        see, made = state.sensor(other).aligned, []
-        tables = [(self.rests, self.recording.pose_channels)]
-        if sensor == "gyroscope" or self.factors.quiet is not None:
-            tables.append((self.moves, self.recording.rotation_channels))
-        for table, channels in tables:
-            y, beside = (getattr(table, name) for name in OWN[sensor])
-            design = np.zeros((*y.shape, len(own.p)))
-            if effects and len(y):
-                seen = channels(sensor, own.output, see(beside), see)
-                design = effect_design(effects, seen, own.p).reshape(design.shape)
-            made.append(design)
-        return made if len(made) == 2 else (*made, None)
-
-    @cached_property
-    def to_start(self):
-        """Small turns from the attitude of a rest's mean to its start, rad, (n, 3)."""
-        return self.rests.to_start @ self.about.sensor("gyroscope").gain.T
-
-    @cached_property
-    def to_end(self):
-        """The same to its end."""
-        return self.rests.to_end @ self.about.sensor("gyroscope").gain.T
+        state, recording = self.about.with_effects(effects), self.recording
+        return {
+            sensor: (
+                _design(sensor, state, self.rests, recording.pose_channels),
+                _design(sensor, state, self.moves, recording.rotation_channels)
+                if sensor == "gyroscope" or self.factors.quiet is not None
+                else None,
+            )
+            for sensor in SENSORS
+        }
 
     def at(self, x):
         """Return the Linearised factors with parameters x, (p,)."""
         return Linearised(self, State(x, self.about.effects))
+
+
+def _design(sensor, state, table, channels):
+    """Return D of a sensor's effects in Poses or Rotations, (..., 3, q), at a State.
+
+    Takes what gives their channels.
+    """
+    y, beside = (getattr(table, name) for name in OWN[sensor])
+    effects = [e.effect for e in state.effects if e.sensor == sensor]
+    own, (other,) = state.sensor(sensor), (s for s in SENSORS if s != sensor)
+    if not (effects and len(y)):
+        return np.zeros((*y.shape, len(own.p)))
+    see = state.sensor(other).aligned
+    seen = channels(sensor, own.output, see(beside), see)
+    return effect_design(effects, seen, own.p).reshape(*y.shape, len(own.p))

@@ -5,7 +5,6 @@ from functools import cache, cached_property
 from itertools import pairwise, product
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from imuloop.core.precision import precision
 from imuloop.diagnose.evidence import Evidence, Hypotheses, RowGroup
@@ -177,10 +176,7 @@ class PoseProblem:
         jacobian = np.concatenate([at.jacobian, known])
         nuisances = count + sum(len(e.parameters) for e in self.found)
         own = by_effect(jacobian[:, None, nuisances:], base)
-        covariance, *components = self.sensor.noise_components(at)
-        # rows of other records are independent, of variance one
-        covariance = block_diag(covariance, np.eye(len(z)))
-        slow, missing = ([c.padded(len(z)) for c in each] for each in components)
+        covariance, slow, missing = self.sensor.noise_components(at, len(z))
         components = [*slow, *missing]
         estimated, first = (np.array([c.size for c in each]) for each in (slow, components))
         likeliest = likely_sizes(values, jacobian, covariance, components)
