@@ -103,7 +103,7 @@ class LinearSensor:
 
     def rows(self, problem):
         poses = np.arange(len(problem.y))
-        return np.column_stack([poses, poses]), np.zeros(len(poses), dtype=int)
+        return np.column_stack([poses, poses]), np.full(len(poses), "gravity_norm")
 
     def fit(self, problem, effects=(), start=None, prior=None):
         x, covariance = np.zeros(problem.design(effects).shape[1]), block_diag(*problem.covariances)

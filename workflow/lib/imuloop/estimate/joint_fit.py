@@ -98,7 +98,7 @@ class JointFit:
             components.append((covariance.of_aliasing(), 1.0, ALIASED_TO, "rotation"))
         slow = [Component(np.pad(own, (0, prior_rows)), *known) for own, *known in components]
         expected = np.diag(total(fixed, slow, [part.size for part in slow]))
-        kind = np.append(self.factors.kinds_of_rows(recording)[0], np.full(prior_rows, ""))
+        kind = np.append(self.rows(recording)[1], np.full(prior_rows, ""))
         rows = {name: kind == name for name in self.kinds if name in kind}
         missing = [Component(np.diag(a * np.median(expected[a])), kind=k) for k, a in rows.items()]
         return fixed, slow, missing
@@ -139,7 +139,7 @@ class JointFit:
             if np.all(moved < STILL * np.sqrt(np.diag(found.covariance))):
                 break
         # by what the noise alone predicts
-        owner = np.append(self.factors.kinds_of_rows(recording)[1], np.full(len(z), ""))
+        owner = np.append(self.factors.owners(recording), np.full(len(z), ""))
         owners, (r, jacobian) = np.unique(owner[:n]).tolist(), all_rows(measured.at(x))
         squares, _ = chi_square(r, estimated, jacobian, [owner == each for each in owners])
         reduced = [square / dof if dof > 0 else None for square, dof in squares]

@@ -106,15 +106,12 @@ class ResidualCovariance:
     def _within(self):
         """Covariance of a move's residuals by white noise of each channel, (6, m, a, a)."""
         a = self.rows.residual.shape[1]
-        found = np.zeros((6, len(self.moves), a, a))
-        for axis in range(3):
-            turned = self.rows.by_turn[..., axis]
-            found[3 + axis] = (turned * self.moves.steps[..., None]).swapaxes(1, 2) @ turned
-            if self.rows.by_force is not None:
-                own = (self.rows.by_force @ self.force_gain)[..., axis]
-                weighted = own * self.weights[..., None]
-                found[axis, :, 2:, 2:] = weighted.swapaxes(1, 2) @ own
-        return found
+        made, turned = np.zeros((6, len(self.moves), a, a)), np.moveaxis(self.rows.by_turn, -1, 0)
+        made[3:] = (turned * self.moves.steps[..., None]).swapaxes(2, 3) @ turned
+        if self.rows.by_force is not None:
+            pushed = np.moveaxis(self.rows.by_force @ self.force_gain, -1, 0)
+            made[:3, :, 2:, 2:] = (pushed * self.weights[..., None]).swapaxes(2, 3) @ pushed
+        return made
 
     def _extra(self, errors):
         """Return what errors of turns about some steps add to the residuals, (m, a, a)."""
@@ -145,25 +142,20 @@ class ResidualCovariance:
         Calibrated rates are as good as those logged: K and T are one but for percents.
         """
         rows, places, n, m = self.rows, self.places, len(self.rests), len(self.moves)
-        gains, start = np.zeros((6, len(self.counted), n + PARTS * m)), 0
-        for sensor, own in enumerate(rest_rows):
-            at = start + np.arange(own.residual.size).reshape(n, -1)
-            start += own.residual.size
-            for axis in range(3):
-                gains[3 * sensor + axis, at, np.arange(n)[:, None]] = own.gain[..., axis]
+        gains, rests = np.zeros((6, len(self.counted), n + PARTS * m)), np.arange(n)
         first, parts = self.moves.first[:, None], n + np.arange(PARTS * m).reshape(m, PARTS, 1)
-        started, ended = rows.by_start @ self.force_gain, rows.by_end @ self.force_gain
+        of_force, of_turn = (np.moveaxis(own.gain, -1, 0) for own in rest_rows)
+        gains[:3, rests[:, None], rests[:, None]] = of_force
+        gains[3:, n + np.arange(3 * n).reshape(n, 3), rests[:, None]] = of_turn
         steps, passed = self.moves.steps, self.moves.steps.cumsum(axis=1)
         turned = _by_part(rows.by_turn, steps, passed - steps / 2)
-        for axis in range(3):
-            gains[axis, places, first] += started[..., axis]
-            gains[axis, places, first + 1] += ended[..., axis]
-            gains[3 + axis, places[:, None], parts] = turned[..., axis]
+        gains[3:, places[:, None], parts] = np.moveaxis(turned, -1, 0)
+        gains[:3, places, first] += np.moveaxis(rows.by_start @ self.force_gain, -1, 0)
+        gains[:3, places, first + 1] += np.moveaxis(rows.by_end @ self.force_gain, -1, 0)
         if rows.by_force is not None:
             passed = np.pad(passed, ((0, 0), (1, 0)))
             pushed = _by_part(rows.by_force @ self.force_gain, self.weights, passed)
-            for axis in range(3):
-                gains[axis, places[:, None, 2:], parts] = pushed[..., axis]
+            gains[:3, places[:, None, 2:], parts] = np.moveaxis(pushed, -1, 0)
         return gains
 
 

@@ -54,32 +54,35 @@ class Factors:
     @property
     def kinds(self):
         """Kinds of residuals that count, with SI unit and number of components."""
-        known = {*self.sensors, "motion"} if self.quiet is not None else {*self.sensors}
-        # a rotation carries the direction of gravity
-        without = () if "accelerometer" in known else ("rotation",)
-        return {k: KINDS[k] for k, owner in OWNER.items() if owner in known and k not in without}
+        known = {*self.sensors} if self.quiet is None else {*self.sensors, "motion"}
+        kinds = {kind: KINDS[kind] for kind, owner in OWNER.items() if owner in known}
+        if "accelerometer" not in known:
+            # a rotation carries the direction of gravity
+            kinds.pop("rotation", None)
+        return kinds
 
-    def table(self, recording):
-        """Return start, end, kind and whether it counts of each residual, (4, N)."""
-        rests, first, kinds = np.arange(len(recording.poses)), recording.rotations.first, self.kinds
-        table = []
-        for kind in (kind for kind in KINDS if kind not in VELOCITY or self.quiet is not None):
-            start, further = (rests, 0) if kind in AT_RESTS else (first, 1)
-            counts = self.quiet if kind in VELOCITY else kind in kinds
-            number = [*kinds].index(kind) if kind in kinds else -1
-            rows = np.broadcast_arrays(start, start + further, number, counts)
-            table.append(np.repeat(rows, KINDS[kind][1], axis=1))
-        return np.hstack(table)
+    def every_row(self, recording):
+        """Return kind, rests where it starts and ends, and whether it counts, of each residual."""
+        rests, first = np.arange(len(recording.poses)), recording.rotations.first
+        found, kinds = [], self.kinds
+        for kind, (_, width) in KINDS.items():
+            if kind in AT_RESTS:
+                each = kind, rests, rests, kind in kinds
+            elif kind == "rotation" or self.quiet is not None:
+                each = kind, first, first + 1, kind in kinds if kind == "rotation" else self.quiet
+            else:
+                continue
+            found.append([np.repeat(x, width) for x in np.broadcast_arrays(*each)])
+        return [np.concatenate(column) for column in zip(*found, strict=True)]
 
     def rows(self, recording):
-        """Return the rests where each residual starts and ends, (N, 2), and its kind, (N,)."""
-        start, end, kinds, counts = self.table(recording)
-        return np.column_stack([start, end])[counts > 0], kinds[counts > 0]
+        """Return the rests where each residual that counts starts and ends, and its kind, (N,)."""
+        kinds, start, end, counts = self.every_row(recording)
+        return np.column_stack([start, end])[counts], kinds[counts]
 
-    def kinds_of_rows(self, recording):
-        """Return the kind of each residual, and its `OWNER`, (N,) of str."""
-        kinds = np.array([*self.kinds])[self.rows(recording)[1]]
-        return kinds, np.array([OWNER[kind] for kind in kinds.tolist()], dtype=str)
+    def owners(self, recording):
+        """Return the `OWNER` of each residual that counts, (N,) of str."""
+        return np.array([OWNER[kind] for kind in self.rows(recording)[1].tolist()], dtype=str)
 
     def about(self, recording, state):
         """Return the Measurements of a recording, effects seen with the parameters of a State."""
@@ -125,7 +128,7 @@ class Measurements:
     @cached_property
     def counted(self):
         """Which of all residuals count."""
-        return self.factors.table(self.recording)[3] > 0
+        return self.factors.every_row(self.recording)[3]
 
     @cached_property
     def designs(self):

@@ -99,7 +99,7 @@ class PoseProblem:
         Rows of other records come last, of no kind.
         """
         ends, kind = self.sensor.rows(self.recording)
-        return ends, np.append(kind, np.full(len(self.prior_rows[1]), -1))
+        return ends, np.append(kind, np.full(len(self.prior_rows[1]), ""))
 
     @cached_property
     def row_parts(self):
@@ -140,7 +140,7 @@ class PoseProblem:
 
     def of_kind(self, kind):
         """Return the rows, shape (N,), of one kind of residual."""
-        return self.rows[1] == list(self.sensor.kinds).index(kind)
+        return self.rows[1] == kind
 
     def rows_by_kind(self):
         """Return the rows of each kind of residual."""
@@ -307,7 +307,7 @@ class PoseProblem:
         size = np.linalg.norm(design, axis=0)
         size[size == 0] = 1.0
         design, prior = design / size, np.diag(size**-2.0 * (np.arange(len(size)) >= count))
-        counted, known = fit.weight > 1e-6, self.rows[1] < 0
+        counted, known = fit.weight > 1e-6, self.rows[1] == ""
         for h in np.flatnonzero(counted):
             # what other records say is as good as they have it, whatever is left here
             scale = np.where(known, 1.0, fit.scale[h])
