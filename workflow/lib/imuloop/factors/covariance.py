@@ -1,17 +1,13 @@
 """The covariance of all residuals by the noise of the six channels."""
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from imuloop.core.noise_model import AxisNoise, Coefficient, edges
 from imuloop.core.samples import ANGULAR_RATE, CHANNELS
 from imuloop.factors.directions import cross_matrix
-
-# parts of a move over each of which slow noise has a mean: early noise moves a velocity more
-PARTS = 4
+from imuloop.factors.means import PARTS
 
 
 class ResidualCovariance:
@@ -24,17 +20,10 @@ class ResidualCovariance:
     """
 
     def __init__(self, at):
-        measured = at.measured
+        measured, self.means = at.measured, at.measured.recording.means
         self.rests, self.moves, self.counted = measured.rests, measured.moves, measured.counted
         self.rows, self.places, self.weights = at.move_rows, at.places, at.weights
         self.force, self.force_gain = at.force_at_rest, at.force.gain
-        ends = np.linspace(self.moves.start_s, self.moves.end_s, PARTS + 1)
-        parts = np.stack([ends[:-1].T.ravel(), ends[1:].T.ravel()], axis=1)
-        # of all means, at the rests and over parts of the moves, s, (M, 2)
-        self.windows, cycle = np.concatenate([self.rests.windows, parts]), self.rests.power_cycle
-        cycle = np.append(cycle, np.repeat(cycle[self.moves.first], PARTS))
-        # what the covariances of all channels share
-        self.edges = edges(self.windows, cycle)
         # few means enter each residual
         self.gains = [csr_array(gain) for gain in self._gains(at.rest_rows)]
 
@@ -45,7 +34,7 @@ class ResidualCovariance:
         """
         covariance, places = 0.0, self.places
         for gain, channel in zip(self.gains, range(6), strict=True):
-            covariance = covariance + _through(gain, self._of_means(noise, channel))
+            covariance = covariance + _through(gain, self.means.covariance(noise, channel))
         white = [noise.axes[name].N.square for name in CHANNELS]
         within = np.tensordot(white, self._within, 1)
         within += self._extra(self.moves.errors(aliasing=aliasing))
@@ -56,7 +45,7 @@ class ResidualCovariance:
 
     def component(self, channel, term):
         """Return that of flicker, 'B', or walk, 'K', of one channel alone, of size one."""
-        return self._chosen(_through(self.gains[CHANNELS.index(channel)], self._of_one[term]))
+        return self._chosen(_through(self.gains[CHANNELS.index(channel)], self.means.of_one[term]))
 
     def of_aliasing(self):
         """Return what samples too far apart add to the covariance of the residuals that count."""
@@ -67,40 +56,6 @@ class ResidualCovariance:
     def _chosen(self, covariance):
         counted = self.counted
         return covariance if counted.all() else covariance[np.ix_(counted, counted)]
-
-    @cached_property
-    def _of_one(self):
-        """Covariance of the means by flicker and by walk of size one."""
-        ones = {term: AxisNoise(**{term: Coefficient(1.0)}) for term in "BK"}
-        return {
-            term: self._about_mean(one.mean_covariance(self.windows, self.edges))
-            for term, one in ones.items()
-        }
-
-    def _about_mean(self, means):
-        """Return a covariance of means less the mean over all rests: the bias is that mean."""
-        share = np.zeros(len(means))
-        share[: len(self.rests)] = self.rests.duration_s / self.rests.duration_s.sum()
-        left = means - share @ means
-        return left - (left @ share)[:, None]
-
-    def _of_means(self, noise, channel):
-        """Return the covariance of one channel's means, and what rounding and tilts add."""
-        rests, model, n = self.rests, noise.axes[CHANNELS[channel]], len(self.rests)
-        fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
-        whole = quick = model.mean_covariance(self.windows, self.edges)
-        if fast != model:
-            quick = fast.mean_covariance(self.windows, self.edges)
-        slow, diagonal = self._about_mean(whole - quick), quick.diagonal().copy()
-        if model.N.square or model.Q.square:
-            diagonal[:n] += rests.extra_variance[:, channel]
-            # white noise within a move does not act as its mean does
-            diagonal[n:] -= model.N.square / np.ptp(self.windows[n:], axis=1)
-        else:
-            # where white noise is not known, the variance within the rests is taken for it
-            diagonal[:n] += rests.variance[:, channel] / rests.n
-        np.fill_diagonal(quick, diagonal)
-        return quick + slow
 
     @cached_property
     def _within(self):

@@ -29,9 +29,10 @@ class Linearised:
         Derivative of its direction with respect to it.
     leaving, arriving : ndarray, shape (m, 3)
         Upward direction where each move starts and, as measured, where it ends.
-    attitude, attitude_within : ndarray, shape (m, k, 3, 3), (m, k - 1, 3, 3)
-        Rotation from body axes to those at the start of the move, at the samples and in the middle
-        of each step.
+    after : ndarray, shape (m, k - 1, 4)
+        Rotation from body axes to those at the start of the move, quaternions after each step.
+    attitude_within : ndarray, shape (m, k - 1, 3, 3)
+        The same in the middle of each step, matrices.
     weights : ndarray, shape (m, k)
         Weight of each sample in an integral by trapezoids, s.
     move_rows : MoveRows
@@ -52,9 +53,14 @@ class Linearised:
         self.across = (np.eye(3) - up[:, :, None] * up[:, None]) / norm[..., None]
         # a rest may tilt by small turns, which are scaled and aligned as rates are
         gain = measured.about.sensor("gyroscope").gain.T
-        start, end = (up + np.cross(up, turns @ gain) for turns in (rests.to_start, rests.to_end))
+        start, end = (up + np.cross(up, small @ gain) for small in (rests.to_start, rests.to_end))
         self.leaving, self.arriving = end[moves.first], start[moves.first + 1]
-        self.attitude, self.attitude_within = attitudes(turn.values(moves.w, along), moves)
+        turns = step_vectors(turn.values(moves.w, along), moves.steps, moves.uneven)
+        half = exponential(turns / 2)
+        self.after = prefix_product(multiply(half, half))
+        # the middle of a step is half a step back from its end
+        half[..., 1:] *= -1
+        self.attitude_within = matrix(multiply(self.after, half))
         self.weights = at_both_ends(moves.steps / 2)
         self.move_rows, blocks = rotation(self), [(4 * len(rests), 2)]
         if factors.quiet is not None:
@@ -127,19 +133,6 @@ class Linearised:
     def noise(self):
         """The ResidualCovariance here."""
         return ResidualCovariance(self)
-
-
-def attitudes(rates, moves):
-    """Return the attitude at the samples of moves, and in the middle of each step.
-
-    Rotation matrices, (m, k, 3, 3) and (m, k - 1, 3, 3), from calibrated angular rate.
-    """
-    half = exponential(step_vectors(rates, moves.steps, moves.uneven) / 2)
-    after = prefix_product(multiply(half, half))
-    # the middle of a step is half a step back from its end
-    half[..., 1:] *= -1
-    start = np.tile(np.eye(3), (len(moves), 1, 1, 1))
-    return np.concatenate([start, matrix(after)], axis=1), matrix(multiply(after, half))
 
 
 def at_both_ends(values):

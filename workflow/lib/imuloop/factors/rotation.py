@@ -1,5 +1,8 @@
 """A turn carries gravity from one rest to the next."""
 
+import numpy as np
+
+from imuloop.core.rotation import matrix
 from imuloop.factors.directions import cross_matrix, tangents
 from imuloop.factors.rows import MoveRows
 
@@ -12,7 +15,7 @@ def rotation(at):
     Cᵀ u by ``Cᵀ (u × φ)``. Takes the `Linearised`.
     """
     P, u, first = tangents(at.arriving), at.leaving, at.measured.moves.first
-    carried = P @ at.attitude[:, -1].swapaxes(1, 2)
-    by_turn = (carried @ cross_matrix(u))[:, None] @ at.attitude_within
+    carried = P @ matrix(at.after[:, -1]).swapaxes(1, 2)
+    by_turn = np.einsum("mai,mkij->mkaj", carried @ cross_matrix(u), at.attitude_within)
     ends = carried @ at.across[first], -P @ at.across[first + 1]
     return MoveRows(carried @ u[..., None], *ends, by_turn)

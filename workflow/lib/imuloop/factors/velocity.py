@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.core.rotation import matrix
 from imuloop.factors.directions import cross_matrix, tangents
 from imuloop.factors.rows import MoveRows
 
@@ -32,7 +33,8 @@ def velocity(at, rotation, share=None):
     moves, (_, design) = measured.moves, measured.designs["accelerometer"]
     frame = np.concatenate([u[:, None], tangents(u)], axis=1)
     pull = measured.factors.gravity * at.weights.sum(axis=1)[:, None, None]
-    force = (at.attitude @ at.force.values(moves.f, design)[..., None])[..., 0]
+    attitude = np.concatenate([np.tile(np.eye(3), (len(u), 1, 1, 1)), matrix(at.after)], axis=1)
+    force = (attitude @ at.force.values(moves.f, design)[..., None])[..., 0]
     gained = midpoints(force) * moves.steps[..., None]
     to_come = gained[:, ::-1].cumsum(axis=1)[:, ::-1] - gained / 2
     v = (at.weights[:, None] @ force).swapaxes(1, 2) - pull * u[..., None]
@@ -41,7 +43,7 @@ def velocity(at, rotation, share=None):
         -pull * frame @ at.across[moves.first],
         np.zeros_like(frame),
         -frame[:, None] @ cross_matrix(to_come) @ at.attitude_within,
-        frame[:, None] @ at.attitude,
+        frame[:, None] @ attitude,
     )
     return own.after(rotation, np.zeros((*frame.shape[:2], 2)) if share is None else share)
 
