@@ -90,14 +90,7 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     whiten = np.diag(1 / root) if independent else np.linalg.inv(root)
     rows, z = (np.zeros((0, len(x0))), np.zeros(0)) if prior is None else prior
     x = np.array(x0, dtype=float)
-    last = x.copy(), linearise(x) if first is None else first
-
-    def at(x):
-        """Return the rows at x: MINPACK asks for the residuals, then perhaps for the derivative."""
-        nonlocal last
-        if np.any(last[0] != x):
-            last = x.copy(), linearise(x)
-        return last[1]
+    at = remembered(linearise, x, first)
 
     def residual(x):
         return np.append(whiten @ at(x).residual, rows @ x - z)
@@ -116,6 +109,22 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     # the prior determines parts of the parameters: of so many the data determine none
     dof = float(len(white) - len(x) + np.sum(rows @ covariance * rows))
     return Fit(x, covariance, float(white @ white), dof, white)
+
+
+def remembered(function, x=None, result=None):
+    """Return a function of arrays that keeps its last result, at first one that is known.
+
+    A solver asks for the residuals, then perhaps for their derivative at the same place.
+    """
+    last = None if result is None else (x.copy(), result)
+
+    def at(x):
+        nonlocal last
+        if last is None or np.any(last[0] != x):
+            last = x.copy(), function(x)
+        return last[1]
+
+    return at
 
 
 def chi_square(values, covariance, jacobian, groups):
