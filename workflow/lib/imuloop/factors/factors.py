@@ -66,13 +66,12 @@ class Factors:
         rests, first = np.arange(len(recording.poses)), recording.rotations.first
         found, kinds = [], self.kinds
         for kind, (_, width) in KINDS.items():
-            if kind in AT_RESTS:
-                each = kind, rests, rests, kind in kinds
-            elif kind == "rotation" or self.quiet is not None:
-                each = kind, first, first + 1, kind in kinds if kind == "rotation" else self.quiet
-            else:
+            if kind in VELOCITY and self.quiet is None:
                 continue
-            found.append([np.repeat(x, width) for x in np.broadcast_arrays(*each)])
+            ends = (rests, rests) if kind in AT_RESTS else (first, first + 1)
+            counts = self.quiet if kind in VELOCITY else kind in kinds
+            each = np.broadcast_arrays(kind, *ends, counts)
+            found.append([np.repeat(column, width) for column in each])
         return [np.concatenate(column) for column in zip(*found, strict=True)]
 
     def rows(self, recording):
