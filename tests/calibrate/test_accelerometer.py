@@ -27,14 +27,6 @@ def calibrated_by(f, error=1e-4, noise=UNKNOWN_NOISE):
     return calibrated(at_rest(f, error), noise, G)[0]
 
 
-@pytest.mark.parametrize("truth", [TRUTH, np.repeat([0.0, 1.0, 0.0], 3)])
-def test_exact_poses_give_the_truth(truth):
-    found = calibrated_by(poses_at(spread(), truth))
-    x = np.concatenate([found.T[np.triu_indices(3, 1)], found.K, found.b])
-    # but for the pull of the prior
-    assert np.all(np.abs(x - truth) < 1e-3 * np.array([*found.std.values()]))
-
-
 def test_poses_without_noise_weigh_no_more_than_their_residual():
     """Three poses of a deaf channel and 13 others; measured of 14 poses of a fuzzed log."""
     f = poses_at(spread(16))

@@ -103,7 +103,7 @@ class LinearSensor:
 
     def rows(self, problem):
         poses = np.arange(len(problem.y))
-        return np.column_stack([poses, poses]), np.zeros(len(poses), dtype=int)
+        return np.column_stack([poses, poses]), np.full(len(poses), "gravity_norm")
 
     def fit(self, problem, effects=(), start=None, prior=None):
         x, covariance = np.zeros(problem.design(effects).shape[1]), block_diag(*problem.covariances)
@@ -123,7 +123,7 @@ class LinearSensor:
     def linearised(self, found, problem):
         return self.at(problem, found.effects, found.x)
 
-    def noise_components(self, at):
+    def noise_components(self, at, prior_rows):
         """Return the noise, whose size is known, without flicker and walk, and an even excess."""
         covariance = block_diag(*at.problem.covariances)
         even = np.median(np.diag(covariance)) * np.eye(len(covariance))

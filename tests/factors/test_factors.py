@@ -47,8 +47,8 @@ def test_the_derivative_is_that_of_the_residuals(made, counted):
         numeric[:, BIAS] = 0.0
     # to the turn within one sample
     most = np.where(np.arange(len(x)) < COUNT, 1e-3, 1e-2)
-    for k, kind in enumerate(joint.kinds):
-        own, theirs = jacobian[kinds == k], numeric[kinds == k]
+    for kind in joint.kinds:
+        own, theirs = jacobian[kinds == kind], numeric[kinds == kind]
         worst = np.abs(own - theirs).max(axis=0)
         assert np.all(worst < most * np.abs(own).max(axis=0) + 1e-7), kind
         assert np.any(own[:, :COUNT])

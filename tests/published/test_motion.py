@@ -97,7 +97,9 @@ def test_effects_of_other_moves_do_not_explain_the_velocity(moves):
     values, jacobian = at.residual, np.hstack([at.jacobian, at.columns(in_motion())])
     root = cholesky(at.noise.by(pair.noise), lower=True)
     kinds, m = pair.rows(recording)[1], len(recording.rotations)
-    vertical, horizontal = (np.flatnonzero(kinds == k) for k in (3, 4))
+    vertical, horizontal = (
+        np.flatnonzero(kinds == f"velocity_{k}") for k in ("vertical", "horizontal")
+    )
 
     def square(design):
         """Return χ² less that without the effects."""

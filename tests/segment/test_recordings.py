@@ -9,8 +9,7 @@ from scipy.optimize import least_squares
 
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.factors.gravity_norm import gravity_norm
-from imuloop.model.sensor import Sensor
-from imuloop.model.state import ENTRIES
+from imuloop.model.state import State
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from segment.logs import G, adis16405, ferraris, mpu9150, rests_of, thermal_chamber, xsens
@@ -36,9 +35,7 @@ def test_mpu9150_has_its_poses_and_knows_those_in_the_hand(recordings, board):
     # to one accelerometer gravity is as large in the hand as at rest, to 0.3 mg
 
     def errors(x):
-        T = np.eye(3)
-        T[ENTRIES["accelerometer"]] = x[:3]
-        sensor = Sensor(ENTRIES["accelerometer"], T, *np.split(x[3:], [3, 6]))
+        sensor = State(np.append(x, np.zeros(12))).sensor("accelerometer")
         rows = gravity_norm(sensor, rests[MEANS].to_numpy(), G, np.zeros((len(rests), 3, 0)))
         return rows.residual[:, 0]
 

@@ -184,8 +184,8 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     known = known_rows(prior, turns, bias)
     joint = JointFit(factors, noise, units, start, prior, known, method)
     # the variance components are estimated where the data lead, however far from the prior
-    kinds = factors.kinds_of_rows(recording)[0]
-    variance = np.array([START[kind] ** 2 for kind in kinds.tolist()])
+    kinds = factors.rows(recording)[1].tolist()
+    variance = np.array([START[kind] ** 2 for kind in kinds])
     try:
         rough = fit(joint.measured(start, recording).at, start, variance, joint.known)
     except NotConverged:
@@ -225,7 +225,8 @@ def calibrate_sensors(
         try:
             found = joint.fit(recording)
         except LinAlgError as error:
-            refused = without_fit(joint, recording, error)
+            changes = {s: why for s in joint.estimated if (why := change(s, recording))}
+            refused = changes or {joint.estimated[-1]: why_no_fit(error)}
         else:
             made, refused = joint.calibrations(found), contradictions(joint, found, recording)
         if not refused:
@@ -238,15 +239,6 @@ def calibrate_sensors(
     return made | nominal_sensors(reasons, recording, noise, units, prior)
 
 
-def without_fit(joint, recording, error):
-    """Return why sensors have no fit, by sensor: those that changed, or else the last one.
-
-    Takes the JointFit, its Recording and the LinAlgError of the fit.
-    """
-    changes = {s: why for s in joint.estimated if (why := change(s, recording))}
-    return changes or {joint.estimated[-1]: why_no_fit(error)}
-
-
 def contradictions(joint, found, recording):
     """Return why the data of a sensor contradict each other, text, by such sensors.
 
@@ -255,7 +247,7 @@ def contradictions(joint, found, recording):
     the quantile of χ² at the probability `CHANCE` for an accelerometer and its mean n for a
     gyroscope, whose bias a rest alone gives. Takes the JointFit, its Fit and the Recording.
     """
-    refused, owner = {}, joint.factors.kinds_of_rows(recording)[1]
+    refused, owner = {}, joint.factors.owners(recording)
     at = joint.linearised(found, recording)
     jacobian = at.jacobian[:, :COUNT]
     expected = np.einsum("np,pq,nq->n", jacobian, joint.prior.covariance, jacobian)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
+from imuloop.estimate.least_squares import remembered
 from imuloop.factors.factors import Factors
 from imuloop.factors.gravity_norm import gravity_norm
 from imuloop.model.state import BASE, COUNT, State
@@ -81,10 +82,11 @@ def fitted(poses):
     start, nothing = np.concatenate([np.zeros(3), K, np.zeros(3)]), np.zeros((len(poses), 3, 0))
     loose = np.diag(1 / (LOOSE * np.concatenate([np.ones(3), K, 1 / K])))
 
-    def rows(x):
+    def linearise(x):
         sensor = State(np.append(x, np.zeros(COUNT - 9))).sensor("accelerometer")
         return gravity_norm(sensor, poses.f, 1.0, nothing)
 
+    rows = remembered(linearise)
     x = robust(
         lambda x: np.append(rows(x).residual, EVEN * loose @ (x - start)),
         lambda x: np.concatenate([rows(x).jacobian[:, 0], EVEN * loose]),

@@ -1,7 +1,7 @@
 """A recording: poses, the rotations between them, and what an effect can see at both."""
 
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from imuloop.core.samples import (
 )
 from imuloop.core.segments import DISTURBED
 from imuloop.factors.factors import OWN
+from imuloop.factors.means import ChannelMeans
 
 
 def unchanged(values):
@@ -80,6 +81,11 @@ class Recording:
     logs: tuple[Log, ...] = ()
     lost: Lost = field(default_factory=Lost)
     slow_force: bool = False
+
+    @cached_property
+    def means(self):
+        """The ChannelMeans at the poses and over parts of the rotations."""
+        return ChannelMeans(self.poses, self.rotations)
 
     def select(self, keep):
         """Return the poses of a mask and the rotations with both ends among them."""

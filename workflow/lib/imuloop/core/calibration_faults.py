@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import yaml
-from jsonschema import Draft202012Validator
 
 from imuloop.core.effect import Effect
 from imuloop.core.errors import ImuloopError
@@ -37,7 +36,9 @@ _ROUNDING = 1e-6
 
 @cache
 def _validator():
-    # parsed once: it takes longer than all else of reading a calibration
+    # loaded late and parsed once: it takes longer than all else of reading a calibration
+    from jsonschema import Draft202012Validator
+
     return Draft202012Validator(yaml.safe_load(SCHEMA.read_text(encoding="utf-8")))
 
 

@@ -3,7 +3,6 @@
 from functools import partial
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from imuloop.core.gaps import gap_limit
 
@@ -77,6 +76,9 @@ def fast_part(t, values, period):
     above 1/period; of what moves evenly, nothing. Takes increasing time, s, values, (n, m), and the
     length of the mean, s.
     """
+    # loaded late: few effects ask for it
+    from scipy.ndimage import uniform_filter1d
+
     step = usual_step(t) if len(t) > 1 else period
     half = max(_FEWEST // 2, round(period / step / 2))
     # from the first value on, so that sums keep their digits

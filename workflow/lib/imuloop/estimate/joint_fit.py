@@ -74,31 +74,32 @@ class JointFit:
         """Return the Linearised factors of any recording about a Fit."""
         return self.measured(found.x, recording, found.effects).at(found.x)
 
-    def noise_components(self, at):
+    def noise_components(self, at, prior_rows):
         """Return the covariance of the noise that is known, (N, N), and Components of the rest.
 
-        Of Linearised factors. First flicker and walk of each channel as far as they are known, and
-        what turns lose between two samples; then of each kind of residual an excess that is even:
-        the residual of what a model lacks, or of a hand, is no smaller where a rest is long.
+        Of Linearised factors, and of some rows of a prior, of variance one, that come last. First
+        flicker and walk of each channel as far as they are known, and what turns lose between two
+        samples; then of each kind of residual an excess that is even: the residual of what a model
+        lacks, or of a hand, is no smaller where a rest is long.
         """
-        covariance, moves = at.noise, at.measured.recording.rotations
+        recording, covariance, components = at.measured.recording, at.noise, []
         # the residuals of a gyroscope have the accelerometer's noise too: gravity is by that
         sensors = SENSORS if "gyroscope" in self.estimated else self.estimated
         kinds = {c: OF_SENSOR[sensor][-1] for sensor in sensors for c in SENSORS[sensor]}
         terms = {(c, term): self.noise.known(c, term) for c in kinds for term in "BK"}
         loose = {term: known for term, known in terms.items() if known[1] > 0}
-        aliased = "gyroscope" in self.estimated and moves.aliased.any()
+        aliased = "gyroscope" in self.estimated and recording.rotations.aliased.any()
         without = self.noise.with_sizes(dict.fromkeys(loose, 0.0))
-        fixed = covariance.by(without, aliasing=not aliased)
-        slow = [
-            Component(spread**2 * covariance.component(c, term), size / spread, 1.0, kinds[c])
-            for (c, term), (size, spread) in loose.items()
-        ]
+        fixed = block_diag(covariance.by(without, aliasing=not aliased), np.eye(prior_rows))
+        for (c, term), (size, spread) in loose.items():
+            own = spread**2 * covariance.component(c, term)
+            components.append((own, size / spread, 1.0, kinds[c]))
         if aliased:
-            slow.append(Component(covariance.of_aliasing(), 1.0, ALIASED_TO, "rotation"))
+            components.append((covariance.of_aliasing(), 1.0, ALIASED_TO, "rotation"))
+        slow = [Component(np.pad(own, (0, prior_rows)), *known) for own, *known in components]
         expected = np.diag(total(fixed, slow, [part.size for part in slow]))
-        kind_of = self.factors.kinds_of_rows(at.measured.recording)[0]
-        rows = {kind: kind_of == kind for kind in self.kinds if kind in kind_of}
+        kind = np.append(self.rows(recording)[1], np.full(prior_rows, ""))
+        rows = {name: kind == name for name in self.kinds if name in kind}
         missing = [Component(np.diag(a * np.median(expected[a])), kind=k) for k, a in rows.items()]
         return fixed, slow, missing
 
@@ -117,39 +118,33 @@ class JointFit:
         x, sizes = self.start if start is None else start, None
         count = COUNT + sum(len(e.parameters) for e in effects)
         x = np.append(x, np.zeros(count - len(x)))
-        known, z = self.known if prior is None else prior
-        known = np.pad(known, ((0, 0), (0, count - known.shape[1])))
+        R, z = self.known if prior is None else prior
+        R = np.pad(R, ((0, 0), (0, count - R.shape[1])))
+
+        def all_rows(at):
+            """Return residuals and derivative with those of the prior."""
+            return np.append(at.residual, R @ at.state.x - z), np.concatenate([at.jacobian, R])
+
         # weights and effects depend on the calibrated output, which the start gives to 1 %
         for _ in range(3 if start is None else 2):
             measured = self.measured(x, recording, effects)
             at = measured.at(x)
-            fixed, slow, missing = self.noise_components(at)
+            fixed, slow, missing = self.noise_components(at, len(z))
             estimated = total(fixed, slow, [part.size for part in slow])
-            rows = known, known @ x - z
-            sizes = likely_sizes(at.residual, at.jacobian, estimated, missing, rows, sizes)
-            found = fit(measured.at, x, total(estimated, missing, sizes), (known, z))
+            sizes = likely_sizes(*all_rows(at), estimated, missing, sizes)
+            n = len(fixed) - len(z)
+            weights = total(estimated, missing, sizes)[:n, :n]
+            found = fit(measured.at, x, weights, (R, z), at)
             moved, x = np.abs(found.x - x), found.x
             if np.all(moved < STILL * np.sqrt(np.diag(found.covariance))):
                 break
-        reduced = self._reduced(measured.at(x), estimated, known, known @ x - z)
-        return replace(found, effects=tuple(effects), reduced_chi2=reduced)
-
-    def _reduced(self, at, estimated, known, left):
-        """Return reduced χ² by what the noise alone predicts, by whose the residuals are.
-
-        Takes the covariance of the noise, and rows and residuals of the prior, which takes part.
-        """
-        owner = self.factors.kinds_of_rows(at.measured.recording)[1]
-        owners = np.unique(owner)
-        groups = [np.append(owner == each, np.zeros(len(left), dtype=bool)) for each in owners]
-        squares, _ = chi_square(
-            np.append(at.residual, left),
-            block_diag(estimated, np.eye(len(left))),
-            np.concatenate([at.jacobian, known]),
-            groups,
-        )
+        # by what the noise alone predicts
+        owner = np.append(self.factors.owners(recording), np.full(len(z), ""))
+        owners, (r, jacobian) = np.unique(owner[:n]).tolist(), all_rows(measured.at(x))
+        squares, _ = chi_square(r, estimated, jacobian, [owner == each for each in owners])
         reduced = [square / dof if dof > 0 else None for square, dof in squares]
-        return dict(zip(owners.tolist(), reduced, strict=True))
+        reduced = dict(zip(owners, reduced, strict=True))
+        return replace(found, effects=tuple(effects), reduced_chi2=reduced)
 
     def calibrations(self, found, covariance=None):
         """Return the SensorCalibration of each estimated sensor by a Fit.

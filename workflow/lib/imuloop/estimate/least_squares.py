@@ -55,7 +55,7 @@ class Fit:
         return self.covariance * max(1.0, self.chi2 / self.dof if enough else 1.0)
 
 
-def fit(linearise, x0, covariance, prior=None):
+def fit(linearise, x0, covariance, prior=None, first=None):
     """Minimise ``r(x)ᵀ Σ⁻¹ r(x)``, or ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` with what is known of x.
 
     MINPACK's Levenberg-Marquardt on the analytic derivative. Parameters are measured by the length
@@ -72,6 +72,8 @@ def fit(linearise, x0, covariance, prior=None):
         Covariance Σ of the residuals, positive definite, or the variances of independent ones.
     prior : (ndarray, ndarray), optional
         R, shape (k, p), and z, shape (k,), from other data.
+    first : optional
+        What `linearise` gives at the start, where that is known.
 
     Returns
     -------
@@ -87,14 +89,8 @@ def fit(linearise, x0, covariance, prior=None):
     root = np.sqrt(covariance) if independent else np.linalg.cholesky(covariance)
     whiten = np.diag(1 / root) if independent else np.linalg.inv(root)
     rows, z = (np.zeros((0, len(x0))), np.zeros(0)) if prior is None else prior
-    last = None
-
-    def at(x):
-        """Return the rows at x: MINPACK asks for the residuals, then perhaps for the derivative."""
-        nonlocal last
-        if last is None or np.any(last[0] != x):
-            last = np.array(x), linearise(x)
-        return last[1]
+    x = np.array(x0, dtype=float)
+    at = remembered(linearise, x, first)
 
     def residual(x):
         return np.append(whiten @ at(x).residual, rows @ x - z)
@@ -102,7 +98,6 @@ def fit(linearise, x0, covariance, prior=None):
     def jacobian(x):
         return np.concatenate([whiten @ at(x).jacobian, rows])
 
-    x = np.array(x0, dtype=float)
     if not np.isfinite(residual(x)).all():
         raise LinAlgError("residuals that are not finite")
     how = dict.fromkeys(("ftol", "xtol", "gtol"), _TOLERANCE) | {"max_nfev": _STEPS}
@@ -114,6 +109,22 @@ def fit(linearise, x0, covariance, prior=None):
     # the prior determines parts of the parameters: of so many the data determine none
     dof = float(len(white) - len(x) + np.sum(rows @ covariance * rows))
     return Fit(x, covariance, float(white @ white), dof, white)
+
+
+def remembered(function, x=None, result=None):
+    """Return a function of arrays that keeps its last result, at first one that is known.
+
+    A solver asks for the residuals, then perhaps for their derivative at the same place.
+    """
+    last = None if result is None else (x.copy(), result)
+
+    def at(x):
+        nonlocal last
+        if last is None or np.any(last[0] != x):
+            last = x.copy(), function(x)
+        return last[1]
+
+    return at
 
 
 def chi_square(values, covariance, jacobian, groups):

@@ -1,9 +1,9 @@
 """Sizes of the components of the noise, from the residuals and from prior knowledge."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import block_diag, solve_triangular
+from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 
 from imuloop.core.precision import precision
@@ -39,10 +39,6 @@ class Component:
     deviation: float = np.inf
     kind: str = ""
 
-    def padded(self, count):
-        """Return the component with more rows, on which it is zero."""
-        return replace(self, covariance=np.pad(self.covariance, (0, count)))
-
 
 def total(fixed, components, sizes):
     """Return the covariance ``Σ = Σ₀ + Σ_k s_k² V_k``, (n, n)."""
@@ -52,7 +48,7 @@ def total(fixed, components, sizes):
     return found
 
 
-def likely_sizes(values, jacobian, fixed, components, known=None, start=None, rise=RISE):
+def likely_sizes(values, jacobian, fixed, components, start=None):
     """Return the most likely sizes of components, shape (k,), within their prior bounds.
 
     Parameters
@@ -65,12 +61,8 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None, ri
         Σ₀, the covariance of what is known.
     components : sequence of Component
         V_k, s_k0 and σ_k.
-    known : (ndarray, ndarray), optional
-        Rows R, (m, p), of what is known of the parameters, and their residuals of variance one.
     start : ndarray, shape (k,), optional
         Sizes to start from; what is known of them without.
-    rise : float, optional
-        By how much the logarithm may still rise where the search ends.
 
     Raises
     ------
@@ -79,13 +71,8 @@ def likely_sizes(values, jacobian, fixed, components, known=None, start=None, ri
     """
     if not components:
         return np.zeros(0)
-    if known is not None and len(known[1]):
-        more = len(known[1])
-        values, jacobian = np.append(values, known[1]), np.concatenate([jacobian, known[0]])
-        fixed = block_diag(fixed, np.eye(more))
-        components = [each.padded(more) for each in components]
     likelihood = SizeLikelihood(jacobian, fixed, components)
-    return likelihood.maximised(values, likelihood.projection(start), rise)
+    return likelihood.maximised(values, likelihood.projection(start))
 
 
 @dataclass(frozen=True)
@@ -105,6 +92,8 @@ class SizeLikelihood:
 
         -(log |Σ| + log |Jᵀ Σ⁻¹ J| + rᵀ P r)/2 - Σ_k (s_k - s_k0)²/2σ_k²
 
+    Takes J, (n, p), Σ₀, (n, n), and at least one Component.
+
     References
     ----------
     Patterson & Thompson, Biometrika 58 (1971) 545; Gilmour, Thompson & Cullis, Biometrics 51 (1995)
@@ -112,7 +101,6 @@ class SizeLikelihood:
     """
 
     def __init__(self, jacobian, fixed, components):
-        """Of J, (n, p), Σ₀, (n, n), and at least one Component."""
         self.sizes = np.array([c.size for c in components])
         self.deviations = np.array([c.deviation for c in components])
         self.weight = self.deviations**-2.0
@@ -127,10 +115,10 @@ class SizeLikelihood:
         if sizes is None:
             some = 0.3 * np.minimum(self.deviations, 1.0)
             sizes = np.where(self.sizes > 0, self.sizes, some)
-        return self._projection(np.clip(sizes**2, TINY**2, self.most))
+        return self._projection(sizes**2)
 
     def _projection(self, squares):
-        n = len(self.fixed)
+        n, squares = len(self.fixed), np.clip(squares, TINY**2, self.most)
         inverse, root = precision(self.fixed + (squares @ self.covariances).reshape(n, n))
         q, r = np.linalg.qr(solve_triangular(root, self.jacobian, lower=True))
         back = solve_triangular(root, q, lower=True, trans=1)
@@ -140,18 +128,17 @@ class SizeLikelihood:
 
     def _state(self, values, at):
         """Return the loss, its slope and the average information in the squares."""
-        n, count = len(values), len(self.sizes)
-        left, own = at.matrix @ values, np.sqrt(at.squares)
+        n, sizes = len(values), np.sqrt(at.squares)
+        left, off = at.matrix @ values, sizes - self.sizes
         square = values @ left
-        loss = at.log_det + square / 2
-        loss += (own - self.sizes) @ (self.weight * (own - self.sizes)) / 2
-        moved = (self.covariances.reshape(count * n, n) @ left).reshape(count, n)
-        slope = (at.trace - moved @ left + self.weight * (1 - self.sizes / own)) / 2
+        loss = at.log_det + (square + self.weight @ off**2) / 2
+        moved = (self.covariances.reshape(-1, n) @ left).reshape(-1, n)
+        slope = (at.trace - moved @ left + self.weight * off / sizes) / 2
         # but where a bound leaves them larger
         free = np.all(at.squares < self.most)
         excess = max(1.0, square / (n - self.jacobian.shape[1])) if free else 1.0
         information = moved @ at.matrix @ moved.T / (2 * excess)
-        known = self.weight * self.sizes / (4 * own**3)
+        known = self.weight * self.sizes / (4 * sizes**3)
         return loss, slope, information + np.diag(known + 1e-12 * at.trace**2)
 
     def maximised(self, values, start, rise=RISE):
@@ -172,7 +159,7 @@ class SizeLikelihood:
             step = lsq_linear(root, target, bounds, method="bvls").x
             if -slope @ step < rise:
                 break
-            tried = self._projection(np.clip(at.squares + step, TINY**2, self.most))
+            tried = self._projection(at.squares + step)
             found = self._state(values, tried)
             if found[0] <= loss + 1e-12 * abs(loss):
                 at, (loss, slope, information), damping = tried, found, damping / 10

@@ -1,17 +1,13 @@
 """The covariance of all residuals by the noise of the six channels."""
 
-from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from imuloop.core.noise_model import AxisNoise, Coefficient, edges
 from imuloop.core.samples import ANGULAR_RATE, CHANNELS
 from imuloop.factors.directions import cross_matrix
-
-# parts of a move over each of which slow noise has a mean: early noise moves a velocity more
-PARTS = 4
+from imuloop.factors.means import PARTS
 
 
 class ResidualCovariance:
@@ -24,12 +20,12 @@ class ResidualCovariance:
     """
 
     def __init__(self, at):
-        measured = at.measured
+        measured, self.means = at.measured, at.measured.recording.means
         self.rests, self.moves, self.counted = measured.rests, measured.moves, measured.counted
-        self.rest_rows, self.rows, self.places = at.rest_rows, at.move_rows, at.places
-        self.force, self.force_gain, self.weights = at.force_at_rest, at.force.gain, at.weights
+        self.rows, self.places, self.weights = at.move_rows, at.places, at.weights
+        self.force, self.force_gain = at.force_at_rest, at.force.gain
         # few means enter each residual
-        self.gains = [csr_array(gain) for gain in self._gains()]
+        self.gains = [csr_array(gain) for gain in self._gains(at.rest_rows)]
 
     def by(self, noise, aliasing=True):
         """Return the covariance of the residuals that count by a NoiseModel, shape (N, N).
@@ -38,7 +34,7 @@ class ResidualCovariance:
         """
         covariance, places = 0.0, self.places
         for gain, channel in zip(self.gains, range(6), strict=True):
-            covariance = covariance + _through(gain, self._of_means(noise, channel))
+            covariance = covariance + _through(gain, self.means.covariance(noise, channel))
         white = [noise.axes[name].N.square for name in CHANNELS]
         within = np.tensordot(white, self._within, 1)
         within += self._extra(self.moves.errors(aliasing=aliasing))
@@ -49,7 +45,7 @@ class ResidualCovariance:
 
     def component(self, channel, term):
         """Return that of flicker, 'B', or walk, 'K', of one channel alone, of size one."""
-        return self._chosen(_through(self.gains[CHANNELS.index(channel)], self._of_one[term]))
+        return self._chosen(_through(self.gains[CHANNELS.index(channel)], self.means.of_one[term]))
 
     def of_aliasing(self):
         """Return what samples too far apart add to the covariance of the residuals that count."""
@@ -62,65 +58,15 @@ class ResidualCovariance:
         return covariance if counted.all() else covariance[np.ix_(counted, counted)]
 
     @cached_property
-    def _windows(self):
-        """Windows of all means, at the rests and over parts of the moves, s, (M, 2)."""
-        ends = np.linspace(self.moves.start_s, self.moves.end_s, PARTS + 1)
-        parts = np.stack([ends[:-1].T.ravel(), ends[1:].T.ravel()], axis=1)
-        return np.concatenate([self.rests.windows, parts])
-
-    @cached_property
-    def _edges(self):
-        """What the covariances of all channels share."""
-        cycle = self.rests.power_cycle
-        return edges(self._windows, np.append(cycle, np.repeat(cycle[self.moves.first], PARTS)))
-
-    @cached_property
-    def _of_one(self):
-        """Covariance of the means by flicker and by walk of size one."""
-        ones = {term: AxisNoise(**{term: Coefficient(1.0)}) for term in "BK"}
-        return {
-            term: self._about_mean(one.mean_covariance(self._windows, self._edges))
-            for term, one in ones.items()
-        }
-
-    def _about_mean(self, means):
-        """Return a covariance of means less the mean over all rests: the bias is that mean."""
-        share = np.zeros(len(means))
-        share[: len(self.rests)] = self.rests.duration_s / self.rests.duration_s.sum()
-        left = means - share @ means
-        return left - (left @ share)[:, None]
-
-    def _of_means(self, noise, channel):
-        """Return the covariance of one channel's means, and what rounding and tilts add."""
-        rests, model, n = self.rests, noise.axes[CHANNELS[channel]], len(self.rests)
-        fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
-        whole = quick = model.mean_covariance(self._windows, self._edges)
-        if fast != model:
-            quick = fast.mean_covariance(self._windows, self._edges)
-        slow, diagonal = self._about_mean(whole - quick), quick.diagonal().copy()
-        if model.N.square or model.Q.square:
-            diagonal[:n] += rests.extra_variance[:, channel]
-            # white noise within a move does not act as its mean does
-            diagonal[n:] -= model.N.square / np.ptp(self._windows[n:], axis=1)
-        else:
-            # where white noise is not known, the variance within the rests is taken for it
-            diagonal[:n] += rests.variance[:, channel] / rests.n
-        np.fill_diagonal(quick, diagonal)
-        return quick + slow
-
-    @cached_property
     def _within(self):
         """Covariance of a move's residuals by white noise of each channel, (6, m, a, a)."""
-        a, b = self.rows.residual.shape[1], self.rows.by_force.shape[2]
-        found = np.zeros((6, len(self.moves), a, a))
-        pushed = self.rows.by_force @ self.force_gain
-        for axis in range(3):
-            turned = self.rows.by_turn[..., axis]
-            found[3 + axis] = (turned * self.moves.steps[..., None]).swapaxes(1, 2) @ turned
-            own = pushed[..., axis]
-            weighted = own * self.weights[..., None]
-            found[axis, :, a - b :, a - b :] = weighted.swapaxes(1, 2) @ own
-        return found
+        a = self.rows.residual.shape[1]
+        made, turned = np.zeros((6, len(self.moves), a, a)), np.moveaxis(self.rows.by_turn, -1, 0)
+        made[3:] = (turned * self.moves.steps[..., None]).swapaxes(2, 3) @ turned
+        if self.rows.by_force is not None:
+            pushed = np.moveaxis(self.rows.by_force @ self.force_gain, -1, 0)
+            made[:3, :, 2:, 2:] = (pushed * self.weights[..., None]).swapaxes(2, 3) @ pushed
+        return made
 
     def _extra(self, errors):
         """Return what errors of turns about some steps add to the residuals, (m, a, a)."""
@@ -145,30 +91,26 @@ class ResidualCovariance:
             found += [(leaving - arriving / 2) @ crossed, np.sqrt(3) / 2 * arriving @ crossed]
         return np.array(found).reshape(-1, len(self.counted), 3).transpose(2, 1, 0)
 
-    def _gains(self):
+    def _gains(self, rest_rows):
         """Return what each channel's mean at a rest or over a part of a move adds, (6, N, M).
 
         Calibrated rates are as good as those logged: K and T are one but for percents.
         """
-        rows, first, n, m = self.rows, self.moves.first[:, None], len(self.rests), len(self.moves)
-        gains, rests = np.zeros((6, len(self.counted), n + PARTS * m)), np.arange(n)[:, None]
-        parts, start = n + np.arange(PARTS * m).reshape(m, PARTS, 1), 0
-        started, ended = rows.by_start @ self.force_gain, rows.by_end @ self.force_gain
+        rows, places, n, m = self.rows, self.places, len(self.rests), len(self.moves)
+        gains, rests = np.zeros((6, len(self.counted), n + PARTS * m)), np.arange(n)
+        first, parts = self.moves.first[:, None], n + np.arange(PARTS * m).reshape(m, PARTS, 1)
+        of_force, of_turn = (np.moveaxis(own.gain, -1, 0) for own in rest_rows)
+        gains[:3, rests[:, None], rests[:, None]] = of_force
+        gains[3:, n + np.arange(3 * n).reshape(n, 3), rests[:, None]] = of_turn
         steps, passed = self.moves.steps, self.moves.steps.cumsum(axis=1)
         turned = _by_part(rows.by_turn, steps, passed - steps / 2)
-        pushed = rows.by_force @ self.force_gain
-        pushed = _by_part(pushed, self.weights, np.pad(passed, ((0, 0), (1, 0))))
-        last = self.places[:, None, self.places.shape[1] - pushed.shape[2] :]
-        for sensor, own in enumerate(self.rest_rows.values()):
-            at = start + np.arange(own.residual.size).reshape(n, -1)
-            start += own.residual.size
-            for axis in range(3):
-                gains[3 * sensor + axis, at, rests] = own.gain[..., axis]
-        for axis in range(3):
-            gains[axis, self.places, first] += started[..., axis]
-            gains[axis, self.places, first + 1] += ended[..., axis]
-            gains[axis, last, parts] = pushed[..., axis]
-            gains[3 + axis, self.places[:, None], parts] = turned[..., axis]
+        gains[3:, places[:, None], parts] = np.moveaxis(turned, -1, 0)
+        gains[:3, places, first] += np.moveaxis(rows.by_start @ self.force_gain, -1, 0)
+        gains[:3, places, first + 1] += np.moveaxis(rows.by_end @ self.force_gain, -1, 0)
+        if rows.by_force is not None:
+            passed = np.pad(passed, ((0, 0), (1, 0)))
+            pushed = _by_part(rows.by_force @ self.force_gain, self.weights, passed)
+            gains[:3, places[:, None, 2:], parts] = np.moveaxis(pushed, -1, 0)
         return gains
 
 

@@ -54,32 +54,34 @@ class Factors:
     @property
     def kinds(self):
         """Kinds of residuals that count, with SI unit and number of components."""
-        known = {*self.sensors, "motion"} if self.quiet is not None else {*self.sensors}
-        # a rotation carries the direction of gravity
-        without = () if "accelerometer" in known else ("rotation",)
-        return {k: KINDS[k] for k, owner in OWNER.items() if owner in known and k not in without}
+        known = {*self.sensors} if self.quiet is None else {*self.sensors, "motion"}
+        kinds = {kind: KINDS[kind] for kind, owner in OWNER.items() if owner in known}
+        if "accelerometer" not in known:
+            # a rotation carries the direction of gravity
+            kinds.pop("rotation", None)
+        return kinds
 
-    def table(self, recording):
-        """Return start, end, kind and whether it counts of each residual, (4, N)."""
-        rests, first, kinds = np.arange(len(recording.poses)), recording.rotations.first, self.kinds
-        table = []
-        for kind in (kind for kind in KINDS if kind not in VELOCITY or self.quiet is not None):
-            start, further = (rests, 0) if kind in AT_RESTS else (first, 1)
+    def every_row(self, recording):
+        """Return kind, rests where it starts and ends, and whether it counts, of each residual."""
+        rests, first = np.arange(len(recording.poses)), recording.rotations.first
+        found, kinds = [], self.kinds
+        for kind, (_, width) in KINDS.items():
+            if kind in VELOCITY and self.quiet is None:
+                continue
+            ends = (rests, rests) if kind in AT_RESTS else (first, first + 1)
             counts = self.quiet if kind in VELOCITY else kind in kinds
-            number = [*kinds].index(kind) if kind in kinds else -1
-            rows = np.broadcast_arrays(start, start + further, number, counts)
-            table.append(np.repeat(rows, KINDS[kind][1], axis=1))
-        return np.hstack(table)
+            each = np.broadcast_arrays(kind, *ends, counts)
+            found.append([np.repeat(column, width) for column in each])
+        return [np.concatenate(column) for column in zip(*found, strict=True)]
 
     def rows(self, recording):
-        """Return the rests where each residual starts and ends, (N, 2), and its kind, (N,)."""
-        start, end, kinds, counts = self.table(recording)
-        return np.column_stack([start, end])[counts > 0], kinds[counts > 0]
+        """Return the rests where each residual that counts starts and ends, and its kind, (N,)."""
+        kinds, start, end, counts = self.every_row(recording)
+        return np.column_stack([start, end])[counts], kinds[counts]
 
-    def kinds_of_rows(self, recording):
-        """Return the kind of each residual, and its `OWNER`, (N,) of str."""
-        kinds = np.array([*self.kinds])[self.rows(recording)[1]]
-        return kinds, np.array([OWNER[kind] for kind in kinds.tolist()], dtype=str)
+    def owners(self, recording):
+        """Return the `OWNER` of each residual that counts, (N,) of str."""
+        return np.array([OWNER[kind] for kind in self.rows(recording)[1].tolist()], dtype=str)
 
     def about(self, recording, state):
         """Return the Measurements of a recording, effects seen with the parameters of a State."""
@@ -125,47 +127,44 @@ class Measurements:
     @cached_property
     def counted(self):
         """Which of all residuals count."""
-        return self.factors.table(self.recording)[3] > 0
+        return self.factors.every_row(self.recording)[3]
 
     @cached_property
     def designs(self):
-        """As in `designs_of`, of the effects of the state."""
-        return self.designs_of()
+        """As `designs_with` no more effects."""
+        return self.designs_with(())
 
-    def designs_of(self, more=()):
-        """Return of each sensor D, as in `Sensor`, of its effects and some more.
+    def designs_with(self, effects):
+        """Return of each sensor D, as in `Sensor`, of the effects of the state and of more.
 
         At rests, (n, 3, q), and along moves, (m, k, 3, q), the latter None where nothing asks.
         """
-        state = self.about.with_effects(more)
-        return {sensor: self._designs(sensor, state) for sensor in SENSORS}
-
-    def _designs(self, sensor, state):
-        effects = [e.effect for e in state.effects if e.sensor == sensor]
-        own, (other,) = state.sensor(sensor), (s for s in SENSORS if s != sensor)
-        see, made = state.sensor(other).aligned, []
-        tables = [(self.rests, self.recording.pose_channels)]
-        if sensor == "gyroscope" or self.factors.quiet is not None:
-            tables.append((self.moves, self.recording.rotation_channels))
-        for table, channels in tables:
-            y, beside = (getattr(table, name) for name in OWN[sensor])
-            design = np.zeros((*y.shape, len(own.p)))
-            if effects and len(y):
-                seen = channels(sensor, own.output, see(beside), see)
-                design = effect_design(effects, seen, own.p).reshape(design.shape)
-            made.append(design)
-        return made if len(made) == 2 else (*made, None)
-
-    @cached_property
-    def to_start(self):
-        """Small turns from the attitude of a rest's mean to its start, rad, (n, 3)."""
-        return self.rests.to_start @ self.about.sensor("gyroscope").gain.T
-
-    @cached_property
-    def to_end(self):
-        """The same to its end."""
-        return self.rests.to_end @ self.about.sensor("gyroscope").gain.T
+        state, recording = self.about.with_effects(effects), self.recording
+        return {
+            sensor: (
+                _design(sensor, state, self.rests, recording.pose_channels),
+                _design(sensor, state, self.moves, recording.rotation_channels)
+                if sensor == "gyroscope" or self.factors.quiet is not None
+                else None,
+            )
+            for sensor in SENSORS
+        }
 
     def at(self, x):
         """Return the Linearised factors with parameters x, (p,)."""
         return Linearised(self, State(x, self.about.effects))
+
+
+def _design(sensor, state, table, channels):
+    """Return D of a sensor's effects in Poses or Rotations, (..., 3, q), at a State.
+
+    Takes what gives their channels.
+    """
+    y, beside = (getattr(table, name) for name in OWN[sensor])
+    effects = [e.effect for e in state.effects if e.sensor == sensor]
+    own, (other,) = state.sensor(sensor), (s for s in SENSORS if s != sensor)
+    if not (effects and len(y)):
+        return np.zeros((*y.shape, len(own.p)))
+    see = state.sensor(other).aligned
+    seen = channels(sensor, own.output, see(beside), see)
+    return effect_design(effects, seen, own.p).reshape(*y.shape, len(own.p))

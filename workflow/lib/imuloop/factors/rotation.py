@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from imuloop.core.rotation import matrix
 from imuloop.factors.directions import cross_matrix, tangents
 from imuloop.factors.rows import MoveRows
 
@@ -14,13 +15,7 @@ def rotation(at):
     Cᵀ u by ``Cᵀ (u × φ)``. Takes the `Linearised`.
     """
     P, u, first = tangents(at.arriving), at.leaving, at.measured.moves.first
-    attitude, within = at.attitudes
-    carried = P @ attitude[:, -1].swapaxes(1, 2)
-    by_turn = (carried @ cross_matrix(u))[:, None] @ within
-    return MoveRows(
-        (carried @ u[..., None])[..., 0],
-        carried @ at.across[first],
-        -P @ at.across[first + 1],
-        by_turn,
-        np.zeros((*attitude.shape[:2], 0, 3)),
-    )
+    carried = P @ matrix(at.after[:, -1]).swapaxes(1, 2)
+    by_turn = np.einsum("mai,mkij->mkaj", carried @ cross_matrix(u), at.attitude_within)
+    ends = carried @ at.across[first], -P @ at.across[first + 1]
+    return MoveRows(carried @ u[..., None], *ends, by_turn)

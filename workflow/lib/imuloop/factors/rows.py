@@ -30,35 +30,29 @@ class MoveRows:
 
     Attributes
     ----------
-    residual : ndarray, shape (m, a)
+    residual : ndarray, shape (m, a, 1)
         Residuals, SI.
     by_start, by_end : ndarray, shape (m, a, 3)
         By calibrated specific force at the rests before and after.
     by_turn : ndarray, shape (m, k - 1, a, 3)
         By a small turn on the axes of the body, in the middle of each step.
-    by_force : ndarray, shape (m, k, b, 3)
-        By the integral of calibrated specific force about each sample, of the last b of a.
+    by_force : ndarray, shape (m, k, b, 3), or None
+        By the integral of calibrated specific force about each sample, of the last b of a; None
+        where it enters none.
     """
 
     residual: np.ndarray
     by_start: np.ndarray
     by_end: np.ndarray
     by_turn: np.ndarray
-    by_force: np.ndarray
+    by_force: np.ndarray | None = None
 
-    def minus(self, share, other):
-        """Return these rows less a share, (m, a, b), of b other rows, which no force enters."""
-        return MoveRows(
-            self.residual - (share @ other.residual[..., None])[..., 0],
-            self.by_start - share @ other.by_start,
-            self.by_end - share @ other.by_end,
-            self.by_turn - share[:, None] @ other.by_turn,
-            self.by_force,
-        )
+    def after(self, other, share):
+        """Return b other rows, without a force, then these less a share, (m, a, b), of them."""
 
-    def after(self, other):
-        """Return b other rows of each move, which no force enters, then these."""
-        names, axes = ("residual", "by_start", "by_end", "by_turn"), (1, 1, 1, 2)
-        pairs = [(getattr(other, name), getattr(self, name)) for name in names]
-        both = (np.concatenate(pair, axis) for pair, axis in zip(pairs, axes, strict=True))
-        return MoveRows(*both, self.by_force)
+        def both(name, share):
+            first = getattr(other, name)
+            return np.concatenate([first, getattr(self, name) - share @ first], axis=-2)
+
+        ends = (both(name, share) for name in ("residual", "by_start", "by_end"))
+        return MoveRows(*ends, both("by_turn", share[:, None]), self.by_force)

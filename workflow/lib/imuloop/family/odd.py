@@ -1,7 +1,7 @@
 """Devices that stand out from those of their type."""
 
 import numpy as np
-from scipy.stats import median_abs_deviation
+from scipy.special import ndtri
 
 from imuloop.family.random_effects import fit
 
@@ -20,8 +20,9 @@ def deviations(y, squares):
     device was not tried.
     """
     count = len(y)
-    robust = median_abs_deviation(y, scale="normal") ** 2 + squares
-    distance = np.abs(y - np.median(y)) / np.sqrt(np.maximum(robust, np.finfo(float).tiny))
+    distance = np.abs(y - np.median(y))
+    robust = (np.median(distance) / ndtri(0.75)) ** 2 + squares
+    distance = distance / np.sqrt(np.maximum(robust, np.finfo(float).tiny))
     suspects = np.argsort(distance)[count - int(AT_MOST * count) :]
     measure = np.ones(count, dtype=bool)
     measure[suspects[distance[suspects] > FAR]] = False

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import brentq
-from scipy.stats import chi2, t
+from scipy.special import gammaincinv, stdtr
 
 # steps of the search for τ², and the share of the spread of y² that ends it
 _STEPS, _CLOSE = 200, 1e-10
@@ -45,7 +45,7 @@ class RandomEffects:
         foreseen = self.variance + squares
         found = (y - self.mean) / np.sqrt(foreseen + self.mean_variance)
         dof = np.minimum(self.information * foreseen**2, self.dof)
-        return found, 2 * t.sf(np.abs(found), dof)
+        return found, 2 * stdtr(dof, -np.abs(found))
 
 
 def fit(y, squares, counted=None):
@@ -97,7 +97,7 @@ def spread_interval(y, squares):
     ends, reach = [], len(y) * y.var() + np.finfo(float).tiny
     least = np.finfo(float).eps * reach
     for level in _ENDS:
-        wanted = chi2.ppf(level, len(y) - 1)
+        wanted = 2 * gammaincinv((len(y) - 1) / 2, level)
         if q(least) <= wanted:
             ends.append(0.0)
             continue

@@ -74,23 +74,23 @@ def state_of(calibration, effects=None):
     """
     sensors = {name: getattr(calibration, name) for name in NAMES}
     fitted = {SensorEffect(e.effect, s): e for s, own in sensors.items() for e in own.effects}
-    effects = tuple(fitted if effects is None else effects)
-    base = [as_logged(sensor, own) for sensor, own in sensors.items()]
-    state = State(np.concatenate([*base, *(fitted[e].vector for e in effects)]), effects)
-    place = {name: k for k, name in enumerate(state.names)}
+    base = np.concatenate([as_logged(sensor, own) for sensor, own in sensors.items()])
+    every = State(np.concatenate([base, *(e.vector for e in fitted.values())]), tuple(fitted))
+    place = {name: k for k, name in enumerate(every.names)}
     covariance = np.zeros((len(place),) * 2)
-    for effect in effects:
-        # effects that come from another record than the parameters have standard errors alone
-        for name, size in fitted[effect].std.items():
+    # effects that come from another record than the parameters have standard errors alone
+    for effect, own in fitted.items():
+        for name, size in own.std.items():
             covariance[(place[f"{effect.sensor}.{effect.name}.{name}"],) * 2] = size**2
     for sensor, own in sensors.items():
-        known = [k for k, name in enumerate(own.names) if f"{sensor}.{name}" in place]
-        if known:
-            at = [place[f"{sensor}.{own.names[k]}"] for k in known]
+        if own.names:
+            at = [place[f"{sensor}.{name}"] for name in own.names]
             factor = si_factor(own.names, own.raw_unit)
-            whole = own.covariance * np.outer(factor, factor)
-            covariance[np.ix_(at, at)] = whole[np.ix_(known, known)]
-    return state, covariance
+            covariance[np.ix_(at, at)] = own.covariance * np.outer(factor, factor)
+    if effects is None:
+        return every, covariance
+    at = [place[name] for name in State(base, tuple(effects)).names]
+    return State(every.x[at], tuple(effects)), covariance[np.ix_(at, at)]
 
 
 def si_factor(names, unit):

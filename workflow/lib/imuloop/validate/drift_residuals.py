@@ -73,7 +73,7 @@ class DriftResiduals:
                 untestable[sensor] = "the calibration estimated nothing of it"
             elif unknown := recording.poses.unknown_noise(noise, axes):
                 untestable[sensor] = unknown
-        kinds, owners = factors.kinds_of_rows(recording)
+        kinds, owners = factors.rows(recording)[1], factors.owners(recording)
         counted = ~np.isin(owners, [*untestable])
         if not all("K0" in names for names in estimated.values()):
             counted &= kinds != "rotation"

@@ -19,7 +19,7 @@ from imuloop.estimate.choice import Choices
 from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.search import kinds_of
 from imuloop.estimate.verdict import not_testable
-from imuloop.factors.factors import VELOCITY
+from imuloop.factors.factors import AT_RESTS, VELOCITY
 from imuloop.factors.velocity import midpoints
 from imuloop.model.effects import EffectKind, SensorEffect
 from imuloop.model.state import BIAS, COUNT, State
@@ -50,10 +50,8 @@ class MotionProblem(PoseProblem):
         """The move that each row is of, twice, -1 for none: of poses too; and its kind, (N,)."""
         ends, kind = super().rows
         move = np.searchsorted(self.recording.rotations.first, ends[:, :1])
-        moving = np.array(
-            [name != "pose_rate" and name != "gravity_norm" for name in self.sensor.kinds]
-        )
-        return np.where(moving[kind[: len(ends)], None], move, -1).repeat(2, axis=1), kind
+        at_rest = np.isin(kind[: len(ends), None], AT_RESTS)
+        return np.where(at_rest, -1, move).repeat(2, axis=1), kind
 
     @cached_property
     def error_scale(self):

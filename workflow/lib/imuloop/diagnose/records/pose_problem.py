@@ -5,7 +5,6 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from imuloop.core.precision import precision
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -97,7 +96,7 @@ class PoseProblem:
         Rows of other records come last, of no kind.
         """
         ends, kind = self.sensor.rows(self.recording)
-        return ends, np.append(kind, np.full(len(self.prior_rows[1]), -1))
+        return ends, np.append(kind, np.full(len(self.prior_rows[1]), ""))
 
     @cached_property
     def row_parts(self):
@@ -138,7 +137,7 @@ class PoseProblem:
 
     def of_kind(self, kind):
         """Return the rows, shape (N,), of one kind of residual."""
-        return self.rows[1] == list(self.sensor.kinds).index(kind)
+        return self.rows[1] == kind
 
     def rows_by_kind(self):
         """Return the rows of each kind of residual."""
@@ -174,10 +173,7 @@ class PoseProblem:
         jacobian = np.concatenate([at.jacobian, known])
         nuisances = count + sum(len(e.parameters) for e in self.found)
         own = by_effect(jacobian[:, None, nuisances:], base)
-        covariance, *components = self.sensor.noise_components(at)
-        # rows of other records are independent, of variance one
-        covariance = block_diag(covariance, np.eye(len(z)))
-        slow, missing = ([c.padded(len(z)) for c in each] for each in components)
+        covariance, slow, missing = self.sensor.noise_components(at, len(z))
         components = [*slow, *missing]
         estimated, first = (np.array([c.size for c in each]) for each in (slow, components))
         likelihood = SizeLikelihood(jacobian, covariance, components)
@@ -298,7 +294,7 @@ class PoseProblem:
         size = np.linalg.norm(design, axis=0)
         size[size == 0] = 1.0
         design, prior = design / size, np.diag(size**-2.0 * (np.arange(len(size)) >= count))
-        counted, known = fit.weight > 1e-6, self.rows[1] < 0
+        counted, known = fit.weight > 1e-6, self.rows[1] == ""
         for h in np.flatnonzero(counted):
             # what other records say is as good as they have it, whatever is left here
             scale = np.where(known, 1.0, fit.scale[h])
