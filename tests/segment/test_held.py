@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from imuloop.segment.attitudes import expected_error
 from imuloop.segment.held import held_rests
-from imuloop.segment.multiples import expected_error
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from segment.logs import G, frame

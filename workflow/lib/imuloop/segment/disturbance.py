@@ -1,37 +1,33 @@
-"""Disturbances: knocks, handling and lasting tilts in a static session, by wavelets."""
+"""Disturbances of a device at rest: second differences of means that no noise has."""
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.special import betaincinv, chdtr, chdtri
 
-from imuloop.core.samples import CHANNELS
 from imuloop.core.stretches import lengths, merged, without
-from imuloop.segment.wavelets import FINE, SPACING, coarse_details, fine_details
-from imuloop.segment.windows import DECIDING, rounding_variance
+from imuloop.segment.windows import rounding_variance
 
-# specific force and angular rate are judged together
-K = len(CHANNELS)
-# fewest coefficients on a scale that determine their covariance
-FEWEST = 60
-# most coefficients that the covariance of a scale is taken from
+# fewest separate second differences of a scale, per channel, that determine their covariance
+FEWEST = 10
+# most second differences that the covariance of a scale is taken from
 MOST = 20_000
-# quantile that sets the scale where tails are heavier than normal, and how far it may raise it: a
-# session handled for longer than the rest of the quantile must not hide that
-TAIL, TAIL_LIMIT = 0.99, 4.0
-# scales of fewer samples than this see single samples that sensors throw out now and then
-LONE = 8
+# quantile that sets the scale where tails are heavier than normal
+TAIL = 0.99
+# means over fewer samples than this see single samples that sensors throw out now and then
+LONE = 4
 # how much larger, in amplitude, such a sample has to be to count as a knock
 LONE_FACTOR = 2.0
+# most samples from one second difference to the next: of a day at 1 kHz they are 130 MB
+SPACING = 32
 # added to correlations, whose rounding is 1e-15
 _RIDGE = 1e-12
 # a disturbance hidden behind a larger one is found in a later round
 ROUNDS = 10
-# samples over which the places of cuts are looked for at once
-TOGETHER = 1 << 18
 
 
-def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
+def robust_covariance(x, floor, tail_limit):
     """Return a covariance of vectors about zero that outliers do not affect, (k, k).
 
     Starting from a covariance that is the same in every direction of a sensor, the half of the
@@ -91,160 +87,108 @@ def distance_beyond(probability, k, m):
     return (m * m - 1) / m * (1 - z) / z
 
 
-def undisturbed(rows, stretches, step, settings):
-    """Return the ranges of a static session between its disturbances.
+@dataclass(frozen=True)
+class DisturbanceSearch:
+    """Search for disturbances, on all scales up to the longest; lengths in samples.
 
-    The coefficients of a wavelet transform of all six channels, scale by scale up to
-    `longest_scale_s`, are compared with their own robust covariance on that scale: so flicker,
-    random walk and a drift of any length only widen what counts as normal on the scales they
-    live on. A coefficient is a disturbance if its squared distance would occur in an undisturbed
-    session of Gaussian noise with the probability `false_alarm`, divided by the number of samples.
-    All scales together hold 1.3 coefficients per sample (Bonferroni, so right for any correlation).
-    Sensors at rest throw out single samples of 7 to 12 standard deviations (an ADIS16405 some
-    fifty in a million); below eight samples a disturbance has to have twice the amplitude.
+    The mean over `half` samples, less those of as many before and after, is a second difference: a
+    steady drift leaves nothing of it. On each scale, ``2 half`` samples, second differences of all
+    channels are compared with their own robust covariance: so flicker, random walk and a drift of
+    any length only widen what counts as normal on the scales they live on. One is a disturbance if
+    its squared distance would occur in undisturbed Gaussian noise with the probability
+    `false_alarm`, divided by the number of samples. All scales together hold 1.3 second differences
+    per sample (Bonferroni, so right for any correlation). Sensors at rest throw out single samples
+    of 7 to 12 standard deviations (an ADIS16405 some fifty in a million); the mean of fewer than
+    four samples has to have twice the amplitude.
 
-    Of a disturbance that shows on several scales the finest places the cut; the search is then
-    repeated on the rest, so that a tilt beside a knock, or the sway after it, is found too. A
-    lasting tilt costs its transition only: before and after are separate stretches.
-
-    Takes Samples, their stretches between long gaps, and the median step of time, s.
+    Of a disturbance that shows on several scales the finest places the cut, of a wide one where the
+    level changes more; the search is then repeated on the rest, so that a tilt beside a knock, or
+    the sway after it, is found too. A lasting tilt costs its transition only: before and after are
+    separate stretches.
 
     References
     ----------
-    Mallat, "A wavelet tour of signal processing", 3rd ed. 2009, section 7.3 (fast transform);
     Donoho, Johnstone, "Ideal spatial adaptation by wavelet shrinkage", Biometrika 81 (1994),
-    section 2.4 (threshold over all coefficients).
+    section 2.4 (threshold over all coefficients of all scales).
     """
-    levels = max(1, int(np.log2(max(settings.longest_scale_s / step, 2))))
-    sensors = np.split(rows.read(CHANNELS, 0, min(DECIDING, len(rows))), 2)
-    search = _WaveletSearch(
-        rows=rows,
-        widths=[2**level for level in range(1, levels + 1)],
-        floor=np.repeat([rounding_variance(x.T) for x in sensors], 3),
-        false_alarm=settings.false_alarm / max(len(rows), 1),
-        guard=round(settings.guard_s / step),
-    )
-    shortest = round(settings.shortest_static_s / step)
-    ranges = stretches
-    for _ in range(ROUNDS):
-        cuts = search.cuts(ranges)
-        if not len(cuts):
-            break
-        ranges = without(ranges, cuts)
-        stretch = np.searchsorted(stretches[:, 0], ranges[:, 0], side="right") - 1
-        ranges = ranges[lengths(ranges) >= np.minimum(shortest, lengths(stretches)[stretch])]
-    return ranges
 
-
-@dataclass(frozen=True)
-class _WaveletSearch:
-    """What a round of the search needs: samples, scales, noise of rounding, probability, guard."""
-
-    rows: object
-    widths: list
-    floor: np.ndarray
+    longest: int  # scale
+    guard: int  # cut on each side of a disturbance
+    shortest: int  # what is left between two disturbances
     false_alarm: float
-    guard: int
+    # how far heavy tails may widen a covariance: a session handled for longer than a hundredth of
+    # its time must not hide that
+    tail_limit: float = 4.0
 
-    def cuts(self, ranges):
-        """Return what is to be cut from ranges."""
-        cuts = np.empty((0, 2), dtype=int)
-        for width, covariance, first in self._too_large(ranges):
-            # a finer scale has placed a cut already in what this one reaches
-            k = np.searchsorted(cuts[:, 1], first, side="right")
-            reached = np.append(cuts[:, 0], len(self.rows) + 1)[k]
-            first = first[first + 3 * width - 2 <= reached]
-            if len(first):
-                cuts = merged(np.concatenate([cuts, self._marks(first, width, covariance)]))
-        return cuts
+    def undisturbed(self, x, ranges):
+        """Return the parts of ranges of samples, (m, 2), without a disturbance, (k, 2).
 
-    def _too_large(self, ranges):
-        """Yield scale, covariance and first samples of what is too large, fine to coarse.
-
-        Up to the first scale that has too few coefficients.
+        Takes three channels of each sensor, (3 or 6, n).
         """
-        n = lengths(ranges)
-        fine = [w for w in self.widths if w in FINE]
-        counts = [int(np.maximum(n // w - (1 if w == 2 else 2), 0).sum()) for w in fine]
-        widths = fine[: next((k for k, count in enumerate(counts) if count < FEWEST), None)]
-        if not widths:
-            return
-        each = [fine_details(self.rows.read(CHANNELS, i, j), len(widths)) for i, j in ranges]
-        for k, width in enumerate(widths):
-            firsts, details = zip(*(of_range[k] for of_range, _ in each), strict=True)
-            level = self._level(_even(np.hstack(details), counts[k]), counts[k], width)
-            beyond = [
-                start + first + width * _beyond(detail, *level)
-                for start, first, detail in zip(ranges[:, 0], firsts, details, strict=True)
-            ]
-            yield width, level[0], np.concatenate(beyond)
-        if len(widths) == len(fine):
-            smooth = {start: rest for start, (_, rest) in zip(ranges[:, 0], each, strict=True)}
-            yield from self._coarse(smooth, self.widths[len(fine) :])
+        floor = np.repeat([rounding_variance(each.T) for each in np.split(x, len(x) // 3)], 3)
+        rest = ranges
+        for _ in range(ROUNDS):
+            cuts = self._cuts(x, rest, floor)
+            if not len(cuts):
+                break
+            rest = without(rest, cuts)
+            whole = lengths(ranges)[np.searchsorted(ranges[:, 0], rest[:, 0], side="right") - 1]
+            rest = rest[lengths(rest) >= np.minimum(self.shortest, whole)]
+        return rest
 
-    def _coarse(self, smooth, widths):
-        """Yield the same of the scales above `FINE`; takes their smooth sequence by range."""
-        shifts = [0]
-        for width in widths:
-            halved = {start: coarse_details(each, width) for start, each in smooth.items()}
-            details = [detail for detail, _ in halved.values()]
-            smooth = {start: rest for start, (_, rest) in halved.items()}
-            # shift after shift, so that what is taken of them overlaps as little as all of them
-            overlap = width // SPACING
-            shifts = [shift + half for shift in shifts for half in (0, overlap // 2)]
-            sample = np.hstack([each[:, s::overlap] for each in details for s in shifts])
-            # only so many are independent
-            if sample.shape[1] // overlap < FEWEST:
-                return
-            level = self._level(_even(sample, sample.shape[1]), sample.shape[1], width)
-            first = [
-                start + 2 + SPACING * _beyond(detail, *level)
-                for start, detail in zip(smooth, details, strict=True)
-            ]
-            yield width, level[0], np.concatenate(first)
+    def _cuts(self, x, ranges, floor):
+        """Return what is to be cut from ranges; takes the variance of rounding, (k,)."""
+        cuts, half, count = np.empty((0, 2), dtype=int), 2, len(x)
+        sums = [_running_sums(x[:, i:j]) for i, j in ranges]
+        while 2 * half <= self.longest:
+            separate = int((lengths(ranges) // (3 * half)).sum())
+            if separate < FEWEST * count:
+                break
+            differences = [_second_differences(each, half) for each in sums]
+            sample = np.hstack(differences)
+            sample = sample[:, :: sample.shape[1] // MOST + 1].T
+            covariance = robust_covariance(sample, floor, self.tail_limit)
+            bound = distance_beyond(
+                self.false_alarm / x.shape[1], count, min(separate, len(sample))
+            )
+            bound *= LONE_FACTOR**2 if half < LONE else 1.0
+            for start, total, each in zip(ranges[:, 0], sums, differences, strict=True):
+                first, marks = self._marks(total, each, half, covariance, bound)
+                # a finer scale has placed a cut already in what this one reaches
+                k = np.searchsorted(cuts[:, 1], start + first, side="right")
+                free = start + first + 3 * half <= np.append(cuts[:, 0], x.shape[1])[k]
+                if free.any():
+                    cuts = merged(np.concatenate([cuts, start + marks[free]]))
+            half *= 2
+        return np.clip(cuts, 0, x.shape[1])
 
-    def _level(self, sample, count, width):
-        """Return covariance of a scale's coefficients and the bound of their squared distance."""
-        covariance = robust_covariance(sample.T, self.floor)
-        m = min(count // max(1, width // SPACING), sample.shape[1])
-        bound = distance_beyond(self.false_alarm, K, m)
-        return covariance, bound * (LONE_FACTOR**2 if width < LONE else 1.0)
-
-    def _marks(self, first, width, covariance):
-        """Return the ranges to cut; of wide supports only where the level changes most."""
-        length = 3 * width - 2
-        if length > self.guard:
-            first = steepest(self.rows, first, width, covariance)
-            length = width
-        return np.column_stack([np.maximum(first - self.guard, 0), first + length + self.guard])
+    def _marks(self, total, differences, half, covariance, bound):
+        """Return first samples of what is too large in a range, (k,), and what to cut, (k, 2)."""
+        distance, apart = squared_distance(differences.T, covariance), min(half, SPACING)
+        large = distance > bound
+        if 3 * half <= max(self.guard, SPACING):
+            first = apart * np.flatnonzero(large)
+            return first, np.column_stack([first - self.guard, first + 3 * half + self.guard])
+        # of what overlaps the largest, at that of its two edges at which the level changes more
+        large &= distance == maximum_filter1d(distance, 2 * (half // apart) + 1)
+        first = apart * np.flatnonzero(large)
+        a, b, c, d = (total[:, first + k * half] for k in range(4))
+        early, late = (squared_distance(y.T, covariance) for y in (c - 2 * b + a, d - 2 * c + b))
+        edge = first + np.where(late > early, 2 * half, half)
+        beside = half // 4 + self.guard
+        return first, np.column_stack([edge - beside, edge + beside])
 
 
-def _even(details, count):
-    """Return every n-th coefficient, so that `MOST` of `count` remain."""
-    return details[:, :: count // MOST + 1]
+def _running_sums(x):
+    """Return the sum of the samples before each, less their mean, (k, n + 1)."""
+    total = np.zeros((len(x), x.shape[1] + 1))
+    np.cumsum(x - x.mean(axis=1, keepdims=True), axis=1, out=total[:, 1:])
+    return total
 
 
-def _beyond(details, covariance, bound):
-    """Return which coefficients have a squared distance beyond the bound."""
-    return np.flatnonzero(squared_distance(details.T, covariance) > bound)
-
-
-def steepest(rows, first, width, covariance):
-    """Return where, in the support of each coefficient, the means of two halves differ most.
-
-    Takes the first samples of the supports, in order, and the covariance of the coefficients,
-    (6, 6); the halves are of half a scale each.
-    """
-    half, length, best = width // 2, 3 * width - 2, np.empty_like(first)
-    # supports overlap: those in a part of the log are looked at together
-    group = (first - first[0]) // max(length, TOGETHER)
-    for members in np.split(np.arange(len(first)), np.flatnonzero(np.diff(group)) + 1):
-        low, high = first[members[0]], first[members[-1]] + length
-        total = np.zeros((K, high - low + 1))
-        np.cumsum(rows.read(CHANNELS, low, high), axis=1, out=total[:, 1:])
-        difference = total[:, width:] - 2 * total[:, half : half - width] + total[:, :-width]
-        change = squared_distance(difference.T, covariance)
-        for k in members:
-            a = first[k] - low
-            best[k] = first[k] + np.argmax(change[a : a + length - width + 1])
-    return best
+def _second_differences(total, half):
+    """Return second differences of means over `half` samples, of a sample's variance, (k, m)."""
+    apart = min(half, SPACING)
+    count = max((total.shape[1] - 1 - 3 * half) // apart + 1, 0)
+    a, b, c, d = (total[:, k * half :: apart][:, :count] for k in range(4))
+    return (d - a - 3 * (c - b)) / np.sqrt(6 * half)

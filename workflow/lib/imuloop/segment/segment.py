@@ -16,9 +16,9 @@ from imuloop.core.samples import (
 )
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.core.stretches import lengths, merged, unbroken, without
-from imuloop.segment.disturbance import undisturbed
+from imuloop.segment.attitudes import attitudes, expected_error
+from imuloop.segment.disturbance import DisturbanceSearch
 from imuloop.segment.held import SWAYS, held_rests, sways, united
-from imuloop.segment.multiples import attitudes, choose_multiples, expected_error
 from imuloop.segment.poses import number_poses
 from imuloop.segment.static_detector import (
     activity,
@@ -29,7 +29,7 @@ from imuloop.segment.static_detector import (
     widened,
 )
 from imuloop.segment.steady import unsteady_samples
-from imuloop.segment.tilt import steady_rests, tilts
+from imuloop.segment.tilt import tilts, without_tilts
 
 # rests that are dropped as too short, at least so many and this share of those kept, make it worth
 # to look what shorter settings would bring: parts of window_s and shortest_rest_s
@@ -142,14 +142,20 @@ def _between_disturbances(rows, stretches, step, settings):
     Beside each is the mean of the faster sensor meanwhile. Values that are held over several rows
     would look like noise that comes and goes.
     """
+    search = DisturbanceSearch(
+        longest=round(settings.longest_scale_s / step),
+        guard=round(settings.guard_s / step),
+        shortest=round(settings.shortest_static_s / step),
+        false_alarm=settings.false_alarm,
+    )
+    x = rows.read(CHANNELS, 0, len(rows))
     own = next((name for name in OWN_TIME.values() if name in rows), None)
     if own is None:
-        return undisturbed(rows, stretches, step, settings)
+        return search.undisturbed(x, stretches)
     first = np.flatnonzero(np.diff(rows[own], prepend=-np.inf) > 0)
     edges = np.append(first, len(rows))
-    means = {name: np.add.reduceat(rows[name], first) / np.diff(edges) for name in CHANNELS}
-    slow = Samples({TIME: rows[TIME][first], **means})
-    return edges[undisturbed(slow, np.searchsorted(first, stretches), slow.interval, settings)]
+    means = np.add.reduceat(x, first, axis=1) / np.diff(edges)
+    return edges[search.undisturbed(means, np.searchsorted(first, stretches))]
 
 
 def _at_rail(rows, rests, rails):
@@ -177,57 +183,55 @@ def _find_rests(rows, stretches, step, settings):
 
 def _rests_by(f, w, stretches, step, settings):
     """Return what `_find_rests` does by the settings as they are."""
-    detected, metadata = _detected(f, w, stretches, step, settings)
-    rests, tilt, held = detected, np.zeros(len(detected)), False
-    if len(rests):
-        bias = metadata["level"]["rate"]
-        rests, tilt = steady_rests(f, w, widened(f, w, rests, stretches, step), bias, step)
-        rests, tilt, held = _with_held(f, w, stretches, step, rests, tilt, bias, settings)
-    metadata |= {"hand_held": held, "tilted_rests": int((tilt > 0).sum()), "shorter": None}
-    short = metadata["short_rests"]
-    if short >= LEAST_SHORT and short > SHORT_SHARE * len(detected):
-        metadata["shorter"] = _shorter(f, w, stretches, step, detected, settings)
-    return rests, tilt, metadata
+    detected, steady, level, short = _detected(f, w, stretches, step, settings)
+    rests, tilt, held = detected, np.zeros(0), False
+    if len(detected):
+        of_log = f, w, stretches, step, level.rate, settings
+        rests, tilt, held = _with_held(*of_log, steady)
+        # without its unsteady rests a session may no longer determine a calibration
+        errors = [
+            expected_error(attitudes(f, x, settings.same_attitude)) for x in (rests, detected)
+        ]
+        if errors[0] > DEAREST * errors[1]:
+            rests, tilt, held = _with_held(*of_log, detected)
+    shorter = None
+    if short >= LEAST_SHORT and short > SHORT_SHARE * len(rests):
+        shorter = _shorter(f, w, stretches, step, rests, settings)
+    return (
+        rests,
+        tilt,
+        {
+            "level": level and asdict(level),
+            "short_rests": short,
+            "hand_held": held,
+            "tilted_rests": int((tilt > 0).sum()),
+            "shorter": shorter,
+        },
+    )
 
 
 def _detected(f, w, stretches, step, settings):
-    """Return the rests of a session, and the metadata: low variance and the mean rate of a rest.
+    """Return the rests of a session, those that are steady, the level, and how many are too short.
 
     The variance is compared in `static_detector`, the mean rate with its level here.
     """
     moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
     level = rest_level(f, w, moving, step, settings)
     if level is None:
-        return np.empty((0, 2), dtype=int), {"level": None, "multiples": None, "short_rests": 0}
-    variances = level.accelerometer_variance, level.gyroscope_variance
+        return *[np.empty((0, 2), dtype=int)] * 2, None, 0
     away = np.linalg.norm(moving.rate - rate_at_rest(moving, level, settings), axis=0)
-    may_rest = away <= settings.rate_tolerance
-
-    def within(multiples, may_rest):
-        still = moving.within(multiples, variances) & may_rest
-        return detect_rests(still, stretches, step, settings)
-
-    def choose(may_rest):
-        return choose_multiples(f, lambda pair: within(pair, may_rest)[0], settings)
-
-    # where no pair finds a rest long enough, the widest says how many were too short
-    widest = max(settings.accelerometer_multiples), max(settings.gyroscope_multiples)
-    steady = may_rest & ~unsteady_samples(w, within(widest, may_rest)[0], step, settings)
-    multiples, error = choose(may_rest)
-    rests, short = within(multiples or widest, may_rest)
-    steady_multiples, steady_error = choose(steady)
-    # without its unsteady rests a session may no longer determine a calibration
-    if steady_multiples and steady_error <= DEAREST * error:
-        multiples = steady_multiples
-        rests, _ = within(multiples, steady)
-    return rests, {"level": asdict(level), "multiples": multiples, "short_rests": short}
+    still = moving.within(level.variances) & (away <= settings.rate_tolerance)
+    rests, short = detect_rests(still, stretches, step, settings)
+    still &= ~unsteady_samples(w, rests, step, settings)
+    return rests, detect_rests(still, stretches, step, settings)[0], level, short
 
 
-def _with_held(f, w, stretches, step, rests, tilt, bias, settings):
-    """Return rests and tilts with those in the hand, if any is worth it, and whether one is.
+def _with_held(f, w, stretches, step, bias, settings, still):
+    """Return rests to their ends and those in the hand, if any is worth it, their tilts, and if so.
 
     They are where the expected error of a calibration is lower with them, by `WORTH_HOLDING`.
     """
+    rests, tilt = without_tilts(f, w, widened(f, w, still, stretches, step), bias, step)
     found = rests, tilt, False
     least = WORTH_HOLDING * expected_error(attitudes(f, rests, settings.same_attitude))
     for sway in SWAYS:
@@ -253,8 +257,8 @@ def _shorter(f, w, stretches, step, rests, settings):
             "window_s": window * settings.window_s,
             "shortest_rest_s": shortest * settings.shortest_rest_s,
         }
-        shorter, _ = _detected(f, w, stretches, step, replace(settings, **each))
-        found = len(attitudes(f, shorter, settings.same_attitude))
+        _, steady, *_ = _detected(f, w, stretches, step, replace(settings, **each))
+        found = len(attitudes(f, steady, settings.same_attitude))
         tried.append({**each, "attitudes": found, "now": now, "taken": False})
     most = max(each["attitudes"] for each in tried)
     if most < WORTHWHILE * max(now, 1):

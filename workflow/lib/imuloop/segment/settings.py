@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from imuloop.core.gaps import LONG_GAP_STEPS
-from imuloop.core.setting import Positive, setting
+from imuloop.core.setting import setting
 
 
 @dataclass(frozen=True)
@@ -14,15 +14,6 @@ class SegmentSettings:
     window_s: float = setting(1.0, "Sliding window of the static detector, s", gt=0)
     initial_rest_s: float = setting(
         50.0, "Longest stretch at the start of a log that sets the level of rest, s", gt=0
-    )
-    accelerometer_multiples: tuple[Positive, ...] = setting(
-        (1, 2, 3, 4, 5, 6, 7, 8, 9, 10),
-        "Multiples of the variance at rest to choose from",
-        min_length=1,
-        max_length=100,
-    )
-    gyroscope_multiples: tuple[Positive, ...] = setting(
-        (3, 10, 30, 100, 300), "The same", min_length=1, max_length=100
     )
     # leaves room for the gyroscope's g-sensitivity (0.3 deg/s per g at worst in common parts) and
     # lies below the slowest turn by hand

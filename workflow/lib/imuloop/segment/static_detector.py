@@ -14,6 +14,9 @@ from scipy.special import chdtri
 from imuloop.core.stretches import lengths, stretches_of
 from imuloop.segment.windows import block_means, rounding_variance, sliding_statistics
 
+# multiples of the level of both variances up to which a window is at rest: a hand that trembles is
+# found later; and up to which it is quiet enough to set the level
+MULTIPLES, QUIET = (10, 300), (10, 10)
 # samples of a rest: the variance of fewer says nothing of its mean's error
 FEWEST_SAMPLES = 4
 # rests from which on a rate that they share is the gyroscope's bias, and share of their windows
@@ -39,7 +42,7 @@ class Activity:
     rate: np.ndarray
     window: int
 
-    def within(self, multiples, levels):
+    def within(self, levels, multiples=MULTIPLES):
         """Return whether both variances are within multiples of their levels, shape (n,)."""
         return np.all(self.variances <= np.multiply(multiples, levels)[:, None], axis=0)
 
@@ -56,6 +59,11 @@ class RestLevel:
     accelerometer_variance: float
     gyroscope_variance: float
     rate: list
+
+    @property
+    def variances(self):
+        """Both variances."""
+        return self.accelerometer_variance, self.gyroscope_variance
 
 
 def activity(force, rate, stretches, window):
@@ -99,7 +107,7 @@ def rest_level(force, rate, moving, step, settings):
 
     The quiet level of a sensor is the 5 % quantile of its windowed variance, the median of the
     quietest tenth: right as long as a tenth of the log is at rest. If the log's windows stay
-    within the largest accelerometer multiple of the quiet level, both sensors together, for ten
+    within ten times the quiet level, both sensors together, for ten
     windows from its first sample, it begins with a rest; that rest, up to where it ends or to
     `initial_rest_s`, then sets the level as in the paper. If not, the quiet level is the level.
     No level is below the variance of rounding. The bias is the median over all windows that are
@@ -111,8 +119,7 @@ def rest_level(force, rate, moving, step, settings):
         return None
     floors = [3 * rounding_variance(x.T) for x in (force, rate)]
     levels = np.maximum([np.quantile(v[whole], 0.05) for v in moving.variances], floors)
-    most = [max(settings.accelerometer_multiples)] * 2
-    quiet = moving.within(most, levels)
+    quiet = moving.within(levels, QUIET)
     length = len(quiet) if quiet.all() else int(np.argmin(quiet))
     length = min(length, round(settings.initial_rest_s / step))
     source, seconds = "quietest windows", 0.0
@@ -120,7 +127,7 @@ def rest_level(force, rate, moving, step, settings):
         source, seconds = "initial rest", length * step
         initial = [x[:, :length].var(axis=1).sum() for x in (force, rate)]
         levels = np.maximum(initial, floors)
-        quiet = moving.within(most, levels)
+        quiet = moving.within(levels, QUIET)
     bias = np.median(moving.rate[:, quiet], axis=1) if quiet.any() else np.zeros(3)
     return RestLevel(source, seconds, *levels.tolist(), bias.tolist())
 
@@ -133,8 +140,7 @@ def rate_at_rest(moving, level, settings):
     some time and of another rate from there on, or the other way round, at several rests each.
     """
     first = np.reshape(level.rate, (3, 1))
-    most = [max(settings.accelerometer_multiples)] * 2
-    still = moving.within(most, [level.accelerometer_variance, level.gyroscope_variance])
+    still = moving.within(level.variances, QUIET)
     at = np.flatnonzero(still)
 
     def away(rate, of):

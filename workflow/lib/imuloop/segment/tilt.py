@@ -98,7 +98,7 @@ def _placed(u):
     return np.array([max(np.argmax(after) - 1, 0), len(u) - max(np.argmax(before[::-1]) - 1, 0)])
 
 
-def steady_rests(f, w, rests, bias, step):
+def without_tilts(f, w, rests, bias, step):
     """Return rests less the ends in which the device tilts, and the tilt that each still has, rad.
 
     A rest keeps the longest stretch of its parts without a tilt, if no more than `CUT` of it is
