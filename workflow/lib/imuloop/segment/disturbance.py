@@ -1,7 +1,5 @@
 """Disturbances of a device at rest: second differences of means that no noise has."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.special import betaincinv, chdtr, chdtri
@@ -9,12 +7,13 @@ from scipy.special import betaincinv, chdtr, chdtri
 from imuloop.core.stretches import lengths, merged, without
 from imuloop.segment.windows import rounding_variance
 
-# fewest separate second differences of a scale, per channel, that determine their covariance
-FEWEST = 10
+# fewest separate second differences of a scale that determine their covariance
+FEWEST = 60
 # most second differences that the covariance of a scale is taken from
 MOST = 20_000
-# quantile that sets the scale where tails are heavier than normal
-TAIL = 0.99
+# quantile that sets the scale where tails are heavier than normal, and how far it may raise it: a
+# session handled for longer than the rest of the quantile must not hide that
+TAIL, TAIL_LIMIT = 0.99, 4.0
 # means over fewer samples than this see single samples that sensors throw out now and then
 LONE = 4
 # how much larger, in amplitude, such a sample has to be to count as a knock
@@ -27,7 +26,7 @@ _RIDGE = 1e-12
 ROUNDS = 10
 
 
-def robust_covariance(x, floor, tail_limit):
+def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     """Return a covariance of vectors about zero that outliers do not affect, (k, k).
 
     Starting from a covariance that is the same in every direction of a sensor, the half of the
@@ -87,96 +86,84 @@ def distance_beyond(probability, k, m):
     return (m * m - 1) / m * (1 - z) / z
 
 
-@dataclass(frozen=True)
-class DisturbanceSearch:
-    """Search for disturbances, on all scales up to the longest; lengths in samples.
+def undisturbed(x, ranges, step, settings):
+    """Return the parts of ranges of samples, (m, 2), without a disturbance, (k, 2).
 
     The mean over `half` samples, less those of as many before and after, is a second difference: a
-    steady drift leaves nothing of it. On each scale, ``2 half`` samples, second differences of all
-    channels are compared with their own robust covariance: so flicker, random walk and a drift of
-    any length only widen what counts as normal on the scales they live on. One is a disturbance if
-    its squared distance would occur in undisturbed Gaussian noise with the probability
-    `false_alarm`, divided by the number of samples. All scales together hold 1.3 second differences
-    per sample (Bonferroni, so right for any correlation). Sensors at rest throw out single samples
-    of 7 to 12 standard deviations (an ADIS16405 some fifty in a million); the mean of fewer than
-    four samples has to have twice the amplitude.
+    steady drift leaves nothing of it. On each scale, ``2 half`` samples, up to `longest_scale_s`,
+    second differences of all channels are compared with their own robust covariance: so flicker,
+    random walk and a drift of any length only widen what counts as normal on the scales they live
+    on. One is a disturbance if its squared distance would occur in undisturbed Gaussian noise with
+    the probability `false_alarm`, divided by the number of samples. All scales together hold 1.3
+    second differences per sample (Bonferroni, so right for any correlation). Sensors at rest throw
+    out single samples of 7 to 12 standard deviations (an ADIS16405 some fifty in a million); the
+    mean of fewer than four samples has to have twice the amplitude.
 
     Of a disturbance that shows on several scales the finest places the cut, of a wide one where the
     level changes more; the search is then repeated on the rest, so that a tilt beside a knock, or
     the sway after it, is found too. A lasting tilt costs its transition only: before and after are
     separate stretches.
 
+    Takes the six channels, SI, (6, n), their stretches between long gaps, and the median step of
+    time, s.
+
     References
     ----------
     Donoho, Johnstone, "Ideal spatial adaptation by wavelet shrinkage", Biometrika 81 (1994),
     section 2.4 (threshold over all coefficients of all scales).
     """
+    floor = np.repeat([rounding_variance(each.T) for each in np.split(x, 2)], 3)
+    shortest, rest = round(settings.shortest_static_s / step), ranges
+    for _ in range(ROUNDS):
+        cuts = _cuts(x, rest, floor, step, settings)
+        if not len(cuts):
+            break
+        rest = without(rest, cuts)
+        whole = lengths(ranges)[np.searchsorted(ranges[:, 0], rest[:, 0], side="right") - 1]
+        rest = rest[lengths(rest) >= np.minimum(shortest, whole)]
+    return rest
 
-    longest: int  # scale
-    guard: int  # cut on each side of a disturbance
-    shortest: int  # what is left between two disturbances
-    false_alarm: float
-    # how far heavy tails may widen a covariance: a session handled for longer than a hundredth of
-    # its time must not hide that
-    tail_limit: float = 4.0
 
-    def undisturbed(self, x, ranges):
-        """Return the parts of ranges of samples, (m, 2), without a disturbance, (k, 2).
+def _cuts(x, ranges, floor, step, settings):
+    """Return what is to be cut from ranges; takes the variance of rounding, (6,)."""
+    cuts, half, n = np.empty((0, 2), dtype=int), 2, x.shape[1]
+    guard = round(settings.guard_s / step)
+    sums = [_running_sums(x[:, i:j]) for i, j in ranges]
+    while 2 * half * step <= settings.longest_scale_s:
+        separate = int((lengths(ranges) // (3 * half)).sum())
+        if separate < FEWEST:
+            break
+        differences = [_second_differences(each, half) for each in sums]
+        sample = np.hstack(differences)
+        sample = sample[:, :: sample.shape[1] // MOST + 1].T
+        covariance = robust_covariance(sample, floor)
+        bound = distance_beyond(settings.false_alarm / n, 6, min(separate, len(sample)))
+        bound *= LONE_FACTOR**2 if half < LONE else 1.0
+        for start, total, each in zip(ranges[:, 0], sums, differences, strict=True):
+            first, marks = _marks(total, each, half, covariance, bound, guard)
+            # a finer scale has placed a cut already in what this one reaches
+            k = np.searchsorted(cuts[:, 1], start + first, side="right")
+            free = start + first + 3 * half <= np.append(cuts[:, 0], n)[k]
+            if free.any():
+                cuts = merged(np.concatenate([cuts, start + marks[free]]))
+        half *= 2
+    return np.clip(cuts, 0, n)
 
-        Takes three channels of each sensor, (3 or 6, n).
-        """
-        floor = np.repeat([rounding_variance(each.T) for each in np.split(x, len(x) // 3)], 3)
-        rest = ranges
-        for _ in range(ROUNDS):
-            cuts = self._cuts(x, rest, floor)
-            if not len(cuts):
-                break
-            rest = without(rest, cuts)
-            whole = lengths(ranges)[np.searchsorted(ranges[:, 0], rest[:, 0], side="right") - 1]
-            rest = rest[lengths(rest) >= np.minimum(self.shortest, whole)]
-        return rest
 
-    def _cuts(self, x, ranges, floor):
-        """Return what is to be cut from ranges; takes the variance of rounding, (k,)."""
-        cuts, half, count = np.empty((0, 2), dtype=int), 2, len(x)
-        sums = [_running_sums(x[:, i:j]) for i, j in ranges]
-        while 2 * half <= self.longest:
-            separate = int((lengths(ranges) // (3 * half)).sum())
-            if separate < FEWEST * count:
-                break
-            differences = [_second_differences(each, half) for each in sums]
-            sample = np.hstack(differences)
-            sample = sample[:, :: sample.shape[1] // MOST + 1].T
-            covariance = robust_covariance(sample, floor, self.tail_limit)
-            bound = distance_beyond(
-                self.false_alarm / x.shape[1], count, min(separate, len(sample))
-            )
-            bound *= LONE_FACTOR**2 if half < LONE else 1.0
-            for start, total, each in zip(ranges[:, 0], sums, differences, strict=True):
-                first, marks = self._marks(total, each, half, covariance, bound)
-                # a finer scale has placed a cut already in what this one reaches
-                k = np.searchsorted(cuts[:, 1], start + first, side="right")
-                free = start + first + 3 * half <= np.append(cuts[:, 0], x.shape[1])[k]
-                if free.any():
-                    cuts = merged(np.concatenate([cuts, start + marks[free]]))
-            half *= 2
-        return np.clip(cuts, 0, x.shape[1])
-
-    def _marks(self, total, differences, half, covariance, bound):
-        """Return first samples of what is too large in a range, (k,), and what to cut, (k, 2)."""
-        distance, apart = squared_distance(differences.T, covariance), min(half, SPACING)
-        large = distance > bound
-        if 3 * half <= max(self.guard, SPACING):
-            first = apart * np.flatnonzero(large)
-            return first, np.column_stack([first - self.guard, first + 3 * half + self.guard])
-        # of what overlaps the largest, at that of its two edges at which the level changes more
-        large &= distance == maximum_filter1d(distance, 2 * (half // apart) + 1)
+def _marks(total, differences, half, covariance, bound, guard):
+    """Return first samples of what is too large in a range, (k,), and what to cut, (k, 2)."""
+    distance, apart = squared_distance(differences.T, covariance), min(half, SPACING)
+    large = distance > bound
+    if 3 * half <= max(guard, SPACING):
         first = apart * np.flatnonzero(large)
-        a, b, c, d = (total[:, first + k * half] for k in range(4))
-        early, late = (squared_distance(y.T, covariance) for y in (c - 2 * b + a, d - 2 * c + b))
-        edge = first + np.where(late > early, 2 * half, half)
-        beside = half // 4 + self.guard
-        return first, np.column_stack([edge - beside, edge + beside])
+        return first, first[:, None] + [-guard, 3 * half + guard]
+    # of what overlaps the largest, at that of its two edges at which the level changes more
+    large &= distance == maximum_filter1d(distance, 2 * (half // apart) + 1)
+    first = apart * np.flatnonzero(large)
+    a, b, c, d = (total[:, first + k * half] for k in range(4))
+    early, late = (squared_distance(y.T, covariance) for y in (c - 2 * b + a, d - 2 * c + b))
+    edge, beside = first + np.where(late > early, 2 * half, half), half // 4 + guard
+    return first, edge[:, None] + [-beside, beside]
 
 
 def _running_sums(x):

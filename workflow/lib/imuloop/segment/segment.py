@@ -17,7 +17,7 @@ from imuloop.core.samples import (
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.core.stretches import lengths, merged, unbroken, without
 from imuloop.segment.attitudes import attitudes, expected_error
-from imuloop.segment.disturbance import DisturbanceSearch
+from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.held import SWAYS, held_rests, sways, united
 from imuloop.segment.poses import number_poses
 from imuloop.segment.static_detector import (
@@ -142,20 +142,14 @@ def _between_disturbances(rows, stretches, step, settings):
     Beside each is the mean of the faster sensor meanwhile. Values that are held over several rows
     would look like noise that comes and goes.
     """
-    search = DisturbanceSearch(
-        longest=round(settings.longest_scale_s / step),
-        guard=round(settings.guard_s / step),
-        shortest=round(settings.shortest_static_s / step),
-        false_alarm=settings.false_alarm,
-    )
     x = rows.read(CHANNELS, 0, len(rows))
     own = next((name for name in OWN_TIME.values() if name in rows), None)
     if own is None:
-        return search.undisturbed(x, stretches)
-    first = np.flatnonzero(np.diff(rows[own], prepend=-np.inf) > 0)
+        return undisturbed(x, stretches, step, settings)
+    t, first = rows[TIME], np.flatnonzero(np.diff(rows[own], prepend=-np.inf) > 0)
     edges = np.append(first, len(rows))
-    means = np.add.reduceat(x, first, axis=1) / np.diff(edges)
-    return edges[search.undisturbed(means, np.searchsorted(first, stretches))]
+    means, step = np.add.reduceat(x, first, axis=1) / np.diff(edges), np.median(np.diff(t[first]))
+    return edges[undisturbed(means, np.searchsorted(first, stretches), step, settings)]
 
 
 def _at_rail(rows, rests, rails):

@@ -9,6 +9,7 @@ not, and a multiple of it means the same.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.special import chdtri
 
 from imuloop.core.stretches import lengths, stretches_of
@@ -201,30 +202,20 @@ def widened(f, w, rests, stretches, step):
     (3, n), ranges of samples, the stretches between long gaps, and the step of time, s.
     """
     width = max(round(EDGE_S / step), 1)
-    sensors = [(x, rounding_variance(x.T)) for x in (f, w)]
+    sensors = [(x, uniform_filter1d(x, width, axis=1), rounding_variance(x.T)) for x in (f, w)]
     edges, wider = np.concatenate([[0], rests.ravel(), [f.shape[1]]]), rests.copy()
     for k, (i, j) in enumerate(rests):
-        a, b = stretches[np.searchsorted(stretches[:, 0], i, side="right") - 1]
-        a, b = max(a, edges[2 * k]), min(b, edges[2 * k + 3])
-        before = [(x[:, a:i][:, ::-1], x[:, i:j], floor) for x, floor in sensors]
-        after = [(x[:, j:b], x[:, i:j], floor) for x, floor in sensors]
-        wider[k] = i - _as_at_rest(before, width), j + _as_at_rest(after, width)
+        low, high = stretches[np.searchsorted(stretches[:, 0], i, side="right") - 1]
+        low, high = max(low, edges[2 * k]), min(high, edges[2 * k + 3])
+        away = np.ones(high - low + 2, dtype=bool)
+        away[1:-1] = False
+        for x, means, floor in sensors:
+            rest = x[:, i:j]
+            # of all axes alike: the frame of the sensor does not matter
+            variance = max(rest.var(axis=1).mean(), floor) / width
+            square = (means[:, low:high] - rest.mean(axis=1, keepdims=True)) ** 2
+            away[1:-1] |= square.sum(axis=0) > chdtri(3, 1e-5) * variance
+        before, after = np.flatnonzero(away[: i - low + 1]), np.flatnonzero(away[j - low + 1 :])
+        left_out = width + width // 2
+        wider[k] = min(i, low + before[-1] + left_out), max(j, j + after[0] - left_out)
     return wider
-
-
-def _as_at_rest(sensors, width):
-    """Return how many samples beyond a rest are as those in it.
-
-    Takes of each sensor the samples beyond, in order from the rest on, those in the rest, (3, n),
-    and the least variance.
-    """
-    moved = 0.0
-    for beyond, rest, floor in sensors:
-        sums = np.cumsum(np.pad(beyond, ((0, 0), (1, 0))), axis=1)
-        means = (sums[:, width:] - sums[:, :-width]) / width
-        # of all axes alike: the frame of the sensor does not matter
-        variance = max(rest.var(axis=1).mean(), floor) / width
-        square = (means - rest.mean(axis=1, keepdims=True)) ** 2
-        moved = np.maximum(moved, square.sum(axis=0) / variance)
-    away = np.flatnonzero(moved > chdtri(3, 1e-5))
-    return max((away[0] if len(away) else len(moved)) - width, 0)
