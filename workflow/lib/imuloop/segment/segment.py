@@ -24,7 +24,7 @@ from imuloop.segment.static_detector import (
     activity,
     detect_rests,
     moves,
-    rate_at_rest,
+    rates_at_rest,
     rest_level,
     widened,
 )
@@ -93,9 +93,8 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     else:
         rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
         if moving and len(rests):
-            kept = _on_support(rests, tilt, metadata["level"], step)
-            # without a gyroscope turns show in the mean specific force alone
-            kept &= not moves(rows, rests[kept], step, settings)
+            # on a support it does not tilt; without a gyroscope turns show in the force alone
+            kept = (tilt == 0) & (not moves(rows, rests[tilt == 0], step, settings))
             rests, tilt = rests[kept], tilt[kept]
     railed = np.zeros(len(rests), dtype=bool)
     if rails and kind in ATTITUDES:
@@ -124,16 +123,6 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     table.loc[is_rest, "pose"] = poses
     table.loc[is_rest, "tilt_rad"] = tilt
     return table, metadata | {"poses": int(poses.max(initial=-1)) + 1}
-
-
-def _on_support(rests, tilt, level, step):
-    """Return at which rests of a device that moves most of the time it lies on a support, (n,).
-
-    It does not where it tilts. The level of rest is that of motion, and no rest counts, if it is
-    from the start of the log and the device does not rest for most of that time.
-    """
-    start = level["duration_s"] / step
-    return (tilt == 0) & (lengths(np.minimum(rests, start)).sum() >= start / 2)
 
 
 def _between_disturbances(rows, stretches, step, settings):
@@ -210,10 +199,10 @@ def _detected(f, w, stretches, step, settings):
     The variance is compared in `static_detector`, the mean rate with its level here.
     """
     moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
-    level = rest_level(f, w, moving, step, settings)
+    level = rest_level(f, w, moving)
     if level is None:
         return *[np.empty((0, 2), dtype=int)] * 2, None, 0
-    away = np.linalg.norm(moving.rate - rate_at_rest(moving, level, settings), axis=0)
+    away = moving.away(rates_at_rest(moving, level, settings))
     still = moving.within(level.variances) & (away <= settings.rate_tolerance)
     rests, short = detect_rests(still, stretches, step, settings)
     still &= ~unsteady_samples(w, rests, step, settings)

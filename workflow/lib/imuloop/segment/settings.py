@@ -12,9 +12,6 @@ class SegmentSettings:
 
     # slow turns and tremor inside a rest are looked for in half of it
     window_s: float = setting(1.0, "Sliding window of the static detector, s", gt=0)
-    initial_rest_s: float = setting(
-        50.0, "Longest stretch at the start of a log that sets the level of rest, s", gt=0
-    )
     # leaves room for the gyroscope's g-sensitivity (0.3 deg/s per g at worst in common parts) and
     # lies below the slowest turn by hand
     rate_tolerance: float = setting(

@@ -47,24 +47,17 @@ class Activity:
         """Return whether both variances are within multiples of their levels, shape (n,)."""
         return np.all(self.variances <= np.multiply(multiples, levels)[:, None], axis=0)
 
+    def away(self, biases):
+        """Return how far the mean rate is from the nearest of biases, (k, 3), rad/s, (n,)."""
+        return np.min([np.linalg.norm(self.rate.T - bias, axis=1) for bias in biases], axis=0)
+
 
 @dataclass(frozen=True)
 class RestLevel:
-    """Level of the windows at rest: sums of variances, SI², and the bias, rad/s.
+    """Level of the windows at rest: sums of variances of both sensors, SI², and the bias, rad/s."""
 
-    The source is "initial rest", with its duration, or "quietest windows".
-    """
-
-    source: str
-    duration_s: float
-    accelerometer_variance: float
-    gyroscope_variance: float
+    variances: list
     rate: list
-
-    @property
-    def variances(self):
-        """Both variances."""
-        return self.accelerometer_variance, self.gyroscope_variance
 
 
 def activity(force, rate, stretches, window):
@@ -103,68 +96,38 @@ def moves(rows, stretches, step, settings):
     return 2 * np.count_nonzero(moved) > len(moved)
 
 
-def rest_level(force, rate, moving, step, settings):
+def rest_level(force, rate, moving):
     """Return the RestLevel of a session, None where no whole window fits into the log.
 
-    The quiet level of a sensor is the 5 % quantile of its windowed variance, the median of the
-    quietest tenth: right as long as a tenth of the log is at rest. If the log's windows stay
-    within ten times the quiet level, both sensors together, for ten
-    windows from its first sample, it begins with a rest; that rest, up to where it ends or to
-    `initial_rest_s`, then sets the level as in the paper. If not, the quiet level is the level.
-    No level is below the variance of rounding. The bias is the median over all windows that are
-    at rest by this level, whatever their attitude. Arguments as in `activity`, its result, and the
-    median step of time, s.
+    The level of a sensor is the 5 % quantile of its windowed variance, the median of the quietest
+    tenth: right as long as a tenth of the log is at rest. None is below the variance of rounding.
+    The bias is the median over all windows that are quiet by this level, whatever their attitude.
+    Takes specific force, m/s², and angular rate, rad/s, (3, n), and their Activity.
     """
     whole = np.isfinite(moving.variances[0])
     if not whole.any():
         return None
     floors = [3 * rounding_variance(x.T) for x in (force, rate)]
-    levels = np.maximum([np.quantile(v[whole], 0.05) for v in moving.variances], floors)
+    levels = np.maximum(np.quantile(moving.variances[:, whole], 0.05, axis=1), floors)
     quiet = moving.within(levels, QUIET)
-    length = len(quiet) if quiet.all() else int(np.argmin(quiet))
-    length = min(length, round(settings.initial_rest_s / step))
-    source, seconds = "quietest windows", 0.0
-    if length >= 10 * moving.window:
-        source, seconds = "initial rest", length * step
-        initial = [x[:, :length].var(axis=1).sum() for x in (force, rate)]
-        levels = np.maximum(initial, floors)
-        quiet = moving.within(levels, QUIET)
     bias = np.median(moving.rate[:, quiet], axis=1) if quiet.any() else np.zeros(3)
-    return RestLevel(source, seconds, *levels.tolist(), bias.tolist())
+    return RestLevel(levels.tolist(), bias.tolist())
 
 
-def rate_at_rest(moving, level, settings):
-    """Return the bias of the gyroscope at rest, rad/s, (3, 1), or (3, n) where it jumps.
+def rates_at_rest(moving, level, settings):
+    """Return the biases of the gyroscope at rest, rad/s, (k, 3): two where it jumps.
 
-    A turn that no variance shows ends; a bias that jumps stays. So it jumps once where the windows
-    that are still by their variances are nearly all within `rate_tolerance` of the level up to
-    some time and of another rate from there on, or the other way round, at several rests each.
+    A turn that no variance shows ends, and the next is another; a bias that jumped stays. So there
+    are two where windows that are still by their variances, away from the level by more than
+    `rate_tolerance`, nearly all share another rate, at several rests.
     """
-    first = np.reshape(level.rate, (3, 1))
-    still = moving.within(level.variances, QUIET)
-    at = np.flatnonzero(still)
-
-    def away(rate, of):
-        return np.linalg.norm(moving.rate[:, of] - rate, axis=0) > settings.rate_tolerance
-
-    off = away(first, at)
-    if not off.any():
-        return first
-    # windows that a split calls right, those away from the level after it, and before it
-    right = np.cumsum(np.where(off, -1, 1)) * np.array([[1], [-1]])
-    order = int(np.argmax(right.max(axis=1)))
-    split = at[np.argmax(right[order])] + 1
-    sides = at[at < split], at[at >= split]
-    near, far = sides if order == 0 else sides[::-1]
-    if not len(near) or not len(far):
-        return first
-    other = np.median(moving.rate[:, far], axis=1, keepdims=True)
-    # a rest is a stretch of windows
-    rests = [1 + np.sum(np.diff(of) > moving.window) for of in (near, far)]
-    if min(rests) < RESTS_OF_A_BIAS or max(away(first, near).mean(), away(other, far).mean()) > FEW:
-        return first
-    before, after = (first, other) if order == 0 else (other, first)
-    return np.where(np.arange(len(still)) < split, before, after)
+    at = np.flatnonzero(moving.within(level.variances, QUIET))
+    far = at[moving.away([level.rate])[at] > settings.rate_tolerance]
+    if 1 + np.sum(np.diff(far) > moving.window) < RESTS_OF_A_BIAS:
+        return [level.rate]
+    other = np.median(moving.rate[:, far], axis=1)
+    strays = moving.away([other])[far] > settings.rate_tolerance
+    return [level.rate] if strays.mean() > FEW else [level.rate, other]
 
 
 def detect_rests(still, stretches, step, settings):
