@@ -34,10 +34,6 @@ def test_rests_are_found_within_a_window_of_the_truth(first):
     # never any of the turn itself, but for its first and last few hundredths
     assert np.all(found[1:, 0] >= truth[1:, 0] - 0.05)
     assert np.all(found[:-1, 1] <= truth[:-1, 1] + 0.05)
-    level = metadata["level"]
-    np.testing.assert_allclose(level["rate"], [0.01, -0.02, 0.015], atol=2e-4)
-    noise = np.sum(np.array([0.0089, 0.0097, 0.0098]) ** 2)
-    assert level["variances"][0] == pytest.approx(noise, rel=0.25)
 
 
 def test_a_slow_turn_about_the_vertical_is_no_rest():

@@ -1,6 +1,6 @@
 """The segment stage: from samples to segments."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.core.stretches import lengths, merged, unbroken, without
 from imuloop.segment.attitudes import attitudes, expected_error
 from imuloop.segment.disturbance import undisturbed
-from imuloop.segment.held import SWAYS, held_rests, sways, united
+from imuloop.segment.held import held_rests, sways, united
 from imuloop.segment.poses import number_poses
 from imuloop.segment.static_detector import (
     activity,
@@ -34,7 +34,7 @@ from imuloop.segment.tilt import tilts, without_tilts
 # rests that are dropped as too short, at least so many and this share of those kept, make it worth
 # to look what shorter settings would bring: parts of window_s and shortest_rest_s
 LEAST_SHORT, SHORT_SHARE = 5, 0.25
-SHORTER = ((1, 0.5), (0.5, 0.5), (0.5, 0.25), (0.25, 0.25))
+SHORTER = ((1, 0.5), (0.5, 0.25))
 # attitudes that are worth another setting, and a part of the most that is as good
 WORTHWHILE, ALMOST = 1.2, 0.95
 # attitudes that determine an accelerometer's nine parameters, with one for a check
@@ -54,20 +54,19 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     """Return the segments of a session: static, motion, disturbed or gap.
 
     Every instant from the first sample to one step after the last belongs to exactly one row.
-    Rests of a six-position or multi-position session come from the static detector with the
-    multiples whose poses calibrate best, less what turns slowly or trembles; those in the hand
-    (`held`) join them where a calibration gains by it. Those of a static session are what the
-    disturbance detector and slow tilts leave. If the device moves most of the time, the rests of a
-    static session come from the static detector, too. A rest at which the accelerometer is at the
-    end of its range is no attitude, but disturbed. A gap lasts from one step after the last sample
-    before it to the next sample, or as long as a channel is stuck at one value.
+    Rests of a six-position or multi-position session come from the static detector, less what turns
+    slowly or trembles; those in the hand (`held`) join them where a calibration gains by it. Those
+    of a static session are what the disturbance detector and slow tilts leave. If the device moves
+    most of the time, the rests of a static session come from the static detector, too. A rest at
+    which the accelerometer is at the end of its range is no attitude, but disturbed. A gap lasts
+    from one step after the last sample before it to the next sample, or as long as a channel is
+    stuck at one value.
 
     Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, the `rails` of
     `core.samples.at_rail`, and the spans in which a channel is stuck, (n, 2), s. Gives a
     `segment_table` and a dict of metadata: the number of poses; of a static session that of slow
-    tilts; of others the level of rest and how it was found, the multiples, the rests dropped as too
-    short, those at the end of the range and those that tilt, whether some are in the hand, and what
-    `shorter` settings would bring, or have brought.
+    tilts; of others the rests dropped as too short, those at the end of the range and those that
+    tilt, whether some are in the hand, and what `shorter` settings would bring, or have brought.
     """
     rows = Samples(samples)
     whole, step = unbroken(rows, settings.gap_factor)
@@ -80,22 +79,20 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     moving = not posed and moves(rows, stretches, step, settings)
     # no disturbance stands out from motion: rests are found as in other sessions
     posed = posed or (moving and holds(rows, "accelerometer"))
-    if not posed:
-        rests = stretches[:0]
-        if not moving:
-            rests = _between_disturbances(rows, stretches, step, settings)
+    if posed:
+        rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
+        if moving:
+            # on a support it does not tilt; without a gyroscope turns show in the force alone
+            rests = rests[tilt == 0]
+            rests = rests[: 0 if moves(rows, rests, step, settings) else None]
+            tilt = np.zeros(len(rests))
+    else:
+        rests = _between_disturbances(rows, stretches[: 0 if moving else None], step, settings)
         tilted = tilts(rows, rests, step)
-        metadata = {"slow_tilts": len(tilted)}
         if len(tilted):
             rests = without(rests, tilted)
             rests = rests[lengths(rests) * step >= settings.shortest_static_s - step / 2]
-        tilt = np.zeros(len(rests))
-    else:
-        rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
-        if moving and len(rests):
-            # on a support it does not tilt; without a gyroscope turns show in the force alone
-            kept = (tilt == 0) & (not moves(rows, rests[tilt == 0], step, settings))
-            rests, tilt = rests[kept], tilt[kept]
+        tilt, metadata = np.zeros(len(rests)), {"slow_tilts": len(tilted)}
     railed = np.zeros(len(rests), dtype=bool)
     if rails and kind in ATTITUDES:
         railed = _at_rail(rows, rests, rails)
@@ -155,36 +152,18 @@ def _find_rests(rows, stretches, step, settings):
     By shorter settings where those asked for find too few to calibrate by, and the shorter enough.
     """
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
-    rests, tilt, metadata = _rests_by(f, w, stretches, step, settings)
-    found = metadata["shorter"]
-    if not found or not found["now"] < ENOUGH <= found["attitudes"]:
-        return rests, tilt, metadata
-    settings = replace(settings, **{key: found[key] for key in ("window_s", "shortest_rest_s")})
-    rests, tilt, metadata = _rests_by(f, w, stretches, step, settings)
-    return rests, tilt, metadata | {"shorter": found | {"taken": True}}
-
-
-def _rests_by(f, w, stretches, step, settings):
-    """Return what `_find_rests` does by the settings as they are."""
-    detected, steady, level, short = _detected(f, w, stretches, step, settings)
-    rests, tilt, held = detected, np.zeros(0), False
-    if len(detected):
-        of_log = f, w, stretches, step, level.rate, settings
-        rests, tilt, held = _with_held(*of_log, steady)
-        # without its unsteady rests a session may no longer determine a calibration
-        errors = [
-            expected_error(attitudes(f, x, settings.same_attitude)) for x in (rests, detected)
-        ]
-        if errors[0] > DEAREST * errors[1]:
-            rests, tilt, held = _with_held(*of_log, detected)
-    shorter = None
+    log, shorter = (f, w, stretches, step), None
+    rests, tilt, held, short = _rests_by(log, settings)
     if short >= LEAST_SHORT and short > SHORT_SHARE * len(rests):
-        shorter = _shorter(f, w, stretches, step, rests, settings)
+        shorter = _shorter(log, rests, settings)
+    if shorter and shorter["now"] < ENOUGH <= shorter["attitudes"]:
+        shorter["taken"] = True
+        changed = {key: shorter[key] for key in ("window_s", "shortest_rest_s")}
+        rests, tilt, held, short = _rests_by(log, replace(settings, **changed))
     return (
         rests,
         tilt,
         {
-            "level": level and asdict(level),
             "short_rests": short,
             "hand_held": held,
             "tilted_rests": int((tilt > 0).sum()),
@@ -193,56 +172,60 @@ def _rests_by(f, w, stretches, step, settings):
     )
 
 
-def _detected(f, w, stretches, step, settings):
-    """Return the rests of a session, those that are steady, the level, and how many are too short.
+def _rests_by(log, settings):
+    """Return rests, the tilt within each, whether some are in the hand, and how many too short."""
+    f, w, stretches, step = log
+    detected, steady, bias, short = _detected(log, settings)
+    if not len(detected):
+        return detected, np.zeros(0), False, short
+    least = expected_error(attitudes(f, detected, settings.same_attitude))
+    # without its unsteady rests a session may no longer determine a calibration
+    for still, most in ((steady, DEAREST * least), (detected, np.inf)):
+        rests, tilt = without_tilts(f, w, widened(f, w, still, stretches, step), bias, step)
+        found = rests, tilt, False, short
+        error = expected_error(attitudes(f, rests, settings.same_attitude))
+        every, held = united(rests, held_rests(w, stretches, step, bias, settings.shortest_rest_s))
+        with_held = expected_error(attitudes(f, every, settings.same_attitude))
+        if held.any() and with_held < WORTH_HOLDING * error:
+            swaying = np.zeros(len(every))
+            swaying[held] = sways(w, every[held], bias, step)
+            swaying[~held] = tilt[np.isin(rests[:, 0], every[~held, 0])]
+            error, found = with_held, (every, swaying, True, short)
+        if error <= most:
+            return found
+
+
+def _detected(log, settings):
+    """Return the rests of a session, those that are steady, the bias, and how many are too short.
 
     The variance is compared in `static_detector`, the mean rate with its level here.
     """
+    f, w, stretches, step = log
     moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
-    level = rest_level(f, w, moving)
-    if level is None:
+    if not np.isfinite(moving.variances).any():
         return *[np.empty((0, 2), dtype=int)] * 2, None, 0
+    level = rest_level(f, w, moving)
     away = moving.away(rates_at_rest(moving, level, settings))
     still = moving.within(level.variances) & (away <= settings.rate_tolerance)
     rests, short = detect_rests(still, stretches, step, settings)
     still &= ~unsteady_samples(w, rests, step, settings)
-    return rests, detect_rests(still, stretches, step, settings)[0], level, short
+    return rests, detect_rests(still, stretches, step, settings)[0], level.rate, short
 
 
-def _with_held(f, w, stretches, step, bias, settings, still):
-    """Return rests to their ends and those in the hand, if any is worth it, their tilts, and if so.
-
-    They are where the expected error of a calibration is lower with them, by `WORTH_HOLDING`.
-    """
-    rests, tilt = without_tilts(f, w, widened(f, w, still, stretches, step), bias, step)
-    found = rests, tilt, False
-    least = WORTH_HOLDING * expected_error(attitudes(f, rests, settings.same_attitude))
-    for sway in SWAYS:
-        of_hand = held_rests(w, stretches, step, bias, sway, settings.shortest_rest_s)
-        every, held = united(rests, of_hand)
-        error = expected_error(attitudes(f, every, settings.same_attitude))
-        if held.any() and error < least:
-            swaying = np.zeros(len(every))
-            swaying[held] = sways(w, every[held], bias, step)
-            swaying[~held] = tilt[np.isin(rests[:, 0], every[~held, 0])]
-            least, found = error, (every, swaying, True)
-    return found
-
-
-def _shorter(f, w, stretches, step, rests, settings):
+def _shorter(log, rests, settings):
     """Return the settings of shorter rests that would bring more attitudes, and how many, or None.
 
     The longest that find nearly as many as any.
     """
-    now, tried = len(attitudes(f, rests, settings.same_attitude)), []
+    now, tried = len(attitudes(log[0], rests, settings.same_attitude)), []
     for window, shortest in SHORTER:
         each = {
             "window_s": window * settings.window_s,
             "shortest_rest_s": shortest * settings.shortest_rest_s,
         }
-        _, steady, *_ = _detected(f, w, stretches, step, replace(settings, **each))
-        found = len(attitudes(f, steady, settings.same_attitude))
-        tried.append({**each, "attitudes": found, "now": now, "taken": False})
+        _, steady, *_ = _detected(log, replace(settings, **each))
+        count = len(attitudes(log[0], steady, settings.same_attitude))
+        tried.append({**each, "attitudes": count, "now": now, "taken": False})
     most = max(each["attitudes"] for each in tried)
     if most < WORTHWHILE * max(now, 1):
         return None

@@ -97,7 +97,7 @@ def moves(rows, stretches, step, settings):
 
 
 def rest_level(force, rate, moving):
-    """Return the RestLevel of a session, None where no whole window fits into the log.
+    """Return the RestLevel of a session, in which a whole window fits.
 
     The level of a sensor is the 5 % quantile of its windowed variance, the median of the quietest
     tenth: right as long as a tenth of the log is at rest. None is below the variance of rounding.
@@ -105,8 +105,6 @@ def rest_level(force, rate, moving):
     Takes specific force, m/s², and angular rate, rad/s, (3, n), and their Activity.
     """
     whole = np.isfinite(moving.variances[0])
-    if not whole.any():
-        return None
     floors = [3 * rounding_variance(x.T) for x in (force, rate)]
     levels = np.maximum(np.quantile(moving.variances[:, whole], 0.05, axis=1), floors)
     quiet = moving.within(levels, QUIET)
