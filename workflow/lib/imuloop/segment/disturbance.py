@@ -20,6 +20,8 @@ LONE = 4
 LONE_FACTOR = 2.0
 # most samples from one second difference to the next: of a day at 1 kHz they are 130 MB
 SPACING = 32
+# times that a covariance is taken of what was near by the one before
+REWEIGHTINGS = 5
 # added to correlations, whose rounding is 1e-15
 _RIDGE = 1e-12
 # a disturbance hidden behind a larger one is found in a later round
@@ -29,11 +31,10 @@ ROUNDS = 10
 def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     """Return a covariance of vectors about zero that outliers do not affect, (k, k).
 
-    Starting from a covariance that is the same in every direction of a sensor, the half of the
-    vectors nearest to zero gives the next covariance, until it stands still. Its scale follows
-    from the median of the squared distance, χ² with k degrees of freedom; all vectors within the
-    97.5 % quantile then give the final covariance. Where tails are heavier than normal the 99 %
-    quantile sets the scale, up to `tail_limit` times. No step prefers an axis.
+    Starting from a covariance that is the same in every direction of a sensor, the vectors within
+    the 97.5 % quantile give the next one. The scale follows from the median of the squared
+    distance, χ² with k degrees of freedom. Where tails are heavier than normal the 99 % quantile
+    sets it, up to `tail_limit` times. No step prefers an axis.
 
     Takes vectors of one or more sensors, three axes each, (n, k), and the variance of rounding,
     (k,), which is added to each channel.
@@ -41,26 +42,16 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     References
     ----------
     Rousseeuw, Van Driessen, "A fast algorithm for the minimum covariance determinant estimator",
-    Technometrics 41 (1999), theorem 1 and section 4.
+    Technometrics 41 (1999), section 4 (the reweighting).
     """
-    k = x.shape[1]
-    sensors = x.reshape(len(x), -1, 3)
-    covariance = np.diag(np.repeat(np.median(np.sum(sensors**2, axis=2), axis=0), 3) + floor)
-    middle = (len(x) - 1) // 2
-    for _ in range(10):
+    k, sizes = x.shape[1], np.sum(x.reshape(len(x), -1, 3) ** 2, axis=2)
+    covariance = np.diag(np.repeat(np.median(sizes, axis=0), 3) + floor)
+    cut, middle = chdtri(k, 0.025), chdtri(k, 0.5)
+    for _ in range(REWEIGHTINGS):
         distance = squared_distance(x, covariance)
-        nearest = distance <= np.partition(distance, middle)[middle]
-        half = x.T.compress(nearest, axis=1)
-        last, covariance = covariance, half @ half.T / half.shape[1] + np.diag(floor)
-        if np.array_equal(covariance, last):
-            break
-    distance = squared_distance(x, covariance)
-    scale = np.median(distance) / chdtri(k, 0.5)
-    cut = chdtri(k, 0.025)
-    near = x.T.compress(distance <= cut * scale, axis=1)
-    # second moment of a normal vector within the quantile, of the whole
-    covariance = near @ near.T / near.shape[1] * 0.975 / chdtr(k + 2, cut)
-    covariance += np.diag(floor)
+        near = x.T.compress(distance <= cut / middle * np.median(distance), axis=1)
+        # second moment of a normal vector within the quantile, of the whole
+        covariance = near @ near.T / near.shape[1] * 0.975 / chdtr(k + 2, cut) + np.diag(floor)
     tail = np.quantile(squared_distance(x, covariance), TAIL) / chdtri(k, 1 - TAIL)
     return covariance * np.clip(tail, 1.0, tail_limit)
 

@@ -41,9 +41,7 @@ def tilts(rows, ranges, step):
     """
     width = max(round(BLOCK / step), int(lengths(ranges).sum()) // BLOCKS, 1)
     first, stretches, means = block_means(rows, ranges, width)
-    if not len(first):
-        return np.empty((0, 2), dtype=int)
-    size = np.median(np.linalg.norm(means[:, :3], axis=1))
+    size = np.median(np.linalg.norm(means[:, :3], axis=1)) if len(first) else 0.0
     # of rows that are zero there is no direction
     if not size > 0:
         return np.empty((0, 2), dtype=int)
@@ -145,9 +143,7 @@ def rest_tilts(f, w, rests, bias, step):
     begins = np.concatenate([np.arange(len(each)) == 0 for each in parts])
     courses = [_courses(f, w, i, j, bias, width, step) for i, j in np.concatenate(parts)]
     # neighbours differ by noise, and by little of a tilt
-    noise = np.median(
-        [np.mean(np.diff(y, axis=0) ** 2) / 2 for y, _ in courses if len(y) > 1] or [0.0]
-    )
+    noise = np.median([np.mean(np.diff(y, axis=0) ** 2) / 2 for y, _ in courses if len(y) > 1])
     gain = np.array([np.sum(y * x - x**2 / 2) for y, x in courses])
     size = np.array([np.sqrt((x**2).sum(axis=1).mean()) for _, x in courses])
     # an accelerometer drifts, too: what is left has to be noise, but for three standard deviations
@@ -182,6 +178,4 @@ def _courses(f, w, first, last, bias, width, step):
     )
     mean = u.mean(axis=0)
     size = np.linalg.norm(mean)
-    if not size:
-        return np.zeros_like(u), np.zeros_like(u)
     return (u - mean) / size, np.cross(mean / size, turned - turned.mean(axis=0))
