@@ -13,6 +13,7 @@ from imuloop.core.samples import (
     Samples,
     at_rail,
     holds,
+    own_rows,
 )
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.core.stretches import lengths, merged, unbroken, without
@@ -32,11 +33,10 @@ from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.tilt import tilts, without_tilts
 
 # rests that are dropped as too short, at least so many and this share of those kept, make it worth
-# to look what shorter settings would bring: parts of window_s and shortest_rest_s
+# to look what shorter settings would bring
 LEAST_SHORT, SHORT_SHARE = 5, 0.25
-SHORTER = ((1, 0.5), (0.5, 0.25))
-# attitudes that are worth another setting, and a part of the most that is as good
-WORTHWHILE, ALMOST = 1.2, 0.95
+# attitudes, of those found, that are worth another setting
+WORTHWHILE = 1.2
 # attitudes that determine an accelerometer's nine parameters, with one for a check
 ENOUGH = 12
 # a calibration this much less certain, by its expected error, is too dear for steady rests
@@ -132,7 +132,7 @@ def _between_disturbances(rows, stretches, step, settings):
     own = next((name for name in OWN_TIME.values() if name in rows), None)
     if own is None:
         return undisturbed(x, stretches, step, settings)
-    t, first = rows[TIME], np.flatnonzero(np.diff(rows[own], prepend=-np.inf) > 0)
+    t, first = rows[TIME], own_rows(rows[own])
     edges = np.append(first, len(rows))
     means, step = np.add.reduceat(x, first, axis=1) / np.diff(edges), np.median(np.diff(t[first]))
     return edges[undisturbed(means, np.searchsorted(first, stretches), step, settings)]
@@ -156,8 +156,7 @@ def _find_rests(rows, stretches, step, settings):
     rests, tilt, held, short = _rests_by(log, settings)
     if short >= LEAST_SHORT and short > SHORT_SHARE * len(rests):
         shorter = _shorter(log, rests, settings)
-    if shorter and shorter["now"] < ENOUGH <= shorter["attitudes"]:
-        shorter["taken"] = True
+    if shorter and shorter["taken"]:
         changed = {key: shorter[key] for key in ("window_s", "shortest_rest_s")}
         rests, tilt, held, short = _rests_by(log, replace(settings, **changed))
     return (
@@ -213,20 +212,13 @@ def _detected(log, settings):
 
 
 def _shorter(log, rests, settings):
-    """Return the settings of shorter rests that would bring more attitudes, and how many, or None.
+    """Return settings of shorter rests, how many attitudes they bring, and if they are taken.
 
-    The longest that find nearly as many as any.
+    None where they bring hardly more.
     """
-    now, tried = len(attitudes(log[0], rests, settings.same_attitude)), []
-    for window, shortest in SHORTER:
-        each = {
-            "window_s": window * settings.window_s,
-            "shortest_rest_s": shortest * settings.shortest_rest_s,
-        }
-        _, steady, *_ = _detected(log, replace(settings, **each))
-        count = len(attitudes(log[0], steady, settings.same_attitude))
-        tried.append({**each, "attitudes": count, "now": now, "taken": False})
-    most = max(each["attitudes"] for each in tried)
-    if most < WORTHWHILE * max(now, 1):
+    shorter = {"window_s": settings.window_s / 2, "shortest_rest_s": settings.shortest_rest_s / 4}
+    _, steady, *_ = _detected(log, replace(settings, **shorter))
+    now, then = (len(attitudes(log[0], x, settings.same_attitude)) for x in (rests, steady))
+    if then < WORTHWHILE * max(now, 1):
         return None
-    return next(each for each in tried if each["attitudes"] >= ALMOST * most)
+    return {**shorter, "attitudes": then, "now": now, "taken": now < ENOUGH <= then}

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.stretches import lengths, merged, stretches_of, without
+from imuloop.core.stretches import lengths, merged, stretches_of
 from imuloop.segment.windows import block_means
 
 # blocks that are averaged, s, and at most so many in a session
@@ -34,9 +34,9 @@ def tilts(rows, ranges, step):
     first has to be small against the first, course for course. A ramp of temperature that drags
     both biases along bends the integral where it does not bend u.
 
-    First a line is taken from both courses of a window, so that no bias enters: this shows a tilt
-    that begins or ends. In what is left b is the median, and a steady tilt shows by its slope.
-    Slower than b wanders none is seen. Of a tilt that shows in windows of several lengths the
+    Less a line, so that no bias enters, both courses of a window show a tilt that begins or ends;
+    less their mean, with the median of the rates for b, a steady tilt shows by its slope. Slower
+    than b wanders none is seen. Of a tilt that shows in windows of several lengths the
     shortest is taken, and in it the part in which u moves. Takes Samples and the median step, s.
     """
     width = max(round(BLOCK / step), int(lengths(ranges).sum()) // BLOCKS, 1)
@@ -47,37 +47,33 @@ def tilts(rows, ranges, step):
         return np.empty((0, 2), dtype=int)
     # not its direction alone: a tilt leaves the magnitude as it is
     u = means[:, :3] / size
-    cuts = np.empty((0, 2), dtype=int)
-    for degree in (1, 0):
-        rests = without(stretches, cuts)
-        if not len(rests):
-            break
-        bias = np.median(np.concatenate([means[i:j, 3:] for i, j in rests]), axis=0)
-        change = np.cross(u, means[:, 3:] - bias) * width * step
-        turned = np.cumsum(change, axis=0) - change / 2
-        windows = np.concatenate([i + _alike(u[i:j], turned[i:j], degree) for i, j in rests])
-        if len(windows):
-            placed = np.array([i + _placed(u[i:j]) for i, j in windows])
-            cuts = merged(np.concatenate([cuts, placed]))
+    change = np.cross(u, means[:, 3:] - np.median(means[:, 3:], axis=0)) * width * step
+    turned = np.cumsum(change, axis=0) - change / 2
+    windows = np.concatenate([i + _alike(u[i:j], turned[i:j]) for i, j in stretches])
+    if not len(windows):
+        return windows
+    cuts = merged(np.array([i + _placed(u[i:j]) for i, j in windows]))
     return np.column_stack([first[cuts[:, 0]], first[cuts[:, 1] - 1] + width])
 
 
-def _alike(u, turned, degree):
+def _alike(u, turned):
     """Return the shortest windows of blocks in which two courses are alike, shape (k, 2).
 
-    Of both the polynomial of a degree is left out: the mean, 0, or a line, 1.
+    Of both a line is left out, or the mean.
     """
     alike, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
         starts = np.arange(0, len(u) - length + 1, max(length // 4, 1))
         at = starts[:, None] + np.arange(length)
-        basis = np.linalg.qr(np.vander(np.arange(length), degree + 1))[0]
-        power, residual = (
-            ((x - basis @ (basis.T @ x)) ** 2).sum(axis=2).mean(axis=1)
-            for x in (u[at], (u - turned)[at])
-        )
-        # a ramp has a root mean square of a twelfth's root of its span
-        sure = (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
+        sure = np.zeros(len(starts), dtype=bool)
+        for degree in (1, 0):
+            basis = np.linalg.qr(np.vander(np.arange(length), degree + 1))[0]
+            power, residual = (
+                ((x - basis @ (basis.T @ x)) ** 2).sum(axis=2).mean(axis=1)
+                for x in (u[at], (u - turned)[at])
+            )
+            # a ramp has a root mean square of a twelfth's root of its span
+            sure |= (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
         windows = np.column_stack([starts, starts + length])[sure]
         # those that a shorter one lies in are placed already
         inside = (alike[:, 0] >= windows[:, :1]) & (alike[:, 1] <= windows[:, 1:])
