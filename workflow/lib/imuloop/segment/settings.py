@@ -19,11 +19,8 @@ class SegmentSettings:
         "Largest departure of the windowed mean angular rate from its level at rest, rad/s",
         gt=0,
     )
-    # the window ends a rest up to half its length early as it is, and each second cut is one more
-    # to integrate the gyroscope over
-    trim_s: float = setting(0.05, "Cut from each end of a rest that touches motion, s", ge=0)
     shortest_rest_s: float = setting(
-        1.0, "Shortest rest kept as a pose after trimming, s; at least 4 samples", gt=0
+        1.0, "Shortest rest kept as a pose, s; at least 4 samples", gt=0
     )
     # two means that are θ apart pool to a norm short by θ²/8, so half a degree costs 1e-5 of g
     same_attitude: float = setting(

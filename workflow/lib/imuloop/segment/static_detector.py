@@ -25,8 +25,8 @@ FEWEST_SAMPLES = 4
 RESTS_OF_A_BIAS, FEW = 3, 0.1
 # change of the mean specific force from one window to the next that is motion, m/s²: 10 mg
 FORCE_TOLERANCE = 0.1
-# short means by which a rest is widened, s
-EDGE_S = 0.1
+# cut from each end of a rest that touches motion, and short means by which it is then widened, s
+TRIM_S, EDGE_S = 0.05, 0.1
 
 
 @dataclass(frozen=True)
@@ -135,13 +135,10 @@ def detect_rests(still, stretches, step, settings):
     of both sensors within their multiples of the level, and the windowed mean rate within
     `rate_tolerance` of the bias, as a slow turn about the vertical shows in nothing else.
     """
-    trim = round(settings.trim_s / step)
-    rests = [np.empty((0, 2), dtype=int)]
+    trim, rests = round(TRIM_S / step), [np.empty((0, 2), dtype=int)]
     for i, j in stretches:
         each = stretches_of(still[i:j]) + i
-        each[each[:, 0] > i, 0] += trim
-        each[each[:, 1] < j, 1] -= trim
-        rests.append(each)
+        rests.append(each + trim * ((each > i) & (each < j)) * [1, -1])
     rests = np.concatenate(rests)
     kept = long_enough(rests, settings.shortest_rest_s, step)
     return rests[kept], int(np.sum(~kept))
