@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.gaps import gap_limit
+from imuloop.core.gaps import LONG_GAP_STEPS, gap_limit
 from imuloop.core.samples import TIME
 
 
@@ -12,16 +12,15 @@ def stretches_of(mask):
     return edges.reshape(-1, 2)
 
 
-def unbroken(rows, gap_factor):
+def unbroken(rows):
     """Return the stretches of `Samples` between long gaps (`core.gaps`), and the median step, s.
 
-    Long is a gap of more than `gap_factor` median steps. A log of fewer than two samples has no
-    step; one second stands in.
+    A log of fewer than two samples has no step; one second stands in.
     """
     step = rows.interval
     if step is None:
         return np.array([[0, len(rows)]])[: len(rows)], 1.0
-    cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, gap_factor))
+    cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, LONG_GAP_STEPS))
     edges = np.concatenate([[0], cuts, [len(rows)]])
     return np.column_stack([edges[:-1], edges[1:]]), step
 

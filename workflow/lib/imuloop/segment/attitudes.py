@@ -9,6 +9,9 @@ from imuloop.core.samples import sums_over
 PRIOR_SCALE, PRIOR_BIAS = 0.05, 0.1
 # standard deviation of a pose's norm, of g, that counts as one observation beside the poses
 POSE_NORM = 1e-4
+# rests nearer than this, with no turn between, are one attitude, rad: two means that are θ apart
+# pool to a norm short by θ²/8, so half a degree costs 1e-5 of g
+SAME_ATTITUDE = 0.0087
 # of scale and misalignment, then bias
 _PRIOR = np.array([PRIOR_SCALE] * 6 + [PRIOR_BIAS] * 3)
 # mean of the design's outer product over all directions: E x⁴ = 1/5, E x²y² = 1/15, E x² = 1/3
@@ -56,17 +59,16 @@ def expected_error(f):
     return float(np.sqrt(_PRIOR @ (covariance * _MOMENTS) @ _PRIOR))
 
 
-def attitudes(force, rests, same_attitude):
+def attitudes(force, rests):
     """Return the mean specific force of each attitude: neighbouring rests that agree are one.
 
-    Takes specific force, m/s², (3, n), ranges of samples, and the angle within which two agree,
-    rad.
+    Takes specific force, m/s², (3, n), and ranges of samples.
     """
     if not len(rests):
         return np.empty((0, 3))
     sums = sums_over(force.T, rests)
     u = sums / np.linalg.norm(sums, axis=1, keepdims=True)
     angle = 2 * np.arcsin(np.clip(np.linalg.norm(np.diff(u, axis=0), axis=1) / 2, 0, 1))
-    group = np.concatenate([[0], np.cumsum(angle > same_attitude)])
+    group = np.concatenate([[0], np.cumsum(angle > SAME_ATTITUDE)])
     n = np.bincount(group, np.diff(rests, axis=1).ravel())
     return np.column_stack([np.bincount(group, x) for x in sums.T]) / n[:, None]

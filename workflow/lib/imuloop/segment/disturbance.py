@@ -125,8 +125,8 @@ def _cuts(x, ranges, floor, step, settings):
         if separate < FEWEST:
             break
         differences = [_second_differences(each, half) for each in sums]
-        sample = np.hstack(differences)
-        sample = sample[:, :: sample.shape[1] // MOST + 1].T
+        every = sum(each.shape[1] for each in differences) // MOST + 1
+        sample = np.hstack([each[:, ::every] for each in differences]).T
         covariance = robust_covariance(sample, floor)
         bound = distance_beyond(settings.false_alarm / n, 6, min(separate, len(sample)))
         bound *= LONE_FACTOR**2 if half < LONE else 1.0

@@ -69,7 +69,7 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     tilt, whether some are in the hand, and what `shorter` settings would bring, or have brought.
     """
     rows = Samples(samples)
-    whole, step = unbroken(rows, settings.gap_factor)
+    whole, step = unbroken(rows)
     stretches = whole
     if len(stuck):
         first, last = np.searchsorted(rows[TIME], np.transpose(stuck))
@@ -116,7 +116,7 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
 
     table = segment_table(rows, start, end, kinds, np.full(len(start), -1))
     is_rest = kinds == STATIC
-    poses = number_poses(rows, rests, table[is_rest], stretches, settings)
+    poses = number_poses(rows, rests, table[is_rest], stretches)
     table.loc[is_rest, "pose"] = poses
     table.loc[is_rest, "tilt_rad"] = tilt
     return table, metadata | {"poses": int(poses.max(initial=-1)) + 1}
@@ -177,14 +177,14 @@ def _rests_by(log, settings):
     detected, steady, bias, short = _detected(log, settings)
     if not len(detected):
         return detected, np.zeros(0), False, short
-    least = expected_error(attitudes(f, detected, settings.same_attitude))
+    least = expected_error(attitudes(f, detected))
     # without its unsteady rests a session may no longer determine a calibration
     for still, most in ((steady, DEAREST * least), (detected, np.inf)):
         rests, tilt = without_tilts(f, w, widened(f, w, still, stretches, step), bias, step)
         found = rests, tilt, False, short
-        error = expected_error(attitudes(f, rests, settings.same_attitude))
+        error = expected_error(attitudes(f, rests))
         every, held = united(rests, held_rests(w, stretches, step, bias, settings.shortest_rest_s))
-        with_held = expected_error(attitudes(f, every, settings.same_attitude))
+        with_held = expected_error(attitudes(f, every))
         if held.any() and with_held < WORTH_HOLDING * error:
             swaying = np.zeros(len(every))
             swaying[held] = sways(w, every[held], bias, step)
@@ -218,7 +218,7 @@ def _shorter(log, rests, settings):
     """
     shorter = {"window_s": settings.window_s / 2, "shortest_rest_s": settings.shortest_rest_s / 4}
     _, steady, *_ = _detected(log, replace(settings, **shorter))
-    now, then = (len(attitudes(log[0], x, settings.same_attitude)) for x in (rests, steady))
+    now, then = (len(attitudes(log[0], x)) for x in (rests, steady))
     if then < WORTHWHILE * max(now, 1):
         return None
     return {**shorter, "attitudes": then, "now": now, "taken": now < ENOUGH <= then}

@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 
-from imuloop.core.gaps import LONG_GAP_STEPS
 from imuloop.core.setting import setting
 
 
@@ -21,19 +20,6 @@ class SegmentSettings:
     )
     shortest_rest_s: float = setting(
         1.0, "Shortest rest kept as a pose, s; at least 4 samples", gt=0
-    )
-    # two means that are θ apart pool to a norm short by θ²/8, so half a degree costs 1e-5 of g
-    same_attitude: float = setting(
-        0.0087, "Rests nearer than this, with no turn between, are one pose, rad", gt=0
-    )
-    turned: float = setting(
-        0.087, "Largest excursion between two rests that is still no turn, rad", gt=0
-    )
-    gap_factor: float = setting(
-        LONG_GAP_STEPS,
-        "A longer step of time, in median steps, is a long gap: it ends a rest, and no rotation "
-        "over it is used",
-        gt=1,
     )
     false_alarm: float = setting(
         0.01,
