@@ -119,12 +119,18 @@ def _cuts(x, ranges, floor, step, settings):
     """Return what is to be cut from ranges; takes the variance of rounding, (6,)."""
     cuts, half, n = np.empty((0, 2), dtype=int), 2, x.shape[1]
     guard = round(settings.guard_s / step)
-    sums = [_running_sums(x[:, i:j]) for i, j in ranges]
+    # sums over `half` samples, `apart` samples apart
+    sums = [_doubled(x[:, i:j], 1, 2) for i, j in ranges]
     while 2 * half * step <= settings.longest_scale_s:
         separate = int((lengths(ranges) // (3 * half)).sum())
         if separate < FEWEST:
             break
-        differences = [_second_differences(each, half) for each in sums]
+        apart = min(half, SPACING)
+        lag = half // apart
+        differences = [
+            (each[:, : -2 * lag] - 2 * each[:, lag:-lag] + each[:, 2 * lag :]) / np.sqrt(6 * half)
+            for each in sums
+        ]
         every = sum(each.shape[1] for each in differences) // MOST + 1
         sample = np.hstack([each[:, ::every] for each in differences]).T
         covariance = robust_covariance(sample, floor)
@@ -138,35 +144,25 @@ def _cuts(x, ranges, floor, step, settings):
             if free.any():
                 cuts = merged(np.concatenate([cuts, start + marks[free]]))
         half *= 2
+        sums = [_doubled(each, lag, 2 if half <= SPACING else 1) for each in sums]
     return np.clip(cuts, 0, n)
 
 
-def _marks(total, differences, half, covariance, bound, guard):
+def _marks(sums, differences, half, covariance, bound, guard):
     """Return first samples of what is too large in a range, (k,), and what to cut, (k, 2)."""
     distance, apart = squared_distance(differences.T, covariance), min(half, SPACING)
-    large = distance > bound
+    large, lag = distance > bound, half // apart
     if 3 * half <= max(guard, SPACING):
         first = apart * np.flatnonzero(large)
         return first, first[:, None] + [-guard, 3 * half + guard]
     # of what overlaps the largest, at that of its two edges at which the level changes more
-    large &= distance == maximum_filter1d(distance, 2 * (half // apart) + 1)
-    first = apart * np.flatnonzero(large)
-    a, b, c, d = (total[:, first + k * half] for k in range(4))
-    early, late = (squared_distance(y.T, covariance) for y in (c - 2 * b + a, d - 2 * c + b))
-    edge, beside = first + np.where(late > early, 2 * half, half), half // 4 + guard
-    return first, edge[:, None] + [-beside, beside]
+    at = np.flatnonzero(large & (distance == maximum_filter1d(distance, 2 * lag + 1)))
+    a, b, c = (sums[:, at + k * lag] for k in range(3))
+    late = squared_distance((c - b).T, covariance) > squared_distance((b - a).T, covariance)
+    edge, beside = apart * at + half * (1 + late), half // 4 + guard
+    return apart * at, edge[:, None] + [-beside, beside]
 
 
-def _running_sums(x):
-    """Return the sum of the samples before each, less their mean, (k, n + 1)."""
-    total = np.zeros((len(x), x.shape[1] + 1))
-    np.cumsum(x - x.mean(axis=1, keepdims=True), axis=1, out=total[:, 1:])
-    return total
-
-
-def _second_differences(total, half):
-    """Return second differences of means over `half` samples, of a sample's variance, (k, m)."""
-    apart = min(half, SPACING)
-    count = max((total.shape[1] - 1 - 3 * half) // apart + 1, 0)
-    a, b, c, d = (total[:, k * half :: apart][:, :count] for k in range(4))
-    return (d - a - 3 * (c - b)) / np.sqrt(6 * half)
+def _doubled(sums, lag, thin):
+    """Return sums over twice as many samples; of them one in `thin` is kept."""
+    return sums[:, :-lag:thin] + sums[:, lag::thin]
