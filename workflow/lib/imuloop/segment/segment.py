@@ -22,11 +22,11 @@ from imuloop.segment.disturbance import undisturbed
 from imuloop.segment.held import held_rests, sways, united
 from imuloop.segment.poses import number_poses
 from imuloop.segment.static_detector import (
+    MULTIPLES,
     activity,
     detect_rests,
     moves,
     rates_at_rest,
-    rest_level,
     widened,
 )
 from imuloop.segment.steady import unsteady_samples
@@ -201,14 +201,11 @@ def _detected(log, settings):
     """
     f, w, stretches, step = log
     moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
-    if not np.isfinite(moving.variances).any():
-        return *[np.empty((0, 2), dtype=int)] * 2, None, 0
-    level = rest_level(f, w, moving)
-    away = moving.away(rates_at_rest(moving, level, settings))
-    still = moving.within(level.variances) & (away <= settings.rate_tolerance)
+    biases = rates_at_rest(moving, settings)
+    still = moving.within(MULTIPLES) & (moving.away(biases) <= settings.rate_tolerance)
     rests, short = detect_rests(still, stretches, step, settings)
     still &= ~unsteady_samples(w, rests, step, settings)
-    return rests, detect_rests(still, stretches, step, settings)[0], level.rate, short
+    return rests, detect_rests(still, stretches, step, settings)[0], biases[0], short
 
 
 def _shorter(log, rests, settings):

@@ -16,7 +16,7 @@ from imuloop.core.stretches import lengths, stretches_of
 from imuloop.segment.windows import block_means, rounding_variance, sliding_statistics
 
 # multiples of the level of both variances up to which a window is at rest: a hand that trembles is
-# found later; and up to which it is quiet enough to set the level
+# found later; and up to which it is quiet enough to set the gyroscope's bias
 MULTIPLES, QUIET = (10, 300), (10, 10)
 # samples of a rest: the variance of fewer says nothing of its mean's error
 FEWEST_SAMPLES = 4
@@ -31,45 +31,33 @@ TRIM_S, EDGE_S = 0.05, 0.1
 
 @dataclass(frozen=True)
 class Activity:
-    """Windowed variances and mean rate about each sample.
+    """Windowed variances and mean rate about each sample."""
 
-    Variances, (2, n), are the sums of the three windowed ones of accelerometer and gyroscope,
-    (m/s²)² and (rad/s)²; infinite where no whole window fits between two long gaps,
-    the accelerometer's also where it reads zero on all axes. The rate, rad/s, (3, n), is the
-    windowed mean.
-    """
-
+    # (2, n): sums over the axes of accelerometer and gyroscope, of their level at rest; infinite
+    # where no whole window fits between two long gaps, or the accelerometer reads zero
     variances: np.ndarray
-    rate: np.ndarray
-    window: int
+    rate: np.ndarray  # (3, n): windowed mean, rad/s
+    window: int  # samples
 
-    def within(self, levels, multiples=MULTIPLES):
+    def within(self, multiples):
         """Return whether both variances are within multiples of their levels, shape (n,)."""
-        return np.all(self.variances <= np.multiply(multiples, levels)[:, None], axis=0)
+        return np.all(self.variances <= np.reshape(multiples, (2, 1)), axis=0)
 
     def away(self, biases):
         """Return how far the mean rate is from the nearest of biases, (k, 3), rad/s, (n,)."""
         return np.min([np.linalg.norm(self.rate.T - bias, axis=1) for bias in biases], axis=0)
 
 
-@dataclass(frozen=True)
-class RestLevel:
-    """Level of the windows at rest: sums of variances of both sensors, SI², and the bias, rad/s."""
-
-    variances: list
-    rate: list
-
-
 def activity(force, rate, stretches, window):
     """Return the Activity of a session; no window reaches across a long gap.
 
-    Takes specific force, m/s², and angular rate, rad/s, shape (3, n), the stretches between long
-    gaps, and the window's length, samples.
+    The level of a sensor at rest is the 5 % quantile of its windowed variance, the median of the
+    quietest tenth: right as long as a tenth of the log is at rest. None is below the variance of
+    rounding. Takes specific force, m/s², and angular rate, rad/s, shape (3, n), the stretches
+    between long gaps, and the window's length, samples.
     """
     variances, means = np.full((2, force.shape[1]), np.inf), np.zeros_like(rate)
-    for i, j in stretches:
-        if j - i < window:
-            continue
+    for i, j in stretches[lengths(stretches) >= window]:
         # one axis at a time, as a log of hours takes memory
         variances[:, i:j] = 0.0
         for f, w, mean in zip(force, rate, means, strict=True):
@@ -78,6 +66,10 @@ def activity(force, rate, stretches, window):
             variances[1, i:j] += variance
     # one that reads zero was not read: at rest it feels gravity
     variances[0, ~force.any(axis=0)] = np.inf
+    for sensor, x in zip(variances, (force, rate), strict=True):
+        if np.isfinite(variances[0]).any():
+            level = np.quantile(sensor[np.isfinite(variances[0])], 0.05)
+            sensor /= max(level, 3 * rounding_variance(x.T))
     return Activity(variances, means, window)
 
 
@@ -96,36 +88,22 @@ def moves(rows, stretches, step, settings):
     return 2 * np.count_nonzero(moved) > len(moved)
 
 
-def rest_level(force, rate, moving):
-    """Return the RestLevel of a session, in which a whole window fits.
-
-    The level of a sensor is the 5 % quantile of its windowed variance, the median of the quietest
-    tenth: right as long as a tenth of the log is at rest. None is below the variance of rounding.
-    The bias is the median over all windows that are quiet by this level, whatever their attitude.
-    Takes specific force, m/s², and angular rate, rad/s, (3, n), and their Activity.
-    """
-    whole = np.isfinite(moving.variances[0])
-    floors = [3 * rounding_variance(x.T) for x in (force, rate)]
-    levels = np.maximum(np.quantile(moving.variances[:, whole], 0.05, axis=1), floors)
-    quiet = moving.within(levels, QUIET)
-    bias = np.median(moving.rate[:, quiet], axis=1) if quiet.any() else np.zeros(3)
-    return RestLevel(levels.tolist(), bias.tolist())
-
-
-def rates_at_rest(moving, level, settings):
+def rates_at_rest(moving, settings):
     """Return the biases of the gyroscope at rest, rad/s, (k, 3): two where it jumps.
 
-    A turn that no variance shows ends, and the next is another; a bias that jumped stays. So there
-    are two where windows that are still by their variances, away from the level by more than
-    `rate_tolerance`, nearly all share another rate, at several rests.
+    The first is the median over all windows that are quiet, whatever their attitude. A turn that no
+    variance shows ends, and the next is another; a bias that jumped stays. So there is a second
+    where windows that are away from the first by more than `rate_tolerance` nearly all share
+    another rate, at several rests.
     """
-    at = np.flatnonzero(moving.within(level.variances, QUIET))
-    far = at[moving.away([level.rate])[at] > settings.rate_tolerance]
+    at = np.flatnonzero(moving.within(QUIET))
+    first = np.median(moving.rate[:, at], axis=1) if len(at) else np.zeros(3)
+    far = at[moving.away([first])[at] > settings.rate_tolerance]
     if 1 + np.sum(np.diff(far) > moving.window) < RESTS_OF_A_BIAS:
-        return [level.rate]
+        return [first]
     other = np.median(moving.rate[:, far], axis=1)
     strays = moving.away([other])[far] > settings.rate_tolerance
-    return [level.rate] if strays.mean() > FEW else [level.rate, other]
+    return [first] if strays.mean() > FEW else [first, other]
 
 
 def detect_rests(still, stretches, step, settings):
