@@ -46,3 +46,9 @@ def without(ranges, cuts):
         edges = np.concatenate([[i], cuts[low:high].ravel(), [j]]).reshape(-1, 2)
         parts.append(edges[edges[:, 1] > edges[:, 0]])
     return np.concatenate(parts)
+
+
+def divided(first, last, count):
+    """Return a range in so many even parts, at least one, (k, 2)."""
+    edges = np.linspace(first, last, max(count, 1) + 1).astype(int)
+    return np.column_stack([edges[:-1], edges[1:]])

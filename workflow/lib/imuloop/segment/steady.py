@@ -1,10 +1,9 @@
 """Slow turns and tremor inside rests, compared with the device's other rests."""
 
-from itertools import pairwise
-
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from imuloop.core.stretches import divided, lengths
 from imuloop.segment.disturbance import MOST, distance_beyond, robust_covariance, squared_distance
 from imuloop.segment.windows import rounding_variance, sliding_statistics
 
@@ -16,6 +15,8 @@ FEWEST = 20
 FEWEST_OF_A_PART = 3
 # shortest window, of `window_s`; it is twice as long on each next scale
 FINEST = 1 / 32
+# scales that fit into a part, of windows of 1 s
+SCALES = 8
 
 
 def unsteady_samples(w, rests, step, settings):
@@ -35,32 +36,23 @@ def unsteady_samples(w, rests, step, settings):
     angular rate, rad/s, (3, n), ranges of samples at rest and the median step of time, s; gives a
     mask, (n,).
     """
-    parts = [part for i, j in rests for part in _parts(i, j, step)]
-    window, scales = max(2, round(FINEST * settings.window_s / step)), []
-    while _freedom(parts, window) >= FEWEST:
-        scales.append(window)
-        window *= 2
+    parts = [divided(i, j, int(np.ceil((j - i) * step / PART))) for i, j in rests]
+    parts = np.concatenate([np.empty((0, 2), dtype=int), *parts])
     unsteady, rounding = np.zeros(w.shape[1], dtype=bool), rounding_variance(w.T)
-    for window in scales:
-        long = [slice(i, j) for i, j in parts if j - i >= FEWEST_OF_A_PART * window]
-        means = [sliding_statistics(w[:, each].T, window)[0] for each in long]
+    window = max(2, round(FINEST * settings.window_s / step))
+    while True:
+        long = parts[lengths(parts) >= FEWEST_OF_A_PART * window]
+        # separate windows, less one for each part, whose median is taken
+        freedom = int((lengths(long) // window - 1).sum())
+        if freedom < FEWEST:
+            break
+        means = [sliding_statistics(w[:, i:j].T, window)[0] for i, j in long]
         x = np.concatenate([mean - np.median(mean, axis=0) for mean in means])
         # a mean of samples that flip between two steps varies by a quarter of a step squared, / n
         floor = np.full(3, 3 * rounding / window)
         covariance = robust_covariance(x[:: len(x) // MOST + 1], floor, tail_limit=1.0)
-        probability = settings.false_alarm / len(scales) / len(x)
-        bound = distance_beyond(probability, 3, _freedom(parts, window))
-        unsteady[np.r_[*long]] |= squared_distance(x, covariance) > bound
+        bound = distance_beyond(settings.false_alarm / SCALES / len(x), 3, freedom)
+        unsteady[np.r_[*(slice(i, j) for i, j in long)]] |= squared_distance(x, covariance) > bound
+        window *= 2
     guard = round(settings.window_s / 8 / step)
-    return maximum_filter1d(unsteady, 2 * guard + 1)
-
-
-def _freedom(parts, window):
-    """Return the number of separate windows, less one for each part, of parts that hold some."""
-    return sum((j - i) // window - 1 for i, j in parts if j - i >= FEWEST_OF_A_PART * window)
-
-
-def _parts(i, j, step):
-    """Return a rest in parts of `PART` or a sample at most, as even as can be."""
-    edges = np.linspace(i, j, min(j - i, max(1, int(np.ceil((j - i) * step / PART)))) + 1)
-    return list(pairwise(edges.astype(int).tolist()))
+    return maximum_filter1d(unsteady, 2 * guard + 1) if len(parts) else unsteady

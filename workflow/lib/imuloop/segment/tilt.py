@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.stretches import lengths, merged, stretches_of
+from imuloop.core.stretches import divided, lengths, merged, stretches_of
 from imuloop.segment.windows import block_means
 
 # blocks that are averaged, s, and at most so many in a session
@@ -135,7 +135,7 @@ def rest_tilts(f, w, rests, bias, step):
         return []
     width = max(round(SHORT_BLOCK / step), 1)
     length = max(round(PART / step), 4 * width)
-    parts = [_divided(i, j, (j - i) // length) for i, j in rests]
+    parts = [divided(i, j, (j - i) // length) for i, j in rests]
     begins = np.concatenate([np.arange(len(each)) == 0 for each in parts])
     courses = [_courses(f, w, i, j, bias, width, step) for i, j in np.concatenate(parts)]
     # neighbours differ by noise, and by little of a tilt
@@ -158,15 +158,9 @@ def rest_tilts(f, w, rests, bias, step):
     return list(zip(parts, tilts, strict=True))
 
 
-def _divided(first, last, count):
-    """Return a range in so many even parts, at least one, (k, 2)."""
-    edges = np.linspace(first, last, max(count, 1) + 1).astype(int)
-    return np.column_stack([edges[:-1], edges[1:]])
-
-
 def _courses(f, w, first, last, bias, width, step):
     """Return the course of gravity's direction, and that which the gyroscope gives it, (b, 3)."""
-    blocks = _divided(first, last, (last - first) // width) - first
+    blocks = divided(first, last, (last - first) // width) - first
     turned = np.cumsum((w[:, first:last].T - bias) * step, axis=0)
     u, turned = (
         np.add.reduceat(x, blocks[:, 0], axis=0) / np.diff(blocks)
