@@ -81,14 +81,14 @@ def undisturbed(x, ranges, step, settings):
     """Return the parts of ranges of samples, (m, 2), without a disturbance, (k, 2).
 
     The mean over `half` samples, less those of as many before and after, is a second difference: a
-    steady drift leaves nothing of it. On each scale, ``2 half`` samples, up to `longest_scale_s`,
-    second differences of all channels are compared with their own robust covariance: so flicker,
-    random walk and a drift of any length only widen what counts as normal on the scales they live
-    on. One is a disturbance if its squared distance would occur in undisturbed Gaussian noise with
-    the probability `false_alarm`, divided by the number of samples. All scales together hold 1.3
-    second differences per sample (Bonferroni, so right for any correlation). Sensors at rest throw
-    out single samples of 7 to 12 standard deviations (an ADIS16405 some fifty in a million); the
-    mean of fewer than four samples has to have twice the amplitude.
+    steady drift leaves nothing of it. On each scale, up to a `half` of `longest_scale_s`, second
+    differences of all channels are compared with their own robust covariance: so flicker, random
+    walk and a drift of any length only widen what counts as normal on the scales they live on. One
+    is a disturbance if its squared distance would occur in undisturbed Gaussian noise with the
+    probability `false_alarm`, divided by the number of samples. All scales together hold 1.3 second
+    differences per sample (Bonferroni, so right for any correlation). Sensors at rest throw out
+    single samples of 7 to 12 standard deviations (an ADIS16405 some fifty in a million); the mean
+    of fewer than four samples has to have twice the amplitude.
 
     Of a disturbance that shows on several scales the finest places the cut, of a wide one where the
     level changes more; the search is then repeated on the rest, so that a tilt beside a knock, or
@@ -121,7 +121,7 @@ def _cuts(x, ranges, floor, step, settings):
     guard = round(settings.guard_s / step)
     # sums over `half` samples, `apart` samples apart
     sums = [_doubled(x[:, i:j], 1, 2) for i, j in ranges]
-    while 2 * half * step <= settings.longest_scale_s:
+    while half * step <= settings.longest_scale_s:
         separate = int((lengths(ranges) // (3 * half)).sum())
         if separate < FEWEST:
             break
