@@ -10,12 +10,12 @@ SHA = "0" * 64
 
 def test_defaults_are_merged_key_by_key():
     sessions = {"x": {"kind": "static", "file": "x.csv"}}
-    own = {"a": {"segment": {"trim_s": 0.0}}, "b": {"gravity": {"latitude": 0.0, "height": 0.0}}}
+    own = {"a": {"segment": {"guard_s": 0.0}}, "b": {"gravity": {"latitude": 0.0, "height": 0.0}}}
     devices = {name: {"sessions": sessions} | keys for name, keys in own.items()}
-    defaults = {"gravity": 9.8, "segment": {"window_s": 2.0, "trim_s": 0.3}}
+    defaults = {"gravity": 9.8, "segment": {"window_s": 2.0, "guard_s": 0.3}}
     devices = resolve({"defaults": defaults, "devices": devices})
-    assert devices["a"]["segment"] == {"window_s": 2.0, "trim_s": 0.0}
-    assert devices["b"]["segment"] == {"window_s": 2.0, "trim_s": 0.3}
+    assert devices["a"]["segment"] == {"window_s": 2.0, "guard_s": 0.0}
+    assert devices["b"]["segment"] == {"window_s": 2.0, "guard_s": 0.3}
     assert devices["a"]["gravity"] == 9.8
     # WGS 84, normal gravity at the equator
     assert devices["b"]["gravity"] == pytest.approx(9.7803253359, abs=1e-9)

@@ -90,8 +90,8 @@ DEVICE = """
     units: 5 is not a mapping of keys
     diagnose: {folds: 2.5}
     diagnose.folds: 2.5 is not a whole number
-    segment: {gyroscope_multiples: ['3', 10]}
-    segment.gyroscope_multiples.0: '3' is not a number
+    segment: {window_s: '1'}
+    segment.window_s: '1' is not a number
     gravity: {latitude: 45, hight: 1, height: 2}
     gravity.hight: unknown key; did you mean 'height'?
     calibrate: {gyroscope_bias: rest}

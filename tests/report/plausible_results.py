@@ -81,7 +81,7 @@ def _session(folder, device, session, kind, rng):
     table = pa.Table.from_pandas(samples, preserve_index=False)
     metadata = schema(metadata).metadata
     pq.write_table(table.replace_schema_metadata(metadata), path / "samples.parquet")
-    chosen = {"multiples": [6.0, 12.0], "short_rests": 2}
+    chosen = {"short_rests": 2}
     write_table(path / "segments.parquet", segment_table(samples, *edges), chosen)
     reasons = ["angular rate: 'gx' is constant over all 4,800 rows; log it again"]
     quality = {

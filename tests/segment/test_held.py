@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from imuloop.segment.held import held_rests
-from imuloop.segment.multiples import expected_error
+from imuloop.segment.attitudes import expected_error
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from segment.logs import G, frame
@@ -30,21 +29,6 @@ def in_the_hand(seed, poses=14, seconds=5.0, turn_s=1.5):
         rests.append([first, first + len(t)])
     w = np.concatenate(pieces) + BIAS
     return (w + rng.normal(size=w.shape) * 1e-3).T, np.array(rests)
-
-
-def test_a_hand_is_found_from_turn_to_turn():
-    w, true = in_the_hand(0)
-    found = held_rests(w, np.array([[0, w.shape[1]]]), 1 / RATE, BIAS, 0.08, 1.0)
-    assert len(found) == len(true)
-    # a turn begins slowly
-    assert np.abs(found - true).max() < 0.35 * RATE
-    assert len(held_rests(w, np.array([[0, w.shape[1]]]), 1 / RATE, BIAS, 0.08, 6.0)) == 0
-    # none reaches over a gap
-    cut = true[3].mean().astype(int)
-    stretches = np.array([[0, cut], [cut, w.shape[1]]])
-    found = held_rests(w, stretches, 1 / RATE, BIAS, 0.08, 1.0)
-    assert len(found) == len(true) + 1
-    assert not np.any((found[:, 0] < cut) & (found[:, 1] > cut))
 
 
 def test_a_session_of_table_and_hand_has_the_rests_of_both():

@@ -22,7 +22,6 @@ MEANS = [f"{channel}_mean" for channel in ACCELERATION]
 def test_mpu9150_has_its_poses_and_knows_those_in_the_hand(recordings, board):
     """Five of 22 rests tremble with 0.5 to 1 deg/s; other rests are turned at one end."""
     segments, metadata = segment_session(mpu9150(recordings, board), "multi_position", SETTINGS)
-    assert metadata["level"]["source"] == "quietest windows"
     # the logs' author counts 14 to 18 that lie still
     assert metadata["hand_held"] and metadata["poses"] == 22
     rests = rests_of(segments)
@@ -43,10 +42,8 @@ def test_mpu9150_has_its_poses_and_knows_those_in_the_hand(recordings, board):
     assert np.sqrt(np.mean(found.fun[held] ** 2)) < 3e-4 * G
 
 
-def test_xsens_has_its_poses_and_the_level_of_its_first_rest(recordings):
+def test_xsens_has_its_poses(recordings):
     _, metadata = segment_session(xsens(recordings), "multi_position", SETTINGS)
-    assert metadata["level"]["source"] == "initial rest"
-    assert metadata["level"]["duration_s"] == pytest.approx(50, abs=0.1)
     assert metadata["poses"] == 38
 
 

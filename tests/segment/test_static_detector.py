@@ -34,12 +34,6 @@ def test_rests_are_found_within_a_window_of_the_truth(first):
     # never any of the turn itself, but for its first and last few hundredths
     assert np.all(found[1:, 0] >= truth[1:, 0] - 0.05)
     assert np.all(found[:-1, 1] <= truth[:-1, 1] + 0.05)
-    level = metadata["level"]
-    assert level["source"] == ("initial rest" if first > 10 else "quietest windows")
-    assert level["duration_s"] == pytest.approx(50.0 if first > 10 else 0.0)
-    np.testing.assert_allclose(level["rate"], [0.01, -0.02, 0.015], atol=2e-4)
-    noise = np.sum(np.array([0.0089, 0.0097, 0.0098]) ** 2)
-    assert level["accelerometer_variance"] == pytest.approx(noise, rel=0.25)
 
 
 def test_a_slow_turn_about_the_vertical_is_no_rest():

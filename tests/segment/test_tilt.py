@@ -7,7 +7,7 @@ from imuloop.core.samples import Samples
 from imuloop.core.units import DEGREE
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.segment.tilt import rest_tilts, steady_rests, tilts
+from imuloop.segment.tilt import rest_tilts, tilts, without_tilts
 from seeds import seeds
 from segment.logs import G, frame, rests_of
 
@@ -110,7 +110,7 @@ def test_what_one_sensor_shows_alone_is_no_tilt():
 def test_a_rest_that_settles_is_told_from_one_that_lies_still(tau):
     """Protects: what a soft surface does is taken for no noise of the sensors."""
     f, w, ranges, sizes, bias = resting(1, 0.1 * DEGREE, tau)
-    kept, left = steady_rests(f, w, ranges, bias, 0.01)
+    kept, left = without_tilts(f, w, ranges, bias, 0.01)
     assert np.array_equal(kept, ranges) and (left > 0).mean() > 0.7
     # the tilt of each half about its own mean is less than that of the whole
     whole = np.sqrt((sizes**2).mean(axis=1))

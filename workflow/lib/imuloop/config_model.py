@@ -9,7 +9,6 @@ from typing import Annotated, Literal, Union
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.setting import Positive
 from imuloop.core.units import MOST_COUNT_OFFSET, SCALE_OF_COUNTS, STANDARD_GRAVITY
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.ingest.spellings import SENSORS, UNITS
@@ -94,6 +93,7 @@ Sha256 = Annotated[str, Field(pattern=SHA256, description="SHA-256 of the file, 
 Format = Annotated[
     Literal[FORMATS], Field(description="By the first bytes, else the name, if not given")
 ]
+Positive = Annotated[float, Field(gt=0, strict=True)]
 Rate = Annotated[Positive, Field(description="Hz; only where the log has no time column")]
 Axis = Annotated[
     Literal["x", "y", "z", "-x", "-y", "-z"],

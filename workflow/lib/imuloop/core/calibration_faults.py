@@ -27,6 +27,8 @@ _UPPER = {name for name in _ANGLES if name[1] < name[2]}
 _FURTHEST = 100.0
 # a parameter or a standard error of so much, SI, is of no sensor, and its square still a number
 _LARGEST = 1e9
+# a variance of so much, in the parameter's unit, is of no sensor, and its square still a number
+_LARGEST_VARIANCE = 1e60
 # data sheets allow a scale factor off by 10 %, a bias of 0.3 g and of 75 °/s at most; beyond
 # these limits, SI, the log is at fault: a wrong scale, or rows that were not read
 _SCALE_ERROR, _BIAS = 0.2, {"accelerometer": 5.0, "gyroscope": 1.5}
@@ -83,35 +85,29 @@ def implausible(calibration, sensor):
 
 def _base_faults(calibration, sensor):
     T, K, b, unit = calibration.T, calibration.K, calibration.b, calibration.raw_unit
-    for name, values in (("T", T), ("K", K), ("b", b)):
-        if not np.isfinite(values).all():
-            yield f"{name} is no finite number on each axis"
-    nominal = {"scale": unit.scale, "offset": unit.offset}
     try:
-        known = raw_unit(_QUANTITIES[sensor], unit.name, nominal)
+        known = raw_unit(
+            _QUANTITIES[sensor], unit.name, {"scale": unit.scale, "offset": unit.offset}
+        )
     except ImuloopError as error:
         yield str(error)
-    if known.name != unit.name:
-        yield f"raw_unit {unit.name} is that of increments"
-    same = known.offset == unit.offset and math.isclose(known.scale, unit.scale, rel_tol=1e-9)
-    if not (same and unit.scale > 0):
+    same = (known.name, known.offset) == (unit.name, unit.offset)
+    if not (same and math.isclose(known.scale, unit.scale, rel_tol=1e-9) and unit.scale > 0):
+        yield f"raw_unit {unit.name} has not the scale {unit.scale} and the offset {unit.offset}"
+    # written so that what is not a number is refused
+    if not np.all(np.abs(b - unit.offset) * unit.scale <= _LARGEST):
+        yield f"b is {b.tolist()}: no sensor has such a bias"
+    ratio = K / unit.scale
+    if not np.all((1 / _FURTHEST <= ratio) & (ratio <= _FURTHEST)):
         yield (
-            f"raw_unit {unit.name} has the scale {known.scale} and the offset {known.offset}, not "
-            f"{unit.scale} and {unit.offset}"
+            f"K is {ratio.tolist()} times what the unit promises, not {1 / _FURTHEST:g} to "
+            f"{_FURTHEST:g} times"
         )
-    for i in range(3):
-        if abs(b[i] - unit.offset) * unit.scale > _LARGEST:
-            yield f"b{i} is {b[i]:.4g}: no sensor has such a bias"
-        if not 1 / _FURTHEST <= K[i] / unit.scale <= _FURTHEST:
-            yield (
-                f"K{i} is {K[i]:.4g}, {K[i] / unit.scale:.4g} times what the unit promises, not "
-                f"{1 / _FURTHEST:g} to {_FURTHEST:g} times"
-            )
-        if abs(T[i, i] - 1) > _ROUNDING:
-            yield f"T{i}{i} is {T[i, i]:.6g}, not 1"
+    if not np.all(np.abs(np.diag(T) - 1) <= _ROUNDING):
+        yield "the diagonal of T is not 1"
     if sensor == "accelerometer" and np.tril(T, -1).any():
         yield "T is not upper triangular: the accelerometer's axes define the body's"
-    if np.abs(T).max() > _FURTHEST or not np.linalg.cond(T) <= _FURTHEST:
+    if not (np.isfinite(T).all() and np.linalg.cond(T) <= _FURTHEST):
         yield "T is singular or nearly so: two of its axes are one"
 
 
@@ -130,7 +126,7 @@ def _effect_faults(calibration, sensor):
 
 
 def _covariance_faults(calibration, sensor):
-    names, unit = calibration.names, calibration.raw_unit
+    names = calibration.names
     matrix = np.zeros((0, 0)) if calibration.covariance is None else calibration.covariance
     known = {f"{effect.name}.{key}" for effect in calibration.effects for key in effect.values}
     known |= _SCALES | (_UPPER if sensor == "accelerometer" else _ANGLES)
@@ -138,20 +134,13 @@ def _covariance_faults(calibration, sensor):
         yield f"covariance: '{min(unknown)}' is no parameter"
     if matrix.shape != (len(names), len(names)):
         yield f"covariance: {len(names)} names, but a matrix of the shape {matrix.shape}"
-    if not names:
-        return
     variance = np.diag(matrix)
-    if not (np.isfinite(matrix).all() and (variance >= 0).all()):
-        yield "covariance: a variance is below zero, or no finite number"
+    if not np.all((variance >= 0) & (variance <= _LARGEST_VARIANCE)):
+        yield "covariance: a variance is below zero, or of no sensor"
     # in units of the standard errors; what was fixed has none
-    fixed = variance == 0
-    std = np.sqrt(np.where(fixed, 1.0, variance))
-    units = {"K": 1 / unit.scale, "b": unit.scale}
-    for name, size in zip(names, std.tolist(), strict=True):
-        if size * units.get(name[0] if name in _SCALES else "", 1.0) > _LARGEST:
-            yield f"covariance: the standard error {size:.4g} of {name} is of no sensor"
+    std = np.sqrt(np.where(variance == 0, 1.0, variance))
     with np.errstate(over="ignore"):
         share = matrix / std / std[:, None]
-    symmetric = np.abs(share - share.T).max() <= _ROUNDING and not share[fixed].any()
-    if not symmetric or np.linalg.eigvalsh(share)[0] < -_ROUNDING:
+    symmetric = np.all(np.abs(share - share.T) <= _ROUNDING) and not share[variance == 0].any()
+    if not symmetric or np.any(np.linalg.eigvalsh(share) < -_ROUNDING):
         yield "covariance: the matrix is not symmetric and positive semi-definite"

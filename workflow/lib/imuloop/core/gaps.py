@@ -3,10 +3,8 @@
 A *gap* is longer than `GAP_STEPS` usual steps, the median ones: a sample or more is lost in it.
 Ingest counts these, and turns, windows and slow channels are corrected for them or leave them out.
 
-A *long gap* is longer than the setting `gap_factor` of the segment stage, in usual steps: what lies
-before and after it does not belong together. It is a segment of kind ``gap``, and so ends a rest
-and a turn. `LONG_GAP_STEPS` is the default of the setting, and what the noise stage goes by
-(`noise.sampling`), which does not have it.
+A *long gap* is longer than `LONG_GAP_STEPS` usual steps: what lies before and after it does not
+belong together. It is a segment of kind ``gap``, and so ends a rest and a turn.
 
 A segment of kind ``gap`` may also be a stretch in which a channel is stuck (`core.segments`). One
 that is longer than all segments of other kinds in its session together ends a *power cycle*

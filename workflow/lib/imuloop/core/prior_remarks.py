@@ -15,39 +15,24 @@ CAUSES = {
 
 
 def remarks(sensor, calibration):
-    """Return sentences on the prior of one sensor's calibration, most important first.
+    """Return sentences on the prior of one sensor's SensorCalibration, most important first.
 
-    Parameters
-    ----------
-    sensor : str
-        accelerometer or gyroscope.
-    calibration : SensorCalibration
-        Its calibration.
-
-    Returns
-    -------
-    list of str
-        Empty if all parameters were measured and none is far from the prior.
+    None if all parameters were measured and none is far from the prior.
     """
-    found = [_far_off(calibration)] if calibration.far_off else []
+    found = []
+    if far := calibration.far_off:
+        listed = joined([f"{_words([name])} ({size:.1f} σ)" for name, size in far.items()])
+        causes = " ".join(CAUSES[kind] for kind in dict.fromkeys(name[0] for name in far))
+        found.append(f"Far from the data sheet: {listed}; {causes}")
     if calibration.names and calibration.method != "static" and calibration.unimproved:
         found.append(unmeasured(sensor, calibration.unimproved))
     return found
 
 
 def unmeasured(sensor, names):
-    """Return one sentence on the parameters that the data did not improve, and what would.
+    """Return one sentence on parameters that the data did not improve, and what would.
 
-    Parameters
-    ----------
-    sensor : str
-        accelerometer or gyroscope.
-    names : sequence of str
-        Their names, ``T01``, ``K0``, ``b0``; one or more.
-
-    Returns
-    -------
-    str
+    Takes one or more names, ``T01``, ``K0``, ``b0``.
     """
     theirs = f"{_words(names)} {'are' if len(names) > 1 else 'is'} the data sheet's"
     if sensor == "gyroscope":
@@ -73,21 +58,10 @@ def unmeasured(sensor, names):
     return f"{'; '.join(sentences)}: {theirs}. Add two poses there."
 
 
-def _far_off(calibration):
-    """Return a sentence on the parameters that are far from the prior."""
-    far = calibration.far_off
-    listed = joined([f"{_words([name])} ({size:.1f} σ)" for name, size in far.items()])
-    causes = " ".join(CAUSES[kind] for kind in dict.fromkeys(name[0] for name in far))
-    return f"Far from the data sheet: {listed}; {causes}"
-
-
 def _words(names):
     """Return parameters in words: misalignment xy and xz, scale factor x, bias x."""
-    kinds = {kind: [n for n in names if n[0] == kind] for kind in WORDS}
-    return joined(
-        [
-            f"{WORDS[kind]} {joined([''.join(AXES[int(i)] for i in n[1:]) for n in own])}"
-            for kind, own in kinds.items()
-            if own
-        ]
-    )
+    axes = {
+        kind: ["".join(AXES[int(i)] for i in n[1:]) for n in names if n[0] == kind]
+        for kind in WORDS
+    }
+    return joined([f"{word} {joined(axes[kind])}" for kind, word in WORDS.items() if axes[kind]])

@@ -62,7 +62,7 @@ def step_vectors(rates, steps, uneven=None):
     # an axis after the other: sums along the samples are then of neighbours in memory
     rates, dt = np.moveaxis(np.asarray(rates), -1, 0), np.asarray(steps)
     first, second = rates[..., :-1], rates[..., 1:]
-    vectors = _mean_rates(rates, dt, uneven) * dt
+    vectors = np.moveaxis(mean_rates(np.moveaxis(rates, 0, -1), dt, uneven), -1, 0) * dt
     square = dt**2 / 12
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         vectors[i] += (first[j] * second[k] - first[k] * second[j]) * square
@@ -71,11 +71,7 @@ def step_vectors(rates, steps, uneven=None):
 
 def mean_rates(rates, steps, uneven=None):
     """Return the mean rate of each step that `step_vectors` takes, rad/s; arguments are its own."""
-    rates = np.moveaxis(np.asarray(rates), -1, 0)
-    return np.moveaxis(_mean_rates(rates, np.asarray(steps), uneven), 0, -1)
-
-
-def _mean_rates(rates, steps, uneven):
+    rates, steps = np.moveaxis(np.asarray(rates), -1, 0), np.asarray(steps)
     total = rates[..., :-1] + rates[..., 1:]
     means = total / 2
     means[..., 1:-1] += (total[..., 1:-1] - rates[..., :-3] - rates[..., 3:]) / 24
@@ -91,7 +87,7 @@ def _mean_rates(rates, steps, uneven):
         share = (before + step / 2) / (before + step + after)
         bend = left + share * (right - left)
         means[(slice(None), *row, at + 1)] = (w[1] + w[2]) / 2 - step**2 / 6 * bend
-    return means
+    return np.moveaxis(means, 0, -1)
 
 
 def prefix_product(q):

@@ -202,11 +202,14 @@ def on_own_clock(source, sensor):
     samples, own = Samples(source), OWN_TIME[sensor]
     if own not in samples:
         return samples
+    first = own_rows(samples[own])
     names = [name for name in (*SENSORS[sensor], TEMPERATURE) if name in samples]
-    t, *values = samples.read((own, *names), 0, len(samples))
-    new = np.diff(t, prepend=-np.inf) > 0
-    columns = {name: x[new] for name, x in zip(names, values, strict=True)}
-    return Samples({TIME: t[new], **columns})
+    return Samples({TIME: samples[own][first]} | {name: samples[name][first] for name in names})
+
+
+def own_rows(stamps):
+    """Return the first row of each sample of a slower sensor, by its own stamps."""
+    return np.flatnonzero(np.diff(stamps, prepend=-np.inf) > 0)
 
 
 def on_gyroscope_clock(columns):
@@ -217,14 +220,14 @@ def on_gyroscope_clock(columns):
     """
     own_rate, own_force = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
     if own_rate in columns:
-        first = np.flatnonzero(np.diff(columns[own_rate], prepend=-np.inf) > 0)
+        first = own_rows(columns[own_rate])
         count = np.diff(np.append(first, len(columns[own_rate])))
         force = {n: np.add.reduceat(np.asarray(columns[n]), first) / count for n in ACCELERATION}
         columns = {name: np.asarray(x)[first] for name, x in columns.items()}
         return {**columns, **force, TIME: columns[own_rate]}
     if own_force in columns:
         at, t = np.asarray(columns[own_force]), np.asarray(columns[TIME])
-        new = np.diff(at, prepend=-np.inf) > 0
+        new = own_rows(at)
         force = {name: np.interp(t, at[new], columns[name][new]) for name in ACCELERATION}
         return {**columns, **force}
     return columns

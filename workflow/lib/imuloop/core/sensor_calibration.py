@@ -86,26 +86,16 @@ class SensorCalibration:
         `sensor` is its name, which its data do not hold.
         """
         si, raw, std = OUTPUT[sensor], self.raw_unit.name, self.std
-        rows = [
-            (f"T{i}{j}", self.T[i, j], "rad")
-            for i in range(3)
-            for j in range(3)
-            if i < j or (i > j and sensor == "gyroscope")
-        ]
-        rows += [
-            (f"K{i}", k, "1" if raw == si else f"{si} per {raw}") for i, k in enumerate(self.K)
-        ]
+        scale = "1" if raw == si else f"{si} per {raw}"
+        angles = [(i, j) for i, j in np.ndindex(3, 3) if i < j or (i > j and sensor == "gyroscope")]
+        rows = [(f"T{i}{j}", self.T[i, j], "rad") for i, j in angles]
+        rows += [(f"K{i}", k, scale) for i, k in enumerate(self.K)]
         rows += [(f"b{i}", b, raw) for i, b in enumerate(self.b)]
-        prior, before = self.unimproved, (self.prior or {}).get("source", "data sheet")
+        before = (self.prior or {}).get("source", "data sheet")
+        sources = {name: "data" for name in std} | dict.fromkeys(self.unimproved, before)
         rows = [
-            (
-                n,
-                float(v),
-                std.get(n, np.nan),
-                unit,
-                "data" if n in std and n not in prior else before,
-            )
-            for n, v, unit in rows
+            (name, float(value), std.get(name, np.nan), unit, sources.get(name, before))
+            for name, value, unit in rows
         ]
         for fitted in self.effects:
             units = fitted.effect.units(sensor)

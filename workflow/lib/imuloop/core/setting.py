@@ -4,7 +4,6 @@ The check of a config reads them with pydantic; a stage, which has no use for it
 """
 
 from dataclasses import field
-from typing import Annotated
 
 
 def setting(default, description, **limits):
@@ -15,12 +14,3 @@ def setting(default, description, **limits):
     # text such as 1e-3 is no number
     exact = {"strict": True} if isinstance(default, (int, float)) else {}
     return field(default=default, metadata={"description": description, **exact, **limits})
-
-
-class _AboveZero:
-    @classmethod
-    def __get_pydantic_core_schema__(cls, source, handler):
-        return {**handler(source), "gt": 0, "strict": True}
-
-
-Positive = Annotated[float, _AboveZero()]

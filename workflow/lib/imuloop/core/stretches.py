@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.gaps import gap_limit
+from imuloop.core.gaps import LONG_GAP_STEPS, gap_limit
 from imuloop.core.samples import TIME
 
 
@@ -12,16 +12,15 @@ def stretches_of(mask):
     return edges.reshape(-1, 2)
 
 
-def unbroken(rows, gap_factor):
+def unbroken(rows):
     """Return the stretches of `Samples` between long gaps (`core.gaps`), and the median step, s.
 
-    Long is a gap of more than `gap_factor` median steps. A log of fewer than two samples has no
-    step; one second stands in.
+    A log of fewer than two samples has no step; one second stands in.
     """
     step = rows.interval
     if step is None:
         return np.array([[0, len(rows)]])[: len(rows)], 1.0
-    cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, gap_factor))
+    cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, LONG_GAP_STEPS))
     edges = np.concatenate([[0], cuts, [len(rows)]])
     return np.column_stack([edges[:-1], edges[1:]]), step
 
@@ -47,3 +46,9 @@ def without(ranges, cuts):
         edges = np.concatenate([[i], cuts[low:high].ravel(), [j]]).reshape(-1, 2)
         parts.append(edges[edges[:, 1] > edges[:, 0]])
     return np.concatenate(parts)
+
+
+def divided(first, last, count):
+    """Return a range in so many even parts, at least one, (k, 2)."""
+    edges = np.linspace(first, last, max(count, 1) + 1).astype(int)
+    return np.column_stack([edges[:-1], edges[1:]])

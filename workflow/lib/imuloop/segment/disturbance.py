@@ -1,44 +1,40 @@
-"""Disturbances: knocks, handling and lasting tilts in a static session, by wavelets."""
-
-from dataclasses import dataclass
+"""Disturbances of a device at rest: second differences of means that no noise has."""
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.special import betaincinv, chdtr, chdtri
 
-from imuloop.core.samples import CHANNELS
 from imuloop.core.stretches import lengths, merged, without
-from imuloop.segment.wavelets import FINE, SPACING, coarse_details, fine_details
-from imuloop.segment.windows import DECIDING, rounding_variance
+from imuloop.segment.windows import rounding_variance
 
-# specific force and angular rate are judged together
-K = len(CHANNELS)
-# fewest coefficients on a scale that determine their covariance
+# fewest separate second differences of a scale that determine their covariance
 FEWEST = 60
-# most coefficients that the covariance of a scale is taken from
+# most second differences that the covariance of a scale is taken from
 MOST = 20_000
 # quantile that sets the scale where tails are heavier than normal, and how far it may raise it: a
 # session handled for longer than the rest of the quantile must not hide that
 TAIL, TAIL_LIMIT = 0.99, 4.0
-# scales of fewer samples than this see single samples that sensors throw out now and then
-LONE = 8
+# means over fewer samples than this see single samples that sensors throw out now and then
+LONE = 4
 # how much larger, in amplitude, such a sample has to be to count as a knock
 LONE_FACTOR = 2.0
+# most samples from one second difference to the next: of a day at 1 kHz they are 130 MB
+SPACING = 32
+# times that a covariance is taken of what was near by the one before
+REWEIGHTINGS = 5
 # added to correlations, whose rounding is 1e-15
 _RIDGE = 1e-12
 # a disturbance hidden behind a larger one is found in a later round
 ROUNDS = 10
-# samples over which the places of cuts are looked for at once
-TOGETHER = 1 << 18
 
 
 def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     """Return a covariance of vectors about zero that outliers do not affect, (k, k).
 
-    Starting from a covariance that is the same in every direction of a sensor, the half of the
-    vectors nearest to zero gives the next covariance, until it stands still. Its scale follows
-    from the median of the squared distance, χ² with k degrees of freedom; all vectors within the
-    97.5 % quantile then give the final covariance. Where tails are heavier than normal the 99 %
-    quantile sets the scale, up to `tail_limit` times. No step prefers an axis.
+    Starting from a covariance that is the same in every direction of a sensor, the vectors within
+    the 97.5 % quantile give the next one. The scale follows from the median of the squared
+    distance, χ² with k degrees of freedom. Where tails are heavier than normal the 99 % quantile
+    sets it, up to `tail_limit` times. No step prefers an axis.
 
     Takes vectors of one or more sensors, three axes each, (n, k), and the variance of rounding,
     (k,), which is added to each channel.
@@ -46,26 +42,16 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     References
     ----------
     Rousseeuw, Van Driessen, "A fast algorithm for the minimum covariance determinant estimator",
-    Technometrics 41 (1999), theorem 1 and section 4.
+    Technometrics 41 (1999), section 4 (the reweighting).
     """
-    k = x.shape[1]
-    sensors = x.reshape(len(x), -1, 3)
-    covariance = np.diag(np.repeat(np.median(np.sum(sensors**2, axis=2), axis=0), 3) + floor)
-    middle = (len(x) - 1) // 2
-    for _ in range(10):
+    k, sizes = x.shape[1], np.sum(x.reshape(len(x), -1, 3) ** 2, axis=2)
+    covariance = np.diag(np.repeat(np.median(sizes, axis=0), 3) + floor)
+    cut, middle = chdtri(k, 0.025), chdtri(k, 0.5)
+    for _ in range(REWEIGHTINGS):
         distance = squared_distance(x, covariance)
-        nearest = distance <= np.partition(distance, middle)[middle]
-        half = x.T.compress(nearest, axis=1)
-        last, covariance = covariance, half @ half.T / half.shape[1] + np.diag(floor)
-        if np.array_equal(covariance, last):
-            break
-    distance = squared_distance(x, covariance)
-    scale = np.median(distance) / chdtri(k, 0.5)
-    cut = chdtri(k, 0.025)
-    near = x.T.compress(distance <= cut * scale, axis=1)
-    # second moment of a normal vector within the quantile, of the whole
-    covariance = near @ near.T / near.shape[1] * 0.975 / chdtr(k + 2, cut)
-    covariance += np.diag(floor)
+        near = x.T.compress(distance <= cut / middle * np.median(distance), axis=1)
+        # second moment of a normal vector within the quantile, of the whole
+        covariance = near @ near.T / near.shape[1] * 0.975 / chdtr(k + 2, cut) + np.diag(floor)
     tail = np.quantile(squared_distance(x, covariance), TAIL) / chdtri(k, 1 - TAIL)
     return covariance * np.clip(tail, 1.0, tail_limit)
 
@@ -91,160 +77,92 @@ def distance_beyond(probability, k, m):
     return (m * m - 1) / m * (1 - z) / z
 
 
-def undisturbed(rows, stretches, step, settings):
-    """Return the ranges of a static session between its disturbances.
+def undisturbed(x, ranges, step, settings):
+    """Return the parts of ranges of samples, (m, 2), without a disturbance, (k, 2).
 
-    The coefficients of a wavelet transform of all six channels, scale by scale up to
-    `longest_scale_s`, are compared with their own robust covariance on that scale: so flicker,
-    random walk and a drift of any length only widen what counts as normal on the scales they
-    live on. A coefficient is a disturbance if its squared distance would occur in an undisturbed
-    session of Gaussian noise with the probability `false_alarm`, divided by the number of samples.
-    All scales together hold 1.3 coefficients per sample (Bonferroni, so right for any correlation).
-    Sensors at rest throw out single samples of 7 to 12 standard deviations (an ADIS16405 some
-    fifty in a million); below eight samples a disturbance has to have twice the amplitude.
+    The mean over `half` samples, less those of as many before and after, is a second difference: a
+    steady drift leaves nothing of it. On each scale, up to a `half` of `longest_scale_s`, second
+    differences of all channels are compared with their own robust covariance: so flicker, random
+    walk and a drift of any length only widen what counts as normal on the scales they live on. One
+    is a disturbance if its squared distance would occur in undisturbed Gaussian noise with the
+    probability `false_alarm`, divided by the number of samples. All scales together hold 1.3 second
+    differences per sample (Bonferroni, so right for any correlation). Sensors at rest throw out
+    single samples of 7 to 12 standard deviations (an ADIS16405 some fifty in a million); the mean
+    of fewer than four samples has to have twice the amplitude.
 
-    Of a disturbance that shows on several scales the finest places the cut; the search is then
-    repeated on the rest, so that a tilt beside a knock, or the sway after it, is found too. A
-    lasting tilt costs its transition only: before and after are separate stretches.
+    Of a disturbance that shows on several scales the finest places the cut, of a wide one where the
+    level changes more; the search is then repeated on the rest, so that a tilt beside a knock, or
+    the sway after it, is found too. A lasting tilt costs its transition only: before and after are
+    separate stretches.
 
-    Takes Samples, their stretches between long gaps, and the median step of time, s.
+    Takes the six channels, SI, (6, n), their stretches between long gaps, and the median step of
+    time, s.
 
     References
     ----------
-    Mallat, "A wavelet tour of signal processing", 3rd ed. 2009, section 7.3 (fast transform);
     Donoho, Johnstone, "Ideal spatial adaptation by wavelet shrinkage", Biometrika 81 (1994),
-    section 2.4 (threshold over all coefficients).
+    section 2.4 (threshold over all coefficients of all scales).
     """
-    levels = max(1, int(np.log2(max(settings.longest_scale_s / step, 2))))
-    sensors = np.split(rows.read(CHANNELS, 0, min(DECIDING, len(rows))), 2)
-    search = _WaveletSearch(
-        rows=rows,
-        widths=[2**level for level in range(1, levels + 1)],
-        floor=np.repeat([rounding_variance(x.T) for x in sensors], 3),
-        false_alarm=settings.false_alarm / max(len(rows), 1),
-        guard=round(settings.guard_s / step),
-    )
-    shortest = round(settings.shortest_static_s / step)
-    ranges = stretches
+    floor = np.repeat([rounding_variance(each.T) for each in np.split(x, 2)], 3)
+    shortest, rest = round(settings.shortest_static_s / step), ranges
     for _ in range(ROUNDS):
-        cuts = search.cuts(ranges)
+        cuts = _cuts(x, rest, floor, step, settings)
         if not len(cuts):
             break
-        ranges = without(ranges, cuts)
-        stretch = np.searchsorted(stretches[:, 0], ranges[:, 0], side="right") - 1
-        ranges = ranges[lengths(ranges) >= np.minimum(shortest, lengths(stretches)[stretch])]
-    return ranges
+        rest = without(rest, cuts)
+        whole = lengths(ranges)[np.searchsorted(ranges[:, 0], rest[:, 0], side="right") - 1]
+        rest = rest[lengths(rest) >= np.minimum(shortest, whole)]
+    return rest
 
 
-@dataclass(frozen=True)
-class _WaveletSearch:
-    """What a round of the search needs: samples, scales, noise of rounding, probability, guard."""
-
-    rows: object
-    widths: list
-    floor: np.ndarray
-    false_alarm: float
-    guard: int
-
-    def cuts(self, ranges):
-        """Return what is to be cut from ranges."""
-        cuts = np.empty((0, 2), dtype=int)
-        for width, covariance, first in self._too_large(ranges):
+def _cuts(x, ranges, floor, step, settings):
+    """Return what is to be cut from ranges; takes the variance of rounding, (6,)."""
+    cuts, half, n = np.empty((0, 2), dtype=int), 2, x.shape[1]
+    guard = round(settings.guard_s / step)
+    # sums over `half` samples, `apart` samples apart
+    sums = [_doubled(x[:, i:j], 1, 2) for i, j in ranges]
+    while half * step <= settings.longest_scale_s:
+        separate = int((lengths(ranges) // (3 * half)).sum())
+        if separate < FEWEST:
+            break
+        apart = min(half, SPACING)
+        lag = half // apart
+        differences = [
+            (each[:, : -2 * lag] - 2 * each[:, lag:-lag] + each[:, 2 * lag :]) / np.sqrt(6 * half)
+            for each in sums
+        ]
+        every = sum(each.shape[1] for each in differences) // MOST + 1
+        sample = np.hstack([each[:, ::every] for each in differences]).T
+        covariance = robust_covariance(sample, floor)
+        bound = distance_beyond(settings.false_alarm / n, 6, min(separate, len(sample)))
+        bound *= LONE_FACTOR**2 if half < LONE else 1.0
+        for start, total, each in zip(ranges[:, 0], sums, differences, strict=True):
+            first, marks = _marks(total, each, half, covariance, bound, guard)
             # a finer scale has placed a cut already in what this one reaches
-            k = np.searchsorted(cuts[:, 1], first, side="right")
-            reached = np.append(cuts[:, 0], len(self.rows) + 1)[k]
-            first = first[first + 3 * width - 2 <= reached]
-            if len(first):
-                cuts = merged(np.concatenate([cuts, self._marks(first, width, covariance)]))
-        return cuts
-
-    def _too_large(self, ranges):
-        """Yield scale, covariance and first samples of what is too large, fine to coarse.
-
-        Up to the first scale that has too few coefficients.
-        """
-        n = lengths(ranges)
-        fine = [w for w in self.widths if w in FINE]
-        counts = [int(np.maximum(n // w - (1 if w == 2 else 2), 0).sum()) for w in fine]
-        widths = fine[: next((k for k, count in enumerate(counts) if count < FEWEST), None)]
-        if not widths:
-            return
-        each = [fine_details(self.rows.read(CHANNELS, i, j), len(widths)) for i, j in ranges]
-        for k, width in enumerate(widths):
-            firsts, details = zip(*(of_range[k] for of_range, _ in each), strict=True)
-            level = self._level(_even(np.hstack(details), counts[k]), counts[k], width)
-            beyond = [
-                start + first + width * _beyond(detail, *level)
-                for start, first, detail in zip(ranges[:, 0], firsts, details, strict=True)
-            ]
-            yield width, level[0], np.concatenate(beyond)
-        if len(widths) == len(fine):
-            smooth = {start: rest for start, (_, rest) in zip(ranges[:, 0], each, strict=True)}
-            yield from self._coarse(smooth, self.widths[len(fine) :])
-
-    def _coarse(self, smooth, widths):
-        """Yield the same of the scales above `FINE`; takes their smooth sequence by range."""
-        shifts = [0]
-        for width in widths:
-            halved = {start: coarse_details(each, width) for start, each in smooth.items()}
-            details = [detail for detail, _ in halved.values()]
-            smooth = {start: rest for start, (_, rest) in halved.items()}
-            # shift after shift, so that what is taken of them overlaps as little as all of them
-            overlap = width // SPACING
-            shifts = [shift + half for shift in shifts for half in (0, overlap // 2)]
-            sample = np.hstack([each[:, s::overlap] for each in details for s in shifts])
-            # only so many are independent
-            if sample.shape[1] // overlap < FEWEST:
-                return
-            level = self._level(_even(sample, sample.shape[1]), sample.shape[1], width)
-            first = [
-                start + 2 + SPACING * _beyond(detail, *level)
-                for start, detail in zip(smooth, details, strict=True)
-            ]
-            yield width, level[0], np.concatenate(first)
-
-    def _level(self, sample, count, width):
-        """Return covariance of a scale's coefficients and the bound of their squared distance."""
-        covariance = robust_covariance(sample.T, self.floor)
-        m = min(count // max(1, width // SPACING), sample.shape[1])
-        bound = distance_beyond(self.false_alarm, K, m)
-        return covariance, bound * (LONE_FACTOR**2 if width < LONE else 1.0)
-
-    def _marks(self, first, width, covariance):
-        """Return the ranges to cut; of wide supports only where the level changes most."""
-        length = 3 * width - 2
-        if length > self.guard:
-            first = steepest(self.rows, first, width, covariance)
-            length = width
-        return np.column_stack([np.maximum(first - self.guard, 0), first + length + self.guard])
+            k = np.searchsorted(cuts[:, 1], start + first, side="right")
+            free = start + first + 3 * half <= np.append(cuts[:, 0], n)[k]
+            if free.any():
+                cuts = merged(np.concatenate([cuts, start + marks[free]]))
+        half *= 2
+        sums = [_doubled(each, lag, 2 if half <= SPACING else 1) for each in sums]
+    return np.clip(cuts, 0, n)
 
 
-def _even(details, count):
-    """Return every n-th coefficient, so that `MOST` of `count` remain."""
-    return details[:, :: count // MOST + 1]
+def _marks(sums, differences, half, covariance, bound, guard):
+    """Return first samples of what is too large in a range, (k,), and what to cut, (k, 2)."""
+    distance, apart = squared_distance(differences.T, covariance), min(half, SPACING)
+    large, lag = distance > bound, half // apart
+    if 3 * half <= max(guard, SPACING):
+        first = apart * np.flatnonzero(large)
+        return first, first[:, None] + [-guard, 3 * half + guard]
+    # of what overlaps the largest, at that of its two edges at which the level changes more
+    at = np.flatnonzero(large & (distance == maximum_filter1d(distance, 2 * lag + 1)))
+    a, b, c = (sums[:, at + k * lag] for k in range(3))
+    late = squared_distance((c - b).T, covariance) > squared_distance((b - a).T, covariance)
+    edge, beside = apart * at + half * (1 + late), half // 4 + guard
+    return apart * at, edge[:, None] + [-beside, beside]
 
 
-def _beyond(details, covariance, bound):
-    """Return which coefficients have a squared distance beyond the bound."""
-    return np.flatnonzero(squared_distance(details.T, covariance) > bound)
-
-
-def steepest(rows, first, width, covariance):
-    """Return where, in the support of each coefficient, the means of two halves differ most.
-
-    Takes the first samples of the supports, in order, and the covariance of the coefficients,
-    (6, 6); the halves are of half a scale each.
-    """
-    half, length, best = width // 2, 3 * width - 2, np.empty_like(first)
-    # supports overlap: those in a part of the log are looked at together
-    group = (first - first[0]) // max(length, TOGETHER)
-    for members in np.split(np.arange(len(first)), np.flatnonzero(np.diff(group)) + 1):
-        low, high = first[members[0]], first[members[-1]] + length
-        total = np.zeros((K, high - low + 1))
-        np.cumsum(rows.read(CHANNELS, low, high), axis=1, out=total[:, 1:])
-        difference = total[:, width:] - 2 * total[:, half : half - width] + total[:, :-width]
-        change = squared_distance(difference.T, covariance)
-        for k in members:
-            a = first[k] - low
-            best[k] = first[k] + np.argmax(change[a : a + length - width + 1])
-    return best
+def _doubled(sums, lag, thin):
+    """Return sums over twice as many samples; of them one in `thin` is kept."""
+    return sums[:, :-lag:thin] + sums[:, lag::thin]

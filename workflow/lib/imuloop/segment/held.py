@@ -8,33 +8,26 @@ from imuloop.segment.windows import sliding_statistics
 
 # a tremor, 6 Hz and more, takes itself out of a mean rate over so long, s
 WINDOW = 0.5
-# mean rate below which a hand holds a device, and rates up to which it sways in between, rad/s
-HOLDS, SWAYS = 0.03, (0.08, 0.03)
+# mean rate up to which a hand holds a device, rad/s
+HOLDS = 0.03
 # a hand that pauses amid a turn is no rest, s
 SHORTEST = 2.0
 # share of such a rest from which on its parts that lie still are all there is to it
 MOST = 0.8
 
 
-def held_rests(w, stretches, step, bias, sway, shortest):
+def held_rests(w, stretches, step, bias, shortest):
     """Return the stretches in which a hand holds the device, (m, 2).
 
-    By the mean rate over `WINDOW`, less the bias, (3,): from where it is first below `HOLDS` to
-    where it is for the last time before it rises above `sway`, rad/s. None is shorter than
+    There the mean rate over `WINDOW`, less the bias, (3,), is up to `HOLDS`. None is shorter than
     `SHORTEST` and `shortest`, s. Takes angular rate, rad/s, (3, n), the stretches between long
     gaps, and the step of time, s.
     """
-    width, rests = max(2, round(WINDOW / step)), []
-    for i, j in stretches:
-        if j - i < width:
-            continue
+    width, rests = max(2, round(WINDOW / step)), [np.empty((0, 2), dtype=int)]
+    for i, j in stretches[lengths(stretches) >= width]:
         mean, _ = sliding_statistics(w[:, i:j].T, width)
-        rate = np.linalg.norm(mean - bias, axis=1)
-        for a, b in stretches_of(rate <= sway):
-            holds = a + np.flatnonzero(rate[a:b] <= HOLDS)
-            if len(holds):
-                rests.append([i + holds[0], i + holds[-1] + 1])
-    rests = np.array(rests, dtype=int).reshape(-1, 2)
+        rests.append(i + stretches_of(np.linalg.norm(mean - bias, axis=1) <= HOLDS))
+    rests = np.concatenate(rests)
     return rests[long_enough(rests, max(SHORTEST, shortest), step)]
 
 

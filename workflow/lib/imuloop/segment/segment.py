@@ -1,6 +1,6 @@
 """The segment stage: from samples to segments."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,30 +13,30 @@ from imuloop.core.samples import (
     Samples,
     at_rail,
     holds,
+    own_rows,
 )
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.core.stretches import lengths, merged, unbroken, without
+from imuloop.segment.attitudes import attitudes, expected_error
 from imuloop.segment.disturbance import undisturbed
-from imuloop.segment.held import SWAYS, held_rests, sways, united
-from imuloop.segment.multiples import attitudes, choose_multiples, expected_error
+from imuloop.segment.held import held_rests, sways, united
 from imuloop.segment.poses import number_poses
 from imuloop.segment.static_detector import (
+    MULTIPLES,
     activity,
     detect_rests,
     moves,
-    rate_at_rest,
-    rest_level,
+    rates_at_rest,
     widened,
 )
 from imuloop.segment.steady import unsteady_samples
-from imuloop.segment.tilt import steady_rests, tilts
+from imuloop.segment.tilt import tilts, without_tilts
 
 # rests that are dropped as too short, at least so many and this share of those kept, make it worth
-# to look what shorter settings would bring: parts of window_s and shortest_rest_s
+# to look what shorter settings would bring
 LEAST_SHORT, SHORT_SHARE = 5, 0.25
-SHORTER = ((1, 0.5), (0.5, 0.5), (0.5, 0.25), (0.25, 0.25))
-# attitudes that are worth another setting, and a part of the most that is as good
-WORTHWHILE, ALMOST = 1.2, 0.95
+# attitudes, of those found, that are worth another setting
+WORTHWHILE = 1.2
 # attitudes that determine an accelerometer's nine parameters, with one for a check
 ENOUGH = 12
 # a calibration this much less certain, by its expected error, is too dear for steady rests
@@ -54,23 +54,22 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     """Return the segments of a session: static, motion, disturbed or gap.
 
     Every instant from the first sample to one step after the last belongs to exactly one row.
-    Rests of a six-position or multi-position session come from the static detector with the
-    multiples whose poses calibrate best, less what turns slowly or trembles; those in the hand
-    (`held`) join them where a calibration gains by it. Those of a static session are what the
-    disturbance detector and slow tilts leave. If the device moves most of the time, the rests of a
-    static session come from the static detector, too. A rest at which the accelerometer is at the
-    end of its range is no attitude, but disturbed. A gap lasts from one step after the last sample
-    before it to the next sample, or as long as a channel is stuck at one value.
+    Rests of a six-position or multi-position session come from the static detector, less what turns
+    slowly or trembles; those in the hand (`held`) join them where a calibration gains by it. Those
+    of a static session are what the disturbance detector and slow tilts leave. If the device moves
+    most of the time, the rests of a static session come from the static detector, too. A rest at
+    which the accelerometer is at the end of its range is no attitude, but disturbed. A gap lasts
+    from one step after the last sample before it to the next sample, or as long as a channel is
+    stuck at one value.
 
     Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, the `rails` of
     `core.samples.at_rail`, and the spans in which a channel is stuck, (n, 2), s. Gives a
     `segment_table` and a dict of metadata: the number of poses; of a static session that of slow
-    tilts; of others the level of rest and how it was found, the multiples, the rests dropped as too
-    short, those at the end of the range and those that tilt, whether some are in the hand, and what
-    `shorter` settings would bring, or have brought.
+    tilts; of others the rests dropped as too short, those at the end of the range and those that
+    tilt, whether some are in the hand, and what `shorter` settings would bring, or have brought.
     """
     rows = Samples(samples)
-    whole, step = unbroken(rows, settings.gap_factor)
+    whole, step = unbroken(rows)
     stretches = whole
     if len(stuck):
         first, last = np.searchsorted(rows[TIME], np.transpose(stuck))
@@ -80,23 +79,20 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     moving = not posed and moves(rows, stretches, step, settings)
     # no disturbance stands out from motion: rests are found as in other sessions
     posed = posed or (moving and holds(rows, "accelerometer"))
-    if not posed:
-        rests = stretches[:0]
-        if not moving:
-            rests = _between_disturbances(rows, stretches, step, settings)
+    if posed:
+        rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
+        if moving:
+            # on a support it does not tilt; without a gyroscope turns show in the force alone
+            rests = rests[tilt == 0]
+            rests = rests[: 0 if moves(rows, rests, step, settings) else None]
+            tilt = np.zeros(len(rests))
+    else:
+        rests = _between_disturbances(rows, stretches[: 0 if moving else None], step, settings)
         tilted = tilts(rows, rests, step)
-        metadata = {"slow_tilts": len(tilted)}
         if len(tilted):
             rests = without(rests, tilted)
             rests = rests[lengths(rests) * step >= settings.shortest_static_s - step / 2]
-        tilt = np.zeros(len(rests))
-    else:
-        rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
-        if moving and len(rests):
-            kept = _on_support(rests, tilt, metadata["level"], step)
-            # without a gyroscope turns show in the mean specific force alone
-            kept &= not moves(rows, rests[kept], step, settings)
-            rests, tilt = rests[kept], tilt[kept]
+        tilt, metadata = np.zeros(len(rests)), {"slow_tilts": len(tilted)}
     railed = np.zeros(len(rests), dtype=bool)
     if rails and kind in ATTITUDES:
         railed = _at_rail(rows, rests, rails)
@@ -120,20 +116,10 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
 
     table = segment_table(rows, start, end, kinds, np.full(len(start), -1))
     is_rest = kinds == STATIC
-    poses = number_poses(rows, rests, table[is_rest], stretches, settings)
+    poses = number_poses(rows, rests, table[is_rest], stretches)
     table.loc[is_rest, "pose"] = poses
     table.loc[is_rest, "tilt_rad"] = tilt
     return table, metadata | {"poses": int(poses.max(initial=-1)) + 1}
-
-
-def _on_support(rests, tilt, level, step):
-    """Return at which rests of a device that moves most of the time it lies on a support, (n,).
-
-    It does not where it tilts. The level of rest is that of motion, and no rest counts, if it is
-    from the start of the log and the device does not rest for most of that time.
-    """
-    start = level["duration_s"] / step
-    return (tilt == 0) & (lengths(np.minimum(rests, start)).sum() >= start / 2)
 
 
 def _between_disturbances(rows, stretches, step, settings):
@@ -142,14 +128,14 @@ def _between_disturbances(rows, stretches, step, settings):
     Beside each is the mean of the faster sensor meanwhile. Values that are held over several rows
     would look like noise that comes and goes.
     """
+    x = rows.read(CHANNELS, 0, len(rows))
     own = next((name for name in OWN_TIME.values() if name in rows), None)
     if own is None:
-        return undisturbed(rows, stretches, step, settings)
-    first = np.flatnonzero(np.diff(rows[own], prepend=-np.inf) > 0)
+        return undisturbed(x, stretches, step, settings)
+    t, first = rows[TIME], own_rows(rows[own])
     edges = np.append(first, len(rows))
-    means = {name: np.add.reduceat(rows[name], first) / np.diff(edges) for name in CHANNELS}
-    slow = Samples({TIME: rows[TIME][first], **means})
-    return edges[undisturbed(slow, np.searchsorted(first, stretches), slow.interval, settings)]
+    means, step = np.add.reduceat(x, first, axis=1) / np.diff(edges), np.median(np.diff(t[first]))
+    return edges[undisturbed(means, np.searchsorted(first, stretches), step, settings)]
 
 
 def _at_rail(rows, rests, rails):
@@ -166,97 +152,70 @@ def _find_rests(rows, stretches, step, settings):
     By shorter settings where those asked for find too few to calibrate by, and the shorter enough.
     """
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
-    rests, tilt, metadata = _rests_by(f, w, stretches, step, settings)
-    found = metadata["shorter"]
-    if not found or not found["now"] < ENOUGH <= found["attitudes"]:
-        return rests, tilt, metadata
-    settings = replace(settings, **{key: found[key] for key in ("window_s", "shortest_rest_s")})
-    rests, tilt, metadata = _rests_by(f, w, stretches, step, settings)
-    return rests, tilt, metadata | {"shorter": found | {"taken": True}}
+    log, shorter = (f, w, stretches, step), None
+    rests, tilt, held, short = _rests_by(log, settings)
+    if short >= LEAST_SHORT and short > SHORT_SHARE * len(rests):
+        shorter = _shorter(log, rests, settings)
+    if shorter and shorter["taken"]:
+        changed = {key: shorter[key] for key in ("window_s", "shortest_rest_s")}
+        rests, tilt, held, short = _rests_by(log, replace(settings, **changed))
+    return (
+        rests,
+        tilt,
+        {
+            "short_rests": short,
+            "hand_held": held,
+            "tilted_rests": int((tilt > 0).sum()),
+            "shorter": shorter,
+        },
+    )
 
 
-def _rests_by(f, w, stretches, step, settings):
-    """Return what `_find_rests` does by the settings as they are."""
-    detected, metadata = _detected(f, w, stretches, step, settings)
-    rests, tilt, held = detected, np.zeros(len(detected)), False
-    if len(rests):
-        bias = metadata["level"]["rate"]
-        rests, tilt = steady_rests(f, w, widened(f, w, rests, stretches, step), bias, step)
-        rests, tilt, held = _with_held(f, w, stretches, step, rests, tilt, bias, settings)
-    metadata |= {"hand_held": held, "tilted_rests": int((tilt > 0).sum()), "shorter": None}
-    short = metadata["short_rests"]
-    if short >= LEAST_SHORT and short > SHORT_SHARE * len(detected):
-        metadata["shorter"] = _shorter(f, w, stretches, step, detected, settings)
-    return rests, tilt, metadata
-
-
-def _detected(f, w, stretches, step, settings):
-    """Return the rests of a session, and the metadata: low variance and the mean rate of a rest.
-
-    The variance is compared in `static_detector`, the mean rate with its level here.
-    """
-    moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
-    level = rest_level(f, w, moving, step, settings)
-    if level is None:
-        return np.empty((0, 2), dtype=int), {"level": None, "multiples": None, "short_rests": 0}
-    variances = level.accelerometer_variance, level.gyroscope_variance
-    away = np.linalg.norm(moving.rate - rate_at_rest(moving, level, settings), axis=0)
-    may_rest = away <= settings.rate_tolerance
-
-    def within(multiples, may_rest):
-        still = moving.within(multiples, variances) & may_rest
-        return detect_rests(still, stretches, step, settings)
-
-    def choose(may_rest):
-        return choose_multiples(f, lambda pair: within(pair, may_rest)[0], settings)
-
-    # where no pair finds a rest long enough, the widest says how many were too short
-    widest = max(settings.accelerometer_multiples), max(settings.gyroscope_multiples)
-    steady = may_rest & ~unsteady_samples(w, within(widest, may_rest)[0], step, settings)
-    multiples, error = choose(may_rest)
-    rests, short = within(multiples or widest, may_rest)
-    steady_multiples, steady_error = choose(steady)
+def _rests_by(log, settings):
+    """Return rests, the tilt within each, whether some are in the hand, and how many too short."""
+    f, w, stretches, step = log
+    detected, steady, bias, short = _detected(log, settings)
+    if not len(detected):
+        return detected, np.zeros(0), False, short
+    least = expected_error(attitudes(f, detected))
     # without its unsteady rests a session may no longer determine a calibration
-    if steady_multiples and steady_error <= DEAREST * error:
-        multiples = steady_multiples
-        rests, _ = within(multiples, steady)
-    return rests, {"level": asdict(level), "multiples": multiples, "short_rests": short}
-
-
-def _with_held(f, w, stretches, step, rests, tilt, bias, settings):
-    """Return rests and tilts with those in the hand, if any is worth it, and whether one is.
-
-    They are where the expected error of a calibration is lower with them, by `WORTH_HOLDING`.
-    """
-    found = rests, tilt, False
-    least = WORTH_HOLDING * expected_error(attitudes(f, rests, settings.same_attitude))
-    for sway in SWAYS:
-        of_hand = held_rests(w, stretches, step, bias, sway, settings.shortest_rest_s)
-        every, held = united(rests, of_hand)
-        error = expected_error(attitudes(f, every, settings.same_attitude))
-        if held.any() and error < least:
+    for still, most in ((steady, DEAREST * least), (detected, np.inf)):
+        rests, tilt = without_tilts(f, w, widened(f, w, still, stretches, step), bias, step)
+        found = rests, tilt, False, short
+        error = expected_error(attitudes(f, rests))
+        every, held = united(rests, held_rests(w, stretches, step, bias, settings.shortest_rest_s))
+        with_held = expected_error(attitudes(f, every))
+        if held.any() and with_held < WORTH_HOLDING * error:
             swaying = np.zeros(len(every))
             swaying[held] = sways(w, every[held], bias, step)
             swaying[~held] = tilt[np.isin(rests[:, 0], every[~held, 0])]
-            least, found = error, (every, swaying, True)
-    return found
+            error, found = with_held, (every, swaying, True, short)
+        if error <= most:
+            return found
 
 
-def _shorter(f, w, stretches, step, rests, settings):
-    """Return the settings of shorter rests that would bring more attitudes, and how many, or None.
+def _detected(log, settings):
+    """Return the rests of a session, those that are steady, the bias, and how many are too short.
 
-    The longest that find nearly as many as any.
+    The variance is compared in `static_detector`, the mean rate with its level here.
     """
-    now, tried = len(attitudes(f, rests, settings.same_attitude)), []
-    for window, shortest in SHORTER:
-        each = {
-            "window_s": window * settings.window_s,
-            "shortest_rest_s": shortest * settings.shortest_rest_s,
-        }
-        shorter, _ = _detected(f, w, stretches, step, replace(settings, **each))
-        found = len(attitudes(f, shorter, settings.same_attitude))
-        tried.append({**each, "attitudes": found, "now": now, "taken": False})
-    most = max(each["attitudes"] for each in tried)
-    if most < WORTHWHILE * max(now, 1):
+    f, w, stretches, step = log
+    moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
+    biases = rates_at_rest(moving, settings)
+    still = moving.within(MULTIPLES) & (moving.away(biases) <= settings.rate_tolerance)
+    rests, short = detect_rests(still, stretches, step, settings)
+    still &= ~unsteady_samples(w, rests, step, settings)
+    return rests, detect_rests(still, stretches, step, settings)[0], biases[0], short
+
+
+def _shorter(log, rests, settings):
+    """Return settings of shorter rests, how many attitudes they bring, and if they are taken.
+
+    None where they bring hardly more.
+    """
+    shorter = {"window_s": settings.window_s / 2, "shortest_rest_s": settings.shortest_rest_s / 4}
+    _, steady, *_ = _detected(log, replace(settings, **shorter))
+    now, then = (len(attitudes(log[0], x)) for x in (rests, steady))
+    if then < WORTHWHILE * max(now, 1):
         return None
-    return next(each for each in tried if each["attitudes"] >= ALMOST * most)
+    return {**shorter, "attitudes": then, "now": now, "taken": now < ENOUGH <= then}

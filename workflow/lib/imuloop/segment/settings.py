@@ -2,8 +2,7 @@
 
 from dataclasses import dataclass
 
-from imuloop.core.gaps import LONG_GAP_STEPS
-from imuloop.core.setting import Positive, setting
+from imuloop.core.setting import setting
 
 
 @dataclass(frozen=True)
@@ -12,18 +11,6 @@ class SegmentSettings:
 
     # slow turns and tremor inside a rest are looked for in half of it
     window_s: float = setting(1.0, "Sliding window of the static detector, s", gt=0)
-    initial_rest_s: float = setting(
-        50.0, "Longest stretch at the start of a log that sets the level of rest, s", gt=0
-    )
-    accelerometer_multiples: tuple[Positive, ...] = setting(
-        (1, 2, 3, 4, 5, 6, 7, 8, 9, 10),
-        "Multiples of the variance at rest to choose from",
-        min_length=1,
-        max_length=100,
-    )
-    gyroscope_multiples: tuple[Positive, ...] = setting(
-        (3, 10, 30, 100, 300), "The same", min_length=1, max_length=100
-    )
     # leaves room for the gyroscope's g-sensitivity (0.3 deg/s per g at worst in common parts) and
     # lies below the slowest turn by hand
     rate_tolerance: float = setting(
@@ -31,24 +18,8 @@ class SegmentSettings:
         "Largest departure of the windowed mean angular rate from its level at rest, rad/s",
         gt=0,
     )
-    # the window ends a rest up to half its length early as it is, and each second cut is one more
-    # to integrate the gyroscope over
-    trim_s: float = setting(0.05, "Cut from each end of a rest that touches motion, s", ge=0)
     shortest_rest_s: float = setting(
-        1.0, "Shortest rest kept as a pose after trimming, s; at least 4 samples", gt=0
-    )
-    # two means that are θ apart pool to a norm short by θ²/8, so half a degree costs 1e-5 of g
-    same_attitude: float = setting(
-        0.0087, "Rests nearer than this, with no turn between, are one pose, rad", gt=0
-    )
-    turned: float = setting(
-        0.087, "Largest excursion between two rests that is still no turn, rad", gt=0
-    )
-    gap_factor: float = setting(
-        LONG_GAP_STEPS,
-        "A longer step of time, in median steps, is a long gap: it ends a rest, and no rotation "
-        "over it is used",
-        gt=1,
+        1.0, "Shortest rest kept as a pose, s; at least 4 samples", gt=0
     )
     false_alarm: float = setting(
         0.01,

@@ -9,11 +9,15 @@ not, and a multiple of it means the same.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 from scipy.special import chdtri
 
 from imuloop.core.stretches import lengths, stretches_of
 from imuloop.segment.windows import block_means, rounding_variance, sliding_statistics
 
+# multiples of the level of both variances up to which a window is at rest: a hand that trembles is
+# found later; and up to which it is quiet enough to set the gyroscope's bias
+MULTIPLES, QUIET = (10, 300), (10, 10)
 # samples of a rest: the variance of fewer says nothing of its mean's error
 FEWEST_SAMPLES = 4
 # rests from which on a rate that they share is the gyroscope's bias, and share of their windows
@@ -21,53 +25,39 @@ FEWEST_SAMPLES = 4
 RESTS_OF_A_BIAS, FEW = 3, 0.1
 # change of the mean specific force from one window to the next that is motion, m/s²: 10 mg
 FORCE_TOLERANCE = 0.1
-# short means by which a rest is widened, s
-EDGE_S = 0.1
+# cut from each end of a rest that touches motion, and short means by which it is then widened, s
+TRIM_S, EDGE_S = 0.05, 0.1
 
 
 @dataclass(frozen=True)
 class Activity:
-    """Windowed variances and mean rate about each sample.
+    """Windowed variances and mean rate about each sample."""
 
-    Variances, (2, n), are the sums of the three windowed ones of accelerometer and gyroscope,
-    (m/s²)² and (rad/s)²; infinite where no whole window fits between two long gaps,
-    the accelerometer's also where it reads zero on all axes. The rate, rad/s, (3, n), is the
-    windowed mean.
-    """
-
+    # (2, n): sums over the axes of accelerometer and gyroscope, of their level at rest; infinite
+    # where no whole window fits between two long gaps, or the accelerometer reads zero
     variances: np.ndarray
-    rate: np.ndarray
-    window: int
+    rate: np.ndarray  # (3, n): windowed mean, rad/s
+    window: int  # samples
 
-    def within(self, multiples, levels):
+    def within(self, multiples):
         """Return whether both variances are within multiples of their levels, shape (n,)."""
-        return np.all(self.variances <= np.multiply(multiples, levels)[:, None], axis=0)
+        return np.all(self.variances <= np.reshape(multiples, (2, 1)), axis=0)
 
-
-@dataclass(frozen=True)
-class RestLevel:
-    """Level of the windows at rest: sums of variances, SI², and the bias, rad/s.
-
-    The source is "initial rest", with its duration, or "quietest windows".
-    """
-
-    source: str
-    duration_s: float
-    accelerometer_variance: float
-    gyroscope_variance: float
-    rate: list
+    def away(self, biases):
+        """Return how far the mean rate is from the nearest of biases, (k, 3), rad/s, (n,)."""
+        return np.min([np.linalg.norm(self.rate.T - bias, axis=1) for bias in biases], axis=0)
 
 
 def activity(force, rate, stretches, window):
     """Return the Activity of a session; no window reaches across a long gap.
 
-    Takes specific force, m/s², and angular rate, rad/s, shape (3, n), the stretches between long
-    gaps, and the window's length, samples.
+    The level of a sensor at rest is the 5 % quantile of its windowed variance, the median of the
+    quietest tenth: right as long as a tenth of the log is at rest. None is below the variance of
+    rounding. Takes specific force, m/s², and angular rate, rad/s, shape (3, n), the stretches
+    between long gaps, and the window's length, samples.
     """
     variances, means = np.full((2, force.shape[1]), np.inf), np.zeros_like(rate)
-    for i, j in stretches:
-        if j - i < window:
-            continue
+    for i, j in stretches[lengths(stretches) >= window]:
         # one axis at a time, as a log of hours takes memory
         variances[:, i:j] = 0.0
         for f, w, mean in zip(force, rate, means, strict=True):
@@ -76,6 +66,10 @@ def activity(force, rate, stretches, window):
             variances[1, i:j] += variance
     # one that reads zero was not read: at rest it feels gravity
     variances[0, ~force.any(axis=0)] = np.inf
+    for sensor, x in zip(variances, (force, rate), strict=True):
+        if np.isfinite(variances[0]).any():
+            level = np.quantile(sensor[np.isfinite(variances[0])], 0.05)
+            sensor /= max(level, 3 * rounding_variance(x.T))
     return Activity(variances, means, window)
 
 
@@ -94,70 +88,22 @@ def moves(rows, stretches, step, settings):
     return 2 * np.count_nonzero(moved) > len(moved)
 
 
-def rest_level(force, rate, moving, step, settings):
-    """Return the RestLevel of a session, None where no whole window fits into the log.
+def rates_at_rest(moving, settings):
+    """Return the biases of the gyroscope at rest, rad/s, (k, 3): two where it jumps.
 
-    The quiet level of a sensor is the 5 % quantile of its windowed variance, the median of the
-    quietest tenth: right as long as a tenth of the log is at rest. If the log's windows stay
-    within the largest accelerometer multiple of the quiet level, both sensors together, for ten
-    windows from its first sample, it begins with a rest; that rest, up to where it ends or to
-    `initial_rest_s`, then sets the level as in the paper. If not, the quiet level is the level.
-    No level is below the variance of rounding. The bias is the median over all windows that are
-    at rest by this level, whatever their attitude. Arguments as in `activity`, its result, and the
-    median step of time, s.
+    The first is the median over all windows that are quiet, whatever their attitude. A turn that no
+    variance shows ends, and the next is another; a bias that jumped stays. So there is a second
+    where windows that are away from the first by more than `rate_tolerance` nearly all share
+    another rate, at several rests.
     """
-    whole = np.isfinite(moving.variances[0])
-    if not whole.any():
-        return None
-    floors = [3 * rounding_variance(x.T) for x in (force, rate)]
-    levels = np.maximum([np.quantile(v[whole], 0.05) for v in moving.variances], floors)
-    most = [max(settings.accelerometer_multiples)] * 2
-    quiet = moving.within(most, levels)
-    length = len(quiet) if quiet.all() else int(np.argmin(quiet))
-    length = min(length, round(settings.initial_rest_s / step))
-    source, seconds = "quietest windows", 0.0
-    if length >= 10 * moving.window:
-        source, seconds = "initial rest", length * step
-        initial = [x[:, :length].var(axis=1).sum() for x in (force, rate)]
-        levels = np.maximum(initial, floors)
-        quiet = moving.within(most, levels)
-    bias = np.median(moving.rate[:, quiet], axis=1) if quiet.any() else np.zeros(3)
-    return RestLevel(source, seconds, *levels.tolist(), bias.tolist())
-
-
-def rate_at_rest(moving, level, settings):
-    """Return the bias of the gyroscope at rest, rad/s, (3, 1), or (3, n) where it jumps.
-
-    A turn that no variance shows ends; a bias that jumps stays. So it jumps once where the windows
-    that are still by their variances are nearly all within `rate_tolerance` of the level up to
-    some time and of another rate from there on, or the other way round, at several rests each.
-    """
-    first = np.reshape(level.rate, (3, 1))
-    most = [max(settings.accelerometer_multiples)] * 2
-    still = moving.within(most, [level.accelerometer_variance, level.gyroscope_variance])
-    at = np.flatnonzero(still)
-
-    def away(rate, of):
-        return np.linalg.norm(moving.rate[:, of] - rate, axis=0) > settings.rate_tolerance
-
-    off = away(first, at)
-    if not off.any():
-        return first
-    # windows that a split calls right, those away from the level after it, and before it
-    right = np.cumsum(np.where(off, -1, 1)) * np.array([[1], [-1]])
-    order = int(np.argmax(right.max(axis=1)))
-    split = at[np.argmax(right[order])] + 1
-    sides = at[at < split], at[at >= split]
-    near, far = sides if order == 0 else sides[::-1]
-    if not len(near) or not len(far):
-        return first
-    other = np.median(moving.rate[:, far], axis=1, keepdims=True)
-    # a rest is a stretch of windows
-    rests = [1 + np.sum(np.diff(of) > moving.window) for of in (near, far)]
-    if min(rests) < RESTS_OF_A_BIAS or max(away(first, near).mean(), away(other, far).mean()) > FEW:
-        return first
-    before, after = (first, other) if order == 0 else (other, first)
-    return np.where(np.arange(len(still)) < split, before, after)
+    at = np.flatnonzero(moving.within(QUIET))
+    first = np.median(moving.rate[:, at], axis=1) if len(at) else np.zeros(3)
+    far = at[moving.away([first])[at] > settings.rate_tolerance]
+    if 1 + np.sum(np.diff(far) > moving.window) < RESTS_OF_A_BIAS:
+        return [first]
+    other = np.median(moving.rate[:, far], axis=1)
+    strays = moving.away([other])[far] > settings.rate_tolerance
+    return [first] if strays.mean() > FEW else [first, other]
 
 
 def detect_rests(still, stretches, step, settings):
@@ -167,13 +113,10 @@ def detect_rests(still, stretches, step, settings):
     of both sensors within their multiples of the level, and the windowed mean rate within
     `rate_tolerance` of the bias, as a slow turn about the vertical shows in nothing else.
     """
-    trim = round(settings.trim_s / step)
-    rests = [np.empty((0, 2), dtype=int)]
+    trim, rests = round(TRIM_S / step), [np.empty((0, 2), dtype=int)]
     for i, j in stretches:
         each = stretches_of(still[i:j]) + i
-        each[each[:, 0] > i, 0] += trim
-        each[each[:, 1] < j, 1] -= trim
-        rests.append(each)
+        rests.append(each + trim * ((each > i) & (each < j)) * [1, -1])
     rests = np.concatenate(rests)
     kept = long_enough(rests, settings.shortest_rest_s, step)
     return rests[kept], int(np.sum(~kept))
@@ -195,30 +138,20 @@ def widened(f, w, rests, stretches, step):
     (3, n), ranges of samples, the stretches between long gaps, and the step of time, s.
     """
     width = max(round(EDGE_S / step), 1)
-    sensors = [(x, rounding_variance(x.T)) for x in (f, w)]
+    sensors = [(x, uniform_filter1d(x, width, axis=1), rounding_variance(x.T)) for x in (f, w)]
     edges, wider = np.concatenate([[0], rests.ravel(), [f.shape[1]]]), rests.copy()
     for k, (i, j) in enumerate(rests):
-        a, b = stretches[np.searchsorted(stretches[:, 0], i, side="right") - 1]
-        a, b = max(a, edges[2 * k]), min(b, edges[2 * k + 3])
-        before = [(x[:, a:i][:, ::-1], x[:, i:j], floor) for x, floor in sensors]
-        after = [(x[:, j:b], x[:, i:j], floor) for x, floor in sensors]
-        wider[k] = i - _as_at_rest(before, width), j + _as_at_rest(after, width)
+        low, high = stretches[np.searchsorted(stretches[:, 0], i, side="right") - 1]
+        low, high = max(low, edges[2 * k]), min(high, edges[2 * k + 3])
+        away = np.ones(high - low + 2, dtype=bool)
+        away[1:-1] = False
+        for x, means, floor in sensors:
+            rest = x[:, i:j]
+            # of all axes alike: the frame of the sensor does not matter
+            variance = max(rest.var(axis=1).mean(), floor) / width
+            square = (means[:, low:high] - rest.mean(axis=1, keepdims=True)) ** 2
+            away[1:-1] |= square.sum(axis=0) > chdtri(3, 1e-5) * variance
+        before, after = np.flatnonzero(away[: i - low + 1]), np.flatnonzero(away[j - low + 1 :])
+        left_out = width + width // 2
+        wider[k] = min(i, low + before[-1] + left_out), max(j, j + after[0] - left_out)
     return wider
-
-
-def _as_at_rest(sensors, width):
-    """Return how many samples beyond a rest are as those in it.
-
-    Takes of each sensor the samples beyond, in order from the rest on, those in the rest, (3, n),
-    and the least variance.
-    """
-    moved = 0.0
-    for beyond, rest, floor in sensors:
-        sums = np.cumsum(np.pad(beyond, ((0, 0), (1, 0))), axis=1)
-        means = (sums[:, width:] - sums[:, :-width]) / width
-        # of all axes alike: the frame of the sensor does not matter
-        variance = max(rest.var(axis=1).mean(), floor) / width
-        square = (means - rest.mean(axis=1, keepdims=True)) ** 2
-        moved = np.maximum(moved, square.sum(axis=0) / variance)
-    away = np.flatnonzero(moved > chdtri(3, 1e-5))
-    return max((away[0] if len(away) else len(moved)) - width, 0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.stretches import lengths, merged, stretches_of, without
+from imuloop.core.stretches import divided, lengths, merged, stretches_of
 from imuloop.segment.windows import block_means
 
 # blocks that are averaged, s, and at most so many in a session
@@ -34,52 +34,46 @@ def tilts(rows, ranges, step):
     first has to be small against the first, course for course. A ramp of temperature that drags
     both biases along bends the integral where it does not bend u.
 
-    First a line is taken from both courses of a window, so that no bias enters: this shows a tilt
-    that begins or ends. In what is left b is the median, and a steady tilt shows by its slope.
-    Slower than b wanders none is seen. Of a tilt that shows in windows of several lengths the
+    Less a line, so that no bias enters, both courses of a window show a tilt that begins or ends;
+    less their mean, with the median of the rates for b, a steady tilt shows by its slope. Slower
+    than b wanders none is seen. Of a tilt that shows in windows of several lengths the
     shortest is taken, and in it the part in which u moves. Takes Samples and the median step, s.
     """
     width = max(round(BLOCK / step), int(lengths(ranges).sum()) // BLOCKS, 1)
     first, stretches, means = block_means(rows, ranges, width)
-    if not len(first):
-        return np.empty((0, 2), dtype=int)
-    size = np.median(np.linalg.norm(means[:, :3], axis=1))
+    size = np.median(np.linalg.norm(means[:, :3], axis=1)) if len(first) else 0.0
     # of rows that are zero there is no direction
     if not size > 0:
         return np.empty((0, 2), dtype=int)
     # not its direction alone: a tilt leaves the magnitude as it is
     u = means[:, :3] / size
-    cuts = np.empty((0, 2), dtype=int)
-    for degree in (1, 0):
-        rests = without(stretches, cuts)
-        if not len(rests):
-            break
-        bias = np.median(np.concatenate([means[i:j, 3:] for i, j in rests]), axis=0)
-        change = np.cross(u, means[:, 3:] - bias) * width * step
-        turned = np.cumsum(change, axis=0) - change / 2
-        windows = np.concatenate([i + _alike(u[i:j], turned[i:j], degree) for i, j in rests])
-        if len(windows):
-            placed = np.array([i + _placed(u[i:j]) for i, j in windows])
-            cuts = merged(np.concatenate([cuts, placed]))
+    change = np.cross(u, means[:, 3:] - np.median(means[:, 3:], axis=0)) * width * step
+    turned = np.cumsum(change, axis=0) - change / 2
+    windows = np.concatenate([i + _alike(u[i:j], turned[i:j]) for i, j in stretches])
+    if not len(windows):
+        return windows
+    cuts = merged(np.array([i + _placed(u[i:j]) for i, j in windows]))
     return np.column_stack([first[cuts[:, 0]], first[cuts[:, 1] - 1] + width])
 
 
-def _alike(u, turned, degree):
+def _alike(u, turned):
     """Return the shortest windows of blocks in which two courses are alike, shape (k, 2).
 
-    Of both the polynomial of a degree is left out: the mean, 0, or a line, 1.
+    Of both a line is left out, or the mean.
     """
     alike, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
         starts = np.arange(0, len(u) - length + 1, max(length // 4, 1))
         at = starts[:, None] + np.arange(length)
-        basis = np.linalg.qr(np.vander(np.arange(length), degree + 1))[0]
-        power, residual = (
-            ((x - basis @ (basis.T @ x)) ** 2).sum(axis=2).mean(axis=1)
-            for x in (u[at], (u - turned)[at])
-        )
-        # a ramp has a root mean square of a twelfth's root of its span
-        sure = (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
+        sure = np.zeros(len(starts), dtype=bool)
+        for degree in (1, 0):
+            basis = np.linalg.qr(np.vander(np.arange(length), degree + 1))[0]
+            power, residual = (
+                ((x - basis @ (basis.T @ x)) ** 2).sum(axis=2).mean(axis=1)
+                for x in (u[at], (u - turned)[at])
+            )
+            # a ramp has a root mean square of a twelfth's root of its span
+            sure |= (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
         windows = np.column_stack([starts, starts + length])[sure]
         # those that a shorter one lies in are placed already
         inside = (alike[:, 0] >= windows[:, :1]) & (alike[:, 1] <= windows[:, 1:])
@@ -98,7 +92,7 @@ def _placed(u):
     return np.array([max(np.argmax(after) - 1, 0), len(u) - max(np.argmax(before[::-1]) - 1, 0)])
 
 
-def steady_rests(f, w, rests, bias, step):
+def without_tilts(f, w, rests, bias, step):
     """Return rests less the ends in which the device tilts, and the tilt that each still has, rad.
 
     A rest keeps the longest stretch of its parts without a tilt, if no more than `CUT` of it is
@@ -141,13 +135,11 @@ def rest_tilts(f, w, rests, bias, step):
         return []
     width = max(round(SHORT_BLOCK / step), 1)
     length = max(round(PART / step), 4 * width)
-    parts = [_divided(i, j, (j - i) // length) for i, j in rests]
+    parts = [divided(i, j, (j - i) // length) for i, j in rests]
     begins = np.concatenate([np.arange(len(each)) == 0 for each in parts])
     courses = [_courses(f, w, i, j, bias, width, step) for i, j in np.concatenate(parts)]
     # neighbours differ by noise, and by little of a tilt
-    noise = np.median(
-        [np.mean(np.diff(y, axis=0) ** 2) / 2 for y, _ in courses if len(y) > 1] or [0.0]
-    )
+    noise = np.median([np.mean(np.diff(y, axis=0) ** 2) / 2 for y, _ in courses if len(y) > 1])
     gain = np.array([np.sum(y * x - x**2 / 2) for y, x in courses])
     size = np.array([np.sqrt((x**2).sum(axis=1).mean()) for _, x in courses])
     # an accelerometer drifts, too: what is left has to be noise, but for three standard deviations
@@ -166,15 +158,9 @@ def rest_tilts(f, w, rests, bias, step):
     return list(zip(parts, tilts, strict=True))
 
 
-def _divided(first, last, count):
-    """Return a range in so many even parts, at least one, (k, 2)."""
-    edges = np.linspace(first, last, max(count, 1) + 1).astype(int)
-    return np.column_stack([edges[:-1], edges[1:]])
-
-
 def _courses(f, w, first, last, bias, width, step):
     """Return the course of gravity's direction, and that which the gyroscope gives it, (b, 3)."""
-    blocks = _divided(first, last, (last - first) // width) - first
+    blocks = divided(first, last, (last - first) // width) - first
     turned = np.cumsum((w[:, first:last].T - bias) * step, axis=0)
     u, turned = (
         np.add.reduceat(x, blocks[:, 0], axis=0) / np.diff(blocks)
@@ -182,6 +168,4 @@ def _courses(f, w, first, last, bias, width, step):
     )
     mean = u.mean(axis=0)
     size = np.linalg.norm(mean)
-    if not size:
-        return np.zeros_like(u), np.zeros_like(u)
     return (u - mean) / size, np.cross(mean / size, turned - turned.mean(axis=0))

@@ -1,6 +1,7 @@
 """Windows: sliding mean and variance in time proportional to the number of samples."""
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from imuloop.core.samples import CHANNELS, sums_over
 
@@ -16,17 +17,14 @@ def sliding_statistics(x, n):
     """
     offset = np.median(x, axis=0)
     x = x - offset
-    out = np.empty((2, *x.shape))
-    # the first whole window is centred on this sample
-    first = n // 2
-    for statistic, y in zip(out, (x, x * x), strict=True):
-        windows = statistic[first : first + len(x) - n + 1]
-        np.divide(_window_sums(y, n), n, out=windows)
-        statistic[:first], statistic[first + len(windows) :] = windows[0], windows[-1]
-    mean, variance = out
+    mean, variance = (uniform_filter1d(y, n, axis=0) for y in (x, x * x))
     variance -= mean * mean
     np.maximum(variance, 0.0, out=variance)
     mean += offset
+    # the first whole window is centred on this sample
+    first, last = n // 2, n // 2 + len(x) - n
+    for statistic in (mean, variance):
+        statistic[:first], statistic[last:] = statistic[first], statistic[last]
     return mean, variance
 
 
@@ -42,24 +40,6 @@ def block_means(rows, ranges, width):
     whole = np.column_stack([first, first + width])
     means = np.column_stack([sums_over(rows[name], whole) for name in CHANNELS]) / width
     return first, np.column_stack([edges[:-1], edges[1:]]), means
-
-
-def _window_sums(y, n):
-    """Return the sum of each window of `n` values, shape (m - n + 1, …), from those within alone.
-
-    A running sum, as of scipy's `uniform_filter1d`, would lose its digits after one value that is
-    far too large; the variance of pandas' `rolling` is 2 % off in a rest after fast turns. Here a
-    window, which lies in two blocks of n, is the end of one and the begin of the next.
-    """
-    count = len(y) - n + 1
-    blocks = np.zeros((len(y) // n + 1, n, *y.shape[1:]))
-    flat = blocks.reshape(-1, *y.shape[1:])
-    flat[: len(y)] = y
-    ends = np.cumsum(blocks[:, ::-1], axis=1)[:, ::-1]
-    # what begins with a block ends with it
-    np.cumsum(blocks, axis=1, out=blocks)
-    blocks[:, -1] = 0.0
-    return ends.reshape(flat.shape)[:count] + flat[n - 1 : n - 1 + count]
 
 
 def rounding_variance(x):

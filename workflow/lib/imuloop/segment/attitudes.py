@@ -1,6 +1,4 @@
-"""Thresholds of the static detector, chosen by the accuracy of the resulting calibration."""
-
-import itertools
+"""Attitudes of a session, and how well they determine a calibration."""
 
 import numpy as np
 from scipy.special import chdtri
@@ -11,13 +9,9 @@ from imuloop.core.samples import sums_over
 PRIOR_SCALE, PRIOR_BIAS = 0.05, 0.1
 # standard deviation of a pose's norm, of g, that counts as one observation beside the poses
 POSE_NORM = 1e-4
-# relative difference of the expected error for which no attitude is given up: chance among fifty
-# pairs, and an effect that the model lacks, must not decide which poses are looked at
-EQUAL = 0.5
-# the same of errors that differ by their last digits
-ROUNDING = 1e-9
-
-
+# rests nearer than this, with no turn between, are one attitude, rad: two means that are θ apart
+# pool to a norm short by θ²/8, so half a degree costs 1e-5 of g
+SAME_ATTITUDE = 0.0087
 # of scale and misalignment, then bias
 _PRIOR = np.array([PRIOR_SCALE] * 6 + [PRIOR_BIAS] * 3)
 # mean of the design's outer product over all directions: E x⁴ = 1/5, E x²y² = 1/15, E x² = 1/3
@@ -39,13 +33,15 @@ def expected_error(f):
     all directions, relative to g, with the upper 95 % limit of σ² from the residual sum S and its
     n − tr H degrees of freedom: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1). More poses lower C, worse
     poses raise σ; few poses with a small residual by luck are not believed.
-    Takes the mean specific force of each attitude, m/s², shape (n, 3).
+    Takes the mean specific force of each attitude, m/s², shape (n, 3); infinite without one.
 
     References
     ----------
     Atkinson, Donev, Tobias, "Optimum experimental designs, with SAS", 2007, section 10.6
     (V-optimality: the mean variance of prediction).
     """
+    if not len(f):
+        return np.inf
     u = f / np.median(np.linalg.norm(f, axis=1))
     x, y, z = u.T
     root = np.sqrt(2)
@@ -63,47 +59,16 @@ def expected_error(f):
     return float(np.sqrt(_PRIOR @ (covariance * _MOMENTS) @ _PRIOR))
 
 
-def attitudes(force, rests, same_attitude):
+def attitudes(force, rests):
     """Return the mean specific force of each attitude: neighbouring rests that agree are one.
 
-    Takes specific force, m/s², (3, n), ranges of samples, and the angle within which two agree,
-    rad.
+    Takes specific force, m/s², (3, n), and ranges of samples.
     """
     if not len(rests):
         return np.empty((0, 3))
     sums = sums_over(force.T, rests)
     u = sums / np.linalg.norm(sums, axis=1, keepdims=True)
     angle = 2 * np.arcsin(np.clip(np.linalg.norm(np.diff(u, axis=0), axis=1) / 2, 0, 1))
-    group = np.concatenate([[0], np.cumsum(angle > same_attitude)])
+    group = np.concatenate([[0], np.cumsum(angle > SAME_ATTITUDE)])
     n = np.bincount(group, np.diff(rests, axis=1).ravel())
     return np.column_stack([np.bincount(group, x) for x in sums.T]) / n[:, None]
-
-
-def choose_multiples(force, detect, settings):
-    """Return the pair of multiples whose poses calibrate best, and the lowest error of any pair.
-
-    The sum of squares over the poses falls with each pose that is lost, and even their mean
-    square, held out or not, says nothing of the attitudes that are missing. So pairs are compared
-    by `expected_error`. Up to half above the lowest they count as equal: few poses have a small
-    residual by luck, and poses that show what the model lacks would be left out first. Of these the
-    most attitudes win, then the fewest pieces that they fall into, then the lowest error, then the
-    widest pair.
-
-    Takes specific force, m/s², (3, n), and a function from a pair of multiples to the rests,
-    (m, 2). The pair is None, and the error infinite, where none finds a rest.
-    """
-    found = []
-    pairs = itertools.product(settings.accelerometer_multiples, settings.gyroscope_multiples)
-    for pair in pairs:
-        rests = detect(pair)
-        if len(rests):
-            f = attitudes(force, rests, settings.same_attitude)
-            found.append((expected_error(f), (-len(f), len(rests)), pair))
-    if not found:
-        return None, np.inf
-    lowest = min(error for error, *_ in found)
-    equal = [each for each in found if each[0] <= (1 + EQUAL) * lowest]
-    best = min(count for _, count, _ in equal)
-    alike = [(error, pair) for error, count, pair in equal if count == best]
-    least = min(error for error, _ in alike)
-    return [pair for error, pair in alike if error <= (1 + ROUNDING) * least][-1], lowest
