@@ -195,13 +195,8 @@ class NewLog:
         for kind in OF_SENSOR[sensor]:
             own = squares[:, self.kinds[0] == kind]
             if own.size:
-                rms, floor = np.sqrt(own.mean(axis=1)).tolist()
-                found[kind] = {
-                    "unit": KINDS[kind][0],
-                    "n": own.shape[1],
-                    "rms": rms,
-                    "floor": floor,
-                }
+                sizes = zip(("rms", "floor"), np.sqrt(own.mean(axis=1)).tolist(), strict=True)
+                found[kind] = {"unit": KINDS[kind][0], "n": own.shape[1], **dict(sizes)}
         return found
 
 
