@@ -57,7 +57,7 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
 
 def _new_biases(log, updated):
     """Return the change of all parameters, none but biases of some sensors, and covariance."""
-    (old, covariance), jacobian = log.prior, log.about(0.0).jacobian
+    (old, covariance), jacobian = log.prior, log.unchanged.jacobian
     biases = [place for name in updated for place in log.places(name, BIASES)]
     basis, rest = np.eye(len(old.x))[:, biases], np.ones(len(old.x))
     rest[biases] = 0.0

@@ -103,12 +103,17 @@ class NewLog:
     def noise(self):
         """Covariance of the n residuals, grown with the reduced χ² that the calibration had."""
         size = np.sqrt([getattr(self.calibration, owner).excess for owner in self.kinds[1]])
-        return self.about(0.0).noise.by(self.model) * np.outer(size, size)
+        return self.unchanged.noise.by(self.model) * np.outer(size, size)
 
     @cached_property
     def kinds(self):
         """Kind of each residual, and whose it is, (n,) of str."""
         return self.factors.kinds_of_rows(self.recording)
+
+    @cached_property
+    def unchanged(self):
+        """The Linearised factors with the old parameters."""
+        return self.about(0.0)
 
     def about(self, change):
         """Return the Linearised factors after a change of the old parameters, (p,)."""
@@ -135,7 +140,7 @@ class NewLog:
         """
         (old, covariance), own = self.prior, self.kinds[1] == sensor
         root = cholesky(self.noise[np.ix_(own, own)], lower=True)
-        shown = solve_triangular(root, self.about(0.0).jacobian[own], lower=True)
+        shown = solve_triangular(root, self.unchanged.jacobian[own], lower=True)
         groups = {"b": [], "K": [], "T": []}
         for name in getattr(self.calibration, sensor).names:
             groups.setdefault(name.partition(".")[0].rstrip("012"), []).append(name)
@@ -173,9 +178,10 @@ class NewLog:
             at = self.about(basis @ change)
             return SimpleNamespace(residual=at.residual, jacobian=at.jacobian @ basis)
 
-        start, jacobian = np.zeros(basis.shape[1]), self.about(0.0).jacobian
+        jacobian = self.unchanged.jacobian
         known, size = jacobian @ prior @ jacobian.T, np.ones(len(jacobian))
-        at = linearise(fit(linearise, start, self.noise + known).x)
+        start = fit(linearise, np.zeros(basis.shape[1]), self.noise + known).x
+        at = linearise(start)
         groups = [self.kinds[1] == sensor for sensor in self.factors.sensors]
         squares, _ = chi_square(at.residual, self.noise + known, at.jacobian, groups)
         for own, (square, dof) in zip(groups, squares, strict=True):
@@ -191,7 +197,7 @@ class NewLog:
 
         With the size that is expected by their covariance, (n, n).
         """
-        squares, found = np.stack([self.about(0.0).residual ** 2, np.diag(expected)]), {}
+        squares, found = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
         for kind in OF_SENSOR[sensor]:
             own = squares[:, self.kinds[0] == kind]
             if own.size:
