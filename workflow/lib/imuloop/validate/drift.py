@@ -90,12 +90,8 @@ class Drift:
 
     def to_dict(self):
         """Return what a JSON file holds."""
-        return {
-            "format": 1,
-            "drifted": self.drifted,
-            "bias_only": self.bias_only,
-            **asdict(self),
-        }
+        found = {"drifted": self.drifted, "bias_only": self.bias_only}
+        return {"format": 1, **found, **asdict(self)}
 
 
 def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn_on=None):
@@ -185,10 +181,10 @@ def _test(log, turn_on, level):
     parts = [slice(end - n, end) for n, end in zip(sizes, np.cumsum(sizes), strict=True)]
     joint = [float(change[at] @ np.linalg.solve(covariance[at, at], change[at])) for at in parts]
     together = holm([chdtrc(n, x) for n, x in zip(sizes, joint, strict=True)])
-    found = {
-        name: SensorDrift(None, untested=getattr(log.calibration, name).names, why=why)
-        for name, why in log.untestable.items()
-    }
+    found = {}
+    for name, why in log.untestable.items():
+        untested = getattr(log.calibration, name).names
+        found[name] = SensorDrift(None, untested=untested, why=why)
     each = zip(tests.items(), parts, joint, together.tolist(), strict=True)
     for (name, own), at, square, p_holm in each:
         numbers = zip(own.names, own.units, rows[at], strict=True)
