@@ -12,6 +12,8 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import Calibration
+from imuloop.core.noise_model import AxisNoise
+from imuloop.core.samples import ACCELERATION
 from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.effects.other_sensor import GSensitivity
@@ -193,6 +195,13 @@ def test_what_was_never_calibrated_is_not_tested(still, truth, noise, calibratio
     assert force.drifted is None and "estimated nothing" in force.why
     # without an accelerometer there is no direction of gravity: rests alone
     assert {c.name for c in turn.changes} == {"b0", "b1", "b2"} and not drift.drifted
+    # nor is there one where the accelerometer of the new log is dead
+    log = drawn(still, truth, 13)
+    poses = replace(log.poses, f=0 * log.poses.f, variance=log.poses.variance * [0, 0, 0, 1, 1, 1])
+    silent = replace(noise, axes=noise.axes | dict.fromkeys(ACCELERATION, AxisNoise()))
+    dead = check_drift(calibrations[0], replace(log, poses=poses), silent)
+    assert "noise is not known" in dead.sensors["accelerometer"].why
+    assert dead.sensors["gyroscope"].dof == 3 and not dead.drifted
     bare = [SensorCalibration.nominal(u, "none") for u in (ACCELERATION_UNIT, RATE_UNIT)]
     with pytest.raises(ImuloopError, match=r"nothing can be tested: accelerometer: .*gyroscope: "):
         check_drift(Calibration("d", 9.8, *bare), still, noise)

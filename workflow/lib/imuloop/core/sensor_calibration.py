@@ -55,6 +55,11 @@ class SensorCalibration:
         """Whether the data that it was measured from are unexplained."""
         return self.measured and self.verdict == "unexplained"
 
+    @property
+    def excess(self):
+        """Reduced χ² of its fit where above one: so many times its noise is that of the data."""
+        return max(1.0, self.reduced_chi2 or 1.0)
+
     def output(self, values):
         """Return ``K (raw - b)`` of values in SI units as logged, shape (n, 3)."""
         return (self.raw_unit.from_si(values) - self.b) * self.K

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from imuloop.core.samples import SENSORS
-from imuloop.model.raw_units import as_logged, si_factor
+from imuloop.model.raw_units import state_of
 from imuloop.model.state import parameters
 
 # noise coefficients, white, flicker and walk, with their SI units
@@ -41,22 +41,17 @@ def of_calibrations(calibrations):
 
     SI as logged; a scale factor is relative to the nominal one, less 1.
     """
-    names = parameters()
-    std = np.array([[_error(getattr(c, s), name) for s, name, _ in names] for c in calibrations])
-    values = [np.concatenate([as_logged(s, getattr(c, s)) for s in SENSORS]) for c in calibrations]
-    values = np.array(values) - [name[0] == "K" for _, name, _ in names]
-    values[~np.isfinite(std)] = np.nan
+    names, values, std = parameters(), [], []
+    for calibration in calibrations:
+        state, covariance = state_of(calibration, ())
+        prior = [name in getattr(calibration, sensor).unimproved for sensor, name, _ in names]
+        values.append(state.x - [name[0] == "K" for _, name, _ in names])
+        std.append(np.where(prior, 0.0, np.sqrt(np.diag(covariance))))
+    values, std = (np.where(np.array(std) > 0, each, np.nan) for each in (values, std))
     return [
         Estimates(f"{sensor}.{name}", unit, False, values[:, i], std[:, i])
         for i, (sensor, name, unit) in enumerate(names)
     ]
-
-
-def _error(sensor, name):
-    """Return the standard error of a parameter, SI as logged; nan where no data determined it."""
-    if name in sensor.unimproved:
-        return np.nan
-    return sensor.std.get(name, np.nan) * si_factor((name,), sensor.raw_unit)[0]
 
 
 def of_noise(noises):

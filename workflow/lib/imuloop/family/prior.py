@@ -12,8 +12,8 @@ from imuloop.effects.turn_on_bias import turn_on_std
 from imuloop.family import LEAST_OTHERS
 from imuloop.family.random_effects import fit
 from imuloop.model.prior import DATA_SHEET
-from imuloop.model.raw_units import as_logged, si_factor
-from imuloop.model.state import NAMES
+from imuloop.model.raw_units import state_of
+from imuloop.model.state import BASE, NAMES
 
 # eigenvalue of a correlation matrix below which it is singular
 _SMALLEST = 1e-13
@@ -68,19 +68,17 @@ def of_calibration(prior, calibration, source):
     """
     if not calibration.measured:
         raise ImuloopError("nothing was measured there")
+    state, found = state_of(calibration, ())
     for sensor, names in NAMES.items():
-        earlier = getattr(calibration, sensor)
-        known = [k for k, name in enumerate(names) if name in earlier.names]
-        if not known:
+        earlier, at = getattr(calibration, sensor), BASE[sensor]
+        known = np.isin(names, earlier.names)
+        if not known.any():
             continue
-        rows = [earlier.names.index(names[k]) for k in known]
         mean, covariance = (values.copy() for values in prior.of(sensor))
-        factor = si_factor([names[k] for k in known], earlier.raw_unit)
-        mean[known] = as_logged(sensor, earlier)[known]
-        found = earlier.covariance[np.ix_(rows, rows)] * np.outer(factor, factor)
-        covariance[np.ix_(known, known)] = found
         scatter = np.append(np.zeros(len(names) - 3), np.square(turn_on_std(earlier, sensor)))
-        covariance[known, known] += scatter[known]
+        mean[known] = state.x[at][known]
+        both = np.ix_(known, known)
+        covariance[both] = (found[at, at] + np.diag(scatter))[both]
         size = np.sqrt(np.diag(covariance))
         if not size.all() or np.linalg.eigvalsh(covariance / np.outer(size, size))[0] < _SMALLEST:
             raise ImuloopError(f"{sensor}: the covariance is singular")

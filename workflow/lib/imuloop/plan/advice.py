@@ -113,8 +113,8 @@ def next_pose_or_turn(calibration, noise, recording, enough, letters="TKb"):
     made = recorded(steps, up[-1], calibration, recording)
     factors = Factors(calibration.gravity)
     new = factors.about(made, state).at(state.x)
-    excess = {s: max(1.0, getattr(calibration, s).reduced_chi2 or 1.0) for s in SENSORS}
-    size = np.sqrt([excess[s] for s in factors.owners(made).tolist()])
+    owners = factors.owners(made).tolist()
+    size = np.sqrt([getattr(calibration, owner).excess for owner in owners])
     R, after = new.noise.by(noise) * size[:, None] * size, []
     # the second rest of each session: the first is known already
     ends = factors.rows(made)[0].max(axis=1)

@@ -35,9 +35,8 @@ def poses(session, rate, rng):
     if session.kind == "six_position":
         up = tilted(np.tile(FACES, (session.repeats, 1)), session.placement_deg, rng)
     else:
-        up = np.vstack(
-            [np.divide(session.up, np.linalg.norm(session.up)), spread(session.poses, rng)]
-        )
+        start = np.divide(session.up, np.linalg.norm(session.up))
+        up = np.vstack([start, spread(session.poses, rng)])
     yawed = set(rng.permutation(len(up))[: session.turns_about_vertical])
     shaken, motor = set(), session.vibration
     if motor:
@@ -57,10 +56,8 @@ def poses(session, rate, rng):
     for pose, here in enumerate(up):
         if pose > 0:
             twist = Rotation.from_rotvec(up[pose - 1] * rng.uniform(-60, 60) * DEGREE)
-            turn = twist * Rotation.from_rotvec(shortest_turn(up[pose - 1], here))
-            pieces.append(
-                move(samples(session.move_s), 1 / rate, turn.as_rotvec(), rng=rng, **HAND)
-            )
+            turn = (twist * Rotation.from_rotvec(shortest_turn(up[pose - 1], here))).as_rotvec()
+            pieces.append(move(samples(session.move_s), 1 / rate, turn, rng=rng, **HAND))
             pieces.append(held(pose))
         if pose in yawed:
             angle = rng.choice([-1, 1]) * rng.uniform(40, 150) * DEGREE

@@ -75,14 +75,11 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
         axes[0] -= axes[0] @ turn * np.asarray(turn) / max(np.dot(turn, turn), 1e-12)
         axes /= np.linalg.norm(axes, axis=1, keepdims=True)
         omega, phase = 2 * np.pi * rng.uniform(*TREMOR), rng.uniform(0, 2 * np.pi, 2)
-        wave, wave_rate = (
-            np.sin(omega * tau * duration + phase[0]),
-            omega * np.cos(omega * tau * duration + phase[0]),
-        )
+        angle = omega * tau * duration + phase[0]
+        wave, wave_rate = np.sin(angle), omega * np.cos(angle)
         factors.append((axes[0], wobble * fade, wobble * fade_rate))
-        factors.append(
-            (axes[1], tremor * fade * wave, tremor * (fade_rate * wave + fade * wave_rate))
-        )
+        trembling = tremor * (fade_rate * wave + fade * wave_rate)
+        factors.append((axes[1], tremor * fade * wave, trembling))
         # the hand starts and stops, so the slow part of its acceleration has zero mean
         slow, fast = rng.standard_normal((2, 3)) * shake
         acceleration = fade[:, None] * (

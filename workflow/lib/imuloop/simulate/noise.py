@@ -81,13 +81,8 @@ def axis_noise(n, dt, noise, axis, seed):
     children = seed.spawn(4 + len(noise.gauss_markov) + len(noise.sinusoid))
     rngs = iter([np.random.default_rng(child) for child in children])
     total = ramp(n, dt, noise.R[axis])
-    for process, value in (
-        (white, noise.N[axis]),
-        (quantisation, noise.Q[axis]),
-        (flicker, noise.B[axis]),
-        (walk, noise.K[axis]),
-    ):
-        rng = next(rngs)
+    for process, name in zip((white, quantisation, flicker, walk), "NQBK", strict=True):
+        value, rng = getattr(noise, name)[axis], next(rngs)
         if value:
             total += process(n, dt, value, rng)
     for term in noise.gauss_markov:

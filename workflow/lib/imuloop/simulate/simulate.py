@@ -100,9 +100,6 @@ def write_log(path, log, metadata):
 
 def log_metadata(truth, session):
     """Return what a log says of itself: its truth's name and units, never its effects."""
-    units = {
-        "acceleration": truth.accelerometer.raw_unit,
-        "angular_rate": truth.gyroscope.raw_unit,
-    }
-    kind = truth.sessions[session].kind
-    return {"truth": truth.name, "session": session, "kind": kind, "units": units}
+    force, turn = truth.accelerometer.raw_unit, truth.gyroscope.raw_unit
+    of = {"truth": truth.name, "session": session, "kind": truth.sessions[session].kind}
+    return of | {"units": {"acceleration": force, "angular_rate": turn}}

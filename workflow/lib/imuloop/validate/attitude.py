@@ -26,17 +26,11 @@ MODELS = ("raw", "base", "final")
 BLOCK, FEWEST = 5, 4
 # s of the rest before a stretch in which the filter settles, and of the rest after it
 SETTLE = 30.0
-COLUMNS = {
-    "session": object,
-    "stretch": int,
-    "block": int,
-    "method": object,
-    "model": object,
-    "t_s": float,
-    "after_s": float,
-    "at": object,
-    "error_deg": float,
-}
+# of attitude.parquet, with their types
+COLUMNS = "session", "stretch", "block", "method", "model", "t_s", "after_s", "at", "error_deg"
+COLUMNS = dict.fromkeys(COLUMNS, object)
+COLUMNS |= dict.fromkeys(("stretch", "block"), int)
+COLUMNS |= dict.fromkeys(("t_s", "after_s", "error_deg"), float)
 
 
 def validate_attitude(device, diagnosed, settings):
@@ -74,14 +68,12 @@ def validate_attitude(device, diagnosed, settings):
         models = held_out_models(diagnosed, problem)
     except LinAlgError as error:
         return no_attitude(device, why_no_fit(error))
-    u = [_directions(each["final"], recording) for each in models]
-    errors = _errors(recording, block, models, u, diagnosed.names)
+    errors = _errors(recording, block, models, diagnosed.names)
     methods = {m: _summary(errors, m) for m in METHODS}
     floor = _rotation_floor(problem, poses.solution)
     methods["rotation"]["floor_deg"] = float(np.degrees(floor))
-    effects = [
-        {s: [e.name for e in getattr(each["final"], s).effects] for s in SENSORS} for each in models
-    ]
+    final = [each["final"] for each in models]
+    effects = [{s: [e.name for e in getattr(c, s).effects] for s in SENSORS} for c in final]
     content = {"format": FORMAT, "device": device, "status": "ok", "effects": effects}
     return content | {"methods": methods}, errors
 
@@ -127,18 +119,15 @@ def held_out_models(diagnosed, problem):
 
 
 def _directions(calibration, recording):
-    """Return gravity's direction at all poses by an accelerometer, (n, 3)."""
-    poses, force = recording.poses, calibration.accelerometer
-    channels = recording.pose_channels("accelerometer", force.output, poses.w)
-    f = force.apply(poses.f, channels)
+    """Return gravity's direction at all poses by a Calibration, (n, 3)."""
+    f, _ = recording.calibrated_force(calibration.accelerometer)
     return f / np.linalg.norm(f, axis=1, keepdims=True)
 
 
-def _errors(recording, block, models, directions, names):
+def _errors(recording, block, models, names):
     """Return the table of errors: of each stretch, those of all methods and models.
 
-    Takes the models of each block, gravity's direction at the poses by the final one, (n, 3) each,
-    and the names of the sessions.
+    Takes the block of each pose, the models of each block and the names of the sessions.
     """
     tables, last = [], None
     for number, stretch in enumerate(stretches(recording, block)):
@@ -148,28 +137,21 @@ def _errors(recording, block, models, directions, names):
             log, last = recording.logs[session], place
             whole = log.f, log.w, log.t, log.temperature
             calibrated = {model: models[k][model].calibrated(*whole) for model in MODELS}
-        u = directions[k][stretch.poses]
+            directions = _directions(models[k]["final"], recording)
         arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
         both = np.column_stack([arrive, leave])[1:]
+        # since the rest before, or since the stretch's first
+        after = {"rotation": arrive[1:] - leave[:-1], "filter": both - leave[0]}
         for model, (f, w) in calibrated.items():
             turns = step_vectors(w[stretch.piece], np.diff(stretch.t))
             for method, errors in METHODS.items():
-                error = errors(turns, f[stretch.piece], stretch, u)
-                # since the rest before, or since the stretch's first
-                after = arrive[1:] - leave[:-1] if method == "rotation" else both - leave[0]
+                error = errors(turns, f[stretch.piece], stretch, directions[stretch.poses])
                 ends = error.shape[1]
-                columns = {
-                    "session": names[session],
-                    "stretch": number,
-                    "block": k,
-                    "method": method,
-                    "model": model,
-                    "t_s": both[:, :ends].ravel(),
-                    "after_s": after.ravel(),
-                    "at": ["arrival", "departure"][:ends] * len(error),
-                    "error_deg": np.degrees(error).ravel(),
-                }
-                tables.append(pd.DataFrame(columns))
+                at = ["arrival", "departure"][:ends] * len(error)
+                times = both[:, :ends].ravel(), after[method].ravel()
+                of = names[session], number, k, method, model
+                row = *of, *times, at, np.degrees(error).ravel()
+                tables.append(pd.DataFrame(dict(zip(COLUMNS, row, strict=True))))
     return pd.concat(tables, ignore_index=True)
 
 
@@ -179,17 +161,15 @@ def _summary(rows, method):
     by_model = {model: rows[rows["model"] == model] for model in MODELS}
     errors = {model: each["error_deg"].to_numpy() for model, each in by_model.items()}
     base, final = (errors[m][:, None] for m in ("base", "final"))
+    models = {
+        model: {"rms_deg": float(np.sqrt((e**2).mean())), "p95_deg": float(np.quantile(e, 0.95))}
+        for model, e in errors.items()
+    }
     low, high = ratio_interval(by_model["base"]["block"].to_numpy(), base, final)
     return {
         "n": len(base),
         "duration_s": float(by_model["base"]["after_s"].median()),
-        "models": {
-            model: {
-                "rms_deg": float(np.sqrt((e**2).mean())),
-                "p95_deg": float(np.quantile(e, 0.95)),
-            }
-            for model, e in errors.items()
-        },
+        "models": models,
         "base_over_final": float(np.sqrt((base**2).sum() / (final**2).sum())),
         "ratio_ci95": [1 / high, 1 / low if low else None],
     }
@@ -197,10 +177,9 @@ def _summary(rows, method):
 
 def _rotation_floor(problem, solution):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
-    pair, recording = problem.sensor, problem.recording
-    at = pair.linearised(solution, recording)
-    own = slice(len(at.residual))
-    covariance = held_out_covariance(at.noise.by(pair.noise), at.jacobian, problem.row_parts[own])
+    at, own = problem.sensor.linearised(solution, problem.recording), slice(len(solution.white))
+    noise = at.noise.by(problem.sensor.noise)
+    covariance = held_out_covariance(noise, at.jacobian, problem.row_parts[own])
     return np.sqrt(2 * np.diag(covariance)[problem.of_kind("rotation")[own]].mean())
 
 

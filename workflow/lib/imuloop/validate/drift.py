@@ -3,20 +3,15 @@
 from dataclasses import asdict, dataclass
 
 import numpy as np
-from scipy.linalg import LinAlgError, cholesky, solve_triangular
+from scipy.linalg import LinAlgError
 from scipy.special import chdtrc, ndtr
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.p_values import holm
 from imuloop.core.samples import SENSORS
 from imuloop.effects.turn_on_bias import turn_on_std
-from imuloop.estimate.least_squares import chi_square
-from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
+from imuloop.validate.new_log import BIASES, NewLog
 
-# level at which a misfit of the new log widens the errors
-MISFIT = 0.01
-# degrees of freedom below which nothing is left to judge a misfit by
-LEAST_DOF = 0.5
 SCALES = ("K0", "K1", "K2")
 
 
@@ -95,12 +90,8 @@ class Drift:
 
     def to_dict(self):
         """Return what a JSON file holds."""
-        return {
-            "format": 1,
-            "drifted": self.drifted,
-            "bias_only": self.bias_only,
-            **asdict(self),
-        }
+        found = {"drifted": self.drifted, "bias_only": self.bias_only}
+        return {"format": 1, **found, **asdict(self)}
 
 
 def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn_on=None):
@@ -112,8 +103,12 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     change of those parameters that the log determines is the δ of least
     ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If it determines all of them, δ is the difference to a new
     calibration, and its covariance the sum of both. The scatter of a bias from one switching on to
-    the next adds to that covariance. Two families of tests share the level: each
-    parameter by itself, and one χ² test per sensor of all together; each family after Holm.
+    the next adds to that covariance. Two families of tests share the level: each parameter by
+    itself, and one χ² test per sensor of all together; each family after Holm.
+
+    The δ of all parameters together is the change that each has while others change, too. The
+    difference between a fit with the old calibration as prior and that calibration is not: it
+    spreads the change of one parameter over those that C or the log confuse it with.
 
     Parameters
     ----------
@@ -143,110 +138,59 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     """
     if not len(recording.poses):
         raise ImuloopError("the log holds no rest: nothing can be tested")
-    recording, gravity = recording.of_new_power_cycles(), gravity or calibration.gravity
+    allowed = {name: turn_on_std(getattr(calibration, name), name) for name in SENSORS}
     if turn_on:
         allowed = {name: (float(std),) * 3 for name, std in zip(SENSORS, turn_on, strict=True)}
-    else:
-        allowed = {name: turn_on_std(getattr(calibration, name), name) for name in SENSORS}
     try:
-        residuals = DriftResiduals.of(calibration, recording, noise, gravity)
-        if not residuals.tested:
-            why = "; ".join(f"{name}: {why}" for name, why in residuals.untestable.items())
+        log = NewLog.of(calibration, recording, noise, gravity)
+        if not log.factors.sensors:
+            why = "; ".join(f"{name}: {why}" for name, why in log.untestable.items())
             raise ImuloopError(f"nothing can be tested: {why}")
-        sensors = _test(residuals, allowed, level / 2)
+        sensors = _test(log, allowed, level / 2)
     except LinAlgError as error:
         raise ImuloopError(
             "nothing can be tested: the calibration is so far from the log, or its errors are so "
             "large, that rounding leaves nothing of the noise"
         ) from error
-    rotations = 0 if recording.rotations is None else len(recording.rotations)
-    return Drift(calibration.device, level, len(recording.poses), rotations, sensors)
+    counts = len(recording.poses), len(recording.rotations)
+    return Drift(calibration.device, level, *counts, sensors)
 
 
-def _test(residuals, turn_on, level):
+def _test(log, turn_on, level):
     """Return the SensorDrift of each sensor.
 
     Takes what of the bias is allowed for, by sensor, and the level of each family of tests.
     """
-    old, tested = residuals.old, residuals.tested
-    r, jacobian = residuals.at(old.x)
-    tests = [testable(residuals, name, jacobian) for name in tested]
-    basis = np.hstack([own[0] for own in tests])
-    scatter = np.zeros(len(old.x))
+    (old, known), tests = log.prior, {name: log.testable(name) for name in log.factors.sensors}
+    basis, scatter = np.hstack([own.basis for own in tests.values()]), np.zeros(len(old.x))
     for name in SENSORS:
-        scatter[residuals.places(name, BIASES)] = np.square(turn_on[name])
+        scatter[log.places(name, BIASES)] = np.square(turn_on[name])
     # the log alone determines the change of a bias, so the scatter adds to its error. In S it would
     # hide the noise, as the derivative is not quite the same at the old and at the new parameters
     hidden = np.eye(len(basis)) - basis @ basis.T
-    change, covariance, expected = fit_change(
-        residuals, basis, residuals.covariance + hidden * scatter @ hidden
-    )
-    measured = np.sqrt(np.diag(covariance))
-    covariance = covariance + basis.T * scatter @ basis
+    change, measured, expected = log.fit_change(basis, known + hidden * scatter @ hidden)
+    covariance = measured + basis.T * scatter @ basis
     std = np.sqrt(np.diag(covariance))
     p_values = 2 * ndtr(-np.abs(change / std))
     # the change of a scale factor is relative
-    scaled = [name in SCALES for own in tests for name in own[1]]
-    factor = np.where(scaled, basis.T @ old.x, 1.0)
-    sizes = (each / factor for each in (change, measured, std))
-    numbers = *sizes, change / std, p_values, holm(p_values)
-    numbers = np.column_stack(numbers).tolist()
-    ends = np.cumsum([own[0].shape[1] for own in tests])
-    parts = [slice(end - own[0].shape[1], end) for own, end in zip(tests, ends, strict=True)]
+    scaled = [name in SCALES for own in tests.values() for name in own.names]
+    numbers = np.array([change, np.sqrt(np.diag(measured)), std])
+    numbers /= np.where(scaled, basis.T @ old.x, 1.0)
+    rows = np.column_stack([*numbers, change / std, p_values, holm(p_values)]).tolist()
+    sizes = [len(own.names) for own in tests.values()]
+    parts = [slice(end - n, end) for n, end in zip(sizes, np.cumsum(sizes), strict=True)]
     joint = [float(change[at] @ np.linalg.solve(covariance[at, at], change[at])) for at in parts]
-    chances = [float(chdtrc(at.stop - at.start, x)) for x, at in zip(joint, parts, strict=True)]
-    found = {
-        name: SensorDrift(None, untested=residuals.estimated[name], why=why)
-        for name, why in residuals.untestable.items()
-    }
-    together = zip(tested, tests, parts, joint, holm(chances).tolist(), strict=True)
-    for name, (_, names, units, untested, why), at, square, p_holm in together:
-        rows = zip(names, units, numbers[at], strict=True)
-        changes = [Change(name, unit, *own, own[-1] < level) for name, unit, own in rows]
-        found[name] = SensorDrift(
-            p_holm < level or any(each.drifted for each in changes),
-            tuple(sorted(changes, key=lambda each: each.p_value)),
-            untested,
-            why,
-            square,
-            len(changes),
-            p_holm,
-            residuals.summary(name, r, np.diag(expected)),
-            turn_on[name],
-        )
+    together = holm([chdtrc(n, x) for n, x in zip(sizes, joint, strict=True)])
+    found = {}
+    for name, why in log.untestable.items():
+        untested = getattr(log.calibration, name).names
+        found[name] = SensorDrift(None, untested=untested, why=why)
+    each = zip(tests.items(), parts, joint, together.tolist(), strict=True)
+    for (name, own), at, square, p_holm in each:
+        numbers = zip(own.names, own.units, rows[at], strict=True)
+        changes = [Change(key, unit, *row, row[-1] < level) for key, unit, row in numbers]
+        drifted = p_holm < level or any(change.drifted for change in changes)
+        changes = tuple(sorted(changes, key=lambda change: change.p_value))
+        how = square, len(changes), p_holm, log.sizes(name, expected), turn_on[name]
+        found[name] = SensorDrift(drifted, changes, own.untested, own.why, *how)
     return {name: found[name] for name in SENSORS}
-
-
-def fit_change(residuals, basis, prior):
-    """Return the change δ of the parameters along a basis, (p, q), that a new log shows.
-
-    With its covariance, and the covariance S of the residuals before it. `prior`, (p, p), is the
-    covariance of the old parameters.
-    """
-    _, jacobian = residuals.at(residuals.old.x)
-    known, owners = jacobian @ prior @ jacobian.T, residuals.owners
-    excess = np.ones(len(owners))
-    *_, left = _solve(residuals, basis, residuals.noise + known)
-    groups = [owners == name for name in residuals.tested]
-    for at, (square, dof) in zip(groups, chi_square(*left, groups)[0], strict=True):
-        # the new log fits worse than its noise whatever the parameters: so do they
-        if dof > LEAST_DOF and chdtrc(dof, square) < MISFIT:
-            excess[at] = square / dof
-    size = np.sqrt(excess)
-    expected = residuals.noise * np.outer(size, size) + known
-    change, covariance, _ = _solve(residuals, basis, expected)
-    if not np.all(np.diag(covariance) > 0):
-        raise LinAlgError("rounding leaves a covariance indefinite")
-    return change, covariance, expected
-
-
-def _solve(residuals, basis, expected):
-    """Return the δ of least ``(r + J δ)ᵀ S⁻¹ (r + J δ)``, its covariance, and r, S and J there."""
-    change, root = np.zeros(basis.shape[1]), cholesky(expected, lower=True)
-    # nearly linear: the second step is for changes that are large
-    for _ in range(3):
-        r, jacobian = residuals.at(residuals.old.x + basis @ change)
-        design = solve_triangular(root, jacobian @ basis, lower=True)
-        change = change - np.linalg.lstsq(design, solve_triangular(root, r, lower=True))[0]
-    r, jacobian = residuals.at(residuals.old.x + basis @ change)
-    return change, np.linalg.inv(design.T @ design), (r, expected, jacobian @ basis)

@@ -7,11 +7,10 @@ import numpy as np
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import SENSORS
 from imuloop.model.raw_units import si_factor
-from imuloop.validate.drift import fit_change
-from imuloop.validate.drift_residuals import BIASES, DriftResiduals, testable
+from imuloop.validate.new_log import BIASES, NewLog
 
 
-def update_biases(calibration, recording, noise, log, *, gravity=None):
+def update_biases(calibration, recording, noise, source, *, gravity=None):
     """Replace the biases of a calibration by those that the rests of a new log show.
 
     With p the other parameters, as they are, and r the residuals at rest, ``|f| - g`` or the
@@ -24,7 +23,7 @@ def update_biases(calibration, recording, noise, log, *, gravity=None):
     ----------
     calibration, recording, noise : Calibration, Recording, NoiseModel
         The old calibration; rests of the new log, one power cycle; noise of the device.
-    log : str
+    source : str
         Name of the new log, for the calibration.
     gravity : float, optional
         Where the log was recorded, m/s^2; that of the calibration by default.
@@ -39,50 +38,42 @@ def update_biases(calibration, recording, noise, log, *, gravity=None):
     ImuloopError
         If the log determines the bias of neither sensor.
     """
-    nothing = recording.rotations.select(np.zeros(len(recording.rotations), dtype=bool))
-    rests = replace(recording.of_new_power_cycles(), rotations=nothing)
-    residuals = DriftResiduals.of(calibration, rests, noise, gravity or calibration.gravity)
-    _, jacobian = residuals.at(residuals.old.x)
-    kept = dict(residuals.untestable)
-    for name in residuals.tested:
-        if not set(BIASES) <= set(testable(residuals, name, jacobian)[1]):
-            kept[name] = f"the bias is not determined by {residuals.data(name)}"
+    log = NewLog.of(calibration, recording, noise, gravity, turns=False)
+    kept = dict(log.untestable)
+    for name in log.factors.sensors:
+        if not set(BIASES) <= set(log.testable(name).names):
+            kept[name] = f"the bias is not determined by {log.data(name)}"
             if name == "accelerometer":
                 kept[name] += "; it takes three or more in directions of their own"
     updated = [name for name in SENSORS if name not in kept]
     if not updated:
         why = "; ".join(f"{name}: {kept[name]}" for name in SENSORS)
         raise ImuloopError(f"no bias can be updated: {why}")
-    change, covariance = _new_biases(residuals, updated)
-    sensors = {
-        name: _with_bias(getattr(calibration, name), residuals, name, change, covariance)
-        for name in updated
-    }
-    logs = calibration.updated | dict.fromkeys(updated, log)
-    return replace(calibration, **sensors, updated=logs), kept
+    change, covariance = _new_biases(log, updated)
+    sensors = {name: _with_bias(log, name, change, covariance) for name in updated}
+    names = calibration.updated | dict.fromkeys(updated, source)
+    return replace(calibration, **sensors, updated=names), kept
 
 
-def _new_biases(residuals, updated):
+def _new_biases(log, updated):
     """Return the change of all parameters, none but biases of some sensors, and covariance."""
-    old = residuals.old
-    biases = np.concatenate([residuals.places(name, BIASES) for name in updated])
-    prior, change = residuals.covariance.copy(), np.zeros(len(old.x))
-    prior[biases], prior[:, biases] = 0.0, 0.0
-    found, own, expected = fit_change(residuals, np.eye(len(old.x))[:, biases], prior)
-    _, jacobian = residuals.at(old.x)
-    across = -own @ jacobian[:, biases].T @ np.linalg.solve(expected, jacobian @ prior)
-    change[biases] = found
-    prior[biases], prior[:, biases] = across, across.T
-    prior[np.ix_(biases, biases)] = own
-    return change, prior
+    (old, covariance), jacobian = log.prior, log.unchanged.jacobian
+    biases = [place for name in updated for place in log.places(name, BIASES)]
+    basis, rest = np.eye(len(old.x))[:, biases], np.ones(len(old.x))
+    rest[biases] = 0.0
+    prior = covariance * np.outer(rest, rest)
+    change, own, expected = log.fit_change(basis, prior)
+    across = -own @ (jacobian @ basis).T @ np.linalg.solve(expected, jacobian @ prior)
+    across = basis @ across
+    return basis @ change, prior + across + across.T + basis @ own @ basis.T
 
 
-def _with_bias(sensor, residuals, name, change, covariance):
-    """Return a SensorCalibration with the change of its bias, and its covariance."""
-    place, factor = residuals.places(name, sensor.names), si_factor(sensor.names, sensor.raw_unit)
+def _with_bias(log, name, change, covariance):
+    """Return the SensorCalibration of a name with the change of its bias, and its covariance."""
+    sensor = getattr(log.calibration, name)
+    place, factor = log.places(name, sensor.names), si_factor(sensor.names, sensor.raw_unit)
     # of all other parameters as it was, to the last bit
-    new, its = sensor.covariance.copy(), np.isin(sensor.names, BIASES)
-    of_bias = its | its[:, None]
-    new[of_bias] = (covariance[np.ix_(place, place)] / np.outer(factor, factor))[of_bias]
-    moved = change[residuals.places(name, BIASES)] / sensor.raw_unit.scale
+    its, new = np.isin(sensor.names, BIASES), covariance[np.ix_(place, place)]
+    new = np.where(its | its[:, None], new / np.outer(factor, factor), sensor.covariance)
+    moved = change[log.places(name, BIASES)] / sensor.raw_unit.scale
     return replace(sensor, b=sensor.b + moved, covariance=new)

@@ -1,0 +1,217 @@
+"""Residuals of a new log under an old calibration, and the changes that the log determines."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import SimpleNamespace
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.special import chdtrc
+
+from imuloop.calibrate.recording import Recording
+from imuloop.core.model import Calibration
+from imuloop.core.noise_model import NoiseModel
+from imuloop.core.samples import SENSORS
+from imuloop.core.sphere import count_attitudes
+from imuloop.estimate.least_squares import chi_square, covariance_of, fit
+from imuloop.factors.factors import KINDS, OF_SENSOR, Factors
+from imuloop.model.raw_units import state_of
+
+# condition number, each parameter in units of what the log shows of it, beyond which a set of
+# parameters is called undetermined
+LARGEST_CONDITION = 100.0
+# a parameter that the new log shows so many times worse than the old one is not tested
+WORST = 10.0
+BIASES = ("b0", "b1", "b2")
+# angle between two attitudes, rad
+APART = 0.35
+# level at which a misfit of the new log widens the errors
+MISFIT = 0.01
+# degrees of freedom below which nothing is left to judge a misfit by
+LEAST_DOF = 0.5
+
+
+@dataclass(frozen=True)
+class Testable:
+    """The changes of one sensor that a new log determines.
+
+    Those of all p parameters, a column each, (p, q), with names and SI units; names of the
+    parameters that the log does not determine, and why.
+    """
+
+    basis: np.ndarray
+    names: tuple
+    units: tuple
+    untested: tuple
+    why: str | None
+
+
+@dataclass(frozen=True)
+class NewLog:
+    """A new log of a device, and its residuals as a function of the old parameters.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        The old calibration, p parameters of both sensors.
+    recording : Recording
+        Rests, and turns between them, of other power cycles than those of the calibration.
+    model : NoiseModel
+        Noise of the device.
+    gravity : float
+        Where the log was recorded, m/s^2.
+    """
+
+    calibration: Calibration
+    recording: Recording
+    model: NoiseModel
+    gravity: float
+
+    @classmethod
+    def of(cls, calibration, recording, noise, gravity=None, turns=True):
+        """Return that of a Calibration, a Recording, a NoiseModel, and gravity, m/s^2.
+
+        Turns count where asked for, but not where misalignment and scale factor of a sensor were
+        not estimated: there is no direction of gravity.
+        """
+        if not (turns and all("K0" in getattr(calibration, sensor).names for sensor in SENSORS)):
+            none = np.zeros(len(recording.rotations), dtype=bool)
+            recording = replace(recording, rotations=recording.rotations.select(none))
+        recording = recording.of_new_power_cycles()
+        return cls(calibration, recording, noise, gravity or calibration.gravity)
+
+    @cached_property
+    def untestable(self):
+        """Why a sensor has no residuals, by its name."""
+        found = {s: self.recording.poses.unknown_noise(self.model, SENSORS[s]) for s in SENSORS}
+        for sensor in found:
+            if not getattr(self.calibration, sensor).names:
+                found[sensor] = "the calibration estimated nothing of it"
+        return {sensor: why for sensor, why in found.items() if why}
+
+    @cached_property
+    def factors(self):
+        """The Factors of the sensors that have residuals."""
+        return Factors(self.gravity, tuple(s for s in SENSORS if s not in self.untestable))
+
+    @cached_property
+    def prior(self):
+        """State of the old calibration, and its covariance, (p, p)."""
+        return state_of(self.calibration)
+
+    @cached_property
+    def noise(self):
+        """Covariance of the n residuals, grown with the reduced χ² that the calibration had."""
+        size = np.sqrt([getattr(self.calibration, owner).excess for owner in self.kinds[1]])
+        return self.unchanged.noise.by(self.model) * np.outer(size, size)
+
+    @cached_property
+    def kinds(self):
+        """Kind of each residual, and its sensor, (n,) of str."""
+        return self.factors.rows(self.recording)[1], self.factors.owners(self.recording)
+
+    @cached_property
+    def unchanged(self):
+        """The Linearised factors with the old parameters."""
+        return self.about(0.0)
+
+    def about(self, change):
+        """Return the Linearised factors after a change of the old parameters, (p,)."""
+        old, _ = self.prior
+        return self.factors.about(self.recording, replace(old, x=old.x + change)).at(old.x + change)
+
+    def places(self, sensor, names):
+        """Return where parameters of a sensor are among all."""
+        return [self.prior[0].names.index(f"{sensor}.{name}") for name in names]
+
+    def data(self, sensor):
+        """Return in words what the log holds for a sensor."""
+        rests = f"{len(self.recording.poses)} rest(s)"
+        if sensor == "accelerometer":
+            return f"{rests} in {count_attitudes(self.recording.poses.f, APART)} attitude(s)"
+        turns = np.count_nonzero(self.kinds[0] == "rotation") // KINDS["rotation"][1]
+        return f"{rests} and {turns} turn(s) between them"
+
+    def testable(self, sensor):
+        """Return the Testable changes of a sensor, by its own residuals.
+
+        The bias first, then scale factors, misalignments and each effect, as long as what is taken
+        in stays determined. What is left out is as the calibration has it, with its errors.
+        """
+        (old, covariance), own = self.prior, self.kinds[1] == sensor
+        root = cholesky(self.noise[np.ix_(own, own)], lower=True)
+        shown = solve_triangular(root, self.unchanged.jacobian[own], lower=True)
+        groups = {"b": [], "K": [], "T": []}
+        for name in getattr(self.calibration, sensor).names:
+            groups.setdefault(name.partition(".")[0].rstrip("012"), []).append(name)
+        taken, missed = [], []
+        for group in filter(None, groups.values()):
+            tried, new = (self.places(sensor, names) for names in ([*taken, *group], group))
+            worst = WORST * np.sqrt(np.diag(covariance)[new]) if taken else np.inf
+            # beyond the bias a check is asked for: one residual more than parameters
+            enough = len(shown) >= len(tried) + bool(taken)
+            if enough and np.all(_errors(shown[:, tried])[-len(new) :] <= worst):
+                taken += group
+            else:
+                missed += group
+        why = f"not determined by {self.data(sensor)}" if missed else None
+        basis = np.eye(len(old.x))[:, self.places(sensor, taken or BIASES)]
+        if not taken:
+            # not even the bias: the directions of it that the log does show
+            why += ", but for its bias along gravity"
+            _, size, axes = np.linalg.svd(shown @ basis)
+            axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]
+            axes = np.array([u * np.sign(u[np.argmax(np.abs(u))]) for u in axes])
+            taken = ["b along ({}, {}, {})".format(*(np.round(u, 2) + 0.0)) for u in axes]
+            basis = basis @ axes.T
+        units = tuple(old.units[k] for k in np.argmax(basis != 0, axis=0))
+        return Testable(basis, tuple(taken), units, tuple(missed), why)
+
+    def fit_change(self, basis, prior):
+        """Return the change δ of the parameters along a basis, (p, q), that the log shows.
+
+        With its covariance, and the covariance S of the residuals before it. `prior`, (p, p), is
+        the covariance of the old parameters.
+        """
+
+        def linearise(change):
+            at = self.about(basis @ change)
+            return SimpleNamespace(residual=at.residual, jacobian=at.jacobian @ basis)
+
+        jacobian = self.unchanged.jacobian
+        known, size = jacobian @ prior @ jacobian.T, np.ones(len(jacobian))
+        start = fit(linearise, np.zeros(basis.shape[1]), self.noise + known).x
+        at = linearise(start)
+        groups = [self.kinds[1] == sensor for sensor in self.factors.sensors]
+        squares, _ = chi_square(at.residual, self.noise + known, at.jacobian, groups)
+        for own, (square, dof) in zip(groups, squares, strict=True):
+            # the new log fits worse than its noise whatever the parameters: so do they
+            if dof > LEAST_DOF and chdtrc(dof, square) < MISFIT:
+                size[own] = np.sqrt(square / dof)
+        expected = self.noise * np.outer(size, size) + known
+        found = fit(linearise, start, expected)
+        return found.x, found.covariance, expected
+
+    def sizes(self, sensor, expected):
+        """Return the size of a sensor's residuals by the old calibration, for each kind.
+
+        With the size that is expected by their covariance, (n, n).
+        """
+        squares, found = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
+        for kind in OF_SENSOR[sensor]:
+            own = squares[:, self.kinds[0] == kind]
+            if own.size:
+                sizes = zip(("rms", "floor"), np.sqrt(own.mean(axis=1)).tolist(), strict=True)
+                found[kind] = {"unit": KINDS[kind][0], "n": own.shape[1], **dict(sizes)}
+        return found
+
+
+def _errors(shown):
+    """Return the standard errors of q parameters, nan where data do not determine them.
+
+    Takes the derivative of whitened residuals, (n, q).
+    """
+    size = np.linalg.norm(shown, axis=0)
+    if not size.all() or np.linalg.cond(shown / size) > LARGEST_CONDITION:
+        return np.full(len(size), np.nan)
+    return np.sqrt(np.diag(covariance_of(shown)))
