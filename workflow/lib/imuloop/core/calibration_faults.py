@@ -98,9 +98,9 @@ def _base_faults(calibration, sensor):
     if not np.all(np.abs(b - unit.offset) * unit.scale <= _LARGEST):
         yield f"b is {b.tolist()}: no sensor has such a bias"
     ratio = K / unit.scale
-    if not np.all((1 / _FURTHEST <= ratio) & (ratio <= _FURTHEST)):
+    for i in np.flatnonzero(~((1 / _FURTHEST <= ratio) & (ratio <= _FURTHEST))):
         yield (
-            f"K is {ratio.tolist()} times what the unit promises, not {1 / _FURTHEST:g} to "
+            f"K{i} is {ratio[i]:.4g} times what the unit promises, not {1 / _FURTHEST:g} to "
             f"{_FURTHEST:g} times"
         )
     if not np.all(np.abs(np.diag(T) - 1) <= _ROUNDING):

@@ -54,12 +54,18 @@ def refuse_overwriting(targets, sources):
 
 def _files_at(path):
     """Return each file at a path, of a folder all below, by what tells files apart."""
-    files = {}
-    for each in (Path(path), *Path(path).rglob("*")):
+    files, folders, waiting = {}, set(), [Path(path)]
+    for each in waiting:
         # what is not there, or may not be looked into, cannot be read either
         with suppress(OSError):
+            state = each.stat()
+            key = state.st_dev, state.st_ino
             if not each.is_dir():
-                files[each.stat().st_dev, each.stat().st_ino] = each
+                files[key] = each
+            elif key not in folders:
+                # a link may lead back up
+                folders.add(key)
+                waiting += each.iterdir()
     return files
 
 
