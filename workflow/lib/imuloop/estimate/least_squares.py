@@ -8,7 +8,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import least_squares
 
 # evaluations after which a fit is given up, and the relative tolerance of its end
-_STEPS, _TOLERANCE = 200, 1e-10
+_STEPS, _TOLERANCE = 200, 1e-8
 # degrees of freedom from which on the reduced chi square tells something
 LEAST_DOF = 10
 # singular value over the largest, columns of length one, that rounding alone may leave
