@@ -112,8 +112,9 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     changed = replace(made, poses=replace(made.poses, **spoiled))
     first, again = (Choices(problem_of(pair, m, SHAPES)) for m in (made, changed))
     problem, held_out = first.problem, frozenset({0})
-    assert first.search(held_out).significant() == SENSITIVE
-    assert again.search(held_out).significant() == SENSITIVE
+    each = first.search(held_out)
+    assert each.significant(each.kinds) == SENSITIVE
+    assert again.search(held_out).significant(each.kinds) == SENSITIVE
     about = problem.linearized(SENSITIVE)
     noise = held_out_covariance(about.alternatives[0][1], about.jacobian, problem.row_parts)
     # the prior's rows come last

@@ -124,14 +124,15 @@ class Choices:
     def _with_next(self, base):
         """Return effects with the next that lowers errors, and the ratios of those that do not."""
         search, failed = self.search(), {}
-        while best := search.best(base, failed):
+        while best := search.best(base, [kind for kind in search.kinds if kind not in failed]):
             wide, change = self._extended(base, best)
             if change.certain:
                 return wide, failed
             failed[best.effect.kind] = change.ratio
         # errors of another effect can hide that one lowers them
+        others = [kind for kind in search.kinds if kind not in failed]
         for first in [search.trial(base, kind) for kind in failed]:
-            if more := search.best((*base, first.effect), failed):
+            if more := search.best((*base, first.effect), others):
                 wide, change = self._extended(base, first, more.effect)
                 if change.certain:
                     return wide, failed
@@ -174,8 +175,7 @@ class Choices:
     def nested(self, search):
         """Return the effects that are significant in the search without some part.
 
-        Of the kinds that lower the held-out error of all data, or were not tried there. None where
-        all data add none: a model without effects has the errors without effects, whatever a part
-        of the data would add.
+        Of the kinds that all data add; what is significant, in which shape and how large, the part
+        does not tell.
         """
-        return search.significant(self.choice().failed) if self.choice().base else ()
+        return search.significant(kinds_of(self.choice().base))

@@ -168,23 +168,27 @@ class Search:
         values, covariance = combined_axes(count, estimates)
         return values, np.sqrt(np.diag(covariance)), covariance
 
-    def significant(self, banned=()):
-        """Return the effects that are significant, each beside those before, the clearest first.
+    @property
+    def kinds(self):
+        """All kinds of effects that can be tried."""
+        return (*self.problem.shapes, *self.problem.scans)
 
-        Takes kinds that are not tried.
+    def significant(self, kinds):
+        """Return the effects of some kinds that are significant, each beside those before it.
+
+        The clearest comes first.
         """
         base = ()
-        while best := self.best(base, banned):
+        while best := self.best(base, kinds):
             base = self.reshaped((*base, best.effect))
         return base
 
-    def best(self, base, banned=()):
-        """Return the trial that passes with the smallest p-value beside others, or None.
+    def best(self, base, kinds):
+        """Return the trial of some kinds that passes with the smallest p-value, or None.
 
         What time or the past of a temperature explains the temperature itself explains first, where
         it does so at least half as clearly: it is a cause that is logged. Formulas come last.
         """
-        kinds = [kind for kind in (*self.problem.shapes, *self.problem.scans) if kind not in banned]
         named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
         return self._best_of(base, named) or self._best_of(base, formulas)
 
