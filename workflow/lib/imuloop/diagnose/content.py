@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.estimate.likeness import holder, imitated, twin
+from imuloop.estimate.likeness import holder, imitations, twin
 from imuloop.estimate.limits import detection_limits
 from imuloop.estimate.residuals import size
 from imuloop.estimate.verdict import above_floor, why_not_shown
@@ -35,7 +35,7 @@ def search_content(choices, fitted, others, sensor):
             *(_candidate(sensor, choices, kind) for kind in kinds),
             *(untried(cls.name, *reason) for cls, reason in others.items()),
         ],
-        "confounded": imitated(choices.search(), [k for k in kinds if not k.is_formula]),
+        "confounded": imitations(choices.search(), [k for k in kinds if not k.is_formula]),
     }
 
 
@@ -100,11 +100,11 @@ def _candidate(sensor, choices, kind):
     elif not limits:
         # what was found may be of a kind that held-out parts confirm by luck only
         limits = detection_limits(search, before, trial, problem.settings.power, kept=False)
-    residual_kind, rows = problem.shows(search, before, trial)
-    values, std, _ = search.beside(before, trial.effect)
+    residual_kind, rows = problem.most_changed_rows(search, before, trial)
+    values, std, _ = search.estimate(before, trial.effect)
     names, heldout = list(trial.effect.parameters), None
     if trial.p_value < problem.settings.significance:
-        heldout = size_of(problem, residual_kind, choices.following((kind,))[rows])
+        heldout = size_of(problem, residual_kind, choices.errors_with((kind,))[rows])
     return {
         "name": kind.name,
         "status": status,

@@ -12,7 +12,7 @@ from imuloop.estimate.search import Search
 MOVED = 1e-3
 
 
-def separated(records, least):
+def separate(records, least):
     """Return records that are cut where a disturbance left another attitude.
 
     A gyroscope at rest does not see the attitude; an accelerometer does, and a tilt is no effect

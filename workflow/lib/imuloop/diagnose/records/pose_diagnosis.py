@@ -13,7 +13,7 @@ from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
-from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
+from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.scan import pose_step
 from imuloop.effects.products import Product, products
@@ -91,9 +91,9 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
                 shapes[EffectKind(cls, sensor)] = tuple(
                     SensorEffect(shape, sensor) for shape in own
                 )
-    parts, rows = interleaved(len(recording.poses), settings.folds), pair.known
+    folds, rows = interleaved_folds(len(recording.poses), settings.folds), pair.known
     return PoseProblem(
-        pair, recording, shapes, settings, tests, parts, tuple(found), information, rows, scans
+        pair, recording, shapes, settings, tests, folds, tuple(found), information, rows, scans
     )
 
 
@@ -115,10 +115,10 @@ def diagnose_poses(pair, reasons, recording, settings, tests, found=(), informat
         if not tested:
             result = PoseResult(contents, pair, *final_solution(problem, ()))
         else:
-            parts = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
+            kinds = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
             others = {s: pose_candidates(s, recording, found)[1] for s in tested}
             choices = Choices(problem)
-            result = diagnosed(choices, parts, others, partial(pose_products, recording))
+            result = diagnose(choices, kinds, others, partial(pose_products, recording))
             result = replace(result, contents=contents | result.contents)
     except LinAlgError as error:
         why = why_no_fit(error)
@@ -179,20 +179,20 @@ def pose_products(recording, sensor):
     return products(sensor, "f" if sensor == "accelerometer" else "wf", reference)
 
 
-def diagnosed(choices, parts, others, formulas):
+def diagnose(choices, kinds_by_sensors, others, formulas):
     """Return the PoseResult of a record that can be tested, of the sensors that are.
 
-    `parts` are kinds of residuals by the sensors, a tuple, that they judge; `others` by
+    `kinds_by_sensors` are kinds of residuals by the sensors, a tuple, that they judge; `others` by
     sensor as in `search_content`. `formulas` gives the products of a sensor, which are tried
     where effects with a cause leave it above its floor.
     """
-    result, contents, more = judged(choices, parts), {}, {}
+    result, contents, more = judge_records(choices, kinds_by_sensors), {}, {}
     for sensor in (s for s, content in result.contents.items() if leaves(content)):
         if own := formulas(sensor):
             more[EffectKind(Product, sensor)] = tuple(SensorEffect(shape, sensor) for shape in own)
     if more:
         choices = Choices(choices.problem.with_formulas(more))
-        result = judged(choices, parts)
+        result = judge_records(choices, kinds_by_sensors)
     fitted = fitted_effects(result)
     for sensor, own in result.contents.items():
         why_not = others.get(sensor, {})
@@ -200,11 +200,11 @@ def diagnosed(choices, parts, others, formulas):
     return replace(result, contents=contents, pair=choices.problem.sensor, choices=choices)
 
 
-def judged(choices, parts):
+def judge_records(choices, kinds_by_sensors):
     """Return the PoseResult of Choices, its contents verdict and residuals; arguments as above."""
-    problem, errors = choices.problem, choices.errors(choices.nested)
+    problem, errors = choices.problem, choices.errors(choices.nested_choice)
     contents, columns = {}, {}
-    for sensors, kinds in parts.items():
+    for sensors, kinds in kinds_by_sensors.items():
         content, more = judged_residuals(choices, kinds, errors, sensors)
         contents |= dict.fromkeys(sensors, content)
         columns |= more
@@ -229,23 +229,23 @@ def judged_residuals(choices, kinds, errors, sensors=()):
     pair, settings = problem.sensor, problem.settings
     others = tuple(e for e in added if sensors and e.sensor not in sensors)
     more = len(others) < len(added)
-    plain = choices.following(kinds_of(others)) if more else errors
+    plain = choices.errors_with(kinds_of(others)) if more else errors
     predicted = np.isfinite(plain) & np.isfinite(errors)
     errors = [np.where(predicted, each, np.nan) for each in (plain, errors)]
-    base = problem.linearized(others if more else added)
-    final = problem.linearized(added)
+    base = problem.linearization(others if more else added)
+    final = problem.linearization(added)
     groups, both = [problem.of_kind(kind) for kind in kinds], []
     # without more effects both sides are one
     for about, own in ((final, errors[1]), (base, errors[0]))[: 1 + more]:
         alternatives = [
-            (prior, [(about.values, covariance, about.jacobian, problem.row_parts, groups)])
+            (prior, [(about.values, covariance, about.jacobian, problem.row_folds, groups)])
             for prior, covariance in about.alternatives
         ]
         squares = [np.nansum(own[rows] ** 2) for rows in groups]
         both.append(judge(alternatives, squares, predicted=predicted[:, 0]))
     # the noise is as likely as the fit with the effects has it
     (weights, judged_final), (_, judged_base) = both[0], both[-1]
-    how = base.jacobian, problem.row_parts
+    how = base.jacobian, problem.row_folds
     spreads = (held_out_covariance(c, *how) for _, c in final.alternatives)
     floors = [np.where(predicted, np.diag(spread)[:, None], np.nan) for spread in spreads]
     floor = np.tensordot(weights, floors, 1)
@@ -294,7 +294,7 @@ def undersampled(problem, solution, floor):
     if not rotations.aliased.any():
         return {}
     found = [
-        sensor.linearised(solution, each).noise.by(sensor.noise)
+        sensor.linearise(solution, each).noise.by(sensor.noise)
         for each in (recording, recording.without_aliasing())
     ]
     sums = (np.diag(each)[-2 * len(rotations) :].sum() for each in found)
@@ -312,5 +312,5 @@ def final_solution(problem, base):
 
     Their covariance is that of the noise's uncertainty too.
     """
-    solution = problem.linearized(base).solution
+    solution = problem.linearization(base).solution
     return solution, problem.sensor.calibrations(solution, problem.covariance(base))

@@ -23,7 +23,7 @@ TOGETHER = 32
 
 
 @dataclass(frozen=True)
-class Linearized:
+class Linearization:
     """The residuals about the fit of all poses with some effects."""
 
     solution: object  # the Fit
@@ -47,14 +47,14 @@ class PoseProblem:
     settings: DiagnoseSettings
     tests: int  # number of tests of the family
     # (n,): the part that each pose, or whatever rows are of, is held out with; -1 for none
-    part_of_pose: np.ndarray
-    found: tuple = ()  # effects that other records show, which every fit estimates
+    fold_of_pose: np.ndarray
+    given_effects: tuple = ()  # effects that other records show, which every fit estimates
     information: object = None  # takes effects, gives `static.information` of other records
     # rows R and z of what other data say of the base model: ``R x - z`` has variance one
     base_rows: tuple = (np.zeros((0, 0)), np.zeros(0))
     # what looks for patterns whose shapes cannot be listed, by kind
     scans: dict = field(default_factory=dict)
-    _linearized: dict = field(default_factory=dict, repr=False)
+    _fits: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
     # whether a scan is made again beside what was found later: turns show the steps of both sensors
     scans_again = True
@@ -62,9 +62,9 @@ class PoseProblem:
     error_scale = 1.0
 
     @cached_property
-    def parts(self):
+    def folds(self):
         """Number of parts that are held out in turn."""
-        return int(self.part_of_pose.max()) + 1
+        return int(self.fold_of_pose.max()) + 1
 
     @cached_property
     def prior_rows(self):
@@ -77,7 +77,10 @@ class PoseProblem:
             return {}, known
         # of formulas static records, in few attitudes, say nothing
         shapes = (s for kind, own in self.shapes.items() for s in own if not kind.is_formula)
-        effects = (*self.found, *(s for s in shapes if "temperature" in s.needs and not s.timed))
+        effects = (
+            *self.given_effects,
+            *(s for s in shapes if "temperature" in s.needs and not s.timed),
+        )
         if not effects:
             return {}, known
         information, moment = self.information(effects)
@@ -99,17 +102,17 @@ class PoseProblem:
         return ends, np.append(kind, np.full(len(self.prior_rows[1]), ""))
 
     @cached_property
-    def row_parts(self):
+    def row_folds(self):
         """The parts that each row touches, the one that it is held out with first, (N, 2)."""
-        own = self.part_of_pose[self.rows[0]]
+        own = self.fold_of_pose[self.rows[0]]
         return np.concatenate([own, np.full((len(self.prior_rows[1]), 2), -1)])
 
     @property
-    def part_of_row(self):
+    def fold_of_row(self):
         """The part that each row is held out with: that of its first pose, shape (N,)."""
-        return self.row_parts[:, 0]
+        return self.row_folds[:, 0]
 
-    def residuals_left(self, search, base):
+    def residuals(self, search, base):
         """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1).
 
         Not a number about a step: what is seen tells its time between two poses at best.
@@ -125,7 +128,7 @@ class PoseProblem:
 
         Between the last pose before it and the first after it that are in no part of `held_out`.
         """
-        held, pair = np.isin(self.part_of_pose, list(held_out)), self.rows[0]
+        held, pair = np.isin(self.fold_of_pose, list(held_out)), self.rows[0]
         after = self.recording.poses.mid_s > effect.effect.times[0]
         number = np.arange(len(held))
         last = number[~held & ~after].max(initial=-1)
@@ -147,37 +150,37 @@ class PoseProblem:
         """Return how many rows make one residual."""
         return self.sensor.kinds[kind][1]
 
-    def linearized(self, base=()):
+    def linearization(self, base=()):
         """Return the residuals about the fit with some effects."""
-        if base not in self._linearized:
-            self._linearized[base] = self._made(base)
-        return self._linearized[base]
+        if base not in self._fits:
+            self._fits[base] = self._linearize(base)
+        return self._fits[base]
 
-    def with_parts(self, part_of_pose):
+    def with_folds(self, fold_of_pose):
         """Return the problem with another part of each pose, (n,)."""
-        problem = replace(self, part_of_pose=part_of_pose, _linearized={})
-        for base, about in self._linearized.items():
-            evidence = about.evidence.with_parts(problem.row_parts)
-            problem._linearized[base] = replace(about, evidence=evidence)
+        problem = replace(self, fold_of_pose=fold_of_pose, _fits={})
+        for base, about in self._fits.items():
+            evidence = about.evidence.with_folds(problem.row_folds)
+            problem._fits[base] = replace(about, evidence=evidence)
         return problem
 
-    def _made(self, base):
-        effects, count = (*self.found, *base), len(self.sensor.names)
-        start = self.linearized(base[:-1]).solution.x if base else None
+    def _linearize(self, base):
+        effects, count = (*self.given_effects, *base), len(self.sensor.names)
+        start = self.linearization(base[:-1]).solution.x if base else None
         _, z = self.prior_rows
         known = np.hstack([self._known_base(), self._known_effects(effects)])
         solution = self.sensor.fit(self.recording, effects, start, (known, z))
         x = solution.x
-        at = self.sensor.linearised(solution, self.recording)
+        at = self.sensor.linearise(solution, self.recording)
         values = np.append(at.residual, known @ x - z)
         jacobian = np.concatenate([at.jacobian, known])
-        nuisances = count + sum(len(e.parameters) for e in self.found)
+        nuisances = count + sum(len(e.parameters) for e in self.given_effects)
         own = by_effect(jacobian[:, None, nuisances:], base)
         covariance, slow, missing = self.sensor.noise_components(at, len(z))
         components = [*slow, *missing]
         estimated, first = (np.array([c.size for c in each]) for each in (slow, components))
         likelihood = SizeLikelihood(jacobian, covariance, components)
-        likeliest = likelihood.maximised(values, likelihood.projection())
+        likeliest = likelihood.maximise(values, likelihood.projection())
         kinds, number = np.unique([c.kind for c in components], return_inverse=True)
         # each kind of residual as estimated or likeliest, and all others as estimated or likeliest:
         # all as estimated first, all likeliest last
@@ -199,17 +202,17 @@ class PoseProblem:
         def noise_with(values):
             """Return the noise as estimated, and as other residuals make it likeliest."""
             start = likelihood.projection(likeliest)
-            return hypotheses(chosen[[0, -1]], likelihood.maximised(values, start, ROUGH))
+            return hypotheses(chosen[[0, -1]], likelihood.maximise(values, start, ROUGH))
 
         noise = hypotheses(chosen, likeliest)
-        rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise, self.row_parts)
+        rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise, self.row_folds)
 
         def design(effect):
-            return own[effect] if effect in own else self.added(effect)
+            return own[effect] if effect in own else self.added_columns(effect)
 
         prior, plain = np.full(len(chosen), -np.log(len(chosen))), ~chosen.any(axis=1)
         evidence = Evidence([rows], prior, design, least=1.0, as_estimated_mask=plain)
-        return Linearized(solution, at, values, jacobian, alternatives, evidence, noise_with)
+        return Linearization(solution, at, values, jacobian, alternatives, evidence, noise_with)
 
     def _known_base(self):
         """Return what other records say of the base parameters, rows R as above."""
@@ -222,10 +225,10 @@ class PoseProblem:
         rows = (of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects)
         return np.hstack([np.zeros((len(z), 0)), *rows])
 
-    def added(self, effect):
+    def added_columns(self, effect):
         """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
         shapes = self.shapes.get(effect.kind, ())
-        self.enter(shapes if effect in shapes else (effect,))
+        self.add_columns(shapes if effect in shapes else (effect,))
         return self._columns[effect]
 
     def with_formulas(self, formulas):
@@ -233,49 +236,49 @@ class PoseProblem:
         count = self.tests + self.settings.family * len(formulas)
         problem = replace(self, shapes=self.shapes | formulas, tests=count)
         # what was linearised before finds them there
-        problem.enter([shape for shapes in formulas.values() for shape in shapes])
+        problem.add_columns([shape for shapes in formulas.values() for shape in shapes])
         return problem
 
-    def enter(self, effects):
+    def add_columns(self, effects):
         """Find what several effects add, many at once: what they have in common is found once."""
         new = [e for e in effects if e not in self._columns]
-        about = self.linearized(()).at
+        about = self.linearization(()).at
         for first in range(0, len(new), TOGETHER):
             own = new[first : first + TOGETHER]
             columns = np.concatenate([about.columns(own), self._known_effects(own)])
             self._columns.update(by_effect(columns[:, None], own))
 
-    def nearest(self, base):
+    def nearest_linearization(self, base):
         """Return the residuals about the fit with the most of some effects that was asked for.
 
         The evidence holds the others as patterns: what a part chooses is worth no fit of all data.
         """
-        made = [b for b in self._linearized if set(b) <= set(base)]
-        return self.linearized(max(made, key=len, default=()))
+        made = [b for b in self._fits if set(b) <= set(base)]
+        return self.linearization(max(made, key=len, default=()))
 
     def training_fit(self, base, held_out):
         """Return the TrainingFit, about a fit of all poses with some of the effects."""
-        return self.nearest(base).evidence.training_fit(held_out)
+        return self.nearest_linearization(base).evidence.training_fit(held_out)
 
-    def slow(self, effect):
+    def is_like_slow_noise(self, effect):
         """Return whether noise could be larger for an effect: it changes as slow noise does."""
         return effect.timed or "temperature" in effect.needs
 
     def noise_with(self, base, values):
         """Return what the noise of each group of rows may be, were its residuals these."""
-        return [self.nearest(base).noise_with(-values)]
+        return [self.nearest_linearization(base).noise_with(-values)]
 
     def refit(self, base):
         """Fit all poses with some effects: what is tested beside them is linear about that fit."""
-        self.linearized(base)
+        self.linearization(base)
 
-    def shows(self, search, base, trial):
+    def most_changed_rows(self, search, base, trial):
         """Return kind and rows in which a trial changes most, in standard deviations."""
         training_fit = search.training_fit(base)
         wider = (*base, trial.effect)
         change = training_fit.residuals(base, 0) - training_fit.residuals(wider, 0)
-        variance = np.diag(self.nearest(base).alternatives[0][1])
-        by_kind = [rows & (self.part_of_row >= 0) for rows in self.rows_by_kind()]
+        variance = np.diag(self.nearest_linearization(base).alternatives[0][1])
+        by_kind = [rows & (self.fold_of_row >= 0) for rows in self.rows_by_kind()]
         size = [(change[rows] ** 2 / variance[rows]).sum() for rows in by_kind]
         kind = list(self.sensor.kinds)[int(np.argmax(size))]
         return kind, self.of_kind(kind)
@@ -287,7 +290,7 @@ class PoseProblem:
         where this is larger, and what the solution under it is off; averaged by the likelihood.
         Fitted constants of the effects are parameters too, known to a factor of e beforehand.
         """
-        about = self.linearized(base)
+        about = self.linearization(base)
         fit = about.evidence.training_fit().fit(base, 0)
         count, more = about.jacobian.shape[1], self._by_constants(base, about.solution.x)
         total, design = 0.0, np.column_stack([about.jacobian, *more])
@@ -307,10 +310,12 @@ class PoseProblem:
 
     def _by_constants(self, base, x):
         """Return what the logarithm of each fitted constant changes in the residuals, (N,) each."""
-        effects, found = (*self.found, *base), []
+        effects, found = (*self.given_effects, *base), []
         for effect, values in by_effect(x[len(self.sensor.names) :], effects).items():
             if effect.moved(2.0) != effect:
-                up, down = (self.added(effect.moved(f))[:, 0] @ values for f in (1.05, 1 / 1.05))
+                up, down = (
+                    self.added_columns(effect.moved(f))[:, 0] @ values for f in (1.05, 1 / 1.05)
+                )
                 found.append((up - down) / (2 * np.log(1.05)))
         return found
 
@@ -323,9 +328,9 @@ class PoseProblem:
             return f"{rows} residuals to spare do not determine {least} more parameters"
         return "what it adds in these data is taken up by the base model"
 
-    def fitted(self, base, held_out=frozenset()):
+    def fit(self, base, held_out=frozenset()):
         """Return the Fit with some effects that does not see some parts."""
-        solution, count = self.nearest(base).solution, len(self.sensor.names)
+        solution, count = self.nearest_linearization(base).solution, len(self.sensor.names)
         nuisance, vectors = self.training_fit(base, held_out).parameters(base, 0)
         start = solution.x.copy()
         # the nuisances: the base model, and what other records show
@@ -333,7 +338,7 @@ class PoseProblem:
         x = by_effect(start[count:], solution.effects)
         for effect, vector in vectors.items():
             x[effect] = x.get(effect, 0.0) + vector
-        effects = (*self.found, *base)
+        effects = (*self.given_effects, *base)
         values = np.concatenate([start[:count], *(x[e] for e in effects)])
         # nobody asks how well a part determines them
         nothing = np.zeros((len(values), len(values)))
@@ -346,10 +351,10 @@ def by_effect(values, effects):
     return {e: values[..., i:j] for e, (i, j) in zip(effects, ends, strict=True)}
 
 
-def interleaved(count, parts):
+def interleaved_folds(count, folds):
     """Return the part of each pose: neighbours in different ones, so that both sides predict.
 
-    Of few parts two neighbours are in one: without two parts some have to stay neighbours.
+    Of few folds two neighbours are in one: without two folds some have to stay neighbours.
     """
-    parts = min(parts, count)
-    return np.arange(count) // (1 if parts > 4 else 2) % parts
+    folds = min(folds, count)
+    return np.arange(count) // (1 if folds > 4 else 2) % folds

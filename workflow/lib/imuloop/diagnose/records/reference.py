@@ -30,12 +30,12 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     windows = windows_of([*logs.values()], gravity, calibration)
     if not windows:
         return content, *tables
-    found, (log, *others), folds = fit_set_up(windows, noise), windows[0].logs, settings.folds
+    found, (log, *others), count = fit_set_up(windows, noise), windows[0].logs, settings.folds
     tests += settings.family * sum(len(w.effects) for w in windows)
-    # whole sessions are held out, of one stretches of time
-    parts = found.of_windows(lambda w: w.session if others else folds * w.first // len(log.t))
+    # a fold is a whole session, or a stretch of time where there is one session
+    folds = found.of_windows(lambda w: w.session if others else count * w.first // len(log.t))
     for w in windows:
-        block, columns = _judged(found, w, parts, settings, tests)
+        block, columns = _judged(found, w, folds, settings, tests)
         block["set_up"] = _of_sessions(found, w, logs, getattr(calibration, w.sensor))
         content[w.sensor], number = block, np.searchsorted(w.session, w.session)
         columns |= {"session": np.array([*logs], object)[w.session], "start_s": w.t[:, 0]}
@@ -44,15 +44,15 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     return content, joined(tables)
 
 
-def _judged(found, w, parts, settings, tests):
+def _judged(found, w, folds, settings, tests):
     """Return the contract's fields of the sensor of some Windows, and columns of what is left."""
     rows = found.of_windows(lambda each: np.full(len(each.session), each is w))
-    after, scale = found.errors(parts)[rows, None], np.sqrt(found.variance[rows, None])
+    after, scale = found.errors(folds)[rows, None], np.sqrt(found.variance[rows, None])
     effects, candidates, added, chance = [], [], [], settings.significance / tests
     for name, units in w.effects.items():
         at = w.shared[[[*w.units].index(name) for name in units]].tolist()
-        own, before = found.covariance[np.ix_(at, at)], found.errors(parts, at)[rows, None]
-        interval = ratio_interval(parts[rows], before / scale, after / scale)
+        own, before = found.covariance[np.ix_(at, at)], found.errors(folds, at)[rows, None]
+        interval = ratio_interval(folds[rows], before / scale, after / scale)
         p_value = chdtrc(len(at), found.x[at] @ np.linalg.solve(own, found.x[at]))
         entry = {"name": name, "p_value": float(p_value), "residual": w.kind}
         entry |= _parameters(units, found.x[at], own) | {"heldout_after": size(_norm(after))}
@@ -71,7 +71,7 @@ def _judged(found, w, parts, settings, tests):
     columns = {"residual": np.full(len(w.session), w.kind, object)}
     columns[f"{w.kind}_floor"] = _norm(floor)[:, 0]
     for key, without in (("before", added), ("after", [])):
-        held, fitted = (found.errors(p, without)[rows] for p in (parts, np.full_like(parts, -1)))
+        held, fitted = (found.errors(p, without)[rows] for p in (folds, np.full_like(folds, -1)))
         dof = max(len(floor) - len(w.shared) - w.places.size, 1)
         chi2 = ((fitted / floor) ** 2).sum()
         residual |= {key: size(_norm(held)), f"chi2_{key}": float(chi2 / dof)}

@@ -18,7 +18,7 @@ POSES_BESIDE = {"accelerometer": 3, "gyroscope": 2}
 MOST_TIMES, CLOSE = 50, 0.01
 
 
-def residuals(search, base, axis):
+def residuals_by_record(search, base, axis):
     """Return what effects leave of an axis, (n,) of each record, degrees of freedom, hypothesis.
 
     In units of the noise's N, by the likeliest noise without the pattern that is looked for.
@@ -45,7 +45,7 @@ def best_steps(search, base, hopeful=False):
             break
         taken = (*taken, step)
         beside = (joined(taken),)
-        trial = search.shaped(base, beside, tries)
+        trial = search.best_of_shapes(base, beside, tries)
         if best is not None and (trial is None or trial.log_p >= best.log_p):
             break
         best = trial or best
@@ -71,17 +71,17 @@ def most_promising_step(search, base, taken=()):
             places.append((i, record, windows, length, rows))
     count = WITHIN * sum(len(rows) for *_, rows in places)
     for axis in range(3):
-        parts, dof, hypothesis = residuals(search, base, axis)
+        left_by_record, dof, hypothesis = residuals_by_record(search, base, axis)
         most, step = -1.0, None
         for i, record, windows, length, rows in places:
-            left, starts = parts[i], record.windows[rows, 0]
+            left, starts = left_by_record[i], record.windows[rows, 0]
             weighted = training_fit.apply_precision(i, hypothesis, left[:, None])[:, 0]
             score = weighted[::-1].cumsum()[::-1][rows]
-            gain = _gain(score, training_fit.of_steps(i, hypothesis)[rows])
+            gain = _chi_square_drops(score, training_fit.step_information(i, hypothesis)[rows])
             # within the windows beside the best start a step may lie anywhere
             within = starts[np.argmax(gain)] + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
             shares = share_after(record.windows, within)
-            gains = _gain(
+            gains = _chi_square_drops(
                 weighted @ shares,
                 np.einsum("nf,nf->f", shares, training_fit.apply_precision(i, hypothesis, shares)),
             )
@@ -112,12 +112,12 @@ def pose_step(sensor, search, base, hopeful=False):
     estimated = search.training_fit(base).evidence.as_estimated_mask
     while True:
         shapes = [SensorEffect(Steps((float(t),)), sensor) for t in times]
-        search.problem.enter(shapes)
+        search.problem.add_columns(shapes)
         tried = [t for t in search.tests(base, shapes, estimated) if t]
         if not tried:
             return None
         clearest = min(tried, key=lambda t: t.log_p)
-        best = search.shaped(base, [clearest.effect], tries)
+        best = search.best_of_shapes(base, [clearest.effect], tries)
         if best is None or apart < CLOSE or best.log_p > 0:
             return best
         (found,) = best.effect.effect.times
@@ -136,7 +136,7 @@ def span_between(time, windows):
     return float(time), 0.0
 
 
-def _gain(score, information):
+def _chi_square_drops(score, information):
     """Return by how much χ² falls with each of f columns, of size ``score/information``, (f,)."""
     # what a level takes up is no column
     seen = information > 1e-9 * information.max()

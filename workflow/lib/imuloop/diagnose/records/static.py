@@ -35,12 +35,12 @@ class StaticProblem:
     scans_again, error_scale = False, 1.0
 
     @property
-    def parts(self):
+    def folds(self):
         """Number of parts that are held out in turn."""
         return self.settings.blocks
 
     @cached_property
-    def part_of_windows(self):
+    def fold_of_windows(self):
         """In which part each window is held out, one array a record.
 
         A part is a stretch of time of every record, but not the same one: what happens at the start
@@ -48,14 +48,14 @@ class StaticProblem:
         """
         n = len(self.records)
         return [
-            (part_in_time(r, self.parts) + i * self.parts // n) % self.parts
+            (fold_in_time(r, self.folds) + i * self.folds // n) % self.folds
             for i, r in enumerate(self.records)
         ]
 
     @property
-    def part_of_row(self):
+    def fold_of_row(self):
         """The part that each mean is held out with, shape (N,)."""
-        return np.concatenate(self.part_of_windows)
+        return np.concatenate(self.fold_of_windows)
 
     @property
     def session(self):
@@ -63,9 +63,9 @@ class StaticProblem:
         return np.concatenate([np.repeat(r.session, len(r.windows)) for r in self.records])
 
     @property
-    def row_parts(self):
-        """The same as `part_of_row`, and the other part that it touches: none, (N, 2)."""
-        return _alone(self.part_of_row)
+    def row_folds(self):
+        """The same as `fold_of_row`, and the other part that it touches: none, (N, 2)."""
+        return _without_neighbour(self.fold_of_row)
 
     @cached_property
     def evidence(self):
@@ -75,8 +75,13 @@ class StaticProblem:
         grid, prior = ratios(span, length)
         noise = self.noise or [hypotheses(r.windows, grid) for r in self.records]
         groups = [
-            RowGroup(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, _alone(part))
-            for r, h, part in zip(self.records, noise, self.part_of_windows, strict=True)
+            RowGroup(
+                r.values - r.values.mean(axis=0),
+                np.ones((len(r.values), 1)),
+                h,
+                _without_neighbour(part),
+            )
+            for r, h, part in zip(self.records, noise, self.fold_of_windows, strict=True)
         ]
         # what a model lacks is rarely noise: the weights of a walk would take the parameters from
         # the fastest changes alone, where a lag that is not in the model counts most
@@ -94,7 +99,7 @@ class StaticProblem:
         """Return the derivative of all rows with respect to an effect's parameters, (N, 3, p)."""
         return np.concatenate([r.derivative(effect) for r in self.records])
 
-    def residuals_left(self, search, base):
+    def residuals(self, search, base):
         """Return what effects, fitted to what is seen, leave of all means, shape (N, 3)."""
         training_fit = search.training_fit(base)
         return np.column_stack([training_fit.residuals(base, axis) for axis in range(3)])
@@ -110,17 +115,17 @@ class StaticProblem:
     def refit(self, base):
         """Do nothing: means at rest are straight in every effect."""
 
-    def shows(self, search, base, trial):
+    def most_changed_rows(self, search, base, trial):
         """Return kind and rows in which a trial shows most."""
         return "bias", slice(None)
 
-    def slow(self, effect):
+    def is_like_slow_noise(self, effect):
         """Return False: the hypotheses are a grid, which holds the noise that looks like it."""
         return False
 
     def rows_by_kind(self):
         """Return the rows of each kind of residual."""
-        return [np.ones(len(self.part_of_row), dtype=bool)]
+        return [np.ones(len(self.fold_of_row), dtype=bool)]
 
     def components(self, kind):
         """Return how many rows make one residual."""
@@ -131,12 +136,12 @@ class StaticProblem:
         return "what it adds in these data is taken up by the bias"
 
 
-def _alone(part):
+def _without_neighbour(part):
     """Return the part of each row, and that it touches no other, (n, 2)."""
     return np.column_stack([part, np.full(len(part), -1)])
 
 
-def part_in_time(record, count):
+def fold_in_time(record, count):
     """Return in which of `count` equal times at rest each window of a record lies, shape (n,)."""
     middle = np.cumsum(record.length) - record.length / 2
     return np.minimum((middle / record.length.sum() * count).astype(int), count - 1)

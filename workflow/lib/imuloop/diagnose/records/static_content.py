@@ -69,7 +69,7 @@ def _floor(problem, noise, axes):
         covariances = [
             held_out_covariance(
                 noise.axes[name].mean_covariance(r.windows),
-                *(g.nuisance, g.row_parts, np.diag(r.length)),
+                *(g.nuisance, g.row_folds, np.diag(r.length)),
             )
             for r, g in each
         ]
@@ -97,7 +97,7 @@ def _judged(problem, effects, errors, noise, axes):
             for k, name in enumerate(axes):
                 covariance = model.axes[name].mean_covariance(record.windows)
                 rows = [np.ones(len(values), dtype=bool)]
-                groups.append((values[:, k], covariance, group.nuisance, group.row_parts, rows))
+                groups.append((values[:, k], covariance, group.nuisance, group.row_folds, rows))
         alternatives.append((0.0, groups))
     _, (judged,) = judge(alternatives, [(errors**2).sum()], fitted)
     return judged

@@ -11,7 +11,7 @@ from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.records.correction import corrected_sessions
-from imuloop.diagnose.records.moves import separated
+from imuloop.diagnose.records.moves import separate
 from imuloop.diagnose.records.rests import LONG_REST
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
 from imuloop.diagnose.records.static_content import searched_content, static_content
@@ -122,8 +122,8 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     for sensor, axes in SENSORS.items():
         own = usable(records[sensor], settings)
         if sensor == "accelerometer" and own:
-            own = separated(own, 2 * settings.blocks)
-        reason = untestable(own, [noise.axes[name] for name in axes], settings)
+            own = separate(own, 2 * settings.blocks)
+        reason = why_untestable(own, [noise.axes[name] for name in axes], settings)
         try:
             if not reason:
                 findings[sensor] = find(sensor, own, settings, tests)
@@ -159,7 +159,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     return StaticResult(content, lasting, whole, allan, findings)
 
 
-def untestable(records, axes, settings):
+def why_untestable(records, axes, settings):
     """Return why the records of a sensor cannot be diagnosed, or None."""
     if not records:
         return (
@@ -183,7 +183,7 @@ def find(sensor, records, settings, tests):
     shapes = {cls: s for cls, s in available.items() if s}
     choices = Choices(StaticProblem(tuple(records), shapes, settings, tests))
     choice, search = choices.choice(), choices.search()
-    errors = choices.following(()), choices.errors(choices.nested)
+    errors = choices.errors_with(()), choices.errors(choices.nested_choice)
     unconfirmed = [k for k in choice.failed if k.lasting]
     trial = search.trial(choice.base, unconfirmed[0]) if unconfirmed else None
     effects = fitted_effects(search, choice.base)
