@@ -103,7 +103,7 @@ def held_out_models(diagnosed, problem):
 
     As in the diagnosis, effects are looked for only where all poses together show one. An
     accelerometer that the poses do not determine is given. Takes the Diagnosed, and the PoseProblem
-    whose parts are the blocks; gives a dict of Calibration by name in `MODELS` per block, whose
+    whose folds are the blocks; gives a dict of Calibration by name in `MODELS` per block, whose
     final one is the base model where no effect was added.
     """
     pair, searched = problem.sensor, bool(diagnosed.poses.choices.choice().base)

@@ -201,7 +201,7 @@ def hidden_velocity(recording, gyroscope_bias):
 
 
 def unsampled_velocity(rotations, gyroscope_bias):
-    """Return how much velocity each sample interval may hide, m/s, (m, k - 1).
+    """Return the velocity that each sample interval may hide, m/s, (m, k - 1).
 
     It is ``|Δf + w × f Δt| Δt`` for the change Δf of specific force over the interval Δt, without
     the change that the turn at the angular rate w makes. `gyroscope_bias`, (3,), is in nominal SI,
