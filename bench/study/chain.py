@@ -17,7 +17,7 @@ from imuloop.core.files import read_json
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.records.motion import untestable
+from imuloop.diagnose.records.motion import no_result
 from imuloop.diagnose.records.pose_diagnosis import pose_problem, pose_products
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.products import Product
@@ -59,7 +59,7 @@ def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
     """
     without = nullcontext() if limits else patch(LIMITS, return_value={})
     attitude = no_attitude(truth.name, "not asked for")
-    still = nullcontext() if motion else patch(MOTION, return_value=untestable("not asked for"))
+    still = nullcontext() if motion else patch(MOTION, return_value=no_result("not asked for"))
     with without, still, patch(ATTITUDE, return_value=attitude), TemporaryDirectory() as folder:
         folder = Path(folder)
         kinds = {name: plan.kind for name, plan in truth.sessions.items()}
@@ -103,7 +103,7 @@ def likeness(truth, sessions, folder):
     search, found = Choices(problem).search(), {}
     for kind in (*search.problem.shapes, *search.problem.scans):
         if trial := search.trial((), kind):
-            _, _, covariance = search.beside((), trial.effect)
+            _, _, covariance = search.estimate((), trial.effect)
             information = np.linalg.inv(covariance)
             size = np.sqrt(np.diag(information))
             found[kind.sensor, kind.name] = information / np.outer(size, size)

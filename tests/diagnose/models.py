@@ -3,7 +3,7 @@
 from calibrate.devices import UNITS, known_noise
 from imuloop.calibrate.calibrate import start_fit
 from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
-from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
+from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.model.effects import EffectKind, SensorEffect
 
@@ -31,11 +31,11 @@ def shapes_of(sensor, *effects):
     return {EffectKind(type(effects[0]), sensor): of_sensor(sensor, *effects)}
 
 
-def problem_of(pair, recording, shapes=None, parts=10, **more):
-    """Return a PoseProblem, parts interleaved, in which these shapes are looked for."""
-    part_of_pose = interleaved(len(recording.poses), parts)
+def problem_of(pair, recording, shapes=None, folds=10, **more):
+    """Return a PoseProblem, folds interleaved, in which these shapes are looked for."""
+    fold_of_pose = interleaved_folds(len(recording.poses), folds)
     more = {"base_rows": pair.known} | more
-    return PoseProblem(pair, recording, shapes or {}, DiagnoseSettings(), 1, part_of_pose, **more)
+    return PoseProblem(pair, recording, shapes or {}, DiagnoseSettings(), 1, fold_of_pose, **more)
 
 
 def diagnosed(truth, recording, noise=None, tests=0, **settings):

@@ -11,7 +11,7 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
 from imuloop.estimate.search import Search
 
-N, PARTS = 60, 10
+N, FOLDS = 60, 10
 T = np.linspace(0, 1, N)
 
 
@@ -38,34 +38,34 @@ class Third(Column):
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """A problem of rows that are the only one of their pose each, `part_of_row` their parts."""
+    """A problem of rows that are the only one of their pose each, `fold_of_row` their folds."""
 
     evidence: Evidence
     shapes: dict
     settings: DiagnoseSettings
-    part_of_row: np.ndarray
-    tests, parts = 1, PARTS
+    fold_of_row: np.ndarray
+    tests, folds = 1, FOLDS
     scans: ClassVar = {}
 
     @property
-    def row_parts(self):
-        return self.part_of_row[:, None]
+    def row_folds(self):
+        return self.fold_of_row[:, None]
 
     def training_fit(self, base, held_out):
         return self.evidence.training_fit(held_out)
 
-    def residuals_left(self, search, base):
+    def residuals(self, search, base):
         return search.training_fit(base).residuals(base, 0)[:, None]
 
     error_scale = 1.0
 
-    def slow(self, effect):
+    def is_like_slow_noise(self, effect):
         return False
 
     def rows_by_kind(self):
-        return [np.ones(len(self.part_of_row), dtype=bool)]
+        return [np.ones(len(self.fold_of_row), dtype=bool)]
 
-    def shows(self, search, base, trial):
+    def most_changed_rows(self, search, base, trial):
         return "kind", slice(None)
 
     def refit(self, base):
@@ -90,8 +90,8 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     """
     n = len(values)
     noise = Hypotheses.of(map(precision, covariances or [np.eye(n)]))
-    part_of_row = np.arange(n) % PARTS
-    group = RowGroup(values[:, None], nuisance, noise, part_of_row[:, None])
+    fold_of_row = np.arange(n) % FOLDS
+    group = RowGroup(values[:, None], nuisance, noise, fold_of_row[:, None])
     prior, shapes = np.zeros(len(noise.log_det)), {}
     plain = np.arange(len(prior)) == 0
     for effect in columns:
@@ -99,7 +99,7 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     evidence = Evidence(
         [group], prior, lambda e: columns[e].reshape(n, 1, -1), least=1.0, as_estimated_mask=plain
     )
-    return Rows(evidence, shapes, DiagnoseSettings(significance=threshold), part_of_row)
+    return Rows(evidence, shapes, DiagnoseSettings(significance=threshold), fold_of_row)
 
 
 def search(*arguments, **more):

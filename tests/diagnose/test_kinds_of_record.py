@@ -120,7 +120,7 @@ class LinearSensor:
             problem=problem,
         )
 
-    def linearised(self, found, problem):
+    def linearise(self, found, problem):
         return self.at(problem, found.effects, found.x)
 
     def noise_components(self, at, prior_rows):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnose.rows import Column, N, Other, T, search
-from imuloop.estimate.likeness import imitated, twin
+from imuloop.estimate.likeness import imitations, twin
 
 # what every fit has: a constant, far from the columns of the first tests
 LAST = np.eye(N)[:, -1:]
@@ -12,7 +12,7 @@ LAST = np.eye(N)[:, -1:]
 
 def likeness(columns):
     made = search(np.random.default_rng(0).normal(size=N), LAST, columns)
-    return imitated(made, [*made.problem.shapes])
+    return imitations(made, [*made.problem.shapes])
 
 
 def test_the_share_that_another_imitates_is_the_squared_cosine():

@@ -70,5 +70,5 @@ def test_a_drift_of_its_limit_at_the_poses_is_found_though_a_walk_looks_like_it(
     added = of_sensor("accelerometer", DRIFT)
     found = [searched(limit, 10 + seed).choice().base == added for seed in range(seeds)]
     assert sum(found) >= least(seeds, 0.9, 1 / 35)
-    monkeypatch.setattr(PoseProblem, "slow", lambda self, effect: False)
+    monkeypatch.setattr(PoseProblem, "is_like_slow_noise", lambda self, effect: False)
     assert np.median([limit_of(searched(0.0, seed)) for seed in range(3)]) < limit / 2

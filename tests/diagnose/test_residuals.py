@@ -39,10 +39,10 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     design = np.column_stack([np.ones(40), rng.normal(size=40)])
     held = (t >= 12) & (t < 20)
     seen = ~held & (t != 20)
-    row_parts = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
+    row_folds = np.column_stack([np.where(held, 0, -1), np.where(t == 20, 0, -1)])
     weights, every = np.linalg.inv(covariance), np.eye(len(covariance))
-    operator, inverses = fold_fits(every, weights, design, row_parts)
-    spread = held_out_covariance(covariance, design, row_parts)[np.ix_(held, held)]
+    operator, inverses = fold_fits(every, weights, design, row_folds)
+    spread = held_out_covariance(covariance, design, row_folds)[np.ix_(held, held)]
     predicted = np.diag(spread)
     drawn = np.linalg.cholesky(covariance) @ rng.normal(size=(40, 20000))
     weight = np.linalg.inv(covariance[np.ix_(seen, seen)])
@@ -65,10 +65,10 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
     ratios = {"gravity_norm": [], "pose_rate": [], "rotation": []}
     for seed in range(5):
         made = recording(truth, seed)
-        problem = problem_of(pair_of(truth, made), made, parts=5)
-        about, errors = problem.linearized(), Choices(problem).following(())
+        problem = problem_of(pair_of(truth, made), made, folds=5)
+        about, errors = problem.linearization(), Choices(problem).errors_with(())
         covariance = about.alternatives[0][1]
-        variance = np.diag(held_out_covariance(covariance, about.jacobian, problem.row_parts))
+        variance = np.diag(held_out_covariance(covariance, about.jacobian, problem.row_folds))
         for kind in ratios:
             rows, k = problem.of_kind(kind), problem.components(kind)
             sizes = (size(v[rows].reshape(-1, k)) for v in (errors, np.sqrt(variance)))

@@ -113,14 +113,14 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     first, again = (Choices(problem_of(pair, m, SHAPES)) for m in (made, changed))
     problem, held_out = first.problem, frozenset({0})
     each = first.search(held_out)
-    assert each.significant(each.kinds) == SENSITIVE
-    assert again.search(held_out).significant(each.kinds) == SENSITIVE
-    about = problem.linearized(SENSITIVE)
-    noise = held_out_covariance(about.alternatives[0][1], about.jacobian, problem.row_parts)
+    assert each.significant_effects(each.kinds) == SENSITIVE
+    assert again.search(held_out).significant_effects(each.kinds) == SENSITIVE
+    about = problem.linearization(SENSITIVE)
+    noise = held_out_covariance(about.alternatives[0][1], about.jacobian, problem.row_folds)
     # the prior's rows come last
-    measured = problem.part_of_row >= 0
+    measured = problem.fold_of_row >= 0
     own = (problem.rows[0] == 0).any(axis=1)
-    others = (problem.part_of_row == 0)[measured] & ~own
+    others = (problem.fold_of_row == 0)[measured] & ~own
     still = (problem.of_kind("gravity_norm") | problem.of_kind("pose_rate"))[measured]
     for effects in ((), SENSITIVE):
         errors = [c.errors(lambda held_out, e=effects: e)[measured, 0] for c in (first, again)]
@@ -165,7 +165,7 @@ def test_a_time_constant_between_those_of_the_library_is_found_as_it_is():
     choices = Choices(problem_of(pair_of(truth, made), made, shapes))
     (found,) = choices.choice().base
     assert found.effect.tau == pytest.approx(600.0, rel=0.1)
-    fitted = choices.problem.linearized((found,)).solution.x[-3:]
+    fitted = choices.problem.linearization((found,)).solution.x[-3:]
     np.testing.assert_allclose(fitted, 0.5, rtol=0.1)
 
 
@@ -178,8 +178,8 @@ def test_the_error_of_a_parameter_holds_that_of_its_time_constant():
         made = recording(truth, seed)
         problem = problem_of(pair_of(truth, made), made, shapes)
         search = Choices(problem).search()
-        base = search.finer(search.following((*shapes,)))
-        x, covariance = problem.linearized(base).solution.x, problem.covariance(base)
+        base = search.refine(search.effects_of_kinds((*shapes,)))
+        x, covariance = problem.linearization(base).solution.x, problem.covariance(base)
         pulls.append((x[-3:] - size) / np.sqrt(np.diag(covariance)[-3:]))
     # 18 pulls, those of a device alike; 1.5 where the time constant is taken for known
     assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.35

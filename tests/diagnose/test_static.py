@@ -5,7 +5,7 @@ import pytest
 
 from diagnose.records import LENGTH, record, root, search
 from imuloop.core.effect import find_effect
-from imuloop.diagnose.records.moves import separated
+from imuloop.diagnose.records.moves import separate
 from imuloop.diagnose.records.static import fitted_effects, information
 from imuloop.diagnose.records.static_diagnosis import find
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -107,15 +107,15 @@ def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it():
     assert choices.choice().base
     changed = {s: v.copy() for s, v in values.items()}
     ends = np.cumsum([N] * len(values))[:-1]
-    each = np.split(choices.problem.part_of_row, ends)
+    each = np.split(choices.problem.fold_of_row, ends)
     for parts, v in zip(each, changed.values(), strict=True):
         v[parts == part] += 100 * rng.standard_normal(3) + rng.standard_normal((15, 3))
     held_out, both = frozenset({part}), (choices, found(changed).choices)
-    chosen = [c.search(held_out).significant(c.search().kinds) for c in both]
+    chosen = [c.search(held_out).significant_effects(c.search().kinds) for c in both]
     assert chosen[0] == chosen[1] and chosen[0]
     foreseen = [
         np.concatenate([r.values for r in c.problem.records])
-        - c.problem.residuals_left(c.search(held_out), one)
+        - c.problem.residuals(c.search(held_out), one)
         for c, one in zip(both, chosen, strict=True)
     ]
     np.testing.assert_allclose(*foreseen, rtol=1e-5, atol=1e-7)
@@ -193,6 +193,6 @@ def test_the_level_after_a_move_is_another_record(start, change, lengths):
         np.linspace(0, 0.3, N)[:, None] if isinstance(change, str) else np.outer(stretch, change)
     )
     values = 0.01 * noise(5) + [0.0, 0.0, 9.8] + added
-    parts = separated([record(values, stretch=stretch)], 16)
+    parts = separate([record(values, stretch=stretch)], 16)
     assert [len(p.windows) for p in parts] == lengths
     np.testing.assert_array_equal(parts[0].values, values[: lengths[0]])

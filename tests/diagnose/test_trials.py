@@ -37,7 +37,7 @@ def test_a_logged_cause_goes_before_time_where_it_explains_as_much(like, first):
     made = search(20 * drift + np.random.default_rng(1).normal(size=N), LINE, columns)
     trials = [made.trial((), cls) for cls in (Drift, Warm)]
     assert trials[0].log_p < trials[1].log_p < made.threshold(0)
-    assert made.best((), made.kinds).effect.kind is first
+    assert made.best_trial((), made.kinds).effect.kind is first
 
 
 @pytest.mark.parametrize(("like", "chosen"), [(0.999, Warm), (0.6, Late)])
@@ -50,7 +50,7 @@ def test_a_constant_more_has_to_gain_its_price(like, chosen):
     )
     shapes = Warm(), Late()
     tried = made.tests((), shapes)
-    best = made.shaped((), shapes, 0.0)
+    best = made.best_of_shapes((), shapes, 0.0)
     assert (tried[1].log_p < tried[0].log_p - 3.0) == (chosen is Late)
     assert type(best.effect) is chosen
     paid = {Warm: tried[0].log_p, Late: tried[1].log_p + 3.0}[chosen]

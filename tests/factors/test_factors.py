@@ -38,7 +38,7 @@ def test_the_derivative_is_that_of_the_residuals(made, counted):
     joint, x = true_fit(TRUTH, made, **COUNTED[counted])
     effects = [SensorEffect(find_effect(name)(), s) for s in joint.estimated for name in EFFECTS[s]]
     x = State(x).with_effects(effects).x
-    measured = joint.measured(x, made, effects)
+    measured = joint.measure(x, made, effects)
     jacobian, kinds = measured.at(x).jacobian, joint.rows(made)[1]
     numeric = slopes(lambda x: measured.at(x).residual, x)
     assert jacobian.shape == numeric.shape == (len(kinds), len(x))

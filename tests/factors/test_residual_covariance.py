@@ -27,7 +27,7 @@ def device():
     """
     made = recording(TRUTH, 2)
     joint, x = true_fit(TRUTH, made)
-    plain, step, gains = joint.measured(x, made).at(x), 1e-6, []
+    plain, step, gains = joint.measure(x, made).at(x), 1e-6, []
     for axis in range(6):
         name, columns = "fw"[axis // 3], []
         for table in ("poses", "rotations"):
@@ -36,7 +36,7 @@ def device():
                 values = getattr(whole, name).copy()
                 values[(*at, axis % 3)] += step
                 changed = replace(made, **{table: replace(whole, **{name: values})})
-                moved = joint.measured(x, changed).at(x).residual
+                moved = joint.measure(x, changed).at(x).residual
                 columns.append((moved - plain.residual) / step)
         gains.append(np.transpose(columns))
     return joint, plain.noise, made, gains
@@ -97,7 +97,7 @@ def test_errors_at_the_truth_have_the_predicted_covariance():
     for seed in range(SEEDS):
         made = recording(truth, 100 + seed)
         joint, x = true_fit(truth, made)
-        at, kinds = joint.measured(x, made).at(x), joint.rows(made)[1]
+        at, kinds = joint.measure(x, made).at(x), joint.rows(made)[1]
         r, jacobian, covariance = at.residual, at.jacobian, at.noise.by(joint.noise)
         groups = {kind: kinds == kind for kind in joint.kinds} | {"all": kinds != ""}
         for kind, rows in groups.items():
@@ -115,7 +115,7 @@ def test_a_walk_of_the_rate_is_common_to_rotations_and_the_poses_beside_them():
     for seed in range(SEEDS):
         made = recording(truth, seed)
         joint, x = true_fit(truth, made, moves=False)
-        at = joint.measured(x, made).at(x)
+        at = joint.measure(x, made).at(x)
         r, jacobian, covariance = at.residual, at.jacobian, at.noise.by(joint.noise)
         n, first = len(made.poses), made.rotations.first
         apart = covariance.copy()

@@ -27,7 +27,7 @@ def made():
         one = of_two_power_cycles(recording(truth, seed))
         pair = pair_of(truth, one)
         x = pair.fit(one).x
-        found.append((one, pair, x, pair.measured(x, one).at(x).noise.by(pair.noise)))
+        found.append((one, pair, x, pair.measure(x, one).at(x).noise.by(pair.noise)))
     return found
 
 
@@ -51,7 +51,7 @@ def test_any_effect_of_the_library_lowers_chi_square(made, effect):
             count = len(wide[0].parameters)
             # by the same noise: weights follow what is fitted
             plain, wider = (
-                fit(pair.measured(start, one, effects).at, start, covariance)
+                fit(pair.measure(start, one, effects).at, start, covariance)
                 for effects, start in (((), x), (wide, np.append(x, np.zeros(count))))
             )
             assert wider.chi2 <= plain.chi2 * (1 + 1e-9)

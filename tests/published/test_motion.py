@@ -93,7 +93,7 @@ def test_two_halves_of_the_moves_say_the_same(moves):
 def test_effects_of_other_moves_do_not_explain_the_velocity(moves):
     recording, pair, known = moves
     start = pair.fit(recording, known)
-    at, count = pair.linearised(start, recording), len(start.x)
+    at, count = pair.linearise(start, recording), len(start.x)
     values, jacobian = at.residual, np.hstack([at.jacobian, at.columns(in_motion())])
     root = cholesky(at.noise.by(pair.noise), lower=True)
     kinds, m = pair.rows(recording)[1], len(recording.rotations)

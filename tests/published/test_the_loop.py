@@ -88,11 +88,11 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     )
     shapes = {effect.kind: (effect,) for effect in (drift, sensitivity)}
     problem = problem_of(pair, recording, shapes)
-    problem.linearized((drift,))
+    problem.linearization((drift,))
     # what no effect explains counts as noise
     search = Choices(problem).search()
     assert search.test((drift,), sensitivity).p_value > 0.01
-    values, std, _ = search.beside((drift,), sensitivity)
+    values, std, _ = search.estimate((drift,), sensitivity)
     # of the 27 of three boards one is 3.2: a bound of three is not met on board 3
     assert board == 3 or np.all(np.abs(values / std) < 3)
 

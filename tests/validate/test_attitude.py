@@ -158,8 +158,8 @@ def test_models_do_not_see_what_they_are_judged_by(sensitive):
     spoiled = replace(made, poses=poses, rotations=rotations)
     pair, models = found.poses.pair, []
     for each in (made, spoiled):
-        problem = replace(found.poses.choices.problem, recording=each, _linearized={}, _columns={})
-        models.append(held_out_models(found, problem.with_parts(parts))[1])
+        problem = replace(found.poses.choices.problem, recording=each, _fits={}, _columns={})
+        models.append(held_out_models(found, problem.with_folds(parts))[1])
     (effect,) = (e for e in found.poses.choices.choice().base if e.name == "g_sensitivity")
     one, other = (each["final"] for each in models)
     # what a model lacks counts as noise by all rows, so the base model's weights are of them too

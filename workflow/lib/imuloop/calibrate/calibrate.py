@@ -187,7 +187,7 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     kinds = factors.rows(recording)[1].tolist()
     variance = np.array([START[kind] ** 2 for kind in kinds])
     try:
-        rough = fit(joint.measured(start, recording).at, start, variance, joint.known)
+        rough = fit(joint.measure(start, recording).at, start, variance, joint.known)
     except NotConverged:
         return joint, reasons
     if np.mean(rough.white**2) <= MISFIT**2:
@@ -248,7 +248,7 @@ def contradictions(joint, found, recording):
     gyroscope, whose bias a rest alone gives. Takes the JointFit, its Fit and the Recording.
     """
     refused, owner = {}, joint.factors.owners(recording)
-    at = joint.linearised(found, recording)
+    at = joint.linearise(found, recording)
     jacobian = at.jacobian[:, :COUNT]
     expected = np.einsum("np,pq,nq->n", jacobian, joint.prior.covariance, jacobian)
     for sensor, made in joint.calibrations(found).items():

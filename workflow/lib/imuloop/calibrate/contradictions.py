@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from imuloop.estimate.least_squares import remembered
+from imuloop.estimate.least_squares import keep_last_result
 from imuloop.factors.factors import Factors
 from imuloop.factors.gravity_norm import gravity_norm
 from imuloop.model.state import BASE, COUNT, State
@@ -86,7 +86,7 @@ def fitted(poses):
         sensor = State(np.append(x, np.zeros(COUNT - 9))).sensor("accelerometer")
         return gravity_norm(sensor, poses.f, 1.0, nothing)
 
-    rows = remembered(linearise)
+    rows = keep_last_result(linearise)
     x = robust(
         lambda x: np.append(rows(x).residual, EVEN * loose @ (x - start)),
         lambda x: np.concatenate([rows(x).jacobian[:, 0], EVEN * loose]),

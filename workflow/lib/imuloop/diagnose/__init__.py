@@ -1,1 +1,1 @@
-"""From residuals to the effects that the model lacks."""
+"""Diagnosis: the effects that a model lacks, from the residuals of each kind of record."""

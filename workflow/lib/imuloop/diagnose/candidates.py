@@ -1,15 +1,15 @@
-"""Which effects of the library can be tried on a sensor, and why the others cannot."""
+"""The effects of the library that can be tried on a sensor, and reasons against the others."""
 
 from imuloop.core.effect import Effect
 from imuloop.effects.temperature import LEAST_SPAN, span
 
 
 def candidates(sensor, record, channels):
-    """Return the shapes of each effect to try on a sensor, by type, and why others are not.
+    """Return the shapes to try on a sensor, and the effects that are not tried.
 
-    Of the others status and reason by type; `channels` is what effects see in the record, which is
-    'poses' or 'static_record'. Effects of 'motion' are not tried here:
-    `records.motion.candidates_in_motion` adds them.
+    Both are dicts by type of effect: a tuple of shapes, and a status with its reason. `record` is
+    'poses' or 'static_record', and `channels` are the Channels that effects take there. Effects
+    of 'motion' are in neither: `records.motion.candidates_in_motion` returns them.
     """
     available, others, cycle = {}, {}, channels.power_cycle
     several = cycle is not None and cycle.any()

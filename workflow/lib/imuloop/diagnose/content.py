@@ -1,18 +1,25 @@
-"""Content of diagnosis.json on the search in one kind of record: effects and candidates."""
+"""The part of diagnosis.json about the search in one kind of record: effects and candidates."""
 
 import numpy as np
 
-from imuloop.estimate.likeness import holder, imitated, twin
+from imuloop.estimate.likeness import holder, imitations, twin
 from imuloop.estimate.limits import detection_limits
 from imuloop.estimate.residuals import size
 from imuloop.estimate.verdict import above_floor, why_not_shown
 
 
 def search_content(choices, fitted, others, sensor):
-    """Return the fields of a sensor's search: candidates, and effects that were found.
+    """Return the fields of diagnosis.json about the search on one sensor.
 
-    `fitted` are the effects that the choices added, `others` status and reason of what cannot be
-    tried.
+    Parameters
+    ----------
+    choices : Choices
+        The searches and the choice of effects.
+    fitted : sequence of FittedEffect
+        The added effects, in the order of the choice.
+    others : dict of type to (str, str)
+        Status and reason of the effects that were not tried.
+    sensor : str
     """
     problem, choice = choices.problem, choices.choice()
     every = (*problem.shapes, *problem.scans)
@@ -35,19 +42,39 @@ def search_content(choices, fitted, others, sensor):
             *(_candidate(sensor, choices, kind) for kind in kinds),
             *(untried(cls.name, *reason) for cls, reason in others.items()),
         ],
-        "confounded": imitated(choices.search(), [k for k in kinds if not k.is_formula]),
+        "confounded": imitations(choices.search(), [k for k in kinds if not k.is_formula]),
     }
 
 
 def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chosen):
-    """Return the entry of one kind of residual, and whether it is above its floor.
+    """Return the entry of a kind of residual in diagnosis.json, and whether it is above its floor.
 
-    `judged` and held-out `errors`, (M, a), are pairs, without the effects and with them, and so is
-    the answer. `floor` is the variance that the noise alone gives the errors, `share` the
-    significance of this kind, `chosen` whether there are effects, which the data chose.
+    Parameters
+    ----------
+    problem : PoseProblem or StaticProblem
+    kind, unit : str
+        Kind of residual and its unit.
+    rows : ndarray, shape (N,) of bool, or slice
+        Its rows.
+    judged : pair of Judged
+        Comparison with the noise, without and with effects.
+    errors : pair of ndarray, shape (N, a)
+        Held-out errors without and with effects.
+    floor : ndarray, shape (N, a)
+        Variance of the errors that the noise alone gives.
+    share : float
+        Significance for this kind of residual.
+    chosen : bool
+        Whether there are effects, which the data chose.
+
+    Returns
+    -------
+    dict
+    list of bool
+        Whether the residual is above its floor, without and with effects.
     """
     noise = np.sqrt(floor[rows])
-    least, *sizes = (size_of(problem, kind, own) for own in (noise, *(e[rows] for e in errors)))
+    least, *sizes = (size_of(problem, kind, e) for e in (noise, *(e[rows] for e in errors)))
     above = [
         above_floor(judge, share, heldout, least, by_data)
         for judge, heldout, by_data in zip(judged, sizes, (False, chosen), strict=True)
@@ -65,12 +92,13 @@ def residual_entry(problem, kind, unit, rows, judged, errors, floor, share, chos
 
 
 def untried(name, status, why):
-    """Return the entry of a candidate that could not be tried."""
+    """Return the entry in diagnosis.json of a candidate that was not tried, with the reason."""
     figures = ("p_value", "heldout_after", "detection_limit", "confounded_with")
     return {"name": name, "status": status, "why": why, **dict.fromkeys(figures)}
 
 
 def _candidate(sensor, choices, kind):
+    """Return the entry in diagnosis.json of a kind of effect that was tried on a sensor."""
     problem, search, choice = choices.problem, choices.search(), choices.choice()
     own = [a for a in choice.added if a.effect.kind == kind]
     before = tuple(e for e in choice.base if e.kind != kind)
@@ -98,13 +126,13 @@ def _candidate(sensor, choices, kind):
     if status == "rejected" and not passed and (reason := why_not_shown(kind, limits, units)):
         status, why, limits = "not_observable", reason, None
     elif not limits:
-        # what was found may be of a kind that held-out parts confirm by luck only
+        # no size would be confirmed by cross-validation: the limit is that of the test alone
         limits = detection_limits(search, before, trial, problem.settings.power, kept=False)
-    residual_kind, rows = problem.shows(search, before, trial)
-    values, std, _ = search.beside(before, trial.effect)
+    residual_kind, rows = problem.most_changed_rows(search, before, trial)
+    values, std, _ = search.estimate(before, trial.effect)
     names, heldout = list(trial.effect.parameters), None
     if trial.p_value < problem.settings.significance:
-        heldout = size_of(problem, residual_kind, choices.following((kind,))[rows])
+        heldout = size_of(problem, residual_kind, choices.errors_with((kind,))[rows])
     return {
         "name": kind.name,
         "status": status,
@@ -122,7 +150,10 @@ def _candidate(sensor, choices, kind):
 
 
 def _by_slow_noise(search, base, trial):
-    """Return whether nothing but noise slower than what was estimated speaks against a trial."""
+    """Return whether a trial fails only because of noise that is slower than was estimated.
+
+    It fails under all hypotheses, but would pass under those without more slow noise.
+    """
     if trial.log_p < search.threshold(len(base)):
         return False
     estimated = search.training_fit(base).evidence.as_estimated_mask
@@ -131,5 +162,5 @@ def _by_slow_noise(search, base, trial):
 
 
 def size_of(problem, kind, errors):
-    """Return the root mean square of the norms of errors of one kind, rows by axes."""
+    """Return the root mean square norm of the errors, (n, a), of one kind of residual."""
     return size(errors.reshape(-1, problem.components(kind) * errors.shape[1]))

@@ -1,10 +1,10 @@
-"""Diagnose a device: what is missing in its model, and what remains unexplained."""
+"""Diagnosis of a device: the effects that its model lacks, and what remains unexplained."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-# the library of effects joins by being loaded
+# this import registers the library of effects
 import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import (
     GROUPS,
@@ -31,9 +31,9 @@ from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_te
 from imuloop.estimate.verdict import not_testable, of_calibration
 from imuloop.model.prior import data_sheet
 
-# version of the JSON file
+# version of diagnosis.json
 FORMAT = 1
-# kinds of records that it has of a sensor
+# kinds of records that diagnosis.json has for a sensor
 RECORDS = ("poses", "static_record", "motion")
 
 
@@ -41,16 +41,16 @@ RECORDS = ("poses", "static_record", "motion")
 class Diagnosed:
     """The diagnosis of a device, as validation and advice use it."""
 
-    content: dict  # content of diagnosis.json, but for the next step
-    calibration: Calibration  # with the effects that were added
-    # Allan table without the effects, by session; empty where nothing was taken out
+    content: dict  # content of diagnosis.json without the next steps
+    calibration: Calibration  # the model with the added effects
+    # Allan table after subtracting the effects, by session; empty if there are none
     allan: dict
-    noise: NoiseModel  # without the effects of the static records
+    noise: NoiseModel  # noise after subtracting the effects of the static records
     poses: PoseResult
     recording: Recording  # all poses and rotations
-    names: list  # of the recording's sessions
-    tables: dict  # columns of poses.parquet and moves.parquet
-    motion: tuple = ()  # JointFit and the Fit of what the moves show
+    names: list  # names of the sessions in the recording
+    tables: dict  # columns of poses.parquet, moves.parquet and reference.parquet
+    motion: tuple = ()  # JointFit and Fit with the effects that moves show; empty without them
 
 
 def diagnose_device(
@@ -66,11 +66,23 @@ def diagnose_device(
     noise_settings,
     prior=None,
 ):
-    """Return the Diagnosed of a device, by its name.
+    """Return the Diagnosed of a device.
 
-    Takes local gravity, m/s^2, ``kind``, ``samples`` and ``segments`` (paths) of each session by
-    name, paths of the results of the stages before, and settings: of the calibration, repeated with
-    effects, of the diagnosis, and of the noise stage, repeated without them.
+    Parameters
+    ----------
+    device : str
+        Its name.
+    gravity : float
+        Local gravity, m/s^2.
+    sessions : dict of str to dict
+        ``kind``, and paths of ``samples`` and ``segments``, of each session by name.
+    noise, six_position, multi_position : path
+        Results of the noise stage and of both calibration stages.
+    calibrate_settings, settings, noise_settings
+        Settings of the calibration, the diagnosis and the noise stage. Calibration and noise are
+        estimated again with the effects that are found.
+    prior : Prior, optional
+        The data sheet by default.
     """
     model = NoiseModel.from_json(noise)
     method, recording = largest_recording(sessions, calibrate_settings.longest_rotation)
@@ -81,8 +93,8 @@ def diagnose_device(
         static_tests(records, settings)
         + sum(len(pose_candidates(sensor, recording)[0]) for sensor in SENSORS)
     )
-    # first the static records: the poses have their effects too, and the noise without these; but
-    # a rest of the poses' own log is one attitude and a start, and they judge for themselves
+    # Static records come first: the poses get their effects, and the noise without these effects.
+    # A long rest in the log of the poses gives no effects: the poses themselves show them better.
     still = diagnose_static(
         *(data, records, base, model, settings, noise_settings, tests),
     )
@@ -90,7 +102,7 @@ def diagnose_device(
     found, information = (), None
     if has_static_session:
         found, information = still.at_poses(recording.poses.temperature is not None)
-    # without a ramp too, which the poses do not have, but which would count as slow noise there
+    # this noise is also without a ramp, which poses do not have but which would add slow noise
     noise = still.noise
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
     turns = read_turns(sessions, base.accelerometer)
@@ -102,7 +114,7 @@ def diagnose_device(
     refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())
     base = replace(base, **refused)
     motion = diagnose_motion(poses.pair, poses.solution, *how, information)
-    # a gyroscope is calibrated against gravity as the accelerometer with its effects has it
+    # the gyroscope was calibrated with the direction of gravity by the accelerometer with effects
     force = poses.calibrations.get("accelerometer", base.accelerometer)
     by_new_force = "accelerometer" in poses.calibrations and force.effects
     bias_refitted = by_new_force or calibrate_settings.gyroscope_bias != "initial_rest"
@@ -135,12 +147,12 @@ def diagnose_device(
         verdict = of_calibration(own, has_static_session)
         final = replace(final, **{sensor: replace(calibration, verdict=verdict)})
     residuals = poses.residuals | motion.residuals
-    # with the effects of the rotations alone: those at rest may need what is not logged here
+    # the calibration by the poses: effects of static records may need channels that poses lack
     turned = poses.calibrations.get("gyroscope", base.gyroscope)
     _, seen_force = recording.calibrated_force(force)
     shown = [poses_table(recording.poses, names, residuals)]
     if method != "six_position":
-        # the six faces are not diagnosed
+        # the poses on six faces are in the table, but are not diagnosed
         shown.append(poses_table(read_poses(sessions, "six_position"), faces, {}))
     tables = {
         "poses": joined(shown),
@@ -153,7 +165,10 @@ def diagnose_device(
 
 
 def _content(device, *records):
-    """Return the content of diagnosis.json: by sensor that of each of the `RECORDS`."""
+    """Return the content of diagnosis.json.
+
+    `records` has for each of the `RECORDS` its content by sensor.
+    """
     sensors = {s: {r: c[s] for r, c in zip(RECORDS, records, strict=True)} for s in SENSORS}
     return {"format": FORMAT, "device": device, "sensors": sensors}
 
@@ -161,10 +176,19 @@ def _content(device, *records):
 def final_calibration(base, found, effects, records, bias_refitted):
     """Return the calibration of a sensor with every effect that was found.
 
-    The model that was diagnosed, its covariance too: `found`, by the poses; one without effects
-    counts only if `bias_refitted`, not where the bias is held at the first rest. Where the poses
-    determine none, the static records' effects are added to the base calibration; the bias of a
-    gyroscope that only rested then is its level without them.
+    Parameters
+    ----------
+    base : SensorCalibration
+        The calibration of the stage before, without effects.
+    found : SensorCalibration or None
+        The calibration by the poses. It is the result if it has effects or if `bias_refitted`.
+    effects : tuple of FittedEffect
+        Effects of the static records. Else they are added to `base`.
+    records : list of StaticRecord
+        For a sensor that only rested, the bias is the mean of these after subtracting the effects.
+    bias_refitted : bool
+        Whether the bias of `found` may replace the one of `base`: not if it is held at the first
+        rest.
     """
     if found and (bias_refitted or found.effects):
         return found
@@ -172,17 +196,18 @@ def final_calibration(base, found, effects, records, bias_refitted):
         return base
     b = base.b
     if base.method == "static":
-        left = [r.values - sum(e.output(r.channels) for e in effects) for r in records]
+        levels = [r.values - sum(e.output(r.channels) for e in effects) for r in records]
         lengths = np.concatenate([r.length for r in records])
-        b = b + np.average(np.concatenate(left), axis=0, weights=lengths) / base.K
+        b = b + np.average(np.concatenate(levels), axis=0, weights=lengths) / base.K
     return replace(base, b=b, effects=effects)
 
 
 def with_validity_ranges(calibration, found, recording, records, static_effects):
-    """Return the calibration with the range of validity of every effect.
+    """Return the Calibration with the range of inputs in which each effect was estimated.
 
-    Those of a sensor that the poses determine, by `found`, were seen there, the gyroscope's along
-    the rotations too; the others in `records`, by sensor the static records.
+    The ranges of a sensor in `found`, its calibrations by the poses, come from the poses; those of
+    the gyroscope come from the rotations too. Effects in `static_effects`, by sensor, also have
+    the range of the static `records`, by sensor.
     """
     force, turn = calibration.accelerometer, calibration.gyroscope
     at_poses, moving, sensors = {sensor: [] for sensor in SENSORS}, [], {}

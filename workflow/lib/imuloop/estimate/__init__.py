@@ -1,1 +1,29 @@
-"""One estimator: fit with a prior, size of the noise, test, held-out errors, limits, verdict."""
+"""The estimator of every kind of record: fit, noise, tests, cross-validation, limits, verdict.
+
+Terms of this package:
+
+row
+    One scalar residual, of a pose, of a move, or of the mean over a window at rest.
+effect, kind, shape
+    An effect is an error that the base model lacks. Its kind is the type of error and the sensor.
+    Its shape is the kind with values of its constants, as a time constant. The parameters of a
+    shape are linear, and a fit estimates them.
+base
+    The effects that are in the model already when another effect is tested.
+pattern
+    The derivative of all rows with respect to the parameters of one shape.
+column
+    One column of a pattern on one axis, scaled to length one and stored under a number.
+nuisance parameters
+    The parameters that every fit estimates: the level of each record, or the base model.
+hypothesis
+    One covariance that the noise of the rows may have. Tests average over all hypotheses.
+evidence
+    All rows with their hypotheses, and the columns of all patterns.
+fold
+    The rows that cross-validation holds out together. Folds have numbers; -1 is no fold.
+training rows, training fit
+    The rows that are not held out, and the least-squares fit to them.
+trial
+    The test of one effect, in its best shape, added to the base.
+"""

@@ -1,31 +1,33 @@
-"""The ratio of held-out errors, with an effect to without, and its interval."""
+"""The ratio of held-out errors, with an effect over without it, and its confidence interval."""
 
 import numpy as np
 from scipy.special import stdtrit
 
 
-def ratio_interval(part_of_row, before, after):
-    """Return the 95 % interval of the held-out error after over before, root mean squares.
+def ratio_interval(fold_of_row, before, after):
+    """Return the 95 % interval of the ratio of two root mean square errors, [low, high].
 
-    `part_of_row`, (n,), is the part that each of the errors, (n, k), was held out with. A part in
-    which the prediction changes most is cut into several, see `cut_parts`.
+    `before` and `after`, (n, k), are held-out errors without and with an effect; the ratio is after
+    over before. `fold_of_row`, (n,), is the fold of each row. A fold in which the errors change
+    much is cut into several, see `cut_folds`.
     """
-    parts = cut_parts(part_of_row, ((before - after) ** 2).sum(axis=1))
-    return jackknife(*((parts @ e**2).sum(axis=1) for e in (before, after))).tolist()
+    folds = cut_folds(fold_of_row, ((before - after) ** 2).sum(axis=1))
+    return jackknife(*((folds @ e**2).sum(axis=1) for e in (before, after))).tolist()
 
 
-def cut_parts(part_of_row, change):
-    """Return the rows of each part, (parts, n), bool, where parts with most of a change are cut.
+def cut_folds(fold_of_row, change):
+    """Return the rows of each fold, (folds, n) of bool, after cutting folds that change most.
 
-    A part with several times the mean of the change, (n,), as the first one has with a warm-up, is
-    cut into as many: without it the others would show nothing.
+    `change`, (n,), is the squared change of the error of each row. A fold with m times the mean
+    change of a fold is cut into m consecutive folds of equal change. In a warm-up, for example,
+    the first fold has nearly all of the change, and a jackknife needs several that have some.
     """
-    number, last, parts = np.empty(len(part_of_row), dtype=int), 0, np.unique(part_of_row)
-    for k in parts:
-        rows = part_of_row == k
+    number, last, folds = np.empty(len(fold_of_row), dtype=int), 0, np.unique(fold_of_row)
+    for k in folds:
+        rows = fold_of_row == k
         own = change[rows]
-        # rounding shall not decide
-        count = max(1, int(len(parts) * own.sum() / max(change.sum(), 1e-300) + 1e-6))
+        # the small term keeps rounding errors from changing the count
+        count = max(1, int(len(folds) * own.sum() / max(change.sum(), 1e-300) + 1e-6))
         share = (np.cumsum(own) - own / 2) / max(own.sum(), 1e-300)
         number[rows] = last + np.minimum((count * share + 1e-6).astype(int), count - 1)
         last += count
@@ -35,11 +37,11 @@ def cut_parts(part_of_row, change):
 def jackknife(before, after):
     """Return the lower and upper end of the 95 % interval of a ratio of root mean squares, (2, …).
 
-    The standard error is that of the mean of the ratio's pseudo-values, each from all parts but
-    one; Student's t has as many degrees of freedom as there are parts, less one. (The interval of
-    the logarithm covers as often, but is far wider where one part has most of what is left, as that
-    in which a step happens.) Where no two parts have errors the ratio is between zero and infinity.
-    `before` and `after`, (parts, …), are the sums of squares of each part.
+    `before` and `after`, (folds, …), are the sums of squared errors of each fold; the ratio is
+    after over before. Its standard error is that of the mean of the jackknife's pseudo-values, each
+    from all folds but one. Student's t has one degree of freedom less than there are folds. The
+    interval is zero to infinity if fewer than two folds have errors. (An interval of the logarithm
+    has the same coverage, but is far wider if one fold has most of the error, as with a step.)
 
     References
     ----------
@@ -54,6 +56,6 @@ def jackknife(before, after):
         values = n * ratio - (n - 1) * np.sqrt(others)
         square = ((values - values.mean(axis=0)) ** 2).sum(axis=0) / np.float64(n * (n - 1))
         half = stdtrit(n - 1, 0.975) * np.sqrt(square)
-    known = np.isfinite(half)
-    low = np.where(known, np.maximum(ratio - half, 0.0), 0.0)
-    return np.array([low, np.where(known, ratio + half, np.inf)])
+    finite = np.isfinite(half)
+    low = np.where(finite, np.maximum(ratio - half, 0.0), 0.0)
+    return np.array([low, np.where(finite, ratio + half, np.inf)])

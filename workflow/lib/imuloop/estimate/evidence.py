@@ -1,4 +1,7 @@
-"""Evidence: products of residuals and patterns under every hypothesis about the noise."""
+"""Evidence: all rows of a problem, their noise hypotheses, and the columns of all patterns.
+
+The package's docstring defines these terms.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,159 +15,175 @@ from imuloop.estimate.training_fit import TrainingFit
 
 @dataclass(frozen=True)
 class Hypotheses:
-    """Hypotheses about the noise of some rows."""
+    """Hypotheses about the noise of n rows: h covariances that the noise may have."""
 
-    precision: np.ndarray  # (h, n, n): inverse of the covariance under each hypothesis
-    log_det: np.ndarray  # (h,): logarithm of the covariance's determinant
+    precision: np.ndarray  # (h, n, n): inverse of each covariance
+    log_det: np.ndarray  # (h,): logarithm of the determinant of each covariance
 
     @classmethod
-    def of(cls, each):
-        """Return those whose `precision`, inverse and root, are given one at a time."""
-        each = ((own, 2 * np.log(np.diag(root)).sum()) for own, root in each)
-        inverses, log_det = zip(*each, strict=True)
+    def of(cls, precisions):
+        """Return the Hypotheses from the inverse and the Cholesky root of each covariance.
+
+        `precisions` yields both, (n, n) each, as `imuloop.core.precision.precision` returns them.
+        """
+        pairs = ((inverse, 2 * np.log(np.diag(root)).sum()) for inverse, root in precisions)
+        inverses, log_det = zip(*pairs, strict=True)
         return cls(np.array(inverses), np.array(log_det))
 
     def mean(self, weights):
-        """Return the covariance, averaged with weights, shape (h,), not of what counts nothing."""
-        counted = np.flatnonzero(weights > 1e-9 * weights.max())
-        return sum(weights[h] * precision(self.precision[h])[0] for h in counted)
+        """Return the weighted sum of the covariances, (n, n), with `weights`, (h,).
+
+        A hypothesis with a negligible weight is skipped.
+        """
+        indices = np.flatnonzero(weights > 1e-9 * weights.max())
+        return sum(weights[h] * precision(self.precision[h])[0] for h in indices)
 
 
 @dataclass(frozen=True)
 class RowGroup:
-    """Rows whose noise is independent of that of all other rows."""
+    """Rows whose noise is correlated; the noise of different groups is independent."""
 
-    values: np.ndarray  # (n, a): residuals of a axes, which share the noise but for its size
-    # (n, p): derivative with respect to what every fit estimates: a level, or the base model
-    nuisance: np.ndarray
-    noise: Hypotheses  # their noise
-    # (n, 2): the part that a row is held out with, and the other that it touches; -1 for none
-    row_parts: np.ndarray
+    # (n, a): residuals of a axes. The covariances of the axes differ by a factor only
+    values: np.ndarray
+    nuisance: np.ndarray  # (n, p): derivative with respect to the nuisance parameters
+    noise: Hypotheses  # covariances that the noise of these rows may have
+    # (n, 2): the fold that a row is held out with, and a second fold that it depends on, as a move
+    # depends on the pose at its end; -1 is no fold
+    row_folds: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """The derivative of the rows by one shape of an effect: ``design``, (N, a, q), SI.
+    """The derivative of all N rows, on a axes, with respect to the q parameters of one shape.
 
-    Of each axis: the numbers of its columns in the evidence, which parameters these belong to, and
-    the norms that they were divided by.
+    `columns`, `parameters` and `scale` have one entry per axis. An axis has a column for each
+    parameter that its rows depend on.
     """
 
-    effect: object
-    design: np.ndarray
-    columns: tuple[tuple[int, ...], ...]
-    parameters: tuple[list[int], ...]
-    scale: tuple[np.ndarray, ...]
+    effect: object  # the shape
+    design: np.ndarray  # (N, a, q): the derivative, SI
+    columns: tuple[tuple[int, ...], ...]  # numbers of the columns in the Evidence
+    parameters: tuple[list[int], ...]  # index of the parameter that each column belongs to
+    scale: tuple[np.ndarray, ...]  # norm that each column was divided by
 
     @property
     def on_axes(self):
-        """Columns, parameters and scale, axis by axis."""
+        """Iterator over the axes: columns, parameters and scale of each."""
         return zip(self.columns, self.parameters, self.scale, strict=True)
 
 
 @dataclass(eq=False)
 class Evidence:
-    """All rows, group by group, with the patterns that may explain them."""
+    """All N rows, group by group, and the columns of the patterns that may explain them."""
 
     row_groups: list[RowGroup]
-    prior: np.ndarray  # (h,): logarithm of each hypothesis' probability before the data
-    # gives the derivative of all rows with respect to an effect's parameters, (N, a, q)
+    prior: np.ndarray  # (h,): logarithm of the prior probability of each hypothesis
+    # takes an effect; returns the derivative of all rows by its parameters, (N, a, q)
     design: Callable
-    # least share of a hypothesis' variance that noise can have: 1 where its size is known
+    # smallest factor on the variance of a hypothesis: 1 if the size of the noise is known
     least: float = 0.0
-    # (h,): hypotheses at which parameters are estimated, all by default; and those of the noise as
-    # it was seen, no slower, the same by default
+    # (h,) of bool: the hypotheses that estimates of parameters may use; default: all
     estimation_mask: np.ndarray | None = None
+    # (h,) of bool: the hypotheses without more slow noise than was estimated; default: as above
     as_estimated_mask: np.ndarray | None = None
-    # hypothesis at which nuisances are estimated; that of the parameters by default
+    # index of the hypothesis for the nuisance parameters; default: the parameters' hypothesis
     nuisance_index: int | None = None
 
     def __post_init__(self):
-        """Enter the residuals of each axis."""
+        """Store the residuals of each axis as columns."""
         if self.estimation_mask is None:
             self.estimation_mask = np.ones(len(self.prior), dtype=bool)
         if self.as_estimated_mask is None:
             self.as_estimated_mask = self.estimation_mask
         self.axes = self.row_groups[0].values.shape[1]
-        # columns, (N,) each, and of each group their products with the precision, (h, n)
+        # columns, (N,) each; for each group, the product of its precision and each column, (h, n)
         self.columns, self.weighted = [], [[] for _ in self.row_groups]
-        self._known, self._patterns, self._training_fits, self._variances = {}, {}, {}, {}
+        self._numbers, self._patterns, self._training_fits, self._variances = {}, {}, {}, {}
         self._ends = np.cumsum([len(g.values) for g in self.row_groups])[:-1]
         self.sides = [g.noise.precision @ g.nuisance for g in self.row_groups]
         values = np.concatenate([g.values for g in self.row_groups])
         self.residual_columns = self.add_columns(values.T)
 
     def add_columns(self, vectors):
-        """Return the numbers of columns, shape (k, N); one that is known is entered once."""
+        """Store k columns, (k, N), and return their numbers; equal columns share a number."""
         new, numbers = [], []
         for vector in vectors:
             key = vector.tobytes()
-            if key not in self._known:
-                self._known[key] = len(self._known)
+            if key not in self._numbers:
+                self._numbers[key] = len(self._numbers)
                 new.append(vector)
-            numbers.append(self._known[key])
+            numbers.append(self._numbers[key])
         if new:
             self.columns += new
-            rows = self.split(np.array(new).T)
-            for group, weighted, own in zip(self.row_groups, self.weighted, rows, strict=True):
-                weighted += list(np.moveaxis(group.noise.precision @ own, 2, 0))
+            by_group = self.split(np.array(new).T)
+            for group, weighted, rows in zip(self.row_groups, self.weighted, by_group, strict=True):
+                weighted += list(np.moveaxis(group.noise.precision @ rows, 2, 0))
         return tuple(numbers)
 
     def weighted_columns(self, i, numbers):
-        """Return ``P Z`` of columns Z of a group, by their numbers, (h, k, n)."""
+        """Return the product of the precision of group i and k columns, (h, k, n)."""
         return np.stack([self.weighted[i][c] for c in numbers], axis=1)
 
     def matrix(self, numbers):
-        """Return columns by their numbers, (N, k)."""
+        """Return the k columns with the given numbers, (N, k)."""
         columns = [self.columns[c] for c in numbers]
         return np.reshape(columns, (len(numbers), len(self.columns[0]))).T
 
     def patterns(self, effects):
-        """Return the patterns of effects, their columns entered."""
+        """Return the Pattern of each effect, after storing its columns."""
         for effect in effects:
             if effect not in self._patterns:
                 self.add_pattern(effect, self.design(effect))
         return tuple(self._patterns[effect] for effect in effects)
 
     def add_pattern(self, key, design):
-        """Enter a pattern of any kind, (N, a, q), under a key that is, or stands for, an effect."""
-        found = []
-        for own in design.swapaxes(0, 1):
-            used = np.flatnonzero(np.any(own != 0, axis=0))
-            scale = np.linalg.norm(own[:, used], axis=0)
-            found.append((self.add_columns((own[:, used] / scale).T), used.tolist(), scale))
-        self._patterns[key] = Pattern(key, design, *zip(*found, strict=True))
+        """Store the derivative `design`, (N, a, q), as the Pattern of an effect.
+
+        `key` is the effect, or any other object under which the pattern can be asked for.
+        """
+        by_axis = []
+        for matrix in design.swapaxes(0, 1):
+            used = np.flatnonzero(np.any(matrix != 0, axis=0))
+            scale = np.linalg.norm(matrix[:, used], axis=0)
+            by_axis.append((self.add_columns((matrix[:, used] / scale).T), used.tolist(), scale))
+        self._patterns[key] = Pattern(key, design, *zip(*by_axis, strict=True))
 
     def columns_of(self, effects, axis):
-        """Return the columns of effects on an axis."""
+        """Return the numbers of all columns that some effects have on one axis."""
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def with_noise(self, noise):
-        """Return the same evidence under other Hypotheses about the noise of each group."""
+        """Return the Evidence of the same rows with other Hypotheses, one object per group.
+
+        The new hypotheses are equally probable beforehand.
+        """
         groups = [replace(g, noise=n) for g, n in zip(self.row_groups, noise, strict=True)]
         return Evidence(groups, np.zeros(len(noise[0].log_det)), self.design, self.least)
 
     def held_out_variance(self, hypothesis):
-        """Return the variance of held-out errors by one hypothesis, without any pattern, (N,)."""
+        """Return the variance of the held-out error of each row, (N,), without any effect.
+
+        `hypothesis` is the index of the noise hypothesis.
+        """
         if hypothesis not in self._variances:
-            found = []
+            variances = []
             for group in self.row_groups:
                 weights = group.noise.precision[hypothesis]
-                how = precision(weights)[0], group.nuisance, group.row_parts, weights
-                found.append(np.diag(held_out_covariance(*how)))
-            self._variances[hypothesis] = np.concatenate(found)
+                how = precision(weights)[0], group.nuisance, group.row_folds, weights
+                variances.append(np.diag(held_out_covariance(*how)))
+            self._variances[hypothesis] = np.concatenate(variances)
         return self._variances[hypothesis]
 
-    def with_parts(self, row_parts):
-        """Return the same evidence with other parts, (N, 2), as in `RowGroup`."""
-        each = zip(self.row_groups, self.split(row_parts), strict=True)
-        return replace(self, row_groups=[replace(g, row_parts=own) for g, own in each])
+    def with_folds(self, row_folds):
+        """Return the Evidence of the same rows with other folds, (N, 2), as in `RowGroup`."""
+        pairs = zip(self.row_groups, self.split(row_folds), strict=True)
+        return replace(self, row_groups=[replace(g, row_folds=folds) for g, folds in pairs])
 
     def training_fit(self, held_out=frozenset()):
-        """Return the TrainingFit of the rows that touch no part of `held_out`."""
+        """Return the TrainingFit of the rows that depend on no fold in `held_out`."""
         if held_out not in self._training_fits:
-            touch = (np.isin(g.row_parts, list(held_out)).any(axis=1) for g in self.row_groups)
-            held_rows = tuple(np.flatnonzero(rows) for rows in touch)
+            masks = (np.isin(g.row_folds, list(held_out)).any(axis=1) for g in self.row_groups)
+            held_rows = tuple(np.flatnonzero(mask) for mask in masks)
             self._training_fits[held_out] = TrainingFit(self, held_rows, self.residual_columns)
         return self._training_fits[held_out]
 
@@ -173,10 +192,10 @@ class Evidence:
         self._training_fits.clear()
 
     @property
-    def row_parts(self):
-        """The parts of all rows, (N, 2), as in `RowGroup`."""
-        return np.concatenate([g.row_parts for g in self.row_groups])
+    def row_folds(self):
+        """The folds of all rows, (N, 2), as in `RowGroup`."""
+        return np.concatenate([g.row_folds for g in self.row_groups])
 
     def split(self, rows):
-        """Return an array of all rows, shape (N, …), group by group."""
+        """Return a list that has the part of an array, (N, …), for each group of rows."""
         return np.split(rows, self._ends)

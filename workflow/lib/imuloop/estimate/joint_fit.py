@@ -1,4 +1,4 @@
-"""The joint fit of both sensors to rests and the moves between: what is estimated, how well."""
+"""The joint fit of accelerometer and gyroscope to the rests and moves of a recording."""
 
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -15,33 +15,33 @@ from imuloop.model.prior import Prior
 from imuloop.model.raw_units import in_raw_units
 from imuloop.model.state import BIAS, COUNT, State
 
-# standard deviation of the error that is foreseen of turns that were sampled too slowly, over it
+# relative standard deviation of the predicted error of turns that were sampled too slowly
 ALIASED_TO = 0.2
-# share of its standard deviation by which a parameter may move and the weights stay as they are
+# the weights are computed again if a parameter moves by more than this share of its standard error
 STILL = 0.01
 
 
 @dataclass(frozen=True)
 class JointFit:
-    """Both sensors of a device as they are fitted to a recording.
+    """The set-up of a joint fit of both sensors to a recording.
 
     Attributes
     ----------
     factors : Factors
-        Measurements that count.
+        Measurements that the fit uses.
     noise : NoiseModel
-        Of the device.
+        Noise of the device.
     units : dict of str to RawUnit
-        Of each sensor.
+        Raw units of each sensor.
     start : ndarray, shape (21,)
-        State to start from, without effects.
+        State x to start from, without effects.
     prior : Prior or None
-        What is known before the data.
+        The data sheet or the device family, before the data.
     known : (ndarray, ndarray)
-        Rows R, (k, 21), and z of what is known of the state, the prior among it: ``R x - z`` has
-        variance one.
+        Prior rows R, (k, 21), and z, (k,), of the state x: ``R x - z`` has mean zero and variance
+        one. They include `prior`.
     method : str
-        Name of the sessions that the recording is of, which the calibrations carry.
+        Kind of the sessions that were recorded; it is written into the calibrations.
     """
 
     factors: Factors
@@ -52,7 +52,7 @@ class JointFit:
     known: tuple = (np.zeros((0, COUNT)), np.zeros(0))
     method: str = "multi_position"
 
-    # of the Factors
+    # the same properties of the Factors
     estimated = property(attrgetter("factors.sensors"))
     kinds = property(attrgetter("factors.kinds"))
     rows = property(attrgetter("factors.rows"))
@@ -63,27 +63,28 @@ class JointFit:
         return State(self.start).names
 
     def of_sensors(self, sensors):
-        """Return the fit of some sensors alone."""
+        """Return the JointFit that estimates only the given sensors."""
         return replace(self, factors=replace(self.factors, sensors=tuple(sensors)))
 
-    def measured(self, x, recording, effects=()):
-        """Return the Measurements of a recording, effects seen with parameters x."""
+    def measure(self, x, recording, effects=()):
+        """Return the Measurements of a recording for the state x and some effects."""
         return self.factors.about(recording, State(x, tuple(effects)))
 
-    def linearised(self, found, recording):
-        """Return the Linearised factors of any recording about a Fit."""
-        return self.measured(found.x, recording, found.effects).at(found.x)
+    def linearise(self, solution, recording):
+        """Return the Linearised factors of a recording at the parameters of a Fit."""
+        return self.measure(solution.x, recording, solution.effects).at(solution.x)
 
-    def noise_components(self, at, prior_rows):
-        """Return the covariance of the noise that is known, (N, N), and Components of the rest.
+    def noise_components(self, linearised, prior_rows):
+        """Return the covariance of the noise of known size, (N, N), and two lists of Components.
 
-        Of Linearised factors, and of some rows of a prior, of variance one, that come last. First
-        flicker and walk of each channel as far as they are known, and what turns lose between two
-        samples; then of each kind of residual an excess that is even: the residual of what a model
-        lacks, or of a hand, is no smaller where a rest is long.
+        The N rows are the residuals of the Linearised factors and then `prior_rows` rows of a
+        prior, which have variance one. The first list has flicker and random walk of each channel,
+        with the size that the noise model gives as prior, and the error of turns that were sampled
+        too slowly. The second list has a white excess for each kind of residual, of unknown size:
+        an error that the model lacks, or the motion of a hand, does not average out over a rest.
         """
-        recording, covariance, components = at.measured.recording, at.noise, []
-        # the residuals of a gyroscope have the accelerometer's noise too: gravity is by that
+        recording, covariance, components = linearised.measured.recording, linearised.noise, []
+        # residuals of the gyroscope depend on the accelerometer, which gives gravity's direction
         sensors = SENSORS if "gyroscope" in self.estimated else self.estimated
         kinds = {c: OF_SENSOR[sensor][-1] for sensor in sensors for c in SENSORS[sensor]}
         terms = {(c, term): self.noise.known(c, term) for c in kinds for term in "BK"}
@@ -92,11 +93,11 @@ class JointFit:
         without = self.noise.with_sizes(dict.fromkeys(loose, 0.0))
         fixed = block_diag(covariance.by(without, aliasing=not aliased), np.eye(prior_rows))
         for (c, term), (size, spread) in loose.items():
-            own = spread**2 * covariance.component(c, term)
-            components.append((own, size / spread, 1.0, kinds[c]))
+            matrix = spread**2 * covariance.component(c, term)
+            components.append((matrix, size / spread, 1.0, kinds[c]))
         if aliased:
             components.append((covariance.of_aliasing(), 1.0, ALIASED_TO, "rotation"))
-        slow = [Component(np.pad(own, (0, prior_rows)), *known) for own, *known in components]
+        slow = [Component(np.pad(matrix, (0, prior_rows)), *size) for matrix, *size in components]
         expected = np.diag(total(fixed, slow, [part.size for part in slow]))
         kind = np.append(self.rows(recording)[1], np.full(prior_rows, ""))
         rows = {name: kind == name for name in self.kinds if name in kind}
@@ -104,11 +105,12 @@ class JointFit:
         return fixed, slow, missing
 
     def fit(self, recording, effects=(), start=None, prior=None):
-        """Return the Fit to a recording: generalised least squares of all residuals.
+        """Return the Fit to a recording by generalised least squares of all residuals.
 
-        The weights are those of the noise as residuals make it likeliest, within what is known of
-        it. `start` are parameters of a fit with fewer effects; `prior` are rows R and z of what is
-        known of the parameters, ``R x - z`` of variance one, by default `known`.
+        The weights come from the noise model, with an excess for each kind of residual that the
+        residuals make likeliest. `effects` are in the model too. `start` has parameters of a fit
+        with fewer effects, by default the attribute `start`. `prior` has rows R and z, as in the
+        attribute `known`, which is the default.
 
         References
         ----------
@@ -121,49 +123,50 @@ class JointFit:
         R, z = self.known if prior is None else prior
         R = np.pad(R, ((0, 0), (0, count - R.shape[1])))
 
-        def all_rows(at):
-            """Return residuals and derivative with those of the prior."""
-            return np.append(at.residual, R @ at.state.x - z), np.concatenate([at.jacobian, R])
+        def with_prior(linearised):
+            """Return residuals, (N,), and Jacobian, (N, p), with the rows of the prior last."""
+            residual = np.append(linearised.residual, R @ linearised.state.x - z)
+            return residual, np.concatenate([linearised.jacobian, R])
 
-        # weights and effects depend on the calibrated output, which the start gives to 1 %
+        # the weights and the effects' derivatives depend on the calibrated output, which the start
+        # gives to about 1 %
         for _ in range(3 if start is None else 2):
-            measured = self.measured(x, recording, effects)
-            at = measured.at(x)
-            fixed, slow, missing = self.noise_components(at, len(z))
+            measured = self.measure(x, recording, effects)
+            linearised = measured.at(x)
+            fixed, slow, missing = self.noise_components(linearised, len(z))
             estimated = total(fixed, slow, [part.size for part in slow])
-            sizes = likely_sizes(*all_rows(at), estimated, missing, sizes)
+            sizes = likely_sizes(*with_prior(linearised), estimated, missing, sizes)
             n = len(fixed) - len(z)
             weights = total(estimated, missing, sizes)[:n, :n]
-            found = fit(measured.at, x, weights, (R, z), at)
-            moved, x = np.abs(found.x - x), found.x
-            if np.all(moved < STILL * np.sqrt(np.diag(found.covariance))):
+            solution = fit(measured.at, x, weights, (R, z), linearised)
+            change, x = np.abs(solution.x - x), solution.x
+            if np.all(change < STILL * np.sqrt(np.diag(solution.covariance))):
                 break
-        # by what the noise alone predicts
+        # χ² uses the covariance of the noise model, without the excess
         owner = np.append(self.factors.owners(recording), np.full(len(z), ""))
-        owners, (r, jacobian) = np.unique(owner[:n]).tolist(), all_rows(measured.at(x))
-        squares, _ = chi_square(r, estimated, jacobian, [owner == each for each in owners])
+        owners, (r, jacobian) = np.unique(owner[:n]).tolist(), with_prior(measured.at(x))
+        squares, _ = chi_square(r, estimated, jacobian, [owner == name for name in owners])
         reduced = [square / dof if dof > 0 else None for square, dof in squares]
         reduced = dict(zip(owners, reduced, strict=True))
-        return replace(found, effects=tuple(effects), reduced_chi2=reduced)
+        return replace(solution, effects=tuple(effects), reduced_chi2=reduced)
 
-    def calibrations(self, found, covariance=None):
-        """Return the SensorCalibration of each estimated sensor by a Fit.
+    def calibrations(self, solution, covariance=None):
+        """Return a dict with the SensorCalibration of each estimated sensor, from a Fit.
 
-        The covariance is by default that of the fit, scaled by its reduced χ² where that is above
-        one.
+        `covariance`, (p, p), is that of the parameters; by default `Fit.scaled_covariance`.
         """
-        whole = found.scaled_covariance if covariance is None else covariance
-        state, made = State(found.x.copy(), found.effects), {}
+        covariance = solution.scaled_covariance if covariance is None else covariance
+        state, calibrations = State(solution.x.copy(), solution.effects), {}
         if self.factors.bias_held:
-            state.x[BIAS], whole[BIAS], whole[:, BIAS] = self.start[BIAS], 0.0, 0.0
-            whole[BIAS, BIAS] = found.covariance[BIAS, BIAS] * np.eye(3)
+            state.x[BIAS], covariance[BIAS], covariance[:, BIAS] = self.start[BIAS], 0.0, 0.0
+            covariance[BIAS, BIAS] = solution.covariance[BIAS, BIAS] * np.eye(3)
         for sensor in self.estimated:
-            at = state.places(sensor)
-            made[sensor] = in_raw_units(
-                *(sensor, self.units[sensor], state.x[at], whole[np.ix_(at, at)]),
-                [e.effect for e in found.effects if e.sensor == sensor],
+            index = state.places(sensor)
+            calibrations[sensor] = in_raw_units(
+                *(sensor, self.units[sensor], state.x[index], covariance[np.ix_(index, index)]),
+                [e.effect for e in solution.effects if e.sensor == sensor],
                 self.prior,
                 method=self.method,
-                reduced_chi2=found.reduced_chi2.get(sensor),
+                reduced_chi2=solution.reduced_chi2.get(sensor),
             )
-        return made
+        return calibrations

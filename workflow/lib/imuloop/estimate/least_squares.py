@@ -7,13 +7,13 @@ from numpy.linalg import LinAlgError
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import least_squares
 
-# evaluations after which a fit is given up, and the relative tolerance of its end
+# most evaluations of a fit, and the relative tolerance at which it ends
 _STEPS, _TOLERANCE = 200, 1e-8
-# degrees of freedom from which on the reduced chi square tells something
+# least degrees of freedom with which the reduced χ² says how large the noise is
 LEAST_DOF = 10
-# singular value over the largest, columns of length one, that rounding alone may leave
+# a matrix is singular if its smallest singular value over its largest is below this
 _SMALLEST = 1e-10
-# why there is no fit where numpy.linalg.LinAlgError says so
+# the message for a numpy.linalg.LinAlgError
 SINGULAR = (
     "rounding leaves a covariance or the derivative of the residuals singular: is the noise or the "
     "range of a channel far from that of the others?"
@@ -21,11 +21,11 @@ SINGULAR = (
 
 
 class NotConverged(LinAlgError):
-    """A search for the best fit that did not converge."""
+    """An iterative fit that did not converge."""
 
 
 def why_no_fit(error):
-    """Return what to say of a LinAlgError that a fit raised, one line of text."""
+    """Return the message, one line of text, for a LinAlgError that a fit raised."""
     return str(error) if isinstance(error, NotConverged) else SINGULAR
 
 
@@ -33,47 +33,49 @@ def why_no_fit(error):
 class Fit:
     """A generalised least-squares fit of p parameters to n residuals.
 
-    The covariance is ``C = (Jᵀ Σ⁻¹ J + Rᵀ R)⁻¹``, from the predicted covariance Σ of the residuals
-    and the rows R of the prior; χ² is ``rᵀ Σ⁻¹ r``, its degrees of freedom ``n - p + tr(R C Rᵀ)``.
-    The residuals, (n,), are whitened, each given those before it. `effects` are those among the
-    parameters; reduced χ² is by what the noise alone predicts, of each sensor's residuals and of
-    those of ``motion``.
+    r are the residuals and Σ their covariance, J is their Jacobian, and R are the rows of the
+    prior.
     """
 
-    x: np.ndarray
-    covariance: np.ndarray
-    chi2: float
-    dof: float
-    white: np.ndarray
-    effects: tuple = ()
+    x: np.ndarray  # (p,): estimates of the parameters
+    covariance: np.ndarray  # (p, p): of the estimates, C = (Jᵀ Σ⁻¹ J + Rᵀ R)⁻¹
+    chi2: float  # rᵀ Σ⁻¹ r
+    dof: float  # degrees of freedom of χ², n - p + tr(R C Rᵀ)
+    white: np.ndarray  # (n,): residuals after whitening, L⁻¹ r with L Lᵀ = Σ
+    effects: tuple = ()  # effects that the model has
+    # reduced χ² with the covariance of the noise alone, by sensor, and of 'motion'
     reduced_chi2: dict = field(default_factory=dict)
 
     @property
     def scaled_covariance(self):
-        """Covariance inflated by the reduced χ² above one; below `LEAST_DOF` that is chance."""
+        """Covariance, (p, p), times the reduced χ² if that is above one.
+
+        The factor is one if there are fewer than `LEAST_DOF` degrees of freedom.
+        """
         enough = self.dof >= LEAST_DOF
         return self.covariance * max(1.0, self.chi2 / self.dof if enough else 1.0)
 
 
 def fit(linearise, x0, covariance, prior=None, first=None):
-    """Minimise ``r(x)ᵀ Σ⁻¹ r(x)``, or ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` with what is known of x.
+    """Minimise ``r(x)ᵀ Σ⁻¹ r(x) + |R x - z|²`` over the parameters x; R and z are a prior.
 
-    MINPACK's Levenberg-Marquardt on the analytic derivative. Parameters are measured by the length
-    of their columns in the derivative.
+    The method is MINPACK's Levenberg-Marquardt with the analytic Jacobian. It scales each parameter
+    by the norm of its column of the Jacobian.
 
     Parameters
     ----------
     linearise : callable
-        Gives at x an object with the residuals, shape (n,), as `residual`, and their derivative,
-        shape (n, p), as `jacobian`.
+        Takes x; returns an object that has the residuals, shape (n,), as `residual`, and their
+        Jacobian, shape (n, p), as `jacobian`.
     x0 : array_like, shape (p,)
         Start.
     covariance : array_like, shape (n, n) or (n,)
-        Covariance Σ of the residuals, positive definite, or the variances of independent ones.
+        Covariance Σ of the residuals, positive definite. A vector has the variances of independent
+        residuals.
     prior : (ndarray, ndarray), optional
-        R, shape (k, p), and z, shape (k,), from other data.
+        R, shape (k, p), and z, shape (k,), from other data. Without it the second term is zero.
     first : optional
-        What `linearise` gives at the start, where that is known.
+        Result of `linearise` at `x0`, if it was computed before.
 
     Returns
     -------
@@ -82,82 +84,102 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     Raises
     ------
     numpy.linalg.LinAlgError
-        If the covariance is not positive definite or the design is of deficient rank; NotConverged
-        where chi square still falls after the last step.
+        If the covariance is not positive definite, or the Jacobian has no full rank. NotConverged
+        if χ² still falls after the last step.
     """
     independent = np.ndim(covariance) == 1
     root = np.sqrt(covariance) if independent else np.linalg.cholesky(covariance)
     whiten = np.diag(1 / root) if independent else np.linalg.inv(root)
     rows, z = (np.zeros((0, len(x0))), np.zeros(0)) if prior is None else prior
     x = np.array(x0, dtype=float)
-    at = remembered(linearise, x, first)
+    linearised = keep_last_result(linearise, x, first)
 
     def residual(x):
-        return np.append(whiten @ at(x).residual, rows @ x - z)
+        return np.append(whiten @ linearised(x).residual, rows @ x - z)
 
     def jacobian(x):
-        return np.concatenate([whiten @ at(x).jacobian, rows])
+        return np.concatenate([whiten @ linearised(x).jacobian, rows])
 
     if not np.isfinite(residual(x)).all():
         raise LinAlgError("residuals that are not finite")
-    how = dict.fromkeys(("ftol", "xtol", "gtol"), _TOLERANCE) | {"max_nfev": _STEPS}
-    found = least_squares(residual, x, jacobian, method="lm", x_scale="jac", **how)
-    if not found.status:
+    options = dict.fromkeys(("ftol", "xtol", "gtol"), _TOLERANCE) | {"max_nfev": _STEPS}
+    result = least_squares(residual, x, jacobian, method="lm", x_scale="jac", **options)
+    if not result.status:
         raise NotConverged(f"the fit does not converge in {_STEPS} steps")
-    x, covariance = found.x, covariance_of(jacobian(found.x))
+    x, covariance = result.x, covariance_of(jacobian(result.x))
     white = residual(x)[: len(whiten)]
-    # the prior determines parts of the parameters: of so many the data determine none
+    # tr(R C Rᵀ) is the number of parameters that the prior determines instead of the data
     dof = float(len(white) - len(x) + np.sum(rows @ covariance * rows))
     return Fit(x, covariance, float(white @ white), dof, white)
 
 
-def remembered(function, x=None, result=None):
-    """Return a function of arrays that keeps its last result, at first one that is known.
+def keep_last_result(function, x=None, result=None):
+    """Return a version of `function` that stores the last array x and the result for it.
 
-    A solver asks for the residuals, then perhaps for their derivative at the same place.
+    A second call with the same x returns the stored result. A solver needs this: it asks for the
+    residuals at x and often for their Jacobian at the same x. The stored pair is `x` and `result`
+    at first, if they are given.
     """
     last = None if result is None else (x.copy(), result)
 
-    def at(x):
+    def stored(x):
         nonlocal last
         if last is None or np.any(last[0] != x):
             last = x.copy(), function(x)
         return last[1]
 
-    return at
+    return stored
 
 
 def chi_square(values, covariance, jacobian, groups):
     """Return χ² and degrees of freedom of each group of residuals, and the log likelihood of all.
 
-    The trace of ``H = J C Jᵀ Σ⁻¹`` is how many of the parameters a group's residuals carry. Takes
-    residuals, (n,), their covariance Σ, (n, n), and derivative J with respect to the parameters,
-    (n, p), which are fitted again to all together, and masks of the groups; the likelihood is
-    restricted.
+    The p parameters are fitted again to all residuals, by one linear step.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Residuals.
+    covariance : ndarray, shape (n, n)
+        Their covariance Σ.
+    jacobian : ndarray, shape (n, p)
+        Their Jacobian J.
+    groups : sequence of ndarray, shape (n,) of bool
+        The residuals of each group.
+
+    Returns
+    -------
+    list of (float, float)
+        χ² and degrees of freedom of each group. Its degrees of freedom are its number of residuals
+        minus its share of the parameters, the trace of its block of ``J C Jᵀ Σ⁻¹``; C is the
+        covariance of the parameters, and Σ the block of the group.
+    float
+        Logarithm of the restricted likelihood of all residuals.
     """
     root = cholesky(covariance, lower=True)
     size = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / np.where(size > 0, size, 1.0)
     white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
     q, r = np.linalg.qr(white[:, 1:])
-    left = values - scaled @ solve_triangular(r, q.T @ white[:, 0])
+    residuals = values - scaled @ solve_triangular(r, q.T @ white[:, 0])
     leverage = solve_triangular(r, scaled.T, trans=1)
-    found = []
-    for at in groups:
-        own = covariance[np.ix_(at, at)]
-        taken = np.trace(np.linalg.solve(own, leverage[:, at].T @ leverage[:, at]))
-        # rounding leaves less than nothing of what never leaves its level
-        square = max(float(left[at] @ np.linalg.solve(own, left[at])), 0.0)
-        found.append((square, float(at.sum() - taken)))
+    squares = []
+    for rows in groups:
+        block = covariance[np.ix_(rows, rows)]
+        share = np.trace(np.linalg.solve(block, leverage[:, rows].T @ leverage[:, rows]))
+        # rounding can make the square of constant residuals negative
+        square = max(float(residuals[rows] @ np.linalg.solve(block, residuals[rows])), 0.0)
+        squares.append((square, float(rows.sum() - share)))
     rest = white[:, 0] - q @ (q.T @ white[:, 0])
     likelihood = -np.log(np.diag(root)).sum() - np.log(np.abs(np.diag(r))).sum() - rest @ rest / 2
-    return found, float(likelihood)
+    return squares, float(likelihood)
 
 
 def covariance_of(white):
-    """Return ``(Wᵀ W)⁻¹``, (p, p), from the singular values of W, (n, p), its columns normalised.
+    """Return ``(Wᵀ W)⁻¹``, (p, p), for a matrix W, (n, p), the argument `white`.
 
-    A LinAlgError if W has no full rank, or is not finite.
+    It is computed from the singular value decomposition of W with columns of length one. Raises
+    LinAlgError if W has no full rank or is not finite.
     """
     length = np.linalg.norm(white, axis=0)
     if not (np.isfinite(length).all() and length.all()):

@@ -1,26 +1,27 @@
-"""Effects that these data cannot tell apart: by their patterns, and by the fit."""
+"""Effects that these data cannot tell apart, judged by their patterns and by the tests."""
 
 from itertools import permutations
 
 import numpy as np
 
-# an effect of three detection limits has nine times the noncentrality of one; what a twin leaves of
-# it is below the detection limit where the twin takes eight ninths
+# share from which on one effect imitates another. An effect of three times its detection limit has
+# nine times the noncentrality; if another effect explains 8/9 of it, the rest is at the limit
 SHARE = 8 / 9
-# share from which on two patterns are one
+# share from which on two patterns count as the same
 ONE = 0.999
 
 
 def imitated_share(training_fit, base, first, second, axis=0):
-    """Return the share of a pattern that another imitates, and the reverse.
+    """Return the share of the first effect that the second one imitates, and the reverse.
 
-    ``cos²`` of the largest principal angle between the columns that nuisances and base leave:
-    whatever its parameters, the other takes that share of its square at least. At the likeliest
-    noise of the base model.
+    The share is ``cos²`` of the largest principal angle between the patterns of both effects on one
+    axis, after the nuisance parameters and the base are projected out. The second effect explains
+    at least this share of the square of the first one, whatever the parameters of the first. The
+    metric is the likeliest noise hypothesis of the base model.
     """
     columns_of = training_fit.evidence.columns_of
-    known, own, other = (columns_of(e, axis) for e in (base, (first,), (second,)))
-    columns, k, m = (*known, *own, *other), len(known), len(known) + len(own)
+    shared, own, other = (columns_of(e, axis) for e in (base, (first,), (second,)))
+    columns, k, m = (*shared, *own, *other), len(shared), len(shared) + len(own)
     gram = training_fit.gram(columns)[training_fit.hypothesis(training_fit.fit(base, 0))]
     if k:
         gram = gram - gram[:, :k] @ np.linalg.solve(gram[:k, :k], gram[:k])
@@ -33,7 +34,7 @@ def imitated_share(training_fit, base, first, second, axis=0):
 
 
 def _root(gram):
-    """Return R with ``R G Rᵀ = 1``, None where the columns are not independent."""
+    """Return R with ``R G Rᵀ = 1`` for a Gram matrix G; None if G is singular."""
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     if not size.all():
         return None
@@ -43,31 +44,33 @@ def _root(gram):
     return (axes / np.sqrt(values)).T / size
 
 
-def imitated(search, kinds):
-    """Return which effects of some kinds others of them imitate, from their patterns alone.
+def imitations(search, kinds):
+    """Return the pairs of kinds of which one imitates the other, judged by their patterns alone.
 
-    A list of ``effect``, ``with`` and ``share``, where it is at least `SHARE`: of the middle one of
-    the effect's shapes, by the nearest one of the other's; of the axis where it is least.
+    Each pair is a dict with the names ``effect`` and ``with``, and the ``share`` of the first that
+    the second imitates, if it is at least `SHARE`. For each shape of the first kind the best shape
+    of the second is taken, on the axis with the least share; the share is the median over the
+    shapes of the first kind.
     """
     training_fit, shapes = search.training_fit(()), {}
     for kind in kinds:
         own = search.problem.shapes.get(kind, ())
-        tried = search.tests((), own)
-        seen = [s for s, t in zip(own, tried, strict=True) if t]
-        if seen:
-            shapes[kind] = seen
-    found = []
+        trials = search.tests((), own)
+        testable = [s for s, t in zip(own, trials, strict=True) if t]
+        if testable:
+            shapes[kind] = testable
+    pairs = []
     for kind, other in permutations(shapes, 2):
         others = shapes[other]
         shares = [max(share_on_axes(training_fit, a, b) for b in others) for a in shapes[kind]]
         share = float(np.median(shares))
         if share >= SHARE:
-            found.append({"effect": kind.name, "with": other.name, "share": share})
-    return found
+            pairs.append({"effect": kind.name, "with": other.name, "share": share})
+    return pairs
 
 
 def share_on_axes(training_fit, a, b):
-    """Return the share of one effect that another takes on the axis where it takes least."""
+    """Return the share of effect a that effect b imitates, on the axis with the least share."""
     own, other = (pattern.columns for pattern in training_fit.evidence.patterns((a, b)))
     axes = [axis for axis, columns in enumerate(own) if columns]
     if not all(other[axis] for axis in axes):
@@ -76,23 +79,27 @@ def share_on_axes(training_fit, a, b):
 
 
 def twin(search, base, kind):
-    """Return the name of an added effect that a candidate could stand in for, or None.
+    """Return the name of an effect in the base that a candidate could replace, or None.
 
-    It could if in its place it passes the test, and the effect beside it then does not.
+    It could if the candidate passes the test without this effect in the base, and the effect does
+    not pass it with the candidate in the base.
     """
     for effect in reversed(base):
         others = tuple(e for e in base if e is not effect)
         instead = search.trial(others, kind)
         if not instead or instead.impossible or instead.log_p >= search.threshold(len(others)):
             continue
-        beside = search.test((*others, instead.effect), effect)
-        if beside is None or beside.log_p >= search.threshold(len(base)):
+        again = search.test((*others, instead.effect), effect)
+        if again is None or again.log_p >= search.threshold(len(base)):
             return effect.name
     return None
 
 
 def holder(search, base, kind):
-    """Return the added effect without which a candidate can be tried, or None."""
+    """Return the name of an effect in the base that prevents the trial of a candidate, or None.
+
+    Without this effect in the base the candidate can be estimated.
+    """
     alone = search.trial((), kind)
     for effect in base if alone else ():
         if search.test(tuple(e for e in base if e is not effect), alone.effect):

@@ -1,4 +1,4 @@
-"""Sizes of the components of the noise, from the residuals and from prior knowledge."""
+"""Variance components of the noise: their sizes from the residuals and from prior knowledge."""
 
 from dataclasses import dataclass
 
@@ -9,29 +9,30 @@ from scipy.optimize import lsq_linear
 from imuloop.core.precision import precision
 from imuloop.estimate.least_squares import NotConverged
 
-# size of a component, of which a deviation of what was known, or white noise, is one, that is none
+# least size of a component; a size at this bound is returned as zero
 TINY = 1e-6
-# in standard deviations, how far a size is from what is known of it: to the end of its interval
+# largest distance of a size from its prior value, in prior standard deviations: the end of the
+# prior's 95 % interval
 FARTHEST = 1.96
-# steps of the search, and its end: by so much the logarithm of the likelihood may still rise
+# most steps of the search, and the rise of the log likelihood in a step at which the search ends
 STEPS, RISE = 100, 1e-9
-# rise after the last step that makes no other weights; beyond it nothing was found
+# largest rise of the log likelihood in the last step that does not change the weights noticeably
 UNSETTLED = 1e-3
 
 
 @dataclass(frozen=True)
 class Component:
-    """A component of the noise whose size is not known well.
+    """A variance component of the noise, whose size has to be estimated.
 
     Attributes
     ----------
     covariance : ndarray, shape (n, n)
-        Of the residuals where the component's standard deviation has size one.
+        Covariance of the residuals by a component of size one. The size is a factor on the
+        standard deviation.
     size, deviation : float
-        What is known of the size beforehand, and the standard deviation of that; infinite where
-        nothing is known.
+        Prior value of the size, and its standard deviation: infinite without a prior.
     kind : str
-        Kind of residual that it makes larger most.
+        Kind of residual that the component contributes to most.
     """
 
     covariance: np.ndarray
@@ -42,27 +43,27 @@ class Component:
 
 def total(fixed, components, sizes):
     """Return the covariance ``Σ = Σ₀ + Σ_k s_k² V_k``, (n, n)."""
-    found = np.array(fixed)
+    covariance = np.array(fixed)
     for size, component in zip(sizes, components, strict=True):
-        found += size**2 * component.covariance
-    return found
+        covariance += size**2 * component.covariance
+    return covariance
 
 
 def likely_sizes(values, jacobian, fixed, components, start=None):
-    """Return the most likely sizes of components, shape (k,), within their prior bounds.
+    """Return the most likely sizes of k components, shape (k,), within their prior bounds.
 
     Parameters
     ----------
     values : ndarray, shape (n,)
         Residuals r.
     jacobian : ndarray, shape (n, p)
-        J, the derivative with respect to parameters that are fitted too.
+        Their derivative J with respect to the parameters that are fitted at the same time.
     fixed : ndarray, shape (n, n)
-        Σ₀, the covariance of what is known.
+        Covariance Σ₀ of the noise whose size is known.
     components : sequence of Component
-        V_k, s_k0 and σ_k.
+        The k components.
     start : ndarray, shape (k,), optional
-        Sizes to start from; what is known of them without.
+        Sizes to start from; by default the prior values.
 
     Raises
     ------
@@ -72,27 +73,33 @@ def likely_sizes(values, jacobian, fixed, components, start=None):
     if not components:
         return np.zeros(0)
     likelihood = SizeLikelihood(jacobian, fixed, components)
-    return likelihood.maximised(values, likelihood.projection(start))
+    return likelihood.maximise(values, likelihood.projection(start))
 
 
 @dataclass(frozen=True)
 class Projection:
-    """What the likelihood of some sizes has that depends on no residual."""
+    """The terms of the likelihood at given sizes that do not depend on the residuals.
 
-    squares: np.ndarray  # (k,): of the sizes
+    `SizeLikelihood` names the symbols.
+    """
+
+    squares: np.ndarray  # (k,): squares of the sizes
     matrix: np.ndarray  # (n, n): P
     log_det: float  # (log |Σ| + log |Jᵀ Σ⁻¹ J|)/2
-    trace: np.ndarray  # (k,): of P V_k
+    trace: np.ndarray  # (k,): trace of P V_k
 
 
 class SizeLikelihood:
-    """The restricted likelihood of the sizes of components, whatever the residuals r are.
+    """The restricted likelihood of the sizes of variance components.
 
-    With ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹`` and the normal probability of what was known:
+    The logarithm of likelihood times prior is
 
         -(log |Σ| + log |Jᵀ Σ⁻¹ J| + rᵀ P r)/2 - Σ_k (s_k - s_k0)²/2σ_k²
 
-    Takes J, (n, p), Σ₀, (n, n), and at least one Component.
+    with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``. r are the residuals and J their derivative with
+    respect to the parameters. The covariance of r is ``Σ = Σ₀ + Σ_k s_k² V_k``: component k has the
+    covariance V_k, the size s_k, and the prior value s_k0 with the standard deviation σ_k. The
+    arguments are J, (n, p), Σ₀, (n, n), and at least one Component.
 
     References
     ----------
@@ -107,17 +114,21 @@ class SizeLikelihood:
         self.most = (self.sizes + FARTHEST * self.deviations) ** 2
         length = np.linalg.norm(jacobian, axis=0)
         self.jacobian, self.fixed = jacobian / np.where(length > 0, length, 1.0), fixed
-        # (k, n²): sums over all components are one product
+        # (k, n²): a sum over all components is one matrix product
         self.covariances = np.reshape([c.covariance for c in components], (len(components), -1))
 
     def projection(self, sizes=None):
-        """Return the Projection at sizes within the bounds, by default at what is known of them."""
+        """Return the Projection at some sizes, (k,), clipped to the bounds.
+
+        By default these are the prior values, and a small size if the prior value is zero.
+        """
         if sizes is None:
-            some = 0.3 * np.minimum(self.deviations, 1.0)
-            sizes = np.where(self.sizes > 0, self.sizes, some)
+            small = 0.3 * np.minimum(self.deviations, 1.0)
+            sizes = np.where(self.sizes > 0, self.sizes, small)
         return self._projection(sizes**2)
 
     def _projection(self, squares):
+        """Return the Projection at squares of sizes, (k,), clipped to the bounds."""
         n, squares = len(self.fixed), np.clip(squares, TINY**2, self.most)
         inverse, root = precision(self.fixed + (squares @ self.covariances).reshape(n, n))
         q, r = np.linalg.qr(solve_triangular(root, self.jacobian, lower=True))
@@ -126,46 +137,52 @@ class SizeLikelihood:
         log_det = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum()
         return Projection(squares, matrix, log_det, self.covariances @ matrix.ravel())
 
-    def _state(self, values, at):
-        """Return the loss, its slope and the average information in the squares."""
-        n, sizes = len(values), np.sqrt(at.squares)
-        left, off = at.matrix @ values, sizes - self.sizes
-        square = values @ left
-        loss = at.log_det + (square + self.weight @ off**2) / 2
-        moved = (self.covariances.reshape(-1, n) @ left).reshape(-1, n)
-        slope = (at.trace - moved @ left + self.weight * off / sizes) / 2
-        # but where a bound leaves them larger
-        free = np.all(at.squares < self.most)
-        excess = max(1.0, square / (n - self.jacobian.shape[1])) if free else 1.0
-        information = moved @ at.matrix @ moved.T / (2 * excess)
-        known = self.weight * self.sizes / (4 * sizes**3)
-        return loss, slope, information + np.diag(known + 1e-12 * at.trace**2)
+    def _state(self, values, projection):
+        """Return minus the log likelihood, its gradient, (k,), and the information, (k, k).
 
-    def maximised(self, values, start, rise=RISE):
-        """Return the most likely sizes, shape (k,), for residuals, (n,).
-
-        By Newton's steps from a Projection in the squares of the sizes, within the bounds, with the
-        average information ``rᵀ P V_k P V_l P r/2``, damped until it rises. Residuals that are
-        larger than the noise by a factor have as many times the information that they will have,
-        and are divided by it. Raises NotConverged as `likely_sizes`.
+        Gradient and information are those with respect to the squares of the sizes; `values` are
+        the residuals, (n,).
         """
-        at, damping = start, 1e-3
-        loss, slope, information = self._state(values, at)
+        n, sizes = len(values), np.sqrt(projection.squares)
+        weighted, off = projection.matrix @ values, sizes - self.sizes
+        square = values @ weighted
+        loss = projection.log_det + (square + self.weight @ off**2) / 2
+        products = (self.covariances.reshape(-1, n) @ weighted).reshape(-1, n)
+        slope = (projection.trace - products @ weighted + self.weight * off / sizes) / 2
+        # a size at its upper bound can leave the residuals too large for good: no division then
+        free = np.all(projection.squares < self.most)
+        excess = max(1.0, square / (n - self.jacobian.shape[1])) if free else 1.0
+        information = products @ projection.matrix @ products.T / (2 * excess)
+        of_prior = self.weight * self.sizes / (4 * sizes**3)
+        return loss, slope, information + np.diag(of_prior + 1e-12 * projection.trace**2)
+
+    def maximise(self, values, start, rise=RISE):
+        """Return the most likely sizes, (k,), for residuals `values`, (n,).
+
+        Newton steps in the squares of the sizes start from the Projection `start` and stay within
+        the bounds. They use the average information ``rᵀ P V_k P V_l P r/2``, divided by the
+        reduced χ² if that is above one: the information falls by this factor when the sizes have
+        grown. Each step is damped until the likelihood rises. The search ends when it rises by
+        less than `rise`. Raises NotConverged if it still rises by more than `UNSETTLED` after the
+        last step.
+        """
+        point, damping = start, 1e-3
+        loss, slope, information = self._state(values, point)
         for _ in range(STEPS):
-            # the lowest point of the parabola within the bounds
+            # the minimum of the quadratic approximation within the bounds
             root = np.linalg.cholesky(information + damping * np.diag(np.diag(information))).T
             target = solve_triangular(root, -slope, trans=1)
-            bounds = TINY**2 - at.squares, self.most - at.squares
+            bounds = TINY**2 - point.squares, self.most - point.squares
             step = lsq_linear(root, target, bounds, method="bvls").x
             if -slope @ step < rise:
                 break
-            tried = self._projection(at.squares + step)
-            found = self._state(values, tried)
-            if found[0] <= loss + 1e-12 * abs(loss):
-                at, (loss, slope, information), damping = tried, found, damping / 10
+            trial = self._projection(point.squares + step)
+            state = self._state(values, trial)
+            if state[0] <= loss + 1e-12 * abs(loss):
+                point, (loss, slope, information), damping = trial, state, damping / 10
             else:
                 damping *= 10
         else:
             if -slope @ step > UNSETTLED:
                 raise NotConverged(f"the size of the noise is not found in {STEPS} steps")
-        return np.where(at.squares > 1.01 * TINY**2, np.sqrt(at.squares), 0.0)
+        return np.where(point.squares > 1.01 * TINY**2, np.sqrt(point.squares), 0.0)

@@ -1,4 +1,4 @@
-"""P-values of the additional parameters of a fit, averaged over the noise hypotheses."""
+"""P-values of the parameters that one fit has and another has not, averaged over hypotheses."""
 
 from dataclasses import replace
 
@@ -7,10 +7,11 @@ from scipy.special import betainc, betaln
 
 
 def log_f_tail(statistic, q, dof):
-    """Return the logarithm of the upper tail of F with q and `dof` degrees of freedom.
+    """Return the log of the upper tail probability of F with q and `dof` degrees of freedom.
 
-    ``I_x(dof/2, q/2)`` at ``x = dof/(dof + q F)``; below the smallest double its leading term
-    ``x^a (1-x)^(b-1) / (a B(a, b))``.
+    `statistic` is F. The tail is the regularised incomplete beta function ``I_x(a, b)`` with
+    ``x = dof/(dof + q F)``, ``a = dof/2`` and ``b = q/2``. Tails below the range of floating point
+    numbers are its leading term, ``x^a (1-x)^(b-1) / (a B(a, b))``.
     """
     a, b = dof / 2, q / 2
     x = dof / (dof + q * np.asarray(statistic, dtype=float))
@@ -24,45 +25,63 @@ def log_f_tail(statistic, q, dof):
 
 
 def averaged_log_p(without, fit, q, hypotheses=slice(None)):
-    """Return the logarithm of the p-value of q parameters that one fit has beyond another.
+    """Return the logarithm of the p-value of the q parameters that only one of two fits has.
 
-    Under each hypothesis the F test is exact. What the noise is, the fit with the parameters
-    tells: the p-values are averaged with its restricted likelihood as weight. So a pattern as
-    smooth as slow noise that the data cannot exclude gains nothing from being smooth. Where data
-    beside these tell how large the noise is, the fit without the parameters has the weight of its
-    probability, half at most, by Schwarz (Ann. Stat. 6, 1978, 461), ``ln L - q/2 ln n`` under each
-    hypothesis: a pattern of many parameters takes up noise, but what is many times it is none.
+    Under each noise hypothesis the F test gives an exact p-value. The p-values are averaged with
+    the probabilities of the hypotheses in the fit with the parameters. So a pattern that is as
+    smooth as slow noise is not significant if the data cannot exclude this noise.
 
-    Of m records at once, shape (m,), from fits with squares and weights of shape (h, m). With
-    `hypotheses`, a mask, by some about the noise alone.
+    If other data say how large the noise is (`Fit.least` above zero), the average also includes
+    the probabilities in the fit without the parameters. They get the weight of that fit by
+    Schwarz's criterion ``ln L - q/2 ln n``, half at most: q parameters fit some of the noise, too.
+
+    Parameters
+    ----------
+    without, fit : Fit
+        The `training_fit.Fit` without and with the parameters, of one fit or of m at once.
+    q : int
+        Number of parameters.
+    hypotheses : ndarray, shape (h,) of bool, optional
+        The noise hypotheses to average over; all by default.
+
+    Returns
+    -------
+    float or ndarray, shape (m,)
+
+    References
+    ----------
+    G. Schwarz, Ann. Statist. 6 (1978) 461.
     """
     drop = np.maximum(without.square - fit.square, 0.0)
     tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[hypotheses]
     total = np.logaddexp.reduce
     weight = fit.log_weight[hypotheses] - total(fit.log_weight[hypotheses])
     if fit.least > 0:
-        known = without.log_weight[hypotheses] - total(without.log_weight[hypotheses])
-        gain = total(known + (without.spent - fit.spent)[hypotheses])
+        plain = without.log_weight[hypotheses] - total(without.log_weight[hypotheses])
+        gain = total(plain + (without.spent - fit.spent)[hypotheses])
         share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))
-        weight = np.logaddexp(weight + np.log1p(-np.exp(share)), known + share)
+        weight = np.logaddexp(weight + np.log1p(-np.exp(share)), plain + share)
     return total(weight + tail)
 
 
 def log_p_values(pairs, hypotheses=slice(None)):
-    """Return `averaged_log_p` of the parameters that of each pair of Fits the second has more."""
-    found, alike = [None] * len(pairs), {}
+    """Return the log p of each pair of Fits, a list of float, as `averaged_log_p`.
+
+    A pair has the Fit without and the Fit with some parameters.
+    """
+    log_p, groups = [None] * len(pairs), {}
     for k, (without, fit) in enumerate(pairs):
-        alike.setdefault((without.dof, fit.dof), []).append(k)
-    for (more, dof), at in alike.items():
-        each = [_together([pairs[k][side] for k in at]) for side in (0, 1)]
-        log_p = averaged_log_p(*each, more - dof, hypotheses).tolist()
-        for k, own in zip(at, log_p, strict=True):
-            found[k] = own
-    return found
+        groups.setdefault((without.dof, fit.dof), []).append(k)
+    for (more, dof), indices in groups.items():
+        fits = [_combine([pairs[k][side] for k in indices]) for side in (0, 1)]
+        values = averaged_log_p(*fits, more - dof, hypotheses).tolist()
+        for k, value in zip(indices, values, strict=True):
+            log_p[k] = value
+    return log_p
 
 
-def _together(fits):
-    """Return what tests need of m fits of as many parameters as one, its records those of all."""
+def _combine(fits):
+    """Return one Fit that has `square` and `log_weight`, (h, m), of m fits of equal `dof`."""
     square, log_weight = (
         np.stack([getattr(fit, name) for fit in fits], axis=-1) for name in ("square", "log_weight")
     )

@@ -1,4 +1,7 @@
-"""The fit to training rows: least squares under every hypothesis about the noise."""
+"""The fit to training rows: generalised least squares under every noise hypothesis.
+
+The package's docstring defines row, column, fold, hypothesis and nuisance parameter.
+"""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -7,54 +10,60 @@ import numpy as np
 from scipy.linalg.lapack import dtrtri
 from scipy.special import softmax
 
-# square of the share of a pattern that has to be left by what is known, for it to be seen
+# a column counts as linearly independent of others if more than this share of its square remains
+# after the projection onto them
 ABSORBED = 1e-6
-# share of a column's square that rounding may leave
+# share of a column's square that rounding alone may leave
 ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
 class Fit:
-    """Least squares of one axis under every hypothesis about the noise."""
+    """Least squares of one axis with k columns, under each of h noise hypotheses.
 
-    theta: np.ndarray  # (h, k): parameters
-    # (h, k, k): products of their columns of length one, and these lengths, (h, k)
+    Several fits that have the same number of columns can be combined into one object: `square` and
+    `log_weight` are (h, m) then, with one entry for each of the m fits.
+    """
+
+    theta: np.ndarray  # (h, k): coefficients of the columns
+    # (h, k, k): normal matrix of the columns, each divided by its `size`
     products: np.ndarray
-    size: np.ndarray
-    square: np.ndarray  # (h,): χ² of the residual; (h, m) of m records at once
-    log_weight: np.ndarray  # (h,) or (h, m): logarithm of restricted likelihood times prior
+    size: np.ndarray  # (h, k): norms of the columns in the metric of the precision
+    square: np.ndarray  # (h,): χ² of the residuals
+    log_weight: np.ndarray  # (h,): logarithm of restricted likelihood times prior
     dof: int  # degrees of freedom
-    least: float  # least size of the noise's variance, relative to that of a hypothesis
+    least: float  # lower limit of `scale`
 
     @property
     def scale(self):
-        """Variance of the noise, relative to that of each hypothesis, shape (h,) or (h, m)."""
+        """Estimated variance of the noise over the variance of the hypothesis, (h,) or (h, m)."""
         return np.maximum(self.least, self.square / self.dof)
 
     @property
     def spent(self):
-        """What the residuals take from the logarithm of the weight, shape (h,) or (h, m)."""
+        """Term ``(dof log scale + χ²/scale)/2`` of minus the log likelihood, (h,) or (h, m)."""
         return (self.dof * np.log(self.scale) + self.square / self.scale) / 2
 
     @cached_property
     def inverse(self):
-        """Their covariance where the noise has the size of the hypothesis, (h, k, k)."""
+        """Covariance of the coefficients, (h, k, k), if `scale` were one."""
         return np.linalg.inv(self.products) / self.size[:, :, None] / self.size[:, None]
 
     @property
     def covariance(self):
-        """Covariance of the parameters, shape (h, k, k)."""
+        """Covariance of the coefficients under each hypothesis, (h, k, k)."""
         return self.inverse * self.scale[:, None, None]
 
     @property
     def weight(self):
-        """Share of each hypothesis, summing to 1."""
+        """Posterior probability of each hypothesis, (h,); the sum is one."""
         return softmax(self.log_weight, axis=-1)
 
-    def averaged(self, weight):
-        """Return the parameters, (k,), and their covariance, (k, k), averaged over the noise.
+    def average(self, weight):
+        """Return the coefficients, (k,), and their covariance, (k, k), averaged over hypotheses.
 
-        Takes the weights of the hypotheses, (h,), whose spread is in the covariance.
+        `weight`, (h,), has the probability of each hypothesis. The covariance includes the scatter
+        of the coefficients between hypotheses.
         """
         values = weight @ self.theta
         off = self.theta - values
@@ -64,272 +73,301 @@ class Fit:
 
 @dataclass
 class TrainingFit:
-    """Least squares of the rows that are not held out, the products of its columns kept."""
+    """Least squares of the training rows, those that are not held out.
 
-    evidence: object  # all rows
-    held_rows: tuple  # rows of each group that are held out, or touch a part that is
-    residual_columns: tuple  # number of the column that holds the residuals, by axis
-    # of each column that was asked for: what is taken out of it in each group, (h, u), and its
-    # square by the first hypothesis, the nuisances not taken out
-    _taken: dict = field(default_factory=dict)
-    _whole: dict = field(default_factory=dict)
+    All products of columns use the precision P̃ of the training rows after the nuisance parameters
+    are projected out. For columns x and y of a group with precision P it is
+    ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, where t_x, (u,), is called the correction of x. Corrections and
+    fits are stored, so that each is computed once.
+    """
+
+    evidence: object  # the Evidence with all rows
+    held_rows: tuple  # for each group, indices of the rows that depend on a held-out fold
+    residual_columns: tuple  # for each axis, number of the column that holds its residuals
+    # by column number: its corrections, (h, u) for each group
+    _corrections: dict = field(default_factory=dict)
+    # by column number: its square by the first hypothesis, with the nuisance parameters in it
+    _squares: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict)
     _steps: dict = field(default_factory=dict)
 
     @cached_property
     def _roots(self):
-        """Of each group a root R of the covariance of what is taken out of it, ``(Uᵀ P U)⁻¹``.
+        """For each group a root R, (h, u, u), of ``(Uᵀ P U)⁻¹``, so that ``R Rᵀ`` is this inverse.
 
-        U has the unit vectors of the rows that are held out, each as if it had a parameter of its
-        own, then the nuisances; R, (h, u, u), is upper triangular: the first are not of the last.
+        U, (n, u), has a unit vector for each held-out row, as if the row had its own parameter,
+        and then the derivative by the nuisance parameters. P is the precision of all rows of the
+        group. R is upper triangular.
         """
-        found = []
-        parts = zip(self.evidence.row_groups, self.evidence.sides, self.held_rows, strict=True)
-        for group, side, held_rows in parts:
+        roots = []
+        groups = zip(self.evidence.row_groups, self.evidence.sides, self.held_rows, strict=True)
+        for group, side, held_rows in groups:
             if not np.all(np.any(np.delete(group.nuisance, held_rows, axis=0), axis=0)):
                 raise np.linalg.LinAlgError("a parameter that nothing seen depends on")
-            own = group.noise.precision[:, held_rows[:, None], held_rows]
-            beside = side[:, held_rows]
-            corner = np.concatenate([np.swapaxes(beside, 1, 2), group.nuisance.T @ side], axis=2)
-            own = np.concatenate([np.concatenate([own, beside], axis=2), corner], axis=1)
-            size = np.sqrt(np.einsum("huu->hu", own))
-            own = np.linalg.cholesky(own / size[:, :, None] / size[:, None])
-            # (L⁻¹)ᵀ
-            root = np.array([dtrtri(each.T)[0] for each in own])
-            found.append(root / size[:, :, None])
-        return found
+            normal = group.noise.precision[:, held_rows[:, None], held_rows]
+            mixed = side[:, held_rows]
+            corner = np.concatenate([np.swapaxes(mixed, 1, 2), group.nuisance.T @ side], axis=2)
+            normal = np.concatenate([np.concatenate([normal, mixed], axis=2), corner], axis=1)
+            size = np.sqrt(np.einsum("huu->hu", normal))
+            lower = np.linalg.cholesky(normal / size[:, :, None] / size[:, None])
+            # the transposed inverse of each lower triangle
+            root = np.array([dtrtri(triangle.T)[0] for triangle in lower])
+            roots.append(root / size[:, :, None])
+        return roots
 
     @cached_property
     def free_rows(self):
-        """Number of training rows less nuisances."""
+        """Number of training rows minus number of nuisance parameters."""
         groups = zip(self.evidence.row_groups, self.held_rows, strict=True)
         return sum(len(g.values) - len(held_rows) - g.nuisance.shape[1] for g, held_rows in groups)
 
     @cached_property
     def log_det(self):
-        """``log det`` of the covariance and of the nuisances' information, shape (h,)."""
+        """``log det Σ + log det Nᵀ Σ⁻¹ N``, (h,), of the training rows.
+
+        Σ is their covariance under each hypothesis, N the derivative by the nuisance parameters.
+        """
         groups = zip(self.evidence.row_groups, self._roots, strict=True)
-        each = ((g, np.einsum("huu->hu", root)) for g, root in groups)
-        return sum(g.noise.log_det - 2 * np.log(own).sum(axis=1) for g, own in each)
+        diagonals = ((g, np.einsum("huu->hu", root)) for g, root in groups)
+        return sum(g.noise.log_det - 2 * np.log(diagonal).sum(axis=1) for g, diagonal in diagonals)
 
     def products(self, first, second):
-        """Return products of columns with others, (h, a, b), summed over the groups.
+        """Return the products ``Yᵀ P̃ Z`` of columns Y and Z, (h, a, b), summed over the groups.
 
-        What is held out and the nuisances are taken out. Of columns Y and Z, with U as in `_roots`:
-        ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
+        `first`, a numbers, are the columns Y and `second`, b numbers, the columns Z. With U as in
+        `_roots` a product is ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
         """
-        self._enter((*first, *second))
-        total, rows = 0.0, self.evidence.split(self.evidence.matrix(second))
-        for i, z in enumerate(rows):
-            taken = self.taken_out(i, first) @ np.swapaxes(self.taken_out(i, second), 1, 2)
-            total = total + self.evidence.weighted_columns(i, first) @ z - taken
+        self._add_columns((*first, *second))
+        total, by_group = 0.0, self.evidence.split(self.evidence.matrix(second))
+        for i, z in enumerate(by_group):
+            removed = self.corrections(i, first) @ np.swapaxes(self.corrections(i, second), 1, 2)
+            total = total + self.evidence.weighted_columns(i, first) @ z - removed
         return total
 
     def gram(self, columns):
-        """Return the products of columns with each other, (h, k, k)."""
+        """Return the products ``Zᵀ P̃ Z`` of k columns with each other, (h, k, k)."""
         return self.products(columns, columns)
 
     def _blocks(self, sets):
-        """Return the products within each of several sets of columns, (s, q) to (h, s, q, q)."""
+        """Return the products within each set of columns, (h, s, q, q).
+
+        `sets`, (s, q), has the numbers of q columns for each of s sets.
+        """
         flat, total = tuple(sets.ravel().tolist()), 0.0
-        self._enter(flat)
+        self._add_columns(flat)
         for i, z in enumerate(self.evidence.split(self.evidence.matrix(flat))):
-            weighted, taken = self.evidence.weighted_columns(i, flat), self.taken_out(i, flat)
-            weighted, taken = (x.reshape(len(x), *sets.shape, -1) for x in (weighted, taken))
+            weighted, t = self.evidence.weighted_columns(i, flat), self.corrections(i, flat)
+            weighted, t = (x.reshape(len(x), *sets.shape, -1) for x in (weighted, t))
             total = total + weighted @ z.T.reshape(*sets.shape, -1).swapaxes(1, 2)
-            total = total - taken @ np.swapaxes(taken, 2, 3)
+            total = total - t @ np.swapaxes(t, 2, 3)
         return total
 
-    def taken_out(self, i, columns):
-        """Return what is taken out of columns in a group, (h, k, u)."""
-        return np.stack([self._taken[c][i] for c in columns], axis=1)
+    def corrections(self, i, columns):
+        """Return the corrections of k columns in group i, (h, k, u)."""
+        return np.stack([self._corrections[c][i] for c in columns], axis=1)
 
-    def _enter(self, columns):
-        """Find what is taken out of those columns that nobody asked for before."""
-        new = [c for c in dict.fromkeys(columns) if c not in self._taken]
+    def _add_columns(self, columns):
+        """Compute and store the corrections and squares of columns that have none yet."""
+        new = [c for c in dict.fromkeys(columns) if c not in self._corrections]
         if not new:
             return
-        taken, whole, full = [], 0.0, 0.0
+        by_group, seen, full = [], 0.0, 0.0
         for i, z in enumerate(self.evidence.split(self.evidence.matrix(new))):
             weighted, held_rows = self.evidence.weighted_columns(i, new), self.held_rows[i]
-            own = self.taken(i, slice(None), weighted)
+            t = self.correction(i, slice(None), weighted)
             square = np.einsum("kn,nk->k", weighted[0], z)
-            full, whole = full + square, whole + square
-            whole = whole - (own[0, :, : len(held_rows)] ** 2).sum(axis=1)
-            taken.append(own)
-        # of a column that is zero in the training rows only rounding is left
-        whole = np.where(whole > ROUNDING * full, whole, np.inf)
-        self._taken |= {c: [own[:, k] for own in taken] for k, c in enumerate(new)}
-        self._whole |= dict(zip(new, whole.tolist(), strict=True))
+            full, seen = full + square, seen + square
+            seen = seen - (t[0, :, : len(held_rows)] ** 2).sum(axis=1)
+            by_group.append(t)
+        # a column that is zero in all training rows has a square of rounding errors only
+        seen = np.where(seen > ROUNDING * full, seen, np.inf)
+        self._corrections |= {c: [t[:, k] for t in by_group] for k, c in enumerate(new)}
+        self._squares |= dict(zip(new, seen.tolist(), strict=True))
 
     def release(self):
         """Free the memory of fits and products; they are recomputed if needed."""
-        for known in (self._fits, self._taken, self._whole):
-            known.clear()
+        for store in (self._fits, self._corrections, self._squares):
+            store.clear()
 
     def apply_precision(self, i, hypothesis, columns):
-        """Return ``P̃ X`` of columns X of a group, (n, k), zero in the rows that are held out.
+        """Return ``P̃ X`` of columns X, (n, k), of group i; held-out rows are zero.
 
-        P̃ is the precision of the rows that are seen, the nuisances taken out.
+        `hypothesis` is the index of the noise hypothesis.
         """
-        whole = self.evidence.row_groups[i].noise.precision[hypothesis]
+        precision = self.evidence.row_groups[i].noise.precision[hypothesis]
         held_rows = self.held_rows[i]
-        found = whole @ columns
-        taken = self._roots[i][hypothesis] @ self.taken(i, hypothesis, found.T).T
-        found -= whole[:, held_rows] @ taken[: len(held_rows)]
-        found -= self.evidence.sides[i][hypothesis] @ taken[len(held_rows) :]
-        found[held_rows] = 0.0
-        return found
+        result = precision @ columns
+        fitted = self._roots[i][hypothesis] @ self.correction(i, hypothesis, result.T).T
+        result -= precision[:, held_rows] @ fitted[: len(held_rows)]
+        result -= self.evidence.sides[i][hypothesis] @ fitted[len(held_rows) :]
+        result[held_rows] = 0.0
+        return result
 
-    def taken(self, i, hypothesis, weighted):
-        """Return t, (..., u), by which ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, of the rows ``xᵀ P`` of x."""
+    def correction(self, i, hypothesis, weighted):
+        """Return the correction t, (..., u), of columns x in group i.
+
+        `weighted`, (..., n), has the products ``xᵀ P``; `hypothesis` is one index, or a slice of
+        all.
+        """
         nuisance = self.evidence.row_groups[i].nuisance
         side = np.concatenate([weighted[..., self.held_rows[i]], weighted @ nuisance], axis=-1)
         return side @ self._roots[i][hypothesis]
 
-    def of_steps(self, i, hypothesis):
-        """Return what a group tells of the size of a step before each of its rows, (n,)."""
+    def step_information(self, i, hypothesis):
+        """Return ``xᵀ P̃ x``, (n,), of a unit step x before each row of group i.
+
+        It is the information of the group about the size of the step.
+        """
         if (i, hypothesis) not in self._steps:
-            whole = self.evidence.row_groups[i].noise.precision[hypothesis]
-            # sums over all rows from one on are products with its step
-            after = whole[::-1].cumsum(axis=0)[::-1]
-            lost = (self.taken(i, hypothesis, after) ** 2).sum(axis=1)
-            self._steps[i, hypothesis] = np.triu(after).sum(axis=1) - lost
+            precision = self.evidence.row_groups[i].noise.precision[hypothesis]
+            # the sum over all rows from row k on is the product with a step before row k
+            after = precision[::-1].cumsum(axis=0)[::-1]
+            removed = (self.correction(i, hypothesis, after) ** 2).sum(axis=1)
+            self._steps[i, hypothesis] = np.triu(after).sum(axis=1) - removed
         return self._steps[i, hypothesis]
 
     def fit(self, effects, axis):
-        """Return the Fit of an axis to effects; None where they are not independent."""
+        """Return the Fit of one axis to effects, or None if their columns are dependent."""
         key = tuple(effects)
         if key not in self._fits:
             self._fits[key] = [fit for (fit,) in self.fits(effects, [()])]
         return self._fits[key][axis]
 
     def fits(self, base, more):
-        """Return by axis the Fits to base effects with each of several tuples of further ones.
+        """Return the Fits to the base effects plus each tuple of effects in `more`.
 
-        None where their columns are not independent, or as many as rows.
+        The result has a list for each axis, with one Fit for each tuple. It is None if the columns
+        are linearly dependent, or if there are as many columns as rows.
         """
-        columns_of, alike = self.evidence.columns_of, {}
-        found = [[None] * len(more) for _ in self.residual_columns]
+        columns_of, groups = self.evidence.columns_of, {}
+        fits = [[None] * len(more) for _ in self.residual_columns]
         for axis in range(len(self.residual_columns)):
-            known = columns_of(base, axis)
+            shared = columns_of(base, axis)
             for k, effects in enumerate(more):
-                own = columns_of(effects, axis)
-                alike.setdefault((known, len(own)), {}).setdefault(own, []).append((axis, k))
-        for (known, count), sets in alike.items():
-            # axes that have the same columns share what these take
-            own = np.reshape(list(sets), (len(sets), count)).astype(int)
-            for each, places in zip(self._fit(known, own), sets.values(), strict=True):
-                for axis, k in places:
-                    found[axis][k] = each and each[axis]
-        return found
+                added = columns_of(effects, axis)
+                groups.setdefault((shared, len(added)), {}).setdefault(added, []).append((axis, k))
+        for (shared, count), sets in groups.items():
+            # axes that have the same columns share the products of these columns
+            added = np.reshape(list(sets), (len(sets), count)).astype(int)
+            for by_axis, indices in zip(self._fit(shared, added), sets.values(), strict=True):
+                for axis, k in indices:
+                    fits[axis][k] = by_axis and by_axis[axis]
+        return fits
 
-    def _fit(self, known, sets):
-        """Return the Fits by axis to columns with each of several sets, (s, q), of further ones.
+    def _fit(self, shared, sets):
+        """Return the Fits to `shared` columns plus each set of further columns.
 
-        None for those that are not independent.
+        `sets`, (s, q), has the numbers of q columns for each of s sets. The result has for each
+        set a list of Fits, one for each axis, or None if the columns are linearly dependent.
         """
         axes, (count, q) = len(self.residual_columns), sets.shape
-        k, first = len(known) + q, axes + len(known)
+        k, first = len(shared) + q, axes + len(shared)
         dof, least = self.free_rows - k, self.evidence.least
         if dof < 1:
             return [None] * count
-        beside, flat = (*self.residual_columns, *known), tuple(sets.ravel().tolist())
-        products = self.products(beside, (*beside, *flat))
+        common, flat = (*self.residual_columns, *shared), tuple(sets.ravel().tolist())
+        products = self.products(common, (*common, *flat))
         of_sets = products[:, :, first:].reshape(len(products), first, count, q)
         of_sets = of_sets.transpose(0, 2, 3, 1)
-        own = np.empty((len(products), count, k, k))
-        own[:, :, : k - q, : k - q] = products[:, None, axes:, axes:first]
-        own[:, :, k - q :, : k - q] = of_sets[..., axes:]
-        own[:, :, : k - q, k - q :] = np.swapaxes(of_sets[..., axes:], 2, 3)
+        gram = np.empty((len(products), count, k, k))
+        gram[:, :, : k - q, : k - q] = products[:, None, axes:, axes:first]
+        gram[:, :, k - q :, : k - q] = of_sets[..., axes:]
+        gram[:, :, : k - q, k - q :] = np.swapaxes(of_sets[..., axes:], 2, 3)
         if q:
-            own[:, :, k - q :, k - q :] = self._blocks(sets)
-        # (h, s, k, axes), and (h, 1, axes)
-        product = np.broadcast_to(products[:, None, axes:, :axes], (*own.shape[:2], k - q, axes))
-        product = np.concatenate([product, of_sets[..., :axes]], axis=2)
+            gram[:, :, k - q :, k - q :] = self._blocks(sets)
+        # products of columns and residuals, (h, s, k, axes), and squares of residuals, (h, 1, axes)
+        moment = np.broadcast_to(products[:, None, axes:, :axes], (*gram.shape[:2], k - q, axes))
+        moment = np.concatenate([moment, of_sets[..., :axes]], axis=2)
         total = np.einsum("haa->ha", products[:, :axes, :axes])[:, None]
-        whole = np.array([[self._whole[c] for c in (*known, *each)] for each in sets.tolist()])
-        size = np.sqrt(np.maximum(np.einsum("hskk->hsk", own), 0.0))
-        independent = np.all(size[0] ** 2 > ABSORBED * whole.reshape(count, k), axis=1)
+        squares = np.array([[self._squares[c] for c in (*shared, *own)] for own in sets.tolist()])
+        size = np.sqrt(np.maximum(np.einsum("hskk->hsk", gram), 0.0))
+        independent = np.all(size[0] ** 2 > ABSORBED * squares.reshape(count, k), axis=1)
         size = np.where(size > 0, size, 1.0)
-        own, product = own / size[..., :, None] / size[..., None, :], product / size[..., None]
-        independent &= np.linalg.eigvalsh(own[0]).min(axis=1, initial=1.0) > ABSORBED
-        # what is not independent is not inverted
-        own[:, ~independent] = np.eye(k)
-        theta = np.linalg.solve(own, product)
-        square = np.maximum(total - (theta * product).sum(axis=2), 1e-12 * total)
-        log_det = self.log_det[:, None] + np.linalg.slogdet(own)[1] + 2 * np.log(size).sum(axis=2)
+        gram, moment = gram / size[..., :, None] / size[..., None, :], moment / size[..., None]
+        independent &= np.linalg.eigvalsh(gram[0]).min(axis=1, initial=1.0) > ABSORBED
+        # a singular matrix is replaced, so that the others can be solved with it
+        gram[:, ~independent] = np.eye(k)
+        theta = np.linalg.solve(gram, moment)
+        square = np.maximum(total - (theta * moment).sum(axis=2), 1e-12 * total)
+        log_det = self.log_det[:, None] + np.linalg.slogdet(gram)[1] + 2 * np.log(size).sum(axis=2)
         theta = theta / size[..., None]
         scale = np.maximum(least, square / dof)
         log_weight = (self.evidence.prior[:, None] - log_det / 2)[..., None]
         log_weight = log_weight - (dof * np.log(scale) + square / scale) / 2
 
         def by_axis(s):
-            each = ((x[:, s, ..., a] for x in (theta, square, log_weight)) for a in range(axes))
+            of_axes = ((x[:, s, ..., a] for x in (theta, square, log_weight)) for a in range(axes))
             return [
-                Fit(theta, own[:, s], size[:, s], square, log_weight, dof, least)
-                for theta, square, log_weight in each
+                Fit(theta, gram[:, s], size[:, s], square, log_weight, dof, least)
+                for theta, square, log_weight in of_axes
             ]
 
         return [by_axis(s) if independent[s] else None for s in range(count)]
 
     def hypothesis(self, fit):
-        """Return the hypothesis at which parameters are estimated.
+        """Return the index of the noise hypothesis for estimates of parameters.
 
-        The likeliest of those in `Evidence.estimation_mask`.
+        It is the likeliest hypothesis of a Fit that `Evidence.estimation_mask` allows.
         """
         return int(np.argmax(np.where(self.evidence.estimation_mask, fit.log_weight, -np.inf)))
 
-    def solved(self, effects, axis):
-        """Return nuisances of each group, (p,), and coefficients of effects' columns, (k,)."""
+    def solve(self, effects, axis):
+        """Return the estimates of one axis: nuisance parameters and coefficients of columns.
+
+        The nuisance parameters are a list of arrays, (p,), one for each group. The coefficients,
+        (k,), belong to the columns of the effects; they are zero if the columns are dependent.
+        """
         fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None and columns:
-            return self.solved((), axis)[0], np.zeros(len(columns))
+            return self.solve((), axis)[0], np.zeros(len(columns))
         if fit is None:
             raise np.linalg.LinAlgError("fewer rows are seen than parameters")
         hypothesis = self.hypothesis(fit)
         index = self.evidence.nuisance_index
-        of_nuisances = hypothesis if index is None else index
+        index = hypothesis if index is None else index
         theta = fit.theta[hypothesis]
-        found = []
+        nuisances = []
         for i, (root, held_rows) in enumerate(zip(self._roots, self.held_rows, strict=True)):
-            own = self.taken_out(i, (self.residual_columns[axis], *columns))[of_nuisances]
-            found.append((root[of_nuisances] @ (own[0] - theta @ own[1:]))[len(held_rows) :])
-        return found, theta
+            t = self.corrections(i, (self.residual_columns[axis], *columns))[index]
+            nuisances.append((root[index] @ (t[0] - theta @ t[1:]))[len(held_rows) :])
+        return nuisances, theta
 
     def parameters(self, effects, axis):
-        """Return nuisances, (p,) of each group, and parameters, (q,) SI by effect, of an axis.
+        """Return the estimates of one axis: nuisance parameters and parameters of the effects.
 
-        Zero for the parameters that the axis does not have.
+        The nuisance parameters are a list of arrays, (p,), one for each group. The parameters of
+        the effects are a dict of arrays, (q,), SI, by effect; they are zero where the rows of the
+        axis do not depend on them.
         """
-        nuisances, theta = self.solved(effects, axis)
-        found = {}
+        nuisances, theta = self.solve(effects, axis)
+        parameters = {}
         for pattern in self.evidence.patterns(effects):
             used = pattern.parameters[axis]
-            found[pattern.effect] = np.zeros(pattern.design.shape[2])
-            found[pattern.effect][used] = theta[: len(used)] / pattern.scale[axis]
+            parameters[pattern.effect] = np.zeros(pattern.design.shape[2])
+            parameters[pattern.effect][used] = theta[: len(used)] / pattern.scale[axis]
             theta = theta[len(used) :]
-        return nuisances, found
+        return nuisances, parameters
 
     def residuals(self, effects, axis):
-        """Return the residuals of all rows by a fit to the training rows, (N,)."""
-        nuisances, theta = self.solved(effects, axis)
+        """Return the residuals of all rows on one axis, (N,), from the fit to the training rows."""
+        nuisances, theta = self.solve(effects, axis)
         groups = zip(self.evidence.row_groups, nuisances, strict=True)
-        taken = np.concatenate([g.nuisance @ nuisance for g, nuisance in groups])
-        taken = taken + self.evidence.matrix(self.evidence.columns_of(effects, axis)) @ theta
-        return self.evidence.columns[self.residual_columns[axis]] - taken
+        fitted = np.concatenate([g.nuisance @ nuisance for g, nuisance in groups])
+        fitted = fitted + self.evidence.matrix(self.evidence.columns_of(effects, axis)) @ theta
+        return self.evidence.columns[self.residual_columns[axis]] - fitted
 
     def estimate(self, effects, axis):
-        """Return coefficients of effects' columns, (k,), and covariance; None, None without a fit.
+        """Return the coefficients of the effects' columns, (k,), and their covariance, (k, k).
 
-        At `hypothesis`. The noise that is there is not known better than the
-        restricted likelihood tells: with the information A, ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``.
+        The coefficients are estimated with the precision P̃ of one hypothesis, see `hypothesis`.
+        Their covariance is ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``, with the columns Z, ``A = Zᵀ P̃ Z`` and the
+        noise covariance Σ averaged over the hypotheses. Both results are None without a fit.
         """
         fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None:
             return None, None
         if not fit.scale.any():
-            # a silent axis shows nothing, and that for certain
+            # all residuals of the axis are zero, so the coefficients are exactly zero
             return np.zeros(len(columns)), np.zeros((len(columns), len(columns)))
         information, spread = self.moments(fit, self.evidence.matrix(columns))
         size = np.sqrt(np.diag(information))
@@ -337,44 +375,44 @@ class TrainingFit:
         return fit.theta[self.hypothesis(fit)], inverse @ spread @ inverse
 
     def moments(self, fit, rows):
-        """Return ``A = Zᵀ P̃ Z`` and ``Zᵀ P̃ Σ P̃ Z`` of columns Z, (N, k).
+        """Return the information ``Zᵀ P̃ Z`` and its variance ``Zᵀ P̃ Σ P̃ Z``, both (k, k).
 
-        By the precision P̃ of what is seen at the `hypothesis` of a fit, and the noise Σ, averaged
-        over all.
+        `rows` are the columns Z, (N, k). The precision P̃ of the training rows is that of one
+        hypothesis, see `hypothesis`. The noise covariance Σ is averaged over all hypotheses.
         """
         hypothesis, information, spread = self.hypothesis(fit), 0.0, 0.0
-        for i, own in enumerate(self.evidence.split(rows)):
-            weighted = self.apply_precision(i, hypothesis, own)
+        for i, z in enumerate(self.evidence.split(rows)):
+            weighted = self.apply_precision(i, hypothesis, z)
             noise = self.evidence.row_groups[i].noise.mean(fit.weight * fit.scale)
-            information = information + own.T @ weighted
+            information = information + z.T @ weighted
             spread = spread + weighted.T @ noise @ weighted
         return information, spread
 
 
 def combined_axes(count, estimates):
-    """Return `count` parameters, (p,), and their covariance, (p, p), from the estimates of axes.
+    """Return the values of p parameters, (p,), and their covariance, (p, p), from several axes.
 
-    Of each axis numbers of the parameters, values and covariance; what no axis has is zero. One
-    that several axes have is weighed by their covariances, the others of these axes with it:
-    ``C = (Σ C_a⁻¹)⁻¹``, ``θ = C Σ C_a⁻¹ θ_a``.
+    `count` is p. `estimates` has for each axis the indices of its parameters, their values θ_a and
+    their covariance C_a. Parameters that several axes share are averaged with the weights C_a⁻¹:
+    ``C = (Σ C_a⁻¹)⁻¹`` and ``θ = C Σ C_a⁻¹ θ_a``. Parameters of no axis are zero.
     """
     values, covariance = np.zeros(count), np.zeros((count, count))
-    for at, found, spread in estimates:
-        values[at], covariance[np.ix_(at, at)] = found, spread
-    known = np.concatenate([np.zeros(0, int), *(at for at, _, _ in estimates)])
-    # an axis that never changes knows its own for certain, and nothing of the others
+    for index, theta, spread in estimates:
+        values[index], covariance[np.ix_(index, index)] = theta, spread
+    indices = np.concatenate([np.zeros(0, int), *(index for index, _, _ in estimates)])
+    # an axis that never changes has estimates of variance zero, which cannot be averaged
     estimates = [e for e in estimates if np.all(np.diag(e[2]) > 0)]
-    if len(np.unique(known)) == len(known) or not estimates:
+    if len(np.unique(indices)) == len(indices) or not estimates:
         return values, covariance
     precision, moment = np.zeros((count, count)), np.zeros(count)
-    for at, found, spread in estimates:
+    for index, theta, spread in estimates:
         size = np.sqrt(np.diag(spread))
-        own = np.linalg.inv(spread / np.outer(size, size)) / np.outer(size, size)
-        precision[np.ix_(at, at)] += own
-        moment[at] += own @ found
+        inverse = np.linalg.inv(spread / np.outer(size, size)) / np.outer(size, size)
+        precision[np.ix_(index, index)] += inverse
+        moment[index] += inverse @ theta
     seen = np.flatnonzero(np.diag(precision))
     size = np.sqrt(np.diag(precision)[seen])
-    own = np.linalg.inv(precision[np.ix_(seen, seen)] / np.outer(size, size))
-    covariance[np.ix_(seen, seen)] = own / np.outer(size, size)
+    inverse = np.linalg.inv(precision[np.ix_(seen, seen)] / np.outer(size, size))
+    covariance[np.ix_(seen, seen)] = inverse / np.outer(size, size)
     values[seen] = covariance[np.ix_(seen, seen)] @ moment[seen]
     return values, covariance

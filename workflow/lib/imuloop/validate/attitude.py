@@ -63,7 +63,7 @@ def validate_attitude(device, diagnosed, settings):
     block = blocks(len(recording.poses), settings)
     if poses.choices is None:
         return no_attitude(device, poses.contents["gyroscope"]["why"])
-    problem = poses.choices.problem.with_parts(block)
+    problem = poses.choices.problem.with_folds(block)
     try:
         models = held_out_models(diagnosed, problem)
     except LinAlgError as error:
@@ -95,23 +95,23 @@ def held_out_models(diagnosed, problem):
 
     As in the diagnosis, effects are looked for only where all poses together show one. An
     accelerometer that the poses do not determine is given. Takes the Diagnosed, and the PoseProblem
-    whose parts are the blocks; gives a dict of Calibration by name in `MODELS` per block, whose
+    whose folds are the blocks; gives a dict of Calibration by name in `MODELS` per block, whose
     final one is the base model where no effect was added.
     """
     pair, searched = problem.sensor, bool(diagnosed.poses.choices.choice().base)
     given = diagnosed.calibration
     raw = replace(given, **{s: SensorCalibration.nominal(pair.units[s], None) for s in SENSORS})
     plain = problem
-    if problem.found:
-        plain = replace(problem, found=(), information=None, _linearized={}, _columns={})
+    if problem.given_effects:
+        plain = replace(problem, given_effects=(), information=None, _fits={}, _columns={})
 
     def without(problem, base, held_out):
-        return replace(given, **pair.calibrations(problem.fitted(base, held_out)))
+        return replace(given, **pair.calibrations(problem.fit(base, held_out)))
 
     models, choices = [], Choices(problem)
-    for k in range(problem.parts):
+    for k in range(problem.folds):
         held_out = frozenset({k})
-        chosen = diagnosed.poses.choices.nested(choices.search(held_out)) if searched else ()
+        chosen = diagnosed.poses.choices.nested_choice(choices.search(held_out)) if searched else ()
         whole = without(problem, chosen, held_out)
         simple = without(plain, (), held_out) if whole.effects else whole
         models.append({"raw": raw, "base": simple, "final": whole})
@@ -177,9 +177,9 @@ def _summary(rows, method):
 
 def _rotation_floor(problem, solution):
     """Return the error over a rotation that the noise alone gives the final model, rad."""
-    at, own = problem.sensor.linearised(solution, problem.recording), slice(len(solution.white))
+    at, own = problem.sensor.linearise(solution, problem.recording), slice(len(solution.white))
     noise = at.noise.by(problem.sensor.noise)
-    covariance = held_out_covariance(noise, at.jacobian, problem.row_parts[own])
+    covariance = held_out_covariance(noise, at.jacobian, problem.row_folds[own])
     return np.sqrt(2 * np.diag(covariance)[problem.of_kind("rotation")[own]].mean())
 
 

@@ -1,1 +1,1 @@
-"""The kinds of records, each with its residuals, noise and diagnosis."""
+"""The kinds of records: for each its residuals, its noise and its diagnosis."""

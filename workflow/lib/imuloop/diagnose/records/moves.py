@@ -1,4 +1,4 @@
-"""Records cut where a disturbance has moved the device."""
+"""Separation of static records at disturbances that moved the device."""
 
 import numpy as np
 
@@ -12,13 +12,13 @@ from imuloop.estimate.search import Search
 MOVED = 1e-3
 
 
-def separated(records, least):
-    """Return records that are cut where a disturbance left another attitude.
+def separate(records, least):
+    """Return the StaticRecords of an accelerometer, cut where a disturbance tilted the device.
 
-    A gyroscope at rest does not see the attitude; an accelerometer does, and a tilt is no effect
-    of the sensor. Where the means on either side of a disturbance differ by more than their noise,
-    slow noise and whatever else changes the record slowly included, and the magnitude of gravity
-    is the same, each side has its own level. A part with fewer than `least` means is left out.
+    A tilt changes the means of an accelerometer, and it is no effect of the sensor. A record is cut
+    at a disturbance if the means before and after it differ by more than the noise, slow noise
+    included, and if the magnitude of gravity is the same. A piece with fewer than `least` windows
+    is left out.
     """
     edges = [(r, float(t)) for r in records for t in _edges(r)]
     if not edges:
@@ -32,7 +32,7 @@ def separated(records, least):
         if best is None or best.log_p >= search.threshold(len(base)):
             break
         base = (*base, best.effect)
-    jumps, found = fitted_effects(search, base), []
+    jumps, pieces = fitted_effects(search, base), []
     for record in records:
         starts, times, last = record.windows[:, 0], [], -np.inf
         own = [jump for jump in jumps if jump.effect.sessions == (record.session,)]
@@ -43,17 +43,16 @@ def separated(records, least):
                 times.append(t)
             last = t
         number = np.searchsorted(times, starts, side="right")
-        parts = [record.part(number == k) for k in np.unique(number)]
-        found += [p for p in parts if len(p.windows) >= least]
-    return found
+        pieces += [record.part(number == k) for k in np.unique(number)]
+    return [piece for piece in pieces if len(piece.windows) >= least]
 
 
 def is_tilt(jump, level):
-    """Return whether a jump of specific force may be a turn: what it leaves is as large.
+    """Return whether a jump of specific force may be a tilt, which keeps its magnitude.
 
-    ``|f + h| = |f|`` where ``u·h + |h|²/2|f|`` is zero, u the direction of f; three standard errors
-    are allowed. A bias that jumps along gravity is none. `jump` is the fitted step h, `level` the
-    specific force f, m/s^2.
+    `jump` is the FittedEffect of the step h, `level` the specific force f before it, (3,), m/s^2.
+    ``|f + h| = |f|`` if ``u·h + |h|²/2|f|`` is zero, with the direction u of f. Three standard
+    errors are allowed. A jump along gravity is no tilt.
     """
     h, std = (np.array(list(v.values())) for v in (jump.values, jump.std))
     size = np.linalg.norm(level)
@@ -62,7 +61,7 @@ def is_tilt(jump, level):
 
 
 def _edges(record):
-    """Return the starts of stretches that have windows enough before and in them, s."""
+    """Return the start times, s, of stretches with enough windows in them and just before them."""
     first = np.flatnonzero(np.diff(record.stretch)) + 1
     sizes = np.diff(np.concatenate([[0], first, [len(record.windows)]]))
     far = (sizes[:-1] >= BESIDE) & (sizes[1:] >= BESIDE)

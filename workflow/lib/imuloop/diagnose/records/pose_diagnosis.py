@@ -1,4 +1,4 @@
-"""Diagnosis of both sensors at the poses: what their model lacks, and what remains."""
+"""Diagnosis of both sensors at the poses: missing effects, and the residuals that remain."""
 
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -13,7 +13,7 @@ from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
-from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved
+from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.scan import pose_step
 from imuloop.effects.products import Product, products
@@ -28,19 +28,19 @@ from imuloop.estimate.verdict import RESIDUALS, judge, leaves, not_testable, ver
 from imuloop.factors.factors import OF_SENSOR, VELOCITY
 from imuloop.model.effects import EffectKind, SensorEffect
 
-# kinds of residuals that a device leaves which does not lie still, and the share of its rests from
-# which on what is left of them may be that
+# kinds of residuals that grow if the device moves during rests, and the share of such rests from
+# which on the motion may explain these residuals
 MOVED, MOVED_RESTS = {"pose_rate", "rotation", *VELOCITY}, 0.1
 STILL = "left may be that: wait 3 s after putting it down, or lay it on a table"
-# poses from which a missing effect can be told from the calibration, with a part held out
+# least number of poses for a test of effects with cross-validation
 TESTABLE = 12
-# attitudes among them: nine parameters and a check; rad between two of them
+# least number of attitudes among them, one more than parameters; rad between two attitudes
 ATTITUDES, APART = 10, 0.17
-# turns between poses from which an effect of the gyroscope can be told
+# least number of turns between poses for a test of effects of the gyroscope
 TESTABLE_TURNS = 6
-# held-out error over its floor from which a sensor may have changed amid the recording
+# ratio of held-out error to floor from which on a sensor may have changed during the recording
 FAR = 3.0
-# probability of an alternative of the noise that a range does not hold
+# alternatives of the noise that are less probable do not count for the range of the floor
 NEGLIGIBLE = 0.025
 
 
@@ -48,22 +48,23 @@ NEGLIGIBLE = 0.025
 class PoseResult:
     """The diagnosis of both sensors at the poses, or in motion."""
 
-    contents: dict  # the contract's fields, by sensor
-    pair: JointFit | None = None  # None where the poses determine no sensor
-    # the fit with the effects that were added; None where nothing could be fitted
+    contents: dict  # content of diagnosis.json, by sensor
+    pair: JointFit | None = None  # None if the poses determine no sensor
+    # the fit with the added effects; None if nothing could be fitted
     solution: Fit | None = None
-    calibrations: dict = field(default_factory=dict)  # of the sensors that were fitted
-    choices: Choices | None = None  # the searches; None where nothing could be tested
-    # as in `residual_columns`; empty where nothing could be tested
+    calibrations: dict = field(default_factory=dict)  # calibration of each fitted sensor
+    choices: Choices | None = None  # the searches; None if nothing could be tested
+    # columns of residuals as in `residual_columns`; empty if nothing could be tested
     residuals: dict = field(default_factory=dict)
-    # why what was fitted is no calibration, by sensor
+    # reason why the calibration of a sensor is rejected, by sensor
     rejected: dict = field(default_factory=dict)
 
 
 def pose_candidates(sensor, recording, found=()):
-    """Return what `candidates` does for a sensor at the poses, but of effects `found` already.
+    """Return the shapes to try on a sensor at the poses, and the effects that are not tried.
 
-    Nothing to try without poses.
+    Both are dicts by type of effect: a tuple of shapes, and a status with its reason. Effects of
+    the sensor in `found` are in neither. Both are empty without poses.
     """
     poses = recording.poses
     if not len(poses):
@@ -81,7 +82,11 @@ def pose_candidates(sensor, recording, found=()):
 
 
 def pose_problem(pair, recording, settings, tests, found=(), information=None, sensors=None):
-    """Return the PoseProblem of a device, parts interleaved; effects are tried on some sensors."""
+    """Return the PoseProblem of a device with interleaved folds.
+
+    Effects are tried on `sensors`, by default on all estimated ones. `found` and `information` are
+    the attributes `given_effects` and `information` of PoseProblem.
+    """
     shapes, scans = {}, {}
     for sensor in pair.estimated if sensors is None else sensors:
         for cls, own in pose_candidates(sensor, recording, found)[0].items():
@@ -91,17 +96,30 @@ def pose_problem(pair, recording, settings, tests, found=(), information=None, s
                 shapes[EffectKind(cls, sensor)] = tuple(
                     SensorEffect(shape, sensor) for shape in own
                 )
-    parts, rows = interleaved(len(recording.poses), settings.folds), pair.known
+    folds, rows = interleaved_folds(len(recording.poses), settings.folds), pair.known
     return PoseProblem(
-        pair, recording, shapes, settings, tests, parts, tuple(found), information, rows, scans
+        pair, recording, shapes, settings, tests, folds, tuple(found), information, rows, scans
     )
 
 
 def diagnose_poses(pair, reasons, recording, settings, tests, found=(), information=None):
     """Return the PoseResult of a device.
 
-    Takes what `calibrate.calibrate.start_fit` gives, the Recording, DiagnoseSettings, the number
-    of tests that share the significance, and `found` and `information` of PoseProblem.
+    Parameters
+    ----------
+    pair : JointFit or None
+        The fit to start from; None if the poses determine no sensor.
+    reasons : dict of str to str
+        Reason why a sensor is not in the fit, by sensor.
+    recording : Recording
+        Poses and rotations.
+    settings : DiagnoseSettings
+    tests : int
+        Number of tests that share the significance.
+    found : sequence of SensorEffect
+        Effects that static records showed; every fit estimates them.
+    information : callable, optional
+        As `PoseProblem.information`.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
     if pair is None:
@@ -115,10 +133,10 @@ def diagnose_poses(pair, reasons, recording, settings, tests, found=(), informat
         if not tested:
             result = PoseResult(contents, pair, *final_solution(problem, ()))
         else:
-            parts = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
+            kinds = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
             others = {s: pose_candidates(s, recording, found)[1] for s in tested}
             choices = Choices(problem)
-            result = diagnosed(choices, parts, others, partial(pose_products, recording))
+            result = diagnose(choices, kinds, others, partial(pose_products, recording))
             result = replace(result, contents=contents | result.contents)
     except LinAlgError as error:
         why = why_no_fit(error)
@@ -138,7 +156,10 @@ def diagnose_poses(pair, reasons, recording, settings, tests, found=(), informat
 
 
 def too_few(recording):
-    """Return why poses and turns are too few to test a sensor, text, by such sensors."""
+    """Return the reasons, text by sensor, why there are too few poses or turns to test a sensor.
+
+    A sensor that can be tested is not in the result.
+    """
     poses, turns, lost = len(recording.poses), len(recording.rotations), recording.lost
     start, count = "calibrated; too few", count_attitudes(recording.poses.f, APART)
     if poses < TESTABLE or count < ATTITUDES:
@@ -154,17 +175,18 @@ def too_few(recording):
 
 
 def rejections(result, recording):
-    """Return why a sensor has no calibration, with the effects that were added, by sensor.
+    """Return the reasons, text by sensor, why the calibration of a sensor is rejected.
 
-    Its data contradict each other, or it changed amid the recording.
+    Its data contradict each other, or the sensor changed during the recording, and the effects that
+    were added do not explain this.
     """
     rejected = {}
     if result.solution is not None:
         rejected = contradictions(result.pair, result.solution, recording)
     for sensor in result.calibrations:
-        # what jumps and is corrected leaves little
-        left = result.contents[sensor]["residuals"].values()
-        if any(not r["after"] <= FAR * r["floor"] for r in left):
+        # a step that is in the model leaves no large residuals
+        residuals = result.contents[sensor]["residuals"].values()
+        if any(not r["after"] <= FAR * r["floor"] for r in residuals):
             if why := change(sensor, recording):
                 rejected[sensor] = why
     if "accelerometer" in rejected and "gyroscope" in result.calibrations:
@@ -173,26 +195,37 @@ def rejections(result, recording):
 
 
 def pose_products(recording, sensor):
-    """Return the products that poses and rotations can show: at rest nothing turns."""
+    """Return the Products to try on a sensor at poses and rotations.
+
+    An accelerometer has those of specific force only, since at rest the angular rate is zero.
+    """
     channels = recording.pose_channels(sensor, lambda y: y, recording.poses.f)
     reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None
     return products(sensor, "f" if sensor == "accelerometer" else "wf", reference)
 
 
-def diagnosed(choices, parts, others, formulas):
-    """Return the PoseResult of a record that can be tested, of the sensors that are.
+def diagnose(choices, kinds_by_sensors, others, formulas):
+    """Return the PoseResult of the Choices of a record that can be tested.
 
-    `parts` are kinds of residuals by the sensors, a tuple, that they judge; `others` by
-    sensor as in `search_content`. `formulas` gives the products of a sensor, which are tried
-    where effects with a cause leave it above its floor.
+    Parameters
+    ----------
+    choices : Choices
+        The searches in the record.
+    kinds_by_sensors : dict of tuple to tuple
+        Kinds of residuals by the sensors, a tuple of names, that these residuals judge.
+    others : dict of str to dict
+        By sensor, status and reason of the effects that are not tried.
+    formulas : callable
+        Takes a sensor; returns the Products to try if its residuals are still above their floor
+        with all other effects.
     """
-    result, contents, more = judged(choices, parts), {}, {}
+    result, contents, more = judge_records(choices, kinds_by_sensors), {}, {}
     for sensor in (s for s, content in result.contents.items() if leaves(content)):
         if own := formulas(sensor):
             more[EffectKind(Product, sensor)] = tuple(SensorEffect(shape, sensor) for shape in own)
     if more:
         choices = Choices(choices.problem.with_formulas(more))
-        result = judged(choices, parts)
+        result = judge_records(choices, kinds_by_sensors)
     fitted = fitted_effects(result)
     for sensor, own in result.contents.items():
         why_not = others.get(sensor, {})
@@ -200,11 +233,14 @@ def diagnosed(choices, parts, others, formulas):
     return replace(result, contents=contents, pair=choices.problem.sensor, choices=choices)
 
 
-def judged(choices, parts):
-    """Return the PoseResult of Choices, its contents verdict and residuals; arguments as above."""
-    problem, errors = choices.problem, choices.errors(choices.nested)
+def judge_records(choices, kinds_by_sensors):
+    """Return the PoseResult of Choices; its contents have only verdict and residuals.
+
+    `kinds_by_sensors` is as in `diagnose`.
+    """
+    problem, errors = choices.problem, choices.errors(choices.nested_choice)
     contents, columns = {}, {}
-    for sensors, kinds in parts.items():
+    for sensors, kinds in kinds_by_sensors.items():
         content, more = judged_residuals(choices, kinds, errors, sensors)
         contents |= dict.fromkeys(sensors, content)
         columns |= more
@@ -213,39 +249,40 @@ def judged(choices, parts):
 
 
 def fitted_effects(result):
-    """Return the FittedEffects that the Choices of a PoseResult add, in their order."""
-    every = {(s, f.effect): f for s, c in result.calibrations.items() for f in c.effects}
-    return [every[e.sensor, e.effect] for e in result.choices.choice().base]
+    """Return a list with the FittedEffect of each effect that the Choices of a PoseResult added."""
+    fitted = {(s, f.effect): f for s, c in result.calibrations.items() for f in c.effects}
+    return [fitted[e.sensor, e.effect] for e in result.choices.choice().base]
 
 
 def judged_residuals(choices, kinds, errors, sensors=()):
-    """Return verdict and residuals of a PoseProblem, and what is left of them, pose by pose.
+    """Return verdict and residuals of a PoseProblem, for some kinds of residual.
 
-    Of some kinds of residual: the contract's fields, and the columns of `residual_columns`. Before
-    is without the effects of some sensors, of all if none is named. `errors` are those held out
-    with all effects.
+    The first result is a dict with the verdict and the residuals for diagnosis.json; the second one
+    has the columns of `residual_columns`. Residuals 'before' are those without the added effects of
+    the `sensors`; by default without all added effects. `errors`, (N, 1), are the held-out errors
+    with all added effects.
     """
     problem, added = choices.problem, choices.choice().base
     pair, settings = problem.sensor, problem.settings
     others = tuple(e for e in added if sensors and e.sensor not in sensors)
     more = len(others) < len(added)
-    plain = choices.following(kinds_of(others)) if more else errors
+    plain = choices.errors_with(kinds_of(others)) if more else errors
     predicted = np.isfinite(plain) & np.isfinite(errors)
     errors = [np.where(predicted, each, np.nan) for each in (plain, errors)]
-    base = problem.linearized(others if more else added)
-    final = problem.linearized(added)
+    base = problem.linearization(others if more else added)
+    final = problem.linearization(added)
     groups, both = [problem.of_kind(kind) for kind in kinds], []
-    # without more effects both sides are one
-    for about, own in ((final, errors[1]), (base, errors[0]))[: 1 + more]:
+    # without added effects 'before' and 'after' are the same
+    for about, held_out in ((final, errors[1]), (base, errors[0]))[: 1 + more]:
         alternatives = [
-            (prior, [(about.values, covariance, about.jacobian, problem.row_parts, groups)])
+            (prior, [(about.values, covariance, about.jacobian, problem.row_folds, groups)])
             for prior, covariance in about.alternatives
         ]
-        squares = [np.nansum(own[rows] ** 2) for rows in groups]
+        squares = [np.nansum(held_out[rows] ** 2) for rows in groups]
         both.append(judge(alternatives, squares, predicted=predicted[:, 0]))
-    # the noise is as likely as the fit with the effects has it
+    # the floor uses the probabilities of the alternatives in the fit with effects
     (weights, judged_final), (_, judged_base) = both[0], both[-1]
-    how = base.jacobian, problem.row_parts
+    how = base.jacobian, problem.row_folds
     spreads = (held_out_covariance(c, *how) for _, c in final.alternatives)
     floors = [np.where(predicted, np.diag(spread)[:, None], np.nan) for spread in spreads]
     floor = np.tensordot(weights, floors, 1)
@@ -278,26 +315,27 @@ def judged_residuals(choices, kinds, errors, sensors=()):
         if moved.mean() >= MOVED_RESTS:
             why = f"the device moved in {moved.sum()} of {plural(len(moved), 'rest')}, and what is "
             found |= {"verdict": "not_testable", "why": why + STILL}
-    # what is left of a residual has its sign
-    left = (*(-each[:, 0] for each in errors), base.values, final.values)
-    return found, residual_columns(problem, kinds, left, floor[:, 0])
+    # held-out errors get the sign of the residuals of the fit
+    signed = (*(-e[:, 0] for e in errors), base.values, final.values)
+    return found, residual_columns(problem, kinds, signed, floor[:, 0])
 
 
 def undersampled(problem, solution, floor):
-    """Return what the rate of the log adds to the rotations if it is more than all other noise.
+    """Return the error of the rotations by slow sampling, if it exceeds all other noise.
 
-    Beside the noise as it was estimated; no more than the `floor` of the residual, rad, has of it.
-    At ``enough_hz`` it would be as large as the others: its variance falls with the rate as the
-    spectrum of the turns does with frequency.
+    The result has one field, ``undersampled``, or none. It has the ``error`` by sampling and that
+    of all ``others``, rad, the sample rate, and the rate ``enough_hz`` at which both would be
+    equal: the variance by sampling falls with the rate as the spectrum of the turns does. Both
+    errors come from the noise as estimated; together they are not larger than the `floor`, rad.
     """
     sensor, recording, rotations = problem.sensor, problem.recording, problem.recording.rotations
     if not rotations.aliased.any():
         return {}
-    found = [
-        sensor.linearised(solution, each).noise.by(sensor.noise)
-        for each in (recording, recording.without_aliasing())
+    covariances = [
+        sensor.linearise(solution, variant).noise.by(sensor.noise)
+        for variant in (recording, recording.without_aliasing())
     ]
-    sums = (np.diag(each)[-2 * len(rotations) :].sum() for each in found)
+    sums = (np.diag(covariance)[-2 * len(rotations) :].sum() for covariance in covariances)
     whole, others = (total / len(rotations) for total in sums)
     own, rate = min(whole, floor**2) - others, 1 / np.median(rotations.steps[rotations.steps > 0])
     if own <= others:
@@ -308,9 +346,9 @@ def undersampled(problem, solution, floor):
 
 
 def final_solution(problem, base):
-    """Return the fit with some effects and the calibrations by it.
+    """Return the Fit of all poses with the base effects, and the calibrations from it, by sensor.
 
-    Their covariance is that of the noise's uncertainty too.
+    The covariance of the calibrations includes the uncertainty of the noise.
     """
-    solution = problem.linearized(base).solution
+    solution = problem.linearization(base).solution
     return solution, problem.sensor.calibrations(solution, problem.covariance(base))

@@ -1,4 +1,4 @@
-"""The poses of a device and the rotations between: residuals of a calibration, and their noise."""
+"""The problem of the poses of a device and the rotations between them: rows, folds and noise."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -14,118 +14,127 @@ from imuloop.estimate.noise_components import SizeLikelihood, likely_sizes, tota
 from imuloop.estimate.training_fit import ABSORBED
 from imuloop.factors.factors import OF_SENSOR
 
-# from the noise as estimated to what the residuals make of it
+# alternatives of the noise: steps from the sizes as estimated to the likeliest sizes
 PATH = (0.0, 0.3, 0.6, 1.0)
-# by how much the logarithm of the likelihood may still rise where limits ask for the noise
+# rise of the log likelihood at which the estimate of the noise for a detection limit ends
 ROUGH = 0.05
-# effects whose derivative is found at once
+# number of effects whose derivatives are computed at once
 TOGETHER = 32
 
 
 @dataclass(frozen=True)
-class Linearized:
-    """The residuals about the fit of all poses with some effects."""
+class Linearization:
+    """The rows, linearised at the fit of all poses with some effects."""
 
     solution: object  # the Fit
-    at: object  # Linearised factors about it
+    at: object  # Linearised factors at its parameters
     values: np.ndarray  # (N,): residuals
     jacobian: np.ndarray  # (N, p): derivative with respect to the parameters
-    # what the noise may be, from what was estimated of it to what the residuals make of it:
-    # logarithm of the probability beforehand and covariance, (N, N)
+    # alternatives of the noise, from the sizes as estimated to the likeliest ones: logarithm of
+    # the prior probability, and covariance, (N, N)
     alternatives: list
-    evidence: Evidence  # of the values
-    noise_with: object  # callable: takes residuals, gives their Hypotheses
+    evidence: Evidence  # Evidence of the rows
+    noise_with: object  # takes residuals, (N,); returns Hypotheses with the noise likeliest there
 
 
 @dataclass(frozen=True, eq=False)
 class PoseProblem:
-    """The poses of a device: one group of rows, whose nuisances are the base parameters."""
+    """The poses of a device, as a problem for `imuloop.estimate.choice.Choices`.
+
+    A row is one component of a residual of a pose or of a rotation between two poses. All N rows
+    are one group, since their noise is correlated; the last ones are rows of a prior from other
+    records. The nuisance parameters are the base model and the given effects.
+    """
 
     sensor: object  # JointFit
-    recording: object
-    shapes: dict  # tuple of the shapes of each effect to try, by kind
+    recording: object  # Recording
+    shapes: dict  # shapes to try, a tuple for each kind of effect
     settings: DiagnoseSettings
-    tests: int  # number of tests of the family
-    # (n,): the part that each pose, or whatever rows are of, is held out with; -1 for none
-    part_of_pose: np.ndarray
-    found: tuple = ()  # effects that other records show, which every fit estimates
-    information: object = None  # takes effects, gives `static.information` of other records
-    # rows R and z of what other data say of the base model: ``R x - z`` has variance one
+    tests: int  # number of tests that share the significance
+    # (n,): fold of each pose, or of each move in a MotionProblem; -1 is no fold
+    fold_of_pose: np.ndarray
+    given_effects: tuple = ()  # effects that other records showed; every fit estimates them
+    # takes effects; returns the information of other records about them, as `static.information`
+    information: object = None
+    # prior of the base model: rows R and z, ``R x - z`` has variance one
     base_rows: tuple = (np.zeros((0, 0)), np.zeros(0))
-    # what looks for patterns whose shapes cannot be listed, by kind
+    # for kinds of effects with too many shapes for a list: the function that finds the best one
     scans: dict = field(default_factory=dict)
-    _linearized: dict = field(default_factory=dict, repr=False)
+    _fits: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
-    # whether a scan is made again beside what was found later: turns show the steps of both sensors
+    # whether a scan is repeated when the base has grown: turns show the steps of both sensors
     scans_again = True
-    # in what held-out errors are compared: they are all alike
-    error_scale = 1.0
+    error_scale = 1.0  # unit of the held-out errors in the error ratio
 
     @cached_property
-    def parts(self):
-        """Number of parts that are held out in turn."""
-        return int(self.part_of_pose.max()) + 1
+    def folds(self):
+        """Number of folds."""
+        return int(self.fold_of_pose.max()) + 1
 
     @cached_property
     def prior_rows(self):
-        """What other records say: rows ``R θ - z``, variance one, by effect, and z of all.
+        """Rows ``R θ - z`` of the prior, with variance one: R by effect, (k, q), and z, (k,).
 
-        The base model's own rows come first.
+        θ are the q parameters of the effect. The k rows are those of the base model's prior, where
+        R is zero, and then those of the information from other records.
         """
-        known = self.base_rows[1]
+        of_base = self.base_rows[1]
         if self.information is None:
-            return {}, known
-        # of formulas static records, in few attitudes, say nothing
+            return {}, of_base
+        # static records have too few attitudes to show formulas
         shapes = (s for kind, own in self.shapes.items() for s in own if not kind.is_formula)
-        effects = (*self.found, *(s for s in shapes if "temperature" in s.needs and not s.timed))
+        effects = self.given_effects
+        effects += tuple(s for s in shapes if "temperature" in s.needs and not s.timed)
         if not effects:
-            return {}, known
+            return {}, of_base
         information, moment = self.information(effects)
         size = np.sqrt(np.maximum(np.diag(information), 0.0))
         size[size == 0] = 1.0
         values, axes = np.linalg.eigh(information / np.outer(size, size))
         shown = values > ABSORBED * max(values.max(initial=0.0), ABSORBED)
         roots, axes = np.sqrt(values[shown]), axes[:, shown].T
-        rows = np.pad(roots[:, None] * axes * size, ((len(known), 0), (0, 0)))
-        return by_effect(rows, effects), np.append(known, axes @ (moment / size) / roots)
+        rows = np.pad(roots[:, None] * axes * size, ((len(of_base), 0), (0, 0)))
+        return by_effect(rows, effects), np.append(of_base, axes @ (moment / size) / roots)
 
     @cached_property
     def rows(self):
-        """Poses where each residual of the poses starts and ends, (n, 2), and its kind, (N,).
+        """Indices of the first and last pose of each row, (n, 2), and kind of each row, (N,).
 
-        Rows of other records come last, of no kind.
+        The N - n last rows are those of the prior; their kind is an empty string.
         """
         ends, kind = self.sensor.rows(self.recording)
         return ends, np.append(kind, np.full(len(self.prior_rows[1]), ""))
 
     @cached_property
-    def row_parts(self):
-        """The parts that each row touches, the one that it is held out with first, (N, 2)."""
-        own = self.part_of_pose[self.rows[0]]
-        return np.concatenate([own, np.full((len(self.prior_rows[1]), 2), -1)])
+    def row_folds(self):
+        """Folds of each row, (N, 2), as in `RowGroup`: of its first pose and of its last pose."""
+        folds = self.fold_of_pose[self.rows[0]]
+        return np.concatenate([folds, np.full((len(self.prior_rows[1]), 2), -1)])
 
     @property
-    def part_of_row(self):
-        """The part that each row is held out with: that of its first pose, shape (N,)."""
-        return self.row_parts[:, 0]
+    def fold_of_row(self):
+        """Fold that each row is held out with, (N,): the fold of its first pose."""
+        return self.row_folds[:, 0]
 
-    def residuals_left(self, search, base):
-        """Return what effects, fitted to what is seen, leave of all residuals, shape (N, 1).
+    def residuals(self, search, base):
+        """Return the residuals of all rows, (N, 1), by a fit of effects to the training rows.
 
-        Not a number about a step: what is seen tells its time between two poses at best.
+        Held-out rows next to a step are nan: the training rows tell the time of a step only to
+        within two of their poses.
         """
-        left = search.training_fit(base).residuals(base, 0)
+        residuals = search.training_fit(base).residuals(base, 0)
         for effect in base:
             if effect.name == Steps.name:
-                left[self._about_step(effect, search.held_out)] = np.nan
-        return left[:, None]
+                residuals[self._about_step(effect, search.held_out)] = np.nan
+        return residuals[:, None]
 
     def _about_step(self, effect, held_out):
-        """Return which rows are of poses that lie on either side of a step, for all that is seen.
+        """Return the indices of the rows that may lie on either side of a step.
 
-        Between the last pose before it and the first after it that are in no part of `held_out`.
+        They depend on held-out poses between the last training pose before the step and the first
+        one after it. `held_out` has the numbers of the held-out folds.
         """
-        held, pair = np.isin(self.part_of_pose, list(held_out)), self.rows[0]
+        held, pair = np.isin(self.fold_of_pose, list(held_out)), self.rows[0]
         after = self.recording.poses.mid_s > effect.effect.times[0]
         number = np.arange(len(held))
         last = number[~held & ~after].max(initial=-1)
@@ -136,51 +145,52 @@ class PoseProblem:
         return np.flatnonzero(shown[: len(pair)] & np.isin(pair, poses).any(axis=1))
 
     def of_kind(self, kind):
-        """Return the rows, shape (N,), of one kind of residual."""
+        """Return the rows of one kind of residual, (N,) of bool."""
         return self.rows[1] == kind
 
     def rows_by_kind(self):
-        """Return the rows of each kind of residual."""
+        """Return a list with the rows of each kind of residual, (N,) of bool."""
         return [self.of_kind(kind) for kind in self.sensor.kinds]
 
     def components(self, kind):
-        """Return how many rows make one residual."""
+        """Return the number of rows of one residual."""
         return self.sensor.kinds[kind][1]
 
-    def linearized(self, base=()):
-        """Return the residuals about the fit with some effects."""
-        if base not in self._linearized:
-            self._linearized[base] = self._made(base)
-        return self._linearized[base]
+    def linearization(self, base=()):
+        """Return the Linearization at the fit of all poses with the base effects."""
+        if base not in self._fits:
+            self._fits[base] = self._linearize(base)
+        return self._fits[base]
 
-    def with_parts(self, part_of_pose):
-        """Return the problem with another part of each pose, (n,)."""
-        problem = replace(self, part_of_pose=part_of_pose, _linearized={})
-        for base, about in self._linearized.items():
-            evidence = about.evidence.with_parts(problem.row_parts)
-            problem._linearized[base] = replace(about, evidence=evidence)
+    def with_folds(self, fold_of_pose):
+        """Return the PoseProblem with other folds of the poses, (n,)."""
+        problem = replace(self, fold_of_pose=fold_of_pose, _fits={})
+        for base, about in self._fits.items():
+            evidence = about.evidence.with_folds(problem.row_folds)
+            problem._fits[base] = replace(about, evidence=evidence)
         return problem
 
-    def _made(self, base):
-        effects, count = (*self.found, *base), len(self.sensor.names)
-        start = self.linearized(base[:-1]).solution.x if base else None
+    def _linearize(self, base):
+        """Fit all poses with the base effects and return the Linearization there."""
+        effects, count = (*self.given_effects, *base), len(self.sensor.names)
+        start = self.linearization(base[:-1]).solution.x if base else None
         _, z = self.prior_rows
         known = np.hstack([self._known_base(), self._known_effects(effects)])
         solution = self.sensor.fit(self.recording, effects, start, (known, z))
         x = solution.x
-        at = self.sensor.linearised(solution, self.recording)
+        at = self.sensor.linearise(solution, self.recording)
         values = np.append(at.residual, known @ x - z)
         jacobian = np.concatenate([at.jacobian, known])
-        nuisances = count + sum(len(e.parameters) for e in self.found)
+        nuisances = count + sum(len(e.parameters) for e in self.given_effects)
         own = by_effect(jacobian[:, None, nuisances:], base)
         covariance, slow, missing = self.sensor.noise_components(at, len(z))
         components = [*slow, *missing]
         estimated, first = (np.array([c.size for c in each]) for each in (slow, components))
         likelihood = SizeLikelihood(jacobian, covariance, components)
-        likeliest = likelihood.maximised(values, likelihood.projection())
+        likeliest = likelihood.maximise(values, likelihood.projection())
         kinds, number = np.unique([c.kind for c in components], return_inverse=True)
-        # each kind of residual as estimated or likeliest, and all others as estimated or likeliest:
-        # all as estimated first, all likeliest last
+        # Hypotheses: the sizes of one kind of residual are likeliest and those of the others as
+        # estimated, or the reverse. The first has all sizes as estimated, the last all likeliest.
         one = np.eye(len(kinds), dtype=bool)
         chosen = np.unique(np.vstack([0 * one, one, ~one, 0 * one == 0]), axis=0)[:, number]
 
@@ -192,130 +202,144 @@ class PoseProblem:
         ]
 
         def hypotheses(chosen, likeliest):
-            """Return what the noise may be with some sizes likeliest, the others as estimated."""
+            """Return the Hypotheses that take the `likeliest` size of some components, (h, k).
+
+            `chosen`, (h, k) of bool, are these components; the others have the size as estimated.
+            """
             sizes = np.where(chosen, likeliest, first)
             return Hypotheses.of(precision(total(covariance, components, own)) for own in sizes)
 
         def noise_with(values):
-            """Return the noise as estimated, and as other residuals make it likeliest."""
+            """Return two Hypotheses: the noise as estimated, and the likeliest for `values`."""
             start = likelihood.projection(likeliest)
-            return hypotheses(chosen[[0, -1]], likelihood.maximised(values, start, ROUGH))
+            return hypotheses(chosen[[0, -1]], likelihood.maximise(values, start, ROUGH))
 
         noise = hypotheses(chosen, likeliest)
-        rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise, self.row_parts)
+        rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise, self.row_folds)
 
         def design(effect):
-            return own[effect] if effect in own else self.added(effect)
+            return own[effect] if effect in own else self.pattern(effect)
 
         prior, plain = np.full(len(chosen), -np.log(len(chosen))), ~chosen.any(axis=1)
         evidence = Evidence([rows], prior, design, least=1.0, as_estimated_mask=plain)
-        return Linearized(solution, at, values, jacobian, alternatives, evidence, noise_with)
+        return Linearization(solution, at, values, jacobian, alternatives, evidence, noise_with)
 
     def _known_base(self):
-        """Return what other records say of the base parameters, rows R as above."""
+        """Return the prior rows R for the parameters of the base model, (k, p)."""
         own = self.base_rows[0].reshape(-1, len(self.sensor.names))
         return np.pad(own, ((0, len(self.prior_rows[1]) - len(own)), (0, 0)))
 
     def _known_effects(self, effects):
-        """Return what other records say of the parameters of effects, rows R as above."""
+        """Return the prior rows R for the q parameters of some effects, (k, q)."""
         of_effects, z = self.prior_rows
         rows = (of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects)
         return np.hstack([np.zeros((len(z), 0)), *rows])
 
-    def added(self, effect):
-        """Return what an effect adds to the residuals about the fit without any, (N, 1, p)."""
+    def pattern(self, effect):
+        """Return the derivative of all rows by the parameters of an effect, (N, 1, q).
+
+        It is taken at the fit without effects.
+        """
         shapes = self.shapes.get(effect.kind, ())
-        self.enter(shapes if effect in shapes else (effect,))
+        self.add_columns(shapes if effect in shapes else (effect,))
         return self._columns[effect]
 
     def with_formulas(self, formulas):
         """Return the problem with more shapes, by kind, that are tried after all others."""
         count = self.tests + self.settings.family * len(formulas)
         problem = replace(self, shapes=self.shapes | formulas, tests=count)
-        # what was linearised before finds them there
-        problem.enter([shape for shapes in formulas.values() for shape in shapes])
+        # both problems share `_columns`, which earlier linearisations use
+        problem.add_columns([shape for shapes in formulas.values() for shape in shapes])
         return problem
 
-    def enter(self, effects):
-        """Find what several effects add, many at once: what they have in common is found once."""
+    def add_columns(self, effects):
+        """Compute and store the derivatives by the parameters of several effects."""
         new = [e for e in effects if e not in self._columns]
-        about = self.linearized(()).at
+        about = self.linearization(()).at
         for first in range(0, len(new), TOGETHER):
             own = new[first : first + TOGETHER]
             columns = np.concatenate([about.columns(own), self._known_effects(own)])
             self._columns.update(by_effect(columns[:, None], own))
 
-    def nearest(self, base):
-        """Return the residuals about the fit with the most of some effects that was asked for.
+    def nearest_linearization(self, base):
+        """Return the stored Linearization that has the most effects of the base and no others.
 
-        The evidence holds the others as patterns: what a part chooses is worth no fit of all data.
+        The other effects of the base are patterns in its Evidence. So effects that only a search
+        without one fold chose need no new fit of all poses.
         """
-        made = [b for b in self._linearized if set(b) <= set(base)]
-        return self.linearized(max(made, key=len, default=()))
+        made = [b for b in self._fits if set(b) <= set(base)]
+        return self.linearization(max(made, key=len, default=()))
 
     def training_fit(self, base, held_out):
-        """Return the TrainingFit, about a fit of all poses with some of the effects."""
-        return self.nearest(base).evidence.training_fit(held_out)
+        """Return the TrainingFit without some folds, linearised with effects of the base."""
+        return self.nearest_linearization(base).evidence.training_fit(held_out)
 
-    def slow(self, effect):
-        """Return whether noise could be larger for an effect: it changes as slow noise does."""
+    def is_like_slow_noise(self, effect):
+        """Return whether an effect changes as slowly as slow noise, which may then hide it."""
         return effect.timed or "temperature" in effect.needs
 
     def noise_with(self, base, values):
-        """Return what the noise of each group of rows may be, were its residuals these."""
-        return [self.nearest(base).noise_with(-values)]
+        """Return the Hypotheses of each group of rows if its residuals were `values`, (N,)."""
+        return [self.nearest_linearization(base).noise_with(-values)]
 
     def refit(self, base):
-        """Fit all poses with some effects: what is tested beside them is linear about that fit."""
-        self.linearized(base)
+        """Fit all poses with the base effects; later tests are linearised at this fit."""
+        self.linearization(base)
 
-    def shows(self, search, base, trial):
-        """Return kind and rows in which a trial changes most, in standard deviations."""
+    def most_changed_rows(self, search, base, trial):
+        """Return the kind of residual that a trial changes most, and its rows, (N,) of bool.
+
+        Changes are compared in standard deviations of the noise.
+        """
         training_fit = search.training_fit(base)
         wider = (*base, trial.effect)
         change = training_fit.residuals(base, 0) - training_fit.residuals(wider, 0)
-        variance = np.diag(self.nearest(base).alternatives[0][1])
-        by_kind = [rows & (self.part_of_row >= 0) for rows in self.rows_by_kind()]
+        variance = np.diag(self.nearest_linearization(base).alternatives[0][1])
+        by_kind = [rows & (self.fold_of_row >= 0) for rows in self.rows_by_kind()]
         size = [(change[rows] ** 2 / variance[rows]).sum() for rows in by_kind]
         kind = list(self.sensor.kinds)[int(np.argmax(size))]
         return kind, self.of_kind(kind)
 
     def covariance(self, base):
-        """Return the covariance of the parameters of the fit of all poses, (p, p), SI as logged.
+        """Return the covariance of the parameters of the fit of all poses, (p, p), nominal SI.
 
-        Under every hypothesis that of generalised least squares, its scale that of the residual
-        where this is larger, and what the solution under it is off; averaged by the likelihood.
-        Fitted constants of the effects are parameters too, known to a factor of e beforehand.
+        It is the average over the noise hypotheses, weighted by their probability. Under each one
+        it is that of generalised least squares, times the reduced χ² if that is above one, plus the
+        square of the difference between the solution under this hypothesis and the fit. The
+        constants of the effects are parameters too, with a prior standard deviation of a factor e.
         """
-        about = self.linearized(base)
+        about = self.linearization(base)
         fit = about.evidence.training_fit().fit(base, 0)
         count, more = about.jacobian.shape[1], self._by_constants(base, about.solution.x)
         total, design = 0.0, np.column_stack([about.jacobian, *more])
         size = np.linalg.norm(design, axis=0)
         size[size == 0] = 1.0
         design, prior = design / size, np.diag(size**-2.0 * (np.arange(len(size)) >= count))
-        counted, known = fit.weight > 1e-6, self.rows[1] == ""
+        counted, of_prior = fit.weight > 1e-6, self.rows[1] == ""
         for h in np.flatnonzero(counted):
-            # what other records say is as good as they have it, whatever is left here
-            scale = np.where(known, 1.0, fit.scale[h])
+            # the rows of the prior keep their variance, independent of the residuals of the poses
+            scale = np.where(of_prior, 1.0, fit.scale[h])
             weighted = (design.T / scale) @ about.evidence.row_groups[0].noise.precision[h]
             inverse = np.linalg.inv(weighted @ design + prior / fit.scale[h])
             off = inverse @ (weighted @ about.values)
             total = total + fit.weight[h] * (inverse + np.outer(off, off))
-        found = total / fit.weight[counted].sum() / np.outer(size, size)
-        return found[:count, :count]
+        covariance = total / fit.weight[counted].sum() / np.outer(size, size)
+        return covariance[:count, :count]
 
     def _by_constants(self, base, x):
-        """Return what the logarithm of each fitted constant changes in the residuals, (N,) each."""
-        effects, found = (*self.found, *base), []
+        """Return the derivatives of all rows by the log of each effect's constants, (N,) each.
+
+        `x`, (p,), are the parameters of the fit.
+        """
+        effects, derivatives = (*self.given_effects, *base), []
         for effect, values in by_effect(x[len(self.sensor.names) :], effects).items():
             if effect.moved(2.0) != effect:
-                up, down = (self.added(effect.moved(f))[:, 0] @ values for f in (1.05, 1 / 1.05))
-                found.append((up - down) / (2 * np.log(1.05)))
-        return found
+                up, down = (self.pattern(effect.moved(f))[:, 0] @ values for f in (1.05, 1 / 1.05))
+                derivatives.append((up - down) / (2 * np.log(1.05)))
+        return derivatives
 
     def why_no_trial(self, search, kind):
-        """Return why a kind of effect has no trial."""
+        """Return the reason, text, why a kind of effect has no trial."""
         rows = search.training_fit(()).free_rows
         shapes = self.shapes.get(kind) or (kind.cls(),)
         least = min(len(shape.parameters) for shape in shapes)
@@ -323,33 +347,38 @@ class PoseProblem:
             return f"{rows} residuals to spare do not determine {least} more parameters"
         return "what it adds in these data is taken up by the base model"
 
-    def fitted(self, base, held_out=frozenset()):
-        """Return the Fit with some effects that does not see some parts."""
-        solution, count = self.nearest(base).solution, len(self.sensor.names)
+    def fit(self, base, held_out=frozenset()):
+        """Return the Fit with the base effects to the rows without some folds.
+
+        Its covariance is zero, since it is not used.
+        """
+        solution, count = self.nearest_linearization(base).solution, len(self.sensor.names)
         nuisance, vectors = self.training_fit(base, held_out).parameters(base, 0)
         start = solution.x.copy()
-        # the nuisances: the base model, and what other records show
+        # the nuisance parameters: the base model and the given effects
         start[: len(nuisance[0])] += nuisance[0]
         x = by_effect(start[count:], solution.effects)
         for effect, vector in vectors.items():
             x[effect] = x.get(effect, 0.0) + vector
-        effects = (*self.found, *base)
+        effects = (*self.given_effects, *base)
         values = np.concatenate([start[:count], *(x[e] for e in effects)])
-        # nobody asks how well a part determines them
-        nothing = np.zeros((len(values), len(values)))
-        return replace(solution, effects=effects, x=values, covariance=nothing)
+        return replace(solution, effects=effects, x=values, covariance=np.zeros((len(values),) * 2))
 
 
 def by_effect(values, effects):
-    """Return the last axis of values, one entry a parameter, by effect."""
+    """Return a dict that has for each effect its part of the last axis of `values`.
+
+    The last axis, (q,), has the parameters of all effects, one effect after the other.
+    """
     ends = pairwise(np.cumsum([0, *(len(e.parameters) for e in effects)]))
     return {e: values[..., i:j] for e, (i, j) in zip(effects, ends, strict=True)}
 
 
-def interleaved(count, parts):
-    """Return the part of each pose: neighbours in different ones, so that both sides predict.
+def interleaved_folds(count, folds):
+    """Return the fold of each of `count` poses, (count,), with neighbours in different folds.
 
-    Of few parts two neighbours are in one: without two parts some have to stay neighbours.
+    So the poses before and after predict a held-out pose. If there are at most four folds, two
+    neighbours share a fold: else too few neighbours would remain without it and a second fold.
     """
-    parts = min(parts, count)
-    return np.arange(count) // (1 if parts > 4 else 2) % parts
+    folds = min(folds, count)
+    return np.arange(count) // (1 if folds > 4 else 2) % folds

@@ -1,13 +1,14 @@
-"""The tables of poses and of the moves between them: measurements and residuals."""
+"""The tables of poses and of the moves between them, with measurements and residuals."""
 
 import numpy as np
 
 from imuloop.core.samples import CHANNELS, TEMPERATURE
 from imuloop.factors.velocity import midpoints
 
-# errors of a residual: held out and in the fit, without the added effects and with them
+# errors of a residual: without and with the added effects, held out and in the fit
 ERRORS = ("before", "after", "in_sample_before", "in_sample_after")
-# names of its components: of a pose on the sensor's axes, of a move square to gravity
+# names of the components of each kind of residual: for a pose the axes of the sensor, for a move
+# two directions perpendicular to gravity
 COMPONENTS = {
     "gravity_norm": "",
     "pose_rate": "xyz",
@@ -19,8 +20,8 @@ COMPONENTS = {
 
 def _of_residual(kind):
     """Return the names of the columns of one kind of residual."""
-    parts = ("", *(f"_{part}" for part in COMPONENTS[kind]))
-    return [*(f"{kind}_{error}{part}" for error in ERRORS for part in parts), f"{kind}_floor"]
+    ends = ("", *(f"_{component}" for component in COMPONENTS[kind]))
+    return [*(f"{kind}_{error}{end}" for error in ERRORS for end in ends), f"{kind}_floor"]
 
 
 # columns of poses.parquet and of moves.parquet, with their type
@@ -39,43 +40,52 @@ MOVES = _PLACE | dict.fromkeys(_OF_MOVE, float)
 
 
 def residual_columns(problem, kinds, errors, floor):
-    """Return the columns of some kinds of residuals, a row per pose or move, SI.
+    """Return the columns of some kinds of residuals, a dict of arrays in SI.
 
-    `errors`, (N,) each, are in the order of `ERRORS`; `floor`, (N,), is the variance that the noise
-    alone gives to those held out.
+    Each column has an entry per pose or move. `errors`, four arrays (N,), are in the order of
+    `ERRORS`; `floor`, (N,), is the variance of the held-out errors that the noise alone gives.
     """
-    found = {}
+    table = {}
     for kind in kinds:
         rows, k = problem.of_kind(kind), problem.components(kind)
         columns = []
         for error in errors:
-            parts = error[rows].reshape(-1, k).T
-            # a lone component keeps its sign: the norm of gravity is too large or too small
-            columns.extend(parts if k == 1 else (np.linalg.norm(parts, axis=0), *parts))
+            values = error[rows].reshape(-1, k).T
+            # a single component keeps its sign; several have their norm first
+            columns.extend(values if k == 1 else (np.linalg.norm(values, axis=0), *values))
         columns.append(np.sqrt(floor[rows].reshape(-1, k).sum(axis=1)))
-        found |= dict(zip(_of_residual(kind), columns, strict=True))
-    return found
+        table |= dict(zip(_of_residual(kind), columns, strict=True))
+    return table
 
 
 def poses_table(poses, names, residuals):
     """Return the columns of poses.parquet: the mean of each channel at each pose, and residuals.
 
-    `names` are those of the sessions, `residuals` as in `residual_columns`; what is not there is
-    not a number.
+    `names` are the names of the sessions, and `residuals` the columns from `residual_columns`.
+    Missing columns are nan.
     """
-    found = dict(zip(CHANNELS, (*poses.f.T, *poses.w.T), strict=True))
+    means = dict(zip(CHANNELS, (*poses.f.T, *poses.w.T), strict=True))
     if poses.temperature is not None:
-        found[TEMPERATURE] = poses.temperature
-    return _table(POSES, _place(poses, slice(None), names, poses) | found | residuals)
+        means[TEMPERATURE] = poses.temperature
+    return _table(POSES, _place(poses, slice(None), names, poses) | means | residuals)
 
 
 def moves_table(recording, names, gyroscope, force, residuals):
-    """Return the columns of moves.parquet: how each move turned, calibrated, and its residual.
+    """Return the columns of moves.parquet: the turn of each of m moves, and residuals.
 
-    The angle is the way turned, that is the integral of the size of the angular rate; the speed its
-    greatest value; the axis the direction of the integral of the rate itself. The gyroscope's
-    effects were fitted to this recording; `force`, (m, k, 3), is what they see of it.
-    Others as in `poses_table`.
+    ``angle_rad`` is the integral of the magnitude of the calibrated angular rate, ``speed_rad_s``
+    the largest magnitude, and ``axis_x`` to ``axis_z`` the direction of the integral of the rate.
+
+    Parameters
+    ----------
+    recording : Recording
+    names : list of str
+        Names of the sessions.
+    gyroscope : SensorCalibration
+    force : ndarray, shape (m, k, 3)
+        Calibrated specific force at the k samples of each move, for effects of the gyroscope.
+    residuals : dict
+        Columns from `residual_columns`.
     """
     rotations, channels = recording.rotations, None
     if gyroscope.effects:
@@ -86,32 +96,36 @@ def moves_table(recording, names, gyroscope, force, residuals):
         (rotations.steps * midpoints(x)).sum(axis=1) for x in (size, *np.moveaxis(rate, 2, 0))
     )
     axis = turn / np.maximum(np.linalg.norm(turn, axis=0), 1e-9)
-    found = {"angle_rad": angle, "speed_rad_s": size.max(axis=1)}
-    found |= {f"axis_{name}": x for name, x in zip("xyz", axis, strict=True)}
+    turns = {"angle_rad": angle, "speed_rad_s": size.max(axis=1)}
+    turns |= {f"axis_{name}": x for name, x in zip("xyz", axis, strict=True)}
     place = _place(recording.poses, rotations.first, names, rotations)
-    return _table(MOVES, place | found | residuals)
+    return _table(MOVES, place | turns | residuals)
 
 
 def no_tables():
-    """Return the tables by name where there is nothing to diagnose."""
+    """Return the tables without rows, by name, for a device with nothing to diagnose."""
     return {
         name: {column: np.zeros(0, kind) for column, kind in columns.items()}
         for name, columns in (("poses", POSES), ("moves", MOVES), ("reference", REFERENCE))
     }
 
 
-def _place(poses, at, names, times):
-    """Return session, number in it, start and end of poses, or of what begins at them."""
+def _place(poses, indices, names, times):
+    """Return the columns session, number of the pose in it, start and end.
+
+    `indices` selects poses; `times` has the start and end of these poses, or of the moves that
+    start at them.
+    """
     number = np.arange(len(poses)) - np.searchsorted(poses.session, poses.session)
     return {
-        "session": np.array(names, dtype=object)[poses.session[at]],
-        "pose": number[at],
+        "session": np.array(names, dtype=object)[poses.session[indices]],
+        "pose": number[indices],
         "start_s": times.start_s,
         "end_s": times.end_s,
     }
 
 
-def _table(columns, found):
-    """Return the columns of a table; what was not found is not a number."""
-    unknown = np.full(len(found["pose"]), np.nan)
-    return {name: np.asarray(found.get(name, unknown), kind) for name, kind in columns.items()}
+def _table(types, columns):
+    """Return the columns of a table with the given types by name; missing columns are nan."""
+    missing = np.full(len(columns["pose"]), np.nan)
+    return {name: np.asarray(columns.get(name, missing), kind) for name, kind in types.items()}

@@ -1,4 +1,4 @@
-"""Beside a reference: what of its set-up lowers the held-out error, and what is left."""
+"""Comparison to a reference: effects of the set-up, and the residuals that remain."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,11 +17,12 @@ FEW = f"fewer than {LEAST_WINDOWS} windows in which a reference is compared"
 
 
 def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
-    """Return the contract's fields by sensor, and the columns of reference.parquet.
+    """Return the fields of diagnosis.json by sensor, and the columns of reference.parquet.
 
-    Nothing of a device without a session beside a reference. Takes sessions as in
-    `calibrate.calibrate.usable`, the NoiseModel, local gravity, m/s^2, the number of tests of the
-    other records, which share the significance, and the Calibration by these.
+    The fields are empty without a session with a reference. `sessions` has ``kind``, ``samples``
+    and ``segments`` of each session by name; `noise` is the NoiseModel, `gravity` local gravity,
+    m/s^2, `tests` the number of tests of the other records, which share the significance, and
+    `calibration` the Calibration from these records.
     """
     content, tables = dict.fromkeys(SENSORS, not_testable(FEW)), [no_tables()["reference"]]
     if "reference_motion" not in [session["kind"] for session in sessions.values()]:
@@ -30,12 +31,12 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     windows = windows_of([*logs.values()], gravity, calibration)
     if not windows:
         return content, *tables
-    found, (log, *others), folds = fit_set_up(windows, noise), windows[0].logs, settings.folds
+    found, (log, *others), count = fit_set_up(windows, noise), windows[0].logs, settings.folds
     tests += settings.family * sum(len(w.effects) for w in windows)
-    # whole sessions are held out, of one stretches of time
-    parts = found.of_windows(lambda w: w.session if others else folds * w.first // len(log.t))
+    # a fold is a whole session, or a stretch of time where there is one session
+    folds = found.of_windows(lambda w: w.session if others else count * w.first // len(log.t))
     for w in windows:
-        block, columns = _judged(found, w, parts, settings, tests)
+        block, columns = _judged(found, w, folds, settings, tests)
         block["set_up"] = _of_sessions(found, w, logs, getattr(calibration, w.sensor))
         content[w.sensor], number = block, np.searchsorted(w.session, w.session)
         columns |= {"session": np.array([*logs], object)[w.session], "start_s": w.t[:, 0]}
@@ -44,15 +45,19 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     return content, joined(tables)
 
 
-def _judged(found, w, parts, settings, tests):
-    """Return the contract's fields of the sensor of some Windows, and columns of what is left."""
+def _judged(found, w, folds, settings, tests):
+    """Return the fields of diagnosis.json of one sensor, and its columns of reference.parquet.
+
+    `found` is the fit of the set-up, `w` the Windows of the sensor, and `folds` the fold of each
+    row.
+    """
     rows = found.of_windows(lambda each: np.full(len(each.session), each is w))
-    after, scale = found.errors(parts)[rows, None], np.sqrt(found.variance[rows, None])
+    after, scale = found.errors(folds)[rows, None], np.sqrt(found.variance[rows, None])
     effects, candidates, added, chance = [], [], [], settings.significance / tests
     for name, units in w.effects.items():
         at = w.shared[[[*w.units].index(name) for name in units]].tolist()
-        own, before = found.covariance[np.ix_(at, at)], found.errors(parts, at)[rows, None]
-        interval = ratio_interval(parts[rows], before / scale, after / scale)
+        own, before = found.covariance[np.ix_(at, at)], found.errors(folds, at)[rows, None]
+        interval = ratio_interval(folds[rows], before / scale, after / scale)
         p_value = chdtrc(len(at), found.x[at] @ np.linalg.solve(own, found.x[at]))
         entry = {"name": name, "p_value": float(p_value), "residual": w.kind}
         entry |= _parameters(units, found.x[at], own) | {"heldout_after": size(_norm(after))}
@@ -60,7 +65,7 @@ def _judged(found, w, parts, settings, tests):
         if passed:
             added = added + at
             effects.append(entry | {"heldout_before": size(_norm(before)), "ratio_ci95": interval})
-        # the test asks for χ² of so much
+        # size, in standard errors, at which χ² passes the test with the wanted power
         least = chndtrinc(chdtri(len(at), chance), len(at), 1 - settings.power) ** 0.5
         entry["detection_limit"] = {name: least * std for name, std in entry["std"].items()}
         entry["why"] = "fitted; ratio of held-out errors {:.3f} to {:.3f}".format(*interval)
@@ -71,7 +76,7 @@ def _judged(found, w, parts, settings, tests):
     columns = {"residual": np.full(len(w.session), w.kind, object)}
     columns[f"{w.kind}_floor"] = _norm(floor)[:, 0]
     for key, without in (("before", added), ("after", [])):
-        held, fitted = (found.errors(p, without)[rows] for p in (parts, np.full_like(parts, -1)))
+        held, fitted = (found.errors(p, without)[rows] for p in (folds, np.full_like(folds, -1)))
         dof = max(len(floor) - len(w.shared) - w.places.size, 1)
         chi2 = ((fitted / floor) ** 2).sum()
         residual |= {key: size(_norm(held)), f"chi2_{key}": float(chi2 / dof)}
@@ -84,7 +89,7 @@ def _judged(found, w, parts, settings, tests):
 
 
 def _of_sessions(found, w, logs, calibration):
-    """Return bias b, SI as logged, and mounting of each session, a rotation vector m, rad."""
+    """Return bias b, nominal SI, and mounting, a rotation vector m, rad, for each session."""
     names, units = ("bx", "by", "bz", "mx", "my", "mz"), [OUTPUT[w.sensor]] * 3 + ["rad"] * 3
     content, units = {}, dict(zip(names, units, strict=True))
     back = np.linalg.inv(calibration.T * calibration.K / calibration.raw_unit.scale)
@@ -97,7 +102,7 @@ def _of_sessions(found, w, logs, calibration):
 
 
 def _parameters(units, values, covariance):
-    """Return the contract's fields of parameters."""
+    """Return the fields of diagnosis.json for parameters: values, standard errors and units."""
     found = {"parameters": values, "std": np.sqrt(np.diag(covariance))}
     found = {k: dict(zip(units, v.tolist(), strict=True)) for k, v in found.items()}
     return found | {"units": units, "constants": {}}

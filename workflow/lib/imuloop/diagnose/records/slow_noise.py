@@ -1,4 +1,4 @@
-"""Noise of a static record: a grid of hypotheses."""
+"""Noise hypotheses of a static record: a grid of ratios of slow noise to white noise."""
 
 import numpy as np
 
@@ -6,23 +6,24 @@ from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.precision import precision
 from imuloop.estimate.evidence import Hypotheses
 
-# ratio of neighbouring variances of flicker, and of walk, on the grid
+# ratio of neighbouring variances of flicker, and of random walk, on the grid
 STEP = 6.0
-# probability, before the data, that an axis has no flicker, and that it has no walk
+# prior probability that an axis has no flicker, and that it has no random walk
 ABSENT = (1 / 2, 1 / 10)
 
 
 def ratios(span, length):
     """Return the grid of ``B²/N²``, Hz, and ``K²/N²``, Hz², (g, 2), and its log prior, (g,).
 
-    Over a record of `span` S in windows of `length` τ, s, the slow noise of mode k (half waves) has
-    the variance ``B² S/(π k τ)`` and ``K² S²/(π² k² τ)`` where the white noise has ``N²/τ``. The
-    grid goes from half the white noise in the slowest mode to thirty times it in the middle one;
-    the prior is even in the logarithm of each ratio.
+    N, B and K are the coefficients of white noise, flicker and random walk. The record has the
+    `span` S and windows of `length` τ, s. In its mode k, of k half waves, the variance of flicker
+    is ``B² S/(π k τ)`` and the variance of random walk ``K² S²/(π² k² τ)``; white noise has
+    ``N²/τ``. The grid goes from half the white noise in the slowest mode to thirty times the white
+    noise in the middle mode. The prior is uniform in the logarithm of each ratio.
     """
     axes, priors = [], []
     for power, absent in zip((1, 2), ABSENT, strict=True):
-        # white noise over that of a unit coefficient, in the slowest and in the middle mode
+        # least ratio, from the slowest mode, and largest ratio, from the middle mode
         low, high = 0.5 * (np.pi / span) ** power, 30 * (0.5 * np.pi / length) ** power
         count = max(2, int(np.ceil(np.log(high / low) / np.log(STEP))) + 1)
         axes.append(np.concatenate([[0.0], low * STEP ** np.arange(count)]))
@@ -33,11 +34,14 @@ def ratios(span, length):
 
 
 def unit_noise(name):
-    """Return noise of one process with coefficient 1."""
+    """Return the AxisNoise of one process, 'N', 'B' or 'K', with the coefficient 1."""
     return AxisNoise(**{name: Coefficient(1.0, (1.0, 1.0), 1.0, True)})
 
 
 def hypotheses(windows, grid):
-    """Return the Hypotheses of means over windows, shape (n, 2), on the grid, for N = 1."""
+    """Return the Hypotheses of means over n windows, for the ratios on the grid and N = 1.
+
+    `windows`, (n, 2), are start and end of each window, s; `grid`, (g, 2), is from `ratios`.
+    """
     white, flicker, walk = (unit_noise(name).mean_covariance(windows) for name in "NBK")
     return Hypotheses.of(precision(white + b * flicker + k * walk) for b, k in grid)

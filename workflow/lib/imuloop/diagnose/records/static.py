@@ -1,4 +1,4 @@
-"""Static records: means at rest, whose slow noise is not known beforehand."""
+"""The problem of static records: means over windows at rest, with slow noise of unknown size."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,84 +18,84 @@ from imuloop.estimate.training_fit import ABSORBED, combined_axes
 
 @dataclass(frozen=True)
 class StaticProblem:
-    """The static records of one sensor: each a group of rows with its own level.
+    """The static records of one sensor, as a problem for `imuloop.estimate.choice.Choices`.
 
-    The bias changes from one power cycle to the next, and so does the attitude. Rows are the means
-    over windows; their axes are those of the sensor.
+    A row is the mean over one window, on the three axes of the sensor. Each record is a group of
+    rows with its own level, since bias and attitude change from one power cycle to the next.
     """
 
-    records: tuple  # StaticRecords; parts of a session have its name
-    shapes: dict  # tuple of the shapes of each effect to try, by type, where they can be listed
+    records: tuple  # StaticRecords; a session with several power cycles has several
+    shapes: dict  # shapes to try, a tuple for each kind of effect
     settings: DiagnoseSettings
-    tests: int  # number of tests of the family
-    noise: tuple | None = None  # Hypotheses of each record; a grid of white and slow noise without
-    # what looks for patterns whose shapes cannot be listed, by effect
+    tests: int  # number of tests that share the significance
+    noise: tuple | None = None  # Hypotheses of each record; default: a grid of white and slow noise
+    # for kinds of effects with too many shapes for a list: the function that finds the best one
     scans: ClassVar = {Steps: best_steps}
-    # as of PoseProblem
+    # whether a scan is repeated when the base has grown; unit of the held-out errors
     scans_again, error_scale = False, 1.0
 
     @property
-    def parts(self):
-        """Number of parts that are held out in turn."""
+    def folds(self):
+        """Number of folds."""
         return self.settings.blocks
 
     @cached_property
-    def part_of_windows(self):
-        """In which part each window is held out, one array a record.
+    def fold_of_windows(self):
+        """Fold of each window, a list with one array, (n,), per record.
 
-        A part is a stretch of time of every record, but not the same one: what happens at the start
-        of each is predicted from the starts of the others.
+        A fold is one stretch of time in each record. It is at a different place in each record, so
+        that the start of one record is predicted from the starts of the others.
         """
         n = len(self.records)
         return [
-            (part_in_time(r, self.parts) + i * self.parts // n) % self.parts
+            (fold_in_time(r, self.folds) + i * self.folds // n) % self.folds
             for i, r in enumerate(self.records)
         ]
 
     @property
-    def part_of_row(self):
-        """The part that each mean is held out with, shape (N,)."""
-        return np.concatenate(self.part_of_windows)
+    def fold_of_row(self):
+        """Fold of each row, (N,)."""
+        return np.concatenate(self.fold_of_windows)
 
     @property
     def session(self):
-        """The session of each mean, shape (N,)."""
+        """Name of the session of each row, (N,)."""
         return np.concatenate([np.repeat(r.session, len(r.windows)) for r in self.records])
 
     @property
-    def row_parts(self):
-        """The same as `part_of_row`, and the other part that it touches: none, (N, 2)."""
-        return _alone(self.part_of_row)
+    def row_folds(self):
+        """Folds of each row, (N, 2), as in `RowGroup`: there is no second one."""
+        return _pairs(self.fold_of_row)
 
     @cached_property
     def evidence(self):
-        """The rows."""
+        """Evidence of all rows."""
         span = max(np.ptp(r.windows) for r in self.records)
         length = min(np.median(r.length) for r in self.records)
         grid, prior = ratios(span, length)
         noise = self.noise or [hypotheses(r.windows, grid) for r in self.records]
         groups = [
-            RowGroup(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, _alone(part))
-            for r, h, part in zip(self.records, noise, self.part_of_windows, strict=True)
+            RowGroup(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, _pairs(fold))
+            for r, h, fold in zip(self.records, noise, self.fold_of_windows, strict=True)
         ]
-        # what a model lacks is rarely noise: the weights of a walk would take the parameters from
-        # the fastest changes alone, where a lag that is not in the model counts most
-        # the first point is white noise: the level is the mean, as who knows no effect takes it
+        # Parameters are estimated without random walk: its weights would use the fastest changes
+        # only, where a lag that the model lacks matters most.
+        # The level is estimated with white noise, the first hypothesis, so that it is the mean.
         return Evidence(
             groups, prior, self.design, estimation_mask=grid[:, 1] == 0, nuisance_index=0
         )
 
     @property
     def values(self):
-        """All means about those of their record, (N, 3), SI."""
+        """All rows minus the mean of their record, (N, 3), SI."""
         return np.concatenate([g.values for g in self.evidence.row_groups])
 
     def design(self, effect):
         """Return the derivative of all rows with respect to an effect's parameters, (N, 3, p)."""
         return np.concatenate([r.derivative(effect) for r in self.records])
 
-    def residuals_left(self, search, base):
-        """Return what effects, fitted to what is seen, leave of all means, shape (N, 3)."""
+    def residuals(self, search, base):
+        """Return the residuals of all rows, (N, 3), SI, by a fit to the training rows."""
         training_fit = search.training_fit(base)
         return np.column_stack([training_fit.residuals(base, axis) for axis in range(3)])
 
@@ -104,59 +104,59 @@ class StaticProblem:
         self.evidence.release()
 
     def training_fit(self, base, held_out):
-        """Return the TrainingFit: means at rest are straight in every effect."""
+        """Return the TrainingFit without some folds; the rows are linear in all effects."""
         return self.evidence.training_fit(held_out)
 
     def refit(self, base):
-        """Do nothing: means at rest are straight in every effect."""
+        """Do nothing: the rows are linear in all effects, so no new linearisation is needed."""
 
-    def shows(self, search, base, trial):
-        """Return kind and rows in which a trial shows most."""
+    def most_changed_rows(self, search, base, trial):
+        """Return the kind of residual that a trial changes most, and its rows: there is one."""
         return "bias", slice(None)
 
-    def slow(self, effect):
-        """Return False: the hypotheses are a grid, which holds the noise that looks like it."""
+    def is_like_slow_noise(self, effect):
+        """Return False: the grid of hypotheses has the slow noise that an effect may resemble."""
         return False
 
     def rows_by_kind(self):
-        """Return the rows of each kind of residual."""
-        return [np.ones(len(self.part_of_row), dtype=bool)]
+        """Return a list with the rows of each kind of residual, (N,) of bool."""
+        return [np.ones(len(self.fold_of_row), dtype=bool)]
 
     def components(self, kind):
-        """Return how many rows make one residual."""
+        """Return the number of rows of one residual."""
         return 1
 
     def why_no_trial(self, search, kind):
-        """Return why a kind of effect has no trial."""
+        """Return the reason, text, why a kind of effect has no trial."""
         return "what it adds in these data is taken up by the bias"
 
 
-def _alone(part):
-    """Return the part of each row, and that it touches no other, (n, 2)."""
-    return np.column_stack([part, np.full(len(part), -1)])
+def _pairs(fold):
+    """Return `fold` as first column and no fold, -1, as second column, (n, 2)."""
+    return np.column_stack([fold, np.full(len(fold), -1)])
 
 
-def part_in_time(record, count):
-    """Return in which of `count` equal times at rest each window of a record lies, shape (n,)."""
+def fold_in_time(record, count):
+    """Return the fold of each window of a record, (n,), for `count` folds of equal time at rest."""
     middle = np.cumsum(record.length) - record.length / 2
     return np.minimum((middle / record.length.sum() * count).astype(int), count - 1)
 
 
 def fitted_effects(search, base):
-    """Return a FittedEffect of each effect; None where an axis does not determine them."""
+    """Return a FittedEffect for each effect in the base; None if an axis cannot estimate them."""
     training_fit = search.training_fit(base)
     patterns = training_fit.evidence.patterns(base)
     ends, estimates = np.cumsum([0, *(len(e.parameters) for e in base)]), []
     for axis in range(training_fit.evidence.axes):
         if not training_fit.evidence.columns_of(base, axis):
             continue
-        found, covariance = training_fit.estimate(base, axis)
-        if found is None:
+        theta, covariance = training_fit.estimate(base, axis)
+        if theta is None:
             return None
-        each = zip(ends, patterns, strict=False)
-        at = np.concatenate([first + np.array(p.parameters[axis], int) for first, p in each])
+        starts = zip(ends, patterns, strict=False)
+        index = np.concatenate([first + np.array(p.parameters[axis], int) for first, p in starts])
         scale = np.concatenate([p.scale[axis] for p in patterns])
-        estimates.append((at, found / scale, covariance / np.outer(scale, scale)))
+        estimates.append((index, theta / scale, covariance / np.outer(scale, scale)))
     values, covariance = combined_axes(ends[-1], estimates)
     std = np.sqrt(np.diag(covariance))
     return tuple(
@@ -168,13 +168,16 @@ def fitted_effects(search, base):
 
 
 def information(search, base, effects):
-    """Return what static records say of the parameters θ of effects, whichever they are.
+    """Return the information of static records about the q parameters θ of some effects.
 
-    A, (q, q), and b, (q,), SI, zero for what these records do not show: as far as it is known
-    there, the logarithm of the likelihood is ``-θᵀ A θ/2 + bᵀ θ``. With the precision P̃ that leaves
-    out the levels, ``A₀ = Dᵀ P̃ D`` and the noise Σ, averaged over the hypotheses, ``A = A₀/κ``, κ
-    on each axis the most by which the variance of a pattern, ``dᵀ P̃ Σ P̃ d``, is above ``dᵀ P̃ d``:
-    so that errors are those of `fitted_effects`. What else was found, `base`, is estimated beside.
+    The result is A, (q, q), and b, (q,), SI: the logarithm of the likelihood of θ is
+    ``-θᵀ A θ/2 + bᵀ θ``. Parameters that the records do not show have zeros. The other effects in
+    the base are nuisance parameters.
+
+    On each axis ``A = Dᵀ P̃ D/κ``, where D is the pattern of the effects and P̃ the precision after
+    the levels are projected out. κ makes the errors as large as those of `fitted_effects`: it is
+    the largest ratio of ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise
+    covariance Σ averaged over the hypotheses.
     """
     others = tuple(e for e in base if e not in effects)
     training_fit, count = search.training_fit(base), sum(len(e.parameters) for e in effects)
@@ -188,13 +191,14 @@ def information(search, base, effects):
         fit = training_fit.fit(base, axis)
         rows = np.column_stack([design[:, axis] / size, values[:, axis]])
         plain, spread = training_fit.moments(fit, rows)
-        own, spread = np.diag(plain)[:-1], np.diag(spread)[:-1]
-        seen = own > ABSORBED * own.max()
+        square, spread = np.diag(plain)[:-1], np.diag(spread)[:-1]
+        seen = square > ABSORBED * square.max()
         if seen.any():
-            plain = plain / np.max(spread[seen] / own[seen])
+            plain = plain / np.max(spread[seen] / square[seen])
             precision, moment = precision + plain[:-1, :-1], moment + plain[:-1, -1]
-    beside = np.linalg.pinv(precision[count:, count:], rcond=ABSORBED, hermitian=True)
-    beside = precision[:count, count:] @ beside
-    own = precision[:count, :count] - beside @ precision[count:, :count]
-    left = moment[:count] - beside @ moment[count:]
-    return own * np.outer(size[:count], size[:count]), left * size[:count]
+    # the other effects are eliminated
+    inverse = np.linalg.pinv(precision[count:, count:], rcond=ABSORBED, hermitian=True)
+    share = precision[:count, count:] @ inverse
+    A = precision[:count, :count] - share @ precision[count:, :count]
+    b = moment[:count] - share @ moment[count:]
+    return A * np.outer(size[:count], size[:count]), b * size[:count]

@@ -1,4 +1,4 @@
-"""Content of diagnosis.json on the static records of a sensor."""
+"""The part of diagnosis.json about the static records of a sensor."""
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from imuloop.estimate.residuals import held_out_covariance
 from imuloop.estimate.verdict import MARGIN, RESIDUALS, judge, verdict
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
-# why a static record cannot show what the poses can
+# reasons why a static record cannot show effects that poses can show
 NOT_SHOWN = {
     "bias_drift": "in a static record it is called ramp",
     "turn_on_bias": "every static record has a level of its own: see its scatter over power cycles",
@@ -19,7 +19,10 @@ ONE_ATTITUDE = "in one attitude, without a turn, it cannot be told from the bias
 
 
 def searched_content(sensor, finding):
-    """Return the contract's fields on what was looked for in a sensor's records, and found."""
+    """Return the fields of diagnosis.json about the search: effects and candidates.
+
+    `finding` is the StaticFinding of the sensor.
+    """
     choices, axes = finding.choices, SENSORS[sensor]
     found = search_content(choices, finding.effects, finding.others, sensor)
     for entry, own in zip(found["effects"], choices.choice().added, strict=True):
@@ -28,11 +31,19 @@ def searched_content(sensor, finding):
 
 
 def static_content(sensor, finding, searched, noise, change):
-    """Return the contract's fields of a sensor's StaticFinding.
+    """Return the fields of diagnosis.json about the static records of a sensor.
 
-    `searched` is what was looked for; `noise` that of the records without the
-    effects, the floor; `change` holds its coefficients before and after, by axis, where something
-    was added.
+    Parameters
+    ----------
+    sensor : str
+    finding : StaticFinding
+        Result of the search.
+    searched : dict
+        Its fields, from `searched_content`.
+    noise : NoiseModel
+        Noise after the effects were subtracted; it gives the floor.
+    change : dict
+        Coefficients of the noise before and after that, by axis; empty without effects.
     """
     axes, problem, effects = SENSORS[sensor], finding.choices.problem, finding.effects
     settings = problem.settings
@@ -51,7 +62,7 @@ def static_content(sensor, finding, searched, noise, change):
     )
     return searched | {
         "verdict": verdict(*above, added),
-        # the noise was estimated from what is left here: it can have taken up a pattern
+        # the noise was estimated from these residuals, so it may include a missing effect
         "slow_noise": bool(residual["after"] > MARGIN * residual["floor"] and not above[1]),
         "residuals": {"bias": residual | {"sessions": _by_axis(axes, problem, errors, floor)}},
         "candidates": [*searched["candidates"], *not_shown],
@@ -61,33 +72,36 @@ def static_content(sensor, finding, searched, noise, change):
 
 
 def _floor(problem, noise, axes):
-    """Return the variance that noise alone gives the errors without effects, (N, 3)."""
-    found = []
+    """Return the variance of the held-out errors that the noise alone gives, (N, 3).
+
+    The level of a record is the mean of its training rows.
+    """
+    columns = []
     for name in axes:
-        # the level is the mean of what is seen
-        each = zip(problem.records, problem.evidence.row_groups, strict=True)
+        pairs = zip(problem.records, problem.evidence.row_groups, strict=True)
         covariances = [
             held_out_covariance(
                 noise.axes[name].mean_covariance(r.windows),
-                *(g.nuisance, g.row_parts, np.diag(r.length)),
+                *(g.nuisance, g.row_folds, np.diag(r.length)),
             )
-            for r, g in each
+            for r, g in pairs
         ]
-        found.append(np.concatenate([np.diag(c) for c in covariances]))
-    return np.column_stack(found)
+        columns.append(np.concatenate([np.diag(c) for c in covariances]))
+    return np.column_stack(columns)
 
 
 def _judged(problem, effects, errors, noise, axes):
-    """Return the Judged of the means less effects about their levels, and of held-out errors.
+    """Return the Judged of the rows after some FittedEffects are subtracted.
 
-    By the noise as estimated, and with flicker and walk at the ends of their intervals.
+    `errors`, (N, 3), are the held-out errors with these effects. The alternatives of the noise are
+    the noise as estimated, and flicker and random walk at the upper ends of their intervals.
     """
     evidence = problem.evidence
     left = np.concatenate([g.values for g in evidence.row_groups])
     left = left - sum((problem.design(e.effect) @ e.vector for e in effects), np.zeros(()))
     fitted = sum(len(c) for p in evidence.patterns([e.effect for e in effects]) for c in p.columns)
-    known = {(axis, term): noise.known(axis, term) for axis in axes for term in "BK"}
-    most = noise.with_sizes({key: size + FARTHEST * std for key, (size, std) in known.items()})
+    sizes = {(axis, term): noise.known(axis, term) for axis in axes for term in "BK"}
+    most = noise.with_sizes({key: size + FARTHEST * std for key, (size, std) in sizes.items()})
     alternatives = []
     for model in (noise, most):
         groups = []
@@ -97,14 +111,17 @@ def _judged(problem, effects, errors, noise, axes):
             for k, name in enumerate(axes):
                 covariance = model.axes[name].mean_covariance(record.windows)
                 rows = [np.ones(len(values), dtype=bool)]
-                groups.append((values[:, k], covariance, group.nuisance, group.row_parts, rows))
+                groups.append((values[:, k], covariance, group.nuisance, group.row_folds, rows))
         alternatives.append((0.0, groups))
     _, (judged,) = judge(alternatives, [(errors**2).sum()], fitted)
     return judged
 
 
 def _by_axis(axes, problem, errors, floor):
-    """Return the held-out errors of each session and axis."""
+    """Return the root mean square held-out error before and after, and the floor.
+
+    The result is a dict by session and axis; `errors` has the errors before and after, (N, 3) each.
+    """
     squares = dict(zip(("before", "after", "floor"), (*(e**2 for e in errors), floor), strict=True))
     return {
         str(own): {
@@ -119,7 +136,7 @@ def _by_axis(axes, problem, errors, floor):
 
 
 def _points(problem, effects, errors, floor):
-    """Return one entry per mean, for pictures."""
+    """Return a list with one dict per window: times, errors, floor and values, for plots."""
     points, start = [], 0
     taken = sum((problem.design(e.effect) @ e.vector for e in effects), np.zeros(()))
     for record in problem.records:
