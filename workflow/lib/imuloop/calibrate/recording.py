@@ -10,10 +10,10 @@ from imuloop.calibrate.errors_of_time import Lost
 from imuloop.calibrate.poses import (
     Poses,
     Rotations,
+    add_rounding,
+    add_tilt_turns,
     gather_poses,
     gather_rotations,
-    rounded,
-    turns_within,
 )
 from imuloop.core.effect import Channels, LoggedChannels
 from imuloop.core.samples import (
@@ -179,7 +179,7 @@ def record(samples, segments, longest_rotation, rails=None):
     """
     samples = [on_gyroscope_clock(s) for s in samples]
     logs = tuple(Log.of(s) for s in samples)
-    poses = turns_within(rounded(gather_poses(segments), logs), logs)
+    poses = add_tilt_turns(add_rounding(gather_poses(segments), logs), logs)
     if len(poses) and all(log.temperature is not None for log in logs):
         temperature = pose_means(poses, logs, [log.temperature for log in logs])
         poses = replace(poses, temperature=temperature)
