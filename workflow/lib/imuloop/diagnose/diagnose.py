@@ -12,7 +12,7 @@ from imuloop.calibrate.calibrate import (
     nominal_sensors,
     read_poses,
     start_fit,
-    usable,
+    usable_sessions,
     with_sessions,
 )
 from imuloop.calibrate.known_rotation import read_turns
@@ -116,7 +116,7 @@ def diagnose_device(
     final = with_validity_ranges(final, poses.calibrations, recording, records, still.effects)
     beside, windows = diagnose_reference(sessions, noise, gravity, settings, tests, final)
     names, faces = (
-        [name for name, session in sessions.items() if usable({name: session}, *kinds)]
+        [name for name, session in sessions.items() if usable_sessions({name: session}, *kinds)]
         for kinds in (GROUPS[method], ("six_position",))
     )
     content = _content(device, poses.contents, still.content, motion.contents)

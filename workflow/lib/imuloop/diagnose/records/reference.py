@@ -20,7 +20,7 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     """Return the contract's fields by sensor, and the columns of reference.parquet.
 
     Nothing of a device without a session beside a reference. Takes sessions as in
-    `calibrate.calibrate.usable`, the NoiseModel, local gravity, m/s^2, the number of tests of the
+    `usable_sessions`, the NoiseModel, local gravity, m/s^2, the number of tests of the
     other records, which share the significance, and the Calibration by these.
     """
     content, tables = dict.fromkeys(SENSORS, not_testable(FEW)), [no_tables()["reference"]]
