@@ -9,7 +9,7 @@ from scipy.stats import t as student
 
 from calibrate.devices import RATE_UNIT, calibrated, known_noise, recording
 from imuloop.calibrate.calibrate import rest_bias, with_sessions, without_pose
-from imuloop.calibrate.poses import gather_poses, rounded_means
+from imuloop.calibrate.poses import gather_poses, rounding_variance
 from imuloop.calibrate.recording import record
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
@@ -53,7 +53,7 @@ def test_rounding_to_steps_larger_than_the_noise_adds_its_variance_to_the_means(
     logged = np.round(exact / step) * step
     # of what the means are off, that of independent samples is in the variance within the poses
     spread = np.var((logged - exact).mean(axis=1)) - step**2 / 12 / 400
-    foreseen = rounded_means(logged.ravel(), logged.var(axis=1))
+    foreseen = rounding_variance(logged.ravel(), logged.var(axis=1))
     assert 0.9 * spread < foreseen < most * spread
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
-from imuloop.core.calibration_faults import implausible
+from imuloop.core.calibration_faults import implausible_values
 from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.model import OF_ONE_LOG, Calibration
@@ -141,5 +141,5 @@ def test_what_no_sensor_has_is_named_in_any_unit(sensor, scale, bias, text, unit
     """Protects a good sensor from being doubted, and a user from the fit of a log that is wrong."""
     scales, offsets = np.array([scale, 1, 1]), np.array([bias, 0, 0])
     made = SensorCalibration(unit, np.eye(3), scales * unit.scale, offsets / unit.scale)
-    found = implausible(replace(made, b=made.b + unit.offset), sensor)
+    found = implausible_values(replace(made, b=made.b + unit.offset), sensor)
     assert (found is None) if text is None else found.startswith(text)

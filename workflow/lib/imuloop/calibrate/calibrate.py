@@ -1,4 +1,4 @@
-"""Calibrate a device: six-position and multi-position, from its sessions' segments."""
+"""Calibration of a device by the six-position and the multi-position method."""
 
 from dataclasses import replace
 
@@ -34,49 +34,53 @@ from imuloop.model.raw_units import in_raw_units
 from imuloop.model.state import BASE, BIAS, COUNT
 
 KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")
-# of sessions whose rests are poses in any attitude
+# kinds of the sessions whose rests are poses in any attitude
 POSED = ("multi_position", "reference_motion")
-# sessions that are fitted together, by what the calibration is called
+# kinds of the sessions that are fitted together, by the method of the calibration
 GROUPS = {method: (method,) for method in ("six_position", "known_rotation")}
 GROUPS = {"multi_position": POSED} | GROUPS
-# reduced chi square from which on a sensor may have changed amid the recording
+# reduced chi square above which the sensor may have changed during the recording
 CONTRADICTORY = 9.0
-# rough errors of each kind of residual, SI, by which the start of a fit is found
+# rough standard deviations of each kind of residual, SI, for the first fit that gives the start
 START = {"gravity_norm": 1e-3, "pose_rate": 1e-3, "rotation": 0.01}
-# their root mean square, over these errors, beyond which the data contradict each other
+# root mean square of the residuals of the first fit, in these standard deviations, above which the
+# data contradict each other
 MISFIT = 10.0
-# probability with which a sensor as its prior has it is taken for one that contradicts itself
+# probability that a sensor within its prior is rejected as contradictory
 CHANCE = 1e-4
-# standard deviations up to which two biases may differ and be one
+# standard deviations by which two equal biases may differ
 SAME = 5.0
-# why a gyroscope has no fit where the accelerometer has none
+# why a gyroscope has no fit if the accelerometer has none
 NO_DIRECTION = "direction of gravity not known: the accelerometer has no calibration"
 
 
-def usable(sessions, *kinds):
-    """Return (session, segments) of each session of some kinds that was not rejected.
+def usable_sessions(sessions, *kinds):
+    """Return a list of (session, segments) of the sessions of some kinds that were not rejected.
 
-    Takes ``kind``, ``samples`` and ``segments`` (paths) of each session by name; the segments that
-    it gives are a dict of arrays.
+    `sessions` are dicts by name, with ``kind`` and the paths ``samples`` and ``segments``. The
+    segments of the result are dicts of arrays.
     """
     chosen = [(s, read_columns(s["segments"])) for s in sessions.values() if s["kind"] in kinds]
     return [(session, table) for session, table in chosen if len(table["kind"])]
 
 
 def without_pose(sessions, kind):
-    """Return why there is no pose of one kind; arguments as in `usable`."""
-    became = []
+    """Return why the sessions of one kind have no pose, text.
+
+    `sessions` are dicts by name, as for `usable_sessions`.
+    """
+    fates = []
     for name, session in sessions.items():
         if session["kind"] == kind:
             rejected = not len(read_columns(session["segments"], ["kind"])["kind"])
-            became.append(f"{name} {'was rejected' if rejected else 'has no rest that is a pose'}")
-    return f"no {kind} session with a pose" + (f": {', '.join(became)}" if became else "")
+            fates.append(f"{name} {'was rejected' if rejected else 'has no rest that is a pose'}")
+    return f"no {kind} session with a pose" + (f": {', '.join(fates)}" if fates else "")
 
 
 def with_sessions(reason, sessions):
-    """Return a reason, text or None; for missing poses, also what happened to the sessions.
+    """Return a reason, text or None, with the fate of each session if the reason is missing poses.
 
-    Sessions as in `usable`.
+    `sessions` are dicts by name, as for `usable_sessions`.
     """
     for kind in ("multi_position", "six_position"):
         bare = without_pose({}, kind)
@@ -86,16 +90,19 @@ def with_sessions(reason, sessions):
 
 
 def read_poses(sessions, kind):
-    """Return the poses of the sessions of one kind; arguments as in `usable`."""
-    return gather_poses([table for _, table in usable(sessions, kind)])
+    """Return the Poses of the sessions of one kind.
+
+    `sessions` are dicts by name, as for `usable_sessions`.
+    """
+    return gather_poses([table for _, table in usable_sessions(sessions, kind)])
 
 
 def read_recording(sessions, longest_rotation, kinds=POSED):
-    """Return the Recording of the sessions of some kinds, without poses if there is none.
+    """Return the Recording of the sessions of some kinds; it has no poses if there is no session.
 
-    Takes sessions as `usable` does, and the longest rotation, s.
+    `sessions` are dicts by name, as for `usable_sessions`; `longest_rotation` is in s.
     """
-    chosen = usable(sessions, *kinds)
+    chosen = usable_sessions(sessions, *kinds)
     columns = (TIME, *CHANNELS, TEMPERATURE, *OWN_TIME.values())
     samples = [read_columns(session["samples"], columns) for session, _ in chosen]
     rails = [read_metadata(session["samples"]).get("rails", {}) for session, _ in chosen]
@@ -103,10 +110,10 @@ def read_recording(sessions, longest_rotation, kinds=POSED):
 
 
 def first_log(sessions):
-    """Return the metadata of the samples of the first session, by order of `KINDS`, a dict.
+    """Return the metadata of the samples of the first session in the order of `KINDS`, a dict.
 
-    Sessions as in `usable`. One without rows comes last: of a log that was not read the units are
-    not known.
+    A session without samples comes last, because the units of a log that was not read are not
+    known. `sessions` are dicts by name, as for `usable_sessions`.
     """
 
     def order(session):
@@ -116,16 +123,16 @@ def first_log(sessions):
 
 
 def raw_units(sessions):
-    """Return the RawUnits (accelerometer, gyroscope) of the log that `first_log` chooses."""
+    """Return the RawUnit of the accelerometer and of the gyroscope in the log of `first_log`."""
     units = first_log(sessions)["raw_units"]
-    found = (units[quantity] for quantity in ("acceleration", "angular_rate"))
-    return tuple(RawUnit(unit["name"], unit["scale"], unit["offset"]) for unit in found)
+    chosen = (units[quantity] for quantity in ("acceleration", "angular_rate"))
+    return tuple(RawUnit(unit["name"], unit["scale"], unit["offset"]) for unit in chosen)
 
 
 def layout(sessions):
-    """Return what was declared of the log that `first_log` chooses, a dict.
+    """Return the settings that were declared for the log of `first_log`, a dict.
 
-    With the key ``sensor_ids``, an autopilot's numbers of its sensors, where the log holds them.
+    If the log holds an autopilot's numbers of its sensors, they have the key ``sensor_ids``.
     """
     first = first_log(sessions)
     ids = first.get("sensor_ids")
@@ -133,41 +140,47 @@ def layout(sessions):
 
 
 def hashes(sessions):
-    """Return the SHA-256 of each file of the logs of sessions, (n,) of str, in order of names."""
-    found = [read_metadata(session["samples"]).get("sha256", {}) for session in sessions.values()]
-    return tuple(dict.fromkeys(each for files in found for each in files.values()))
+    """Return the SHA-256 of each file of the sessions' logs, a tuple of str without duplicates.
+
+    `sessions` are dicts by name, as for `usable_sessions`.
+    """
+    files = [read_metadata(session["samples"]).get("sha256", {}) for session in sessions.values()]
+    return tuple(dict.fromkeys(value for by_file in files for value in by_file.values()))
 
 
 def largest_recording(sessions, longest_rotation):
-    """Return the name in `GROUPS` and the Recording of the sessions that have the most poses."""
+    """Return the method in `GROUPS` whose sessions have the most poses, and their Recording.
+
+    `sessions` are dicts by name, as for `usable_sessions`; `longest_rotation` is in s.
+    """
     made = {name: read_recording(sessions, longest_rotation, k) for name, k in GROUPS.items()}
-    return max(made.items(), key=lambda each: len(each[1].poses))
+    return max(made.items(), key=lambda item: len(item[1].poses))
 
 
 def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=None, method=POSED[0]):
-    """Return the JointFit of a recording, None if it holds no data, and reasons.
+    """Return the JointFit of a recording, and why a sensor has no data.
 
     Parameters
     ----------
     recording, noise, gravity : Recording, NoiseModel, float
-        Rests and turns between them, the noise of the device, local gravity, m/s^2.
+        Poses and the rotations between them, the noise of the device, local gravity, m/s^2.
     units : dict of str to RawUnit
-        Units of each sensor.
+        Unit of each sensor.
     prior : Prior, optional
-        What is known before; by default the data sheet of a generic device.
+        Prior of the parameters; by default the data sheet of a generic device.
     turns : KnownTurns, optional
         Known turns of the gyroscope, in addition to the rotations of the recording.
     bias : (ndarray, ndarray), optional
-        Bias of the gyroscope and its variance, SI as logged, where it is held.
+        Bias of the gyroscope and its variance, nominal SI, (3,) each, if the bias is not estimated.
     method : str, optional
-        As in `JointFit`.
+        Name of the method, which the calibrations carry.
 
     Returns
     -------
     JointFit or None
-        With the state to start a fit from.
+        The fit, with the state to start from; None if no sensor has data.
     dict of str to str
-        Why a sensor has no data.
+        For each sensor without data, why it has none.
     """
     poses, prior = recording.poses, prior or data_sheet()
     if not len(poses):
@@ -183,7 +196,8 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     factors = Factors(gravity, estimated, bias_held=bias is not None)
     known = known_rows(prior, turns, bias)
     joint = JointFit(factors, noise, units, start, prior, known, method)
-    # the variance components are estimated where the data lead, however far from the prior
+    # a first fit gives the start, so that the variance components are estimated near the solution
+    # even if it is far from the prior
     kinds = factors.rows(recording)[1].tolist()
     variance = np.array([START[kind] ** 2 for kind in kinds])
     try:
@@ -197,27 +211,31 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
 
 
 def known_rows(prior, turns, bias):
-    """Return rows R, (k, 21), and z of a Prior and KnownTurns; arguments as in `start_fit`."""
+    """Return rows R, (k, 21), and z, (k,), of a Prior and KnownTurns: R x - z has variance one.
+
+    x is the state without effects. `turns` may be None. `bias`, if not None, is the gyroscope's
+    bias and its variance, nominal SI, which replace those of the prior.
+    """
     rows, z = (prior if bias is None else prior.with_bias(*bias)).rows()
     if turns is None or not len(turns):
         return rows, z
-    more, of_turns = turns.rows()
-    more = np.pad(more, ((0, 0), (BASE["gyroscope"].start, 0)))
-    return np.concatenate([rows, more]), np.append(z, of_turns)
+    turn_rows, turn_z = turns.rows()
+    turn_rows = np.pad(turn_rows, ((0, 0), (BASE["gyroscope"].start, 0)))
+    return np.concatenate([rows, turn_rows]), np.append(z, turn_z)
 
 
 def calibrate_sensors(
     recording, noise, gravity, units, settings, prior=None, turns=None, method="multi_position"
 ):
-    """Return the calibration of both sensors by the poses of a recording and the turns between.
+    """Return the SensorCalibration of both sensors, a dict by sensor.
 
-    A sensor keeps the nominal values, with the reason, where the recording holds none of its data,
-    or data that contradict each other. Takes CalibrateSettings, others as in `start_fit`; `method`
-    is the name that the calibrations carry.
+    They are fitted to the poses of a recording and the rotations between them. A sensor without
+    data, or with data that contradict each other, keeps the nominal values and gets the reason.
+    `settings` is a CalibrateSettings; the other arguments are the same as for `start_fit`.
     """
     poses, bias, prior = recording.poses, None, prior or data_sheet()
     if settings.gyroscope_bias == "initial_rest" and len(poses):
-        # its error is the error of the mean over the first rest
+        # the mean over the first rest, and its variance
         bias = poses.w[0], poses.mean_covariance(noise)[3:, 0, 0]
     joint, reasons = start_fit(recording, noise, gravity, units, prior, turns, bias, method)
     made = {}
@@ -240,24 +258,28 @@ def calibrate_sensors(
 
 
 def contradictions(joint, found, recording):
-    """Return why the data of a sensor contradict each other, text, by such sensors.
+    """Return why the data of a sensor contradict each other, text by sensor, if they do.
 
-    They do if the sensor changed amid the recording, if the fit gives what no sensor has, or if its
-    n residuals r are larger than the prior alone lets expect: ``|r|² > χ²(n) tr(J P₀ Jᵀ)/n``, with
-    the quantile of χ² at the probability `CHANCE` for an accelerometer and its mean n for a
-    gyroscope, whose bias a rest alone gives. Takes the JointFit, its Fit and the Recording.
+    The data of a sensor contradict each other in three cases: the sensor changed during the
+    recording; the fit gives values that no sensor has; or the residuals are larger than the prior
+    allows. The last is ``|r|² > q tr(J P₀ Jᵀ)/n``, with the n residuals r, their Jacobian J and the
+    covariance P₀ of the prior. For the accelerometer q is the quantile of χ²(n) that is exceeded
+    with the probability `CHANCE`. For the gyroscope q is n, the mean of χ²(n): if its fit is
+    refused, a rest still gives its bias.
+
+    Takes a JointFit, its Fit, `found`, and the Recording.
     """
     refused, owner = {}, joint.factors.owners(recording)
-    at = joint.linearise(found, recording)
-    jacobian = at.jacobian[:, :COUNT]
+    linearised = joint.linearise(found, recording)
+    jacobian = linearised.jacobian[:, :COUNT]
     expected = np.einsum("np,pq,nq->n", jacobian, joint.prior.covariance, jacobian)
     for sensor, made in joint.calibrations(found).items():
         rows, why = owner == sensor, None
         count = rows.sum()
-        most = chdtri(count, CHANCE) if sensor == "accelerometer" else count
+        quantile = chdtri(count, CHANCE) if sensor == "accelerometer" else count
         if fault := sensor_fault(made, sensor):
             why = f"the fit gives what no sensor has: {fault}"
-        elif np.sum(at.residual[rows] ** 2) > np.mean(expected[rows]) * most:
+        elif np.sum(linearised.residual[rows] ** 2) > np.mean(expected[rows]) * quantile:
             what = "poses" if sensor == "accelerometer" else "turns"
             why = (
                 f"its {what} contradict each other by more than the data sheet's tolerance; were "
@@ -271,10 +293,10 @@ def contradictions(joint, found, recording):
 
 
 def nominal_sensors(reasons, recording, noise, units, prior):
-    """Return the calibrations of sensors that have no fit, by the reasons.
+    """Return the SensorCalibration of each sensor without a fit, a dict by sensor.
 
-    The gyroscope's bias is measured wherever there is a rest, unless it changed amid the recording.
-    Arguments as in `start_fit`, and the reason by sensor.
+    The bias of the gyroscope is measured if there is a rest, unless it changed during the
+    recording. `reasons` says by sensor why there is no fit, `units` is the RawUnit by sensor.
     """
     made = {}
     for sensor, reason in reasons.items():
@@ -288,20 +310,33 @@ def nominal_sensors(reasons, recording, noise, units, prior):
 
 
 def at_prior(calibration, prior, sensor):
-    """Return a SensorCalibration without a fit, its unmeasured parameters those of the Prior."""
+    """Return a SensorCalibration without a fit, with the Prior's mean for unmeasured parameters.
+
+    T and K are always unmeasured, b if the calibration names no parameter.
+    """
     mean = in_raw_units(sensor, calibration.raw_unit, *prior.of(sensor), prior=prior)
     b = calibration.b if calibration.names else mean.b
     return replace(calibration, T=mean.T, K=mean.K, b=b, prior=mean.prior)
 
 
 def rest_bias(poses, noise, unit, reason, changed=np.inf):
-    """Return the calibration of a gyroscope that only rested: its bias, weighted by the noise.
+    """Return the SensorCalibration of a gyroscope that only rested: only its bias is measured.
 
-    Where it differs more between power cycles than noise lets expect, the mean over them, with the
-    variance ``s²/n`` of n power cycles. Nominal without a rest, where the noise of an axis is not
-    known, or where the biases before and after a time at which the sensor `changed`, s, differ by
-    more than `SAME` standard deviations. Takes Poses, NoiseModel, the RawUnit of the gyroscope, and
-    why the rest of it is not calibrated, text.
+    The bias is the mean over the poses, weighted by the inverse covariance of their noise. If it
+    varies more between n power cycles than the noise explains, it is the mean over the power
+    cycles, with the variance ``s²/n``, where s² is the variance between them.
+
+    The bias is nominal if there is no rest, if the noise of an axis is not known, or if the biases
+    before and after the time `changed` differ by more than `SAME` standard deviations.
+
+    Parameters
+    ----------
+    poses, noise, unit : Poses, NoiseModel, RawUnit
+        The rests, the noise of the device, and the unit of the gyroscope.
+    reason : str
+        Why the other parameters are not calibrated.
+    changed : float, optional
+        Time at which the gyroscope changed, s.
     """
     silent = poses.unknown_noise(noise, ANGULAR_RATE)
     if silent or not len(poses):
@@ -311,20 +346,20 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
     late = poses.start_s > changed
     if late.any() and not late.all():
-        parts = [weights * at for at in (late, ~late)]
-        parts = [own / own.sum(axis=1, keepdims=True) for own in parts]
+        parts = [weights * mask for mask in (late, ~late)]
+        parts = [part / part.sum(axis=1, keepdims=True) for part in parts]
         contrast = parts[0] - parts[1]
-        differs = np.einsum("an,na->a", contrast, poses.w)
-        if np.any(differs**2 > SAME**2 * np.einsum("an,anm,am->a", contrast, covariance, contrast)):
+        change = np.einsum("an,na->a", contrast, poses.w)
+        if np.any(change**2 > SAME**2 * np.einsum("an,anm,am->a", contrast, covariance, contrast)):
             return SensorCalibration.nominal(unit, reason)
     total = weights.sum(axis=1)
     bias, variance = np.einsum("an,na->a", weights, poses.w) / total, 1 / total
     cycles = [weights * (poses.power_cycle == k) for k in np.unique(poses.power_cycle)]
     if len(cycles) > 1:
-        each = np.array([np.einsum("an,na->a", w, poses.w) / w.sum(axis=1) for w in cycles])
-        scatter = each.var(axis=0, ddof=1) / len(cycles)
-        bias = np.where(scatter > variance, each.mean(axis=0), bias)
-        variance = np.maximum(scatter, variance)
+        biases = np.array([np.einsum("an,na->a", w, poses.w) / w.sum(axis=1) for w in cycles])
+        between = biases.var(axis=0, ddof=1) / len(cycles)
+        bias = np.where(between > variance, biases.mean(axis=0), bias)
+        variance = np.maximum(between, variance)
     return replace(
         SensorCalibration.nominal(unit, reason),
         b=unit.from_si(bias),
@@ -337,10 +372,21 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
 def calibrate_device(
     *, device, gravity, sessions, noise, settings, six_path, multi_path, prior=None
 ):
-    """Calibrate a device from its sessions, as in `usable`, and its noise.json.
+    """Write the six-position and the multi-position calibration of a device, JSON files.
 
-    Writes the six-position and the multi-position calibration; gravity is local, m/s^2. `prior`
-    as in `start_fit`.
+    Parameters
+    ----------
+    device : str
+        Name of the device.
+    gravity : float
+        Local gravity, m/s^2.
+    sessions : dict
+        Sessions by name, as for `usable_sessions`.
+    noise, six_path, multi_path : path
+        The noise.json to read, and the files to write.
+    settings : CalibrateSettings
+    prior : Prior, optional
+        Prior of the parameters; by default the data sheet of a generic device.
     """
     model, units = NoiseModel.from_json(noise), dict(zip(SENSORS, raw_units(sessions), strict=True))
     how = model, gravity, units, settings, prior
@@ -351,9 +397,9 @@ def calibrate_device(
     recording = multi if len(multi.poses) else turned
     six = calibrate_sensors(six, *how, method="six_position")
     made = calibrate_sensors(recording, *how, method=method)
-    # the direction of gravity, which a known turn starts from
-    known = made if made["accelerometer"].names else six
-    if turns := read_turns(sessions, known["accelerometer"]):
+    # a known turn needs the direction of gravity at its start
+    levelled = made if made["accelerometer"].names else six
+    if turns := read_turns(sessions, levelled["accelerometer"]):
         made = calibrate_sensors(recording, *how, turns, method=method)
     static = read_poses(sessions, "static")
     if not len(recording.poses) and len(static):

@@ -8,17 +8,21 @@ from imuloop.core.segments import STATIC
 from imuloop.core.units import DEGREE
 from imuloop.factors.known_turns import KnownTurns
 
-# cosine of 20 degrees: gravity so near to the axis is the axis, of a turn on a level table
+# cosine of 20 degrees: a turn whose axis is closer to gravity was made on a level table
 LEVEL = 0.94
 
 
 def read_turns(sessions, force):
-    """Return the KnownTurns of a device; sessions as in `calibrate.usable`.
+    """Return the KnownTurns of a device.
 
-    The axis is the one declared; gravity's direction by the accelerometer `force`, at the start of
-    the turn, where it lies along it.
+    The axis of a turn is the declared axis of the body. If gravity at the start of the turn lies
+    within 20 degrees of it, the axis is the direction of gravity instead, as the accelerometer
+    measures it.
+
+    Takes the sessions by name, dicts with ``kind`` and the paths ``samples`` and ``segments``, and
+    `force`, the SensorCalibration of the accelerometer.
     """
-    found, rests = [], []
+    turns, rests = [], []
     for session in sessions.values():
         metadata = read_metadata(session["samples"])
         known = metadata.get("known_rotation")
@@ -48,9 +52,9 @@ def read_turns(sessions, force):
             up /= np.linalg.norm(up)
             if abs(up @ axis) > LEVEL:
                 axis = up * np.sign(up @ axis)
-            found.append((turned, length, angle * DEGREE * axis))
+            turns.append((turned, length, angle * DEGREE * axis))
     means, n = (np.concatenate(x) for x in zip(*rests, strict=True)) if rests else ([], [])
     bias = np.average(means, axis=0, weights=n) if len(n) else np.zeros(3)
-    turned, seconds, target = zip(*found, strict=True) if found else ([], [], [])
-    shaped = (np.reshape(turned, (-1, 3)), np.array(seconds), np.reshape(target, (-1, 3)))
-    return KnownTurns(*shaped, bias)
+    turned, seconds, target = zip(*turns, strict=True) if turns else ([], [], [])
+    columns = (np.reshape(turned, (-1, 3)), np.array(seconds), np.reshape(target, (-1, 3)))
+    return KnownTurns(*columns, bias)

@@ -13,39 +13,39 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
 from imuloop.core.segments import GAP, STATIC, power_cycles
 from imuloop.segment.windows import DECIDING
 
-# at both ends of a rest in the hand its samples count less and less, s
+# length of the taper of the weights at both ends of a rest in the hand, s
 FADE = 0.25
-# share of a move over which it begins and ends too slowly to be told from a rest, and how much
-# of that no rest has, s
+# share of a rotation at either end that is too slow to be told from a rest, and the part of it, s,
+# that the segmentation does not count as rest
 ONSET, SEEN = 0.03, 0.1
-# of a value: closer ones differ by the rounding of their number format alone
+# relative difference of two values below which only their number format tells them apart
 SAME_LEVEL = 1e-9
-# of a step: levels farther from its multiples have no common step
+# distance from a multiple of the step, in steps, above which levels have no common step
 UNEVEN = 0.1
 
 
 @dataclass(frozen=True)
 class Poses:
-    """Means over n static poses, arrays with a row per pose."""
+    """Means over n static poses. All fields are arrays with a row per pose."""
 
-    # session, and power cycle (`imuloop.core.segments.power_cycles`): no two sessions share one,
-    # and noise of different power cycles is independent
+    # index of the session, and of the power cycle (`imuloop.core.segments.power_cycles`): no two
+    # sessions share a power cycle, and the noise of different power cycles is independent
     session: np.ndarray
     power_cycle: np.ndarray
-    start_s: np.ndarray  # first and last instant, s on the session's clock
-    end_s: np.ndarray
-    duration_s: np.ndarray  # s at rest, less than end - start where a rest was interrupted
-    n: np.ndarray  # samples
-    f: np.ndarray  # mean specific force, m/s^2, and angular rate, rad/s, (n, 3), SI as logged
-    w: np.ndarray
+    start_s: np.ndarray  # start of the pose, s on the session's clock
+    end_s: np.ndarray  # end of the pose, s
+    duration_s: np.ndarray  # time at rest, s: less than end - start if the rest was interrupted
+    n: np.ndarray  # number of samples
+    f: np.ndarray  # mean specific force, m/s^2, (n, 3), nominal SI
+    w: np.ndarray  # mean angular rate, rad/s, (n, 3), nominal SI
     variance: np.ndarray  # sample variance of the six channels within the pose, (n, 6)
-    temperature: np.ndarray | None  # mean, degC; None unless every session logs one
-    # variance that rounding (`rounded_means`) and tilts add to the six means, (n, 6)
+    temperature: np.ndarray | None  # mean, degC; None unless every session logs a temperature
+    # variance that rounding (`rounding_variance`) and tilts add to the six means, (n, 6)
     extra_variance: np.ndarray
     # root mean square of the tilt that both sensors show in the pose, rad, (n,)
     tilt: np.ndarray
-    # turns from the attitude of the mean to that at the start and at the end, rad, on body axes,
-    # (n, 3); zero where the device lies still
+    # rotation vectors from the mean attitude to the attitude at the start and at the end of the
+    # pose, rad, body axes, (n, 3); zero where the device lies still
     to_start: np.ndarray
     to_end: np.ndarray
 
@@ -53,68 +53,77 @@ class Poses:
         return len(self.n)
 
     def select(self, keep):
-        """Return the poses of an index or mask."""
-        return _selected(self, keep)
+        """Return the Poses that `keep`, an index array or a mask, chooses."""
+        return _select_rows(self, keep)
 
     @property
     def mid_s(self):
-        """Middle of each pose, s."""
+        """Middle of each pose, s, (n,)."""
         return (self.start_s + self.end_s) / 2
 
     @property
     def windows(self):
-        """Windows about the middle of each pose, as long as its samples, shape (n, 2), s."""
+        """Start and end, s, (n, 2), of a window about each pose's middle, as long as its rest."""
         half = self.duration_s / 2
         return np.column_stack([self.mid_s - half, self.mid_s + half])
 
     def mean_covariance(self, noise):
         """Return the covariance of the pose means, (6, n, n), SI units squared, in order ax … gz.
 
-        Of the poses alone; the fit of both sensors takes `ResidualCovariance`, moves included.
-        It is that of `NoiseModel.mean_covariance`, and what rounding and tilts add, independent
-        from pose to pose. An axis whose noise is not known gets the white part alone, the variance
-        within the pose over its samples.
+        It is the sum of the covariance that the NoiseModel `noise` predicts and the variance that
+        rounding and tilts add, which is independent between poses. If the noise of an axis is not
+        known, its covariance is diagonal: the sample variance within the pose over the number of
+        samples. The joint fit does not use this covariance, but `ResidualCovariance`, which
+        includes the rotations.
         """
-        whole = noise.mean_covariance(self.windows, self.power_cycle)
-        for axis, each in enumerate(whole):
+        covariances = noise.mean_covariance(self.windows, self.power_cycle)
+        for axis, covariance in enumerate(covariances):
             white = self.variance[:, axis] / self.n
-            each += np.diag(self.extra_variance[:, axis] if each.any() else white)
-        return whole
+            covariance += np.diag(self.extra_variance[:, axis] if covariance.any() else white)
+        return covariances
 
     def unknown_noise(self, noise, channels):
-        """Return why means of some channels have no weight by a NoiseModel, or None if they do."""
-        own = [c in channels for c in CHANNELS]
-        silent, lines = without_weight(self.mean_covariance(noise)[own])
-        for found, what in (
+        """Return why the pose means of some channels have no weight, text; None if all have one.
+
+        Takes a NoiseModel and the names of the channels.
+        """
+        chosen = [c in channels for c in CHANNELS]
+        silent, lines = without_weight(self.mean_covariance(noise)[chosen])
+        for affected, what in (
             (silent, "never changes within a pose"),
             (lines, "shows lines and no noise beside them"),
         ):
-            if found.any():
-                names = ", ".join(np.array(CHANNELS)[own][found])
+            if affected.any():
+                names = ", ".join(np.array(CHANNELS)[chosen][affected])
                 return f"{names} {what}: its noise is not known"
         return None
 
 
 @dataclass(frozen=True)
 class Rotations:
-    """Angular rate between consecutive poses, m of k samples, padded with steps of zero."""
+    """The samples of m rotations between consecutive poses.
 
-    first: np.ndarray  # pose that each starts from, (m,); it ends at the next
-    start_s: np.ndarray  # first and last sample, s
-    end_s: np.ndarray
+    All rotations are padded to the same number k of samples: the last sample is repeated, so that
+    the time steps of the padding are zero.
+    """
+
+    first: np.ndarray  # index of the pose that the rotation starts from, (m,); it ends at the next
+    start_s: np.ndarray  # time of the first sample, s, (m,)
+    end_s: np.ndarray  # time of the last sample, s, (m,)
     t: np.ndarray  # time of the samples, s, (m, k)
-    w: np.ndarray  # angular rate, rad/s, and specific force, m/s^2, (m, k, 3)
-    f: np.ndarray
+    w: np.ndarray  # angular rate, rad/s, (m, k, 3), nominal SI
+    f: np.ndarray  # specific force, m/s^2, (m, k, 3), nominal SI
     temperature: np.ndarray | None  # degC, (m, k)
-    # steps over which samples are missing, (m, k - 1)
+    # whether samples are missing in each step, (m, k - 1)
     uneven: np.ndarray | None = None
-    # steps about which an error is added, (m, g), and its covariance, rad²: first, in `PARTS` of
-    # them, what samples too far apart lose (`undersampling.aliased_turns`), then errors of time
+    # additional errors of a rotation: the steps in which they arise, (m, g), and the covariance of
+    # each as a rotation vector, rad², (m, g, 3, 3). The first `PARTS` of the g errors are due to
+    # undersampling (`undersampling.aliased_turns`), the others to missing samples and jitter
     extra_at: np.ndarray | None = None
     extra_covariance: np.ndarray | None = None
-    # variance of each axis by samples too far apart, rad², (m,), and the power of frequency by
-    # which it falls
+    # variance of each axis due to undersampling, rad², (m,)
     aliased: np.ndarray | None = None
+    # exponent p of the power law f⁻ᵖ of the spectrum from which `aliased` is predicted, (m,)
     fall: np.ndarray | None = None
     # whether the specific force reached the end of its range, (m,)
     force_clipped: np.ndarray | None = None
@@ -124,30 +133,38 @@ class Rotations:
 
     @cached_property
     def steps(self):
-        """Time steps, s, shape (m, k - 1); zero where padded."""
+        """Time steps, s, (m, k - 1); zero in the padding."""
         return np.diff(self.t, axis=1)
 
     def select(self, keep):
-        """Return the rotations of an index or mask."""
-        return _selected(self, keep)
+        """Return the Rotations that `keep`, an index array or a mask, chooses."""
+        return _select_rows(self, keep)
 
     def errors(self, aliasing=True, others=True):
-        """Return steps about which an error is added, (m, g), and its covariance, (m, g, 3, 3).
+        """Return the additional errors of the rotations.
 
-        By samples too far apart, and by others.
+        `aliasing` includes the errors due to undersampling, `others` those due to missing samples
+        and jitter.
+
+        Returns
+        -------
+        steps : ndarray of int, shape (m, g)
+            Index of the step in which each error arises.
+        covariance : ndarray, shape (m, g, 3, 3)
+            Covariance of each error as a rotation vector, rad².
         """
         part = slice(0 if aliasing else PARTS, None if others else PARTS)
         return self.extra_at[:, part], self.extra_covariance[:, part]
 
     def without_aliasing(self):
-        """Return the same, as if their samples were close enough."""
+        """Return a copy of the Rotations without the errors due to undersampling."""
         covariance = self.extra_covariance.copy()
         covariance[:, :PARTS] = 0.0
         return replace(self, extra_covariance=covariance, aliased=0.0 * self.aliased)
 
 
-def _selected(table, keep):
-    """Return a copy of a dataclass of arrays with the chosen rows."""
+def _select_rows(table, keep):
+    """Return a copy of a dataclass of arrays with the rows that an index or mask chooses."""
     columns = {f.name: getattr(table, f.name) for f in fields(table)}
     return replace(table, **{name: v[keep] for name, v in columns.items() if v is not None})
 
@@ -155,8 +172,8 @@ def _selected(table, keep):
 def gather_poses(segments):
     """Return the Poses of several sessions, in order of session and time.
 
-    Rests that share a number are one pose. Takes the segments of each session, a DataFrame or a
-    dict of arrays.
+    Rests of one power cycle that share a pose number are one pose. `segments` holds the segments
+    of each session, a DataFrame or a dict of arrays.
     """
     session = np.repeat(np.arange(len(segments)), [len(table["n"]) for table in segments])
 
@@ -166,15 +183,16 @@ def gather_poses(segments):
     number = column("pose").astype(int)
     cycle = np.concatenate([np.zeros(0, int), *map(power_cycles, segments)])
     kinds = [np.asarray(table["kind"]) == STATIC for table in segments]
-    held = np.concatenate([np.zeros(0, bool), *kinds]) & (number >= 0)
-    rests = np.column_stack([session, cycle, number])[held]
+    is_rest = np.concatenate([np.zeros(0, bool), *kinds]) & (number >= 0)
+    rests = np.column_stack([session, cycle, number])[is_rest]
     poses, pose = np.unique(rests, axis=0, return_inverse=True)
-    pose, n = pose.ravel(), column("n")[held]
-    start, end = column("start_s")[held], column("end_s")[held]
+    pose, n = pose.ravel(), column("n")[is_rest]
+    start, end = column("start_s")[is_rest], column("end_s")[is_rest]
     total = np.bincount(pose, n)
 
-    def pooled(names, power=1):
-        means = [np.bincount(pose, column(name)[held] ** power * n) / total for name in names]
+    def mean_powers(names, power=1):
+        """Return the mean of a power of some columns over the samples of each pose, (n, c)."""
+        means = [np.bincount(pose, column(name)[is_rest] ** power * n) / total for name in names]
         return np.array(means).T
 
     first, last = np.full(len(poses), np.inf), np.full(len(poses), -np.inf)
@@ -182,29 +200,37 @@ def gather_poses(segments):
     np.maximum.at(last, pose, end)
     return Poses(
         session=poses[:, 0],
-        # 0, 1, ... from session to session: one without a pose does not count
+        # numbered 0, 1, … over all sessions; power cycles without a pose have no number
         power_cycle=np.unique(poses[:, :2], axis=0, return_inverse=True)[1].ravel(),
         start_s=first,
         end_s=last,
         duration_s=np.bincount(pose, end - start),
         n=total.astype(int),
-        f=pooled([f"{c}_mean" for c in ACCELERATION]),
-        w=pooled([f"{c}_mean" for c in ANGULAR_RATE]),
-        variance=pooled([f"{c}_std" for c in CHANNELS], power=2),
+        f=mean_powers([f"{c}_mean" for c in ACCELERATION]),
+        w=mean_powers([f"{c}_mean" for c in ANGULAR_RATE]),
+        variance=mean_powers([f"{c}_std" for c in CHANNELS], power=2),
         temperature=None,
         extra_variance=np.zeros((len(poses), 6)),
-        tilt=np.sqrt(pooled(["tilt_rad"], power=2)[:, 0]),
+        tilt=np.sqrt(mean_powers(["tilt_rad"], power=2)[:, 0]),
         to_start=np.zeros((len(poses), 3)),
         to_end=np.zeros((len(poses), 3)),
     )
 
 
-def rounded_means(samples, variance):
-    r"""Return the variance that rounding to the sensor's steps adds to means of its samples.
+def rounding_variance(samples, variance):
+    r"""Return the variance that quantization adds to the mean of a channel over a rest, a float.
 
-    Of a level anywhere between steps q, under white noise σ, the mean is wrong by a variance of
-    ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``: q²/12 without noise, nothing from σ = q/2 on, and
-    nothing for samples, (m,), without common steps. Takes the sample variance about each mean.
+    Samples are rounded to multiples of the quantization step q. If the true level lies anywhere
+    between two steps and the samples have white noise of standard deviation σ, rounding adds to
+    the mean an error of variance ``q²/(2 π²) Σₖ exp(-4 π² k² σ²/q²) / k²``, k = 1, 2, …. It is
+    q²/12 without noise, and vanishes from σ = q/2 on.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (m,)
+        Samples of the channel. The result is zero if they have no common step.
+    variance : ndarray
+        Sample variance within each rest; their mean gives σ².
 
     References
     ----------
@@ -218,43 +244,49 @@ def rounded_means(samples, variance):
     if not len(steps) or np.abs(count - np.round(count)).max() > UNEVEN:
         return 0.0
     k = np.arange(1, 100)
-    # about one level the variance may be nothing: that of all says what the noise is
+    # a single rest may lie on one level and show no variance, so all rests give σ²/q² together
     white = max(np.mean(variance) / q**2 - 1 / 12, 0.0)
     return q**2 / (2 * np.pi**2) * np.sum(np.exp(-4 * np.pi**2 * k**2 * white) / k**2)
 
 
-def rounded(poses, logs):
-    """Return the Poses with what rounding adds to the variance of their means.
+def add_rounding(poses, logs):
+    """Return the Poses with the variance of quantization added to `extra_variance`.
 
     Takes the Poses and the Log of each session.
     """
     extra = np.zeros((len(poses), len(CHANNELS)))
     for session in np.unique(poses.session):
-        own, log = poses.session == session, logs[session]
+        rows, log = poses.session == session, logs[session]
         for axis, values in enumerate(np.hstack([log.f, log.w]).T):
-            extra[own, axis] = rounded_means(values, poses.variance[own, axis])
+            extra[rows, axis] = rounding_variance(values, poses.variance[rows, axis])
     return replace(poses, extra_variance=poses.extra_variance + extra)
 
 
-def _tapered(n, share):
-    """Return weights of n samples that rise and fall as a cosine over a share at either end."""
+def _taper_weights(n, share):
+    """Return weights of n samples, (n,), tapered as a cosine over a share of them at each end."""
     from_end = np.minimum(np.arange(1, n + 1), np.arange(n, 0, -1)) / (n + 1)
     return (1 - np.cos(np.pi * np.minimum(from_end / share, 1))) / 2
 
 
-def turns_within(poses, logs):
-    r"""Return the poses with means of those that tilt, and the turns from there to both ends.
+def add_tilt_turns(poses, logs):
+    r"""Return the Poses with the turns within those that tilt, and with corrected means.
 
-    A hand's velocity at the ends of a rest, over its length, is an error of the mean specific
-    force: the samples of its first and last `FADE` count less and less (`_tapered`). The mean of
-    directions that differ by small turns is shorter than each, by half their mean square.
+    Only poses with a tilt change, in these fields:
 
-    Of specific force u the mean over a rest is that at an instant where the turn since the start
-    equals its mean. So to the end it is turned by the mean over the rest of :math:`\int_t^{end} w`,
-    to the start by the mean of :math:`-\int_{start}^t w`. The bias is the mean rate of the poses
-    that lie still. A rest that turned by Δ in T seconds says nothing of the bias below Δ/T, which
-    is added to the variance of its mean rate; Δ is √12 times the tilt's root mean square, as of a
-    steady turn. Takes the Poses and the Log of each session.
+    - `to_start` and `to_end`. The mean specific force of a pose is the specific force at the
+      attitude where the rotation since the start equals its mean over the pose. From there, the
+      device turns by the mean over the pose of :math:`\int_t^{end} w` to its end, and by the mean
+      of :math:`-\int_{start}^t w` to its start. w is the angular rate less the bias, which is the
+      mean angular rate of the poses without a tilt.
+    - `f`, `w` and `duration_s`, if the rest was not interrupted. A hand that moves at the ends of
+      a rest adds its change of velocity over the duration to the mean specific force. So the means
+      are weighted, with a taper of `FADE` seconds at both ends. The mean of directions that differ
+      by small angles is shorter than each, by half the mean square angle; `f` is corrected for it.
+    - `extra_variance`. A rest that turned by Δ rad in T seconds does not determine the bias better
+      than Δ/T, so (Δ/T)² is added to the variance of its mean angular rate. Δ is √12 times the root
+      mean square of the tilt, as in a turn at constant rate.
+
+    Takes the Poses and the Log of each session.
     """
     tilted = np.flatnonzero(poses.tilt)
     if not len(tilted):
@@ -270,15 +302,15 @@ def turns_within(poses, logs):
         middle = (rate[1:] + rate[:-1]) / 2 - bias
         turned = np.pad(np.cumsum(middle * np.diff(t)[:, None], axis=0), ((1, 0), (0, 0)))
         mean = turned.mean(axis=0)
-        # one that was interrupted keeps the means of its parts
+        # a pose that was interrupted keeps the means of its parts
         if len(t) == poses.n[k]:
-            weights = _tapered(len(t), min(FADE / duration_s[k], 0.5))
+            weights = _taper_weights(len(t), min(FADE / duration_s[k], 0.5))
             mean, f[k], w[k] = (
                 np.average(x, axis=0, weights=weights) for x in (turned, force, rate)
             )
             across = np.cross(turned - mean, f[k] / np.linalg.norm(f[k]))
             f[k] *= 1 + np.average((across**2).sum(axis=1), weights=weights) / 2
-            # as long as a plain mean that is as good against white noise
+            # duration of an unweighted mean with the same variance of white noise
             duration_s[k] *= weights.mean() ** 2 / np.mean(weights**2)
         to_start[k], to_end[k] = -mean, turned[-1] - mean
     extra = poses.extra_variance.copy()
@@ -290,74 +322,90 @@ def turns_within(poses, logs):
 def gather_rotations(poses, logs, segments, longest_s, clipped):
     """Return the Rotations between consecutive poses of the same session, and the Lost.
 
-    A rotation lasts from the last sample of a pose to the first of the next. A slow one reaches
-    into both poses: what it begins and ends with is too slow to be told from a rest, and as an
-    angle more than the noise of the time added. It is left out where it lasts longer than asked,
-    where a gap interrupts it, where the angular rate reached the end of its range, and where it
-    lost too much elsewhere (`errors_of_time`). Takes the Log and the segments of each session, and
-    which samples have the angular rate and the specific force at the end of their range, (2, N).
+    A rotation lasts from the last sample of a pose to the first sample of the next pose. A slow
+    rotation also takes the nearest part of both poses: it starts and ends too slowly to be told
+    from a rest, and the angle of these parts is larger than the noise of the added time.
+
+    A rotation is left out if it lasts longer than `longest_s`, crosses a gap of the segments, has
+    a clipped angular rate, or if missing samples make its angle too uncertain (`errors_of_time`).
+
+    Parameters
+    ----------
+    poses : Poses
+        The poses of all sessions.
+    logs, segments : sequence
+        The Log and the segments, a DataFrame or a dict of arrays, of each session.
+    longest_s : float
+        Longest rotation, s.
+    clipped : sequence of ndarray, shape (2, N)
+        For each session, which samples of the angular rate and of the specific force are at the
+        end of the range.
     """
-    turns, short_enough, left_out, beyond = [], 0, [], 0
-    # what a pose that tilts turns to its ends is known
+    turns, candidates, lost_runs, clipped_turns = [], 0, [], 0
+    # part of each pose that a slow rotation may take, s; poses that tilt have their turns already
     room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
     for session in np.unique(poses.session):
         log, table = logs[session], segments[session]
-        k = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
-        k = k[poses.start_s[k + 1] - poses.end_s[k] <= longest_s]
-        start, end = poses.end_s[k], poses.start_s[k + 1]
+        pose = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
+        pose = pose[poses.start_s[pose + 1] - poses.end_s[pose] <= longest_s]
+        start, end = poses.end_s[pose], poses.start_s[pose + 1]
         onset = np.maximum(ONSET * (end - start) - SEEN, 0.0)
-        start, end = start - np.minimum(onset, room[k]), end + np.minimum(onset, room[k + 1])
-        gap = np.asarray(table["kind"]) == GAP
-        open_s, close_s = (np.asarray(table[c])[gap] for c in ("start_s", "end_s"))
-        interrupted = ((open_s < end[:, None]) & (close_s > start[:, None])).any(axis=1)
-        # `end_s` is open: the pose's last sample is the one before it
-        begin, last = np.searchsorted(log.t, start) - 1, np.searchsorted(log.t, end)
-        at_rest = poses.w[k], poses.variance[k, 3:]
-        errors, lost = errors_of_time(log.t, log.w, begin, last, *at_rest)
-        known = np.array([e is not None for e in errors], dtype=bool) & ~interrupted
-        # of angular rate and specific force whether one of the samples is clipped
-        before = np.pad(np.cumsum(clipped[session], axis=1), ((0, 0), (1, 0)))
-        rate_clipped, force_clipped = before[:, last + 1] > before[:, begin]
-        whole = np.flatnonzero(known & ~rate_clipped)
-        short_enough += len(k)
-        left_out += lost[~known].tolist()
-        beyond += np.count_nonzero(known & rate_clipped)
-        at_rest = (values[whole] for values in at_rest)
-        aliased = aliased_turns(log.t, log.w, begin[whole], last[whole], *at_rest)
-        for i, variance, fall, at, covariance in zip(whole, *aliased, strict=True):
-            more_at, more = errors[i]
-            at, covariance = np.append(at, more_at), np.concatenate([covariance, more])
-            rows = log, slice(begin[i], last[i] + 1)
-            turns.append((k[i], rows, at, covariance, variance, fall, force_clipped[i]))
-    first, rows, at, covariance, *others = zip(*turns, strict=True) if turns else [()] * 7
+        start, end = start - np.minimum(onset, room[pose]), end + np.minimum(onset, room[pose + 1])
+        is_gap = np.asarray(table["kind"]) == GAP
+        gap_start, gap_end = (np.asarray(table[c])[is_gap] for c in ("start_s", "end_s"))
+        crosses_gap = ((gap_start < end[:, None]) & (gap_end > start[:, None])).any(axis=1)
+        # `end_s` is exclusive: the last sample of the pose is the one before it
+        first, last = np.searchsorted(log.t, start) - 1, np.searchsorted(log.t, end)
+        bias, variance = poses.w[pose], poses.variance[pose, 3:]
+        errors, lost = errors_of_time(log.t, log.w, first, last, bias, variance)
+        accurate = np.array([e is not None for e in errors], dtype=bool) & ~crosses_gap
+        # a rotation is clipped if the number of clipped samples rises between its ends
+        count = np.pad(np.cumsum(clipped[session], axis=1), ((0, 0), (1, 0)))
+        rate_clipped, force_clipped = count[:, last + 1] > count[:, first]
+        kept = np.flatnonzero(accurate & ~rate_clipped)
+        candidates += len(pose)
+        lost_runs += lost[~accurate].tolist()
+        clipped_turns += np.count_nonzero(accurate & rate_clipped)
+        ends = first[kept], last[kept]
+        aliasing = aliased_turns(log.t, log.w, *ends, bias[kept], variance[kept])
+        for i, aliased, fall, steps, covariance in zip(kept, *aliasing, strict=True):
+            more_steps, more = errors[i]
+            steps, covariance = np.append(steps, more_steps), np.concatenate([covariance, more])
+            rows = log, slice(first[i], last[i] + 1)
+            turns.append((pose[i], rows, steps, covariance, aliased, fall, force_clipped[i]))
+    pose, rows, steps, covariance, *others = zip(*turns, strict=True) if turns else [()] * 7
 
-    def along(name, *shape):
-        return _padded([getattr(log, name)[own] for log, own in rows], shape)
+    def stack(name, *shape):
+        """Return the samples of a field of the logs along all rotations, (m, k, ...)."""
+        return pad_and_stack([getattr(log, name)[samples] for log, samples in rows], shape)
 
-    t = along("t")
+    t = stack("t")
     usual = np.array([np.median(np.diff(log.t)) for log, _ in rows])
     rotations = Rotations(
-        np.array(first, int),
+        np.array(pose, int),
         t[:, 0],
         t[:, -1],
         t,
-        along("w", 3),
-        along("f", 3),
-        along("temperature") if poses.temperature is not None else None,
-        # steps of zero are padded
+        stack("w", 3),
+        stack("f", 3),
+        stack("temperature") if poses.temperature is not None else None,
         lost_samples(np.diff(t), usual[:, None]) > 0,
-        _padded(at).astype(int),
-        _padded(covariance, (3, 3), repeat=False),
+        pad_and_stack(steps).astype(int),
+        pad_and_stack(covariance, (3, 3), repeat=False),
         *map(np.array, others),
     )
-    return rotations, Lost(short_enough, len(left_out), max(left_out, default=0), beyond)
+    return rotations, Lost(candidates, len(lost_runs), max(lost_runs, default=0), clipped_turns)
 
 
-def _padded(arrays, shape=(), repeat=True):
-    """Return arrays of several lengths as one, (m, k, ...), the last row repeated, or of zeros."""
-    found = np.zeros((len(arrays), max(map(len, arrays), default=2), *shape))
-    for row, own in zip(found, arrays, strict=True):
-        row[: len(own)] = own
+def pad_and_stack(arrays, shape=(), repeat=True):
+    """Return arrays of different lengths as one array, (m, k, ...).
+
+    k is the length of the longest array and `shape` the shape of one row. Shorter arrays are padded
+    with their last row if `repeat` is true, otherwise with zeros.
+    """
+    stacked = np.zeros((len(arrays), max(map(len, arrays), default=2), *shape))
+    for row, values in zip(stacked, arrays, strict=True):
+        row[: len(values)] = values
         if repeat:
-            row[len(own) :] = own[-1]
-    return found
+            row[len(values) :] = values[-1]
+    return stacked

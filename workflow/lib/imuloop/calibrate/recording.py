@@ -1,4 +1,4 @@
-"""A recording: poses, the rotations between them, and what an effect can see at both."""
+"""A recording: poses, the rotations between them, and the channels that effects depend on."""
 
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
@@ -10,10 +10,10 @@ from imuloop.calibrate.errors_of_time import Lost
 from imuloop.calibrate.poses import (
     Poses,
     Rotations,
+    add_rounding,
+    add_tilt_turns,
     gather_poses,
     gather_rotations,
-    rounded,
-    turns_within,
 )
 from imuloop.core.effect import Channels, LoggedChannels
 from imuloop.core.samples import (
@@ -31,26 +31,23 @@ from imuloop.factors.factors import OWN
 from imuloop.factors.means import ChannelMeans
 
 
-def unchanged(values):
-    """Return values as they are."""
+def identity(values):
+    """Return the values themselves."""
     return values
 
 
 @dataclass(frozen=True)
 class Log:
-    """The whole log of a session: specific force and angular rate, (N, 3), SI as logged.
+    """The whole log of a session, N samples."""
 
-    Missing values of the temperature, degC, are interpolated; None where none was logged.
-    """
-
-    t: np.ndarray
-    f: np.ndarray
-    w: np.ndarray
-    temperature: np.ndarray | None
+    t: np.ndarray  # (N,): time, s
+    f: np.ndarray  # (N, 3): specific force, m/s^2, nominal SI
+    w: np.ndarray  # (N, 3): angular rate, rad/s, nominal SI
+    temperature: np.ndarray | None  # (N,): degC, missing values interpolated; None if not logged
 
     @classmethod
     def of(cls, samples):
-        """Return the log that samples (DataFrame or dict of arrays) hold."""
+        """Return the Log of samples, a DataFrame or a dict of arrays."""
         t, temperature = np.asarray(samples[TIME]), None
         if TEMPERATURE in samples and np.isfinite(samples[TEMPERATURE]).any():
             temperature = filled(t, np.asarray(samples[TEMPERATURE]))
@@ -58,10 +55,12 @@ class Log:
         f, w = (np.column_stack([samples[c] for c in axes]) for axes in sensors)
         return cls(t, f, w, temperature)
 
-    def evaluate(self, sensor, function, *constants, output=unchanged, see=unchanged):
-        """Return a function, as in `Channels.evaluate`, of a sensor's channels, (N, …).
+    def evaluate(self, sensor, function, *constants, output=identity, see=identity):
+        """Return the values of a function of a sensor's channels at all samples, (N, …).
 
-        `output` and `see` are as in `Recording.pose_channels`.
+        The function takes the channels of the whole log, of the sensor and with its `output`, and
+        the constants. `output` converts values of the sensor, nominal SI, (N, 3), to
+        ``K (raw - b)``; `see` converts values of the other sensor to those that an effect uses.
         """
         changes = zip((output, see), OWN[sensor], strict=True)
         outputs = (partial(change, getattr(self, name)) for change, name in changes)
@@ -70,75 +69,88 @@ class Log:
 
 @dataclass(frozen=True)
 class Recording:
-    """The poses and rotations of all usable sessions of one kind.
-
-    Without rotations where only poses are looked at. The whole log of each session is for effects
-    with a memory. With `slow_force` an accelerometer is slower than its gyroscope: interpolated.
-    """
+    """The poses and rotations of all usable sessions of one kind."""
 
     poses: Poses
-    rotations: Rotations | None = None
-    logs: tuple[Log, ...] = ()
-    lost: Lost = field(default_factory=Lost)
+    rotations: Rotations | None = None  # None if only poses are needed
+    logs: tuple[Log, ...] = ()  # the Log of each session, for effects with a memory
+    lost: Lost = field(default_factory=Lost)  # rotations and rests that were left out
+    # whether an accelerometer is slower than its gyroscope, so that its samples are interpolated
     slow_force: bool = False
 
     @cached_property
     def means(self):
-        """The ChannelMeans at the poses and over parts of the rotations."""
+        """The ChannelMeans of the poses and of parts of the rotations."""
         return ChannelMeans(self.poses, self.rotations)
 
     def select(self, keep):
-        """Return the poses of a mask and the rotations with both ends among them."""
+        """Return the Recording with the poses of a mask, and the rotations between two of them."""
         keep = np.asarray(keep)
         first = self.rotations.first
         rotations = self.rotations.select(keep[first] & keep[first + 1])
-        # neighbours that were both kept stay neighbours
+        # two poses with a rotation between them remain consecutive
         renumbered = replace(rotations, first=(np.cumsum(keep) - 1)[rotations.first])
         return replace(self, poses=self.poses.select(keep), rotations=renumbered)
 
     def without_aliasing(self):
-        """Return the same, as if samples were close enough to follow the rotations."""
+        """Return a copy of the Recording without the errors of rotations by undersampling."""
         return replace(self, rotations=self.rotations.without_aliasing())
 
     def of_new_power_cycles(self):
-        """Return the same, its power cycles none that a calibration knows: numbers below zero."""
+        """Return a copy of the Recording with negative numbers of power cycles.
+
+        No calibration was fitted to power cycles with such numbers.
+        """
         new = replace(self.poses, power_cycle=-1 - self.poses.power_cycle)
         return replace(self, poses=new)
 
-    def pose_channels(self, sensor, output, other, see=unchanged):
-        """Return what an effect of a sensor sees at the poses.
+    def pose_channels(self, sensor, output, other, see=identity):
+        """Return the Channels that an effect of a sensor depends on, at the n poses.
 
-        `output` takes values of the sensor, SI as logged, (n, 3), to ``K (raw - b)``, `see` those
-        of the other in a log to what an effect sees; `other`, (n, 3), is what it sees at the poses.
+        Parameters
+        ----------
+        sensor : str
+            Name of the sensor.
+        output : callable
+            Converts values of the sensor, nominal SI, (n, 3), to ``K (raw - b)``, SI.
+        other : ndarray, shape (n, 3)
+            Values of the other sensor at the poses, SI.
+        see : callable, optional
+            Converts values of the other sensor in a log, nominal SI, (N, 3), to such as `other`.
         """
         poses = self.poses
         history = self._history(sensor, output, see, partial(pose_means, poses, self.logs))
-        own = output(getattr(poses, OWN[sensor][0]))
+        values = output(getattr(poses, OWN[sensor][0]))
         cycle = poses.power_cycle
-        return Channels(poses.mid_s, own, other, poses.temperature, history, power_cycle=cycle)
+        return Channels(poses.mid_s, values, other, poses.temperature, history, power_cycle=cycle)
 
-    def rotation_channels(self, sensor, output, other, see=unchanged):
-        """Return the same along the rotations, m of k samples; the other sensor is (m, k, 3)."""
+    def rotation_channels(self, sensor, output, other, see=identity):
+        """Return the Channels that an effect of a sensor depends on, along the rotations.
+
+        They have m k points: the k samples of the first rotation, then of the next. `other` has the
+        shape (m, k, 3); all arguments have the same meaning as for `pose_channels`.
+        """
         rotations, temperature = self.rotations, self.rotations.temperature
         session = self.poses.session[rotations.first]
 
-        def at_samples(whole):
-            at = zip(session, rotations.t, strict=True)
-            return np.concatenate([whole[s][np.searchsorted(self.logs[s].t, t)] for s, t in at])
+        def select_samples(logged):
+            """Return the values at the samples of the rotations, of an array per session."""
+            rows = zip(session, rotations.t, strict=True)
+            return np.concatenate([logged[s][np.searchsorted(self.logs[s].t, t)] for s, t in rows])
 
         return Channels(
             rotations.t.ravel(),
             output(getattr(rotations, OWN[sensor][0]).reshape(-1, 3)),
             other.reshape(-1, 3),
             None if temperature is None else temperature.ravel(),
-            self._history(sensor, output, see, at_samples),
+            self._history(sensor, output, see, select_samples),
             power_cycle=np.repeat(self.poses.power_cycle[rotations.first], rotations.t.shape[1]),
         )
 
     def calibrated_force(self, calibration):
-        """Return specific force by an accelerometer's calibration, m/s^2.
+        """Return the specific force, m/s^2, at the poses, (n, 3), and along rotations, (m, k, 3).
 
-        At the poses, (n, 3), and along the rotations, (m, k, 3).
+        `calibration` is the SensorCalibration of the accelerometer.
         """
         poses, rotations = self.poses, self.rotations
         channels = self.pose_channels("accelerometer", calibration.output, poses.w)
@@ -146,40 +158,52 @@ class Recording:
         turned = calibration.apply(rotations.f.reshape(-1, 3), along)
         return calibration.apply(poses.f, channels), turned.reshape(rotations.f.shape)
 
-    def _history(self, sensor, output, see, seen):
-        """Return a function of functions of the whole log of each session, as `seen` takes them."""
+    def _history(self, sensor, output, see, reduce):
+        """Return the function that `Channels.evaluate` calls.
+
+        It evaluates a function of the channels of the whole log of each session. `reduce` converts
+        the results, an array (N, …) by session, to values at the points of the Channels.
+        """
 
         @cache
         def history(function, *constants):
             sessions, how = set(self.poses.session.tolist()), {"output": output, "see": see}
-            return seen(
+            return reduce(
                 {s: self.logs[s].evaluate(sensor, function, *constants, **how) for s in sessions}
             )
 
         return history
 
 
-def pose_means(poses, logs, whole):
-    """Return the mean over each pose, (n, ...), of an array per session, `whole`, (N, ...) each.
+def pose_means(poses, logs, logged):
+    """Return the mean over each pose, (n, ...), of `logged`, an array (N, ...) per session.
 
     Takes the Poses and the Log of each session.
     """
     means = []
     for s, start, end in zip(poses.session, poses.start_s, poses.end_s, strict=True):
         first, last = np.searchsorted(logs[s].t, [start, end])
-        means.append(whole[s][first:last].mean(axis=0))
+        means.append(logged[s][first:last].mean(axis=0))
     return np.array(means)
 
 
 def record(samples, segments, longest_rotation, rails=None):
-    """Return the Recording of several sessions, with temperatures where every one logs them.
+    """Return the Recording of several sessions.
 
-    Takes samples and segments of each session, DataFrames or dicts of arrays, the longest
-    rotation, s, and the `rails` of each session that `core.samples.at_rail` takes.
+    It has temperatures only if every session logs them.
+
+    Parameters
+    ----------
+    samples, segments : sequence of DataFrame or dict of arrays
+        The samples and the segments of each session.
+    longest_rotation : float
+        Longest rotation, s.
+    rails : sequence of dict, optional
+        Ends of the range of each channel, by session, as for `core.samples.at_rail`.
     """
     samples = [on_gyroscope_clock(s) for s in samples]
     logs = tuple(Log.of(s) for s in samples)
-    poses = turns_within(rounded(gather_poses(segments), logs), logs)
+    poses = add_tilt_turns(add_rounding(gather_poses(segments), logs), logs)
     if len(poses) and all(log.temperature is not None for log in logs):
         temperature = pose_means(poses, logs, [log.temperature for log in logs])
         poses = replace(poses, temperature=temperature)
@@ -200,6 +224,6 @@ def record(samples, segments, longest_rotation, rails=None):
 
 
 def _has_slow_force(samples):
-    """Return whether fewer than two of three rows have an accelerometer's sample of their own."""
+    """Return whether fewer than two thirds of the rows have a new sample of the accelerometer."""
     own = samples.get(OWN_TIME["accelerometer"])
     return own is not None and np.mean(np.diff(own) > 0) < 2 / 3

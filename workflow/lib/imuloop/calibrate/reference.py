@@ -1,4 +1,7 @@
-"""The set-up of a reference beside a device: clock, mounting, marker and biases, in one fit."""
+"""The set-up of a device beside a reference, such as motion capture, estimated in one fit.
+
+The set-up is the offset of the clock, the mounting, the place of the marker and the biases.
+"""
 
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -21,263 +24,317 @@ from imuloop.estimate.least_squares import covariance_of
 from imuloop.model.prior import data_sheet
 from imuloop.model.state import BASE, NAMES
 
-# s; from the start of a window to that of the next, and half the length of one of position
+# length of a window of the gyroscope, and half the length of a window of the accelerometer, s
 TURN, HALF = 1.0, 0.2
-# windows of a sensor at least, for its parameters and a part held out
+# fewest windows of a sensor that determine its parameters and leave folds for cross-validation
 LEAST_WINDOWS = 20
-# of a numerical derivative, SI
+# step of numerical derivatives, SI
 STEP = 1e-6
-# prior standard deviations, SI: next to nothing is known of a set-up
+# wide prior standard deviations of the parameters that sessions share, SI
 LOOSE = {"dt": 0.1, "d": 0.02, "rx": 1.0, "ry": 1.0, "rz": 1.0}
-# those of a session: bias of the gyroscope and of the accelerometer, mounting, tilt of the world
-OWN = np.repeat([0.5, 2.0, 0.3, 0.3], 3)
+# prior standard deviations of the twelve parameters of a session, SI: bias of the gyroscope, bias
+# of the accelerometer, mounting, and tilt of the reference's world, three components each
+SESSION_STD = np.repeat([0.5, 2.0, 0.3, 0.3], 3)
 
 
 @dataclass(frozen=True)
 class ReferenceLog(Log):
-    """A session beside a reference: calibrated f and w, SI, (N, 3), and the reference's columns.
+    """A session of N samples beside a reference; `f` and `w` are calibrated, SI."""
 
-    `attitude`, (N, 3, 3), takes axes near the body's to the world's, not-a-number where lost: the
-    reference's own times `frame`, the rotation between both as far as turns show it. `place`,
-    (N, 3), is in m; `noise` the standard deviations of both, rad and m.
-    """
-
+    # (N, 3, 3): rotation from axes near the body's to the world's axes, not-a-number where the
+    # reference was lost. It is the attitude that the reference gives times `frame`
     attitude: np.ndarray
-    place: np.ndarray
-    frame: np.ndarray
-    noise: tuple[float, float]
+    place: np.ndarray  # (N, 3): position of the marker, m
+    frame: np.ndarray  # (3, 3): estimate of the rotation from the body to the reference's axes
+    noise: tuple[float, float]  # standard deviations of the attitude, rad, and of the place, m
 
 
 def read_reference(sessions, calibration):
-    """Return the ReferenceLog of each usable session with a reference, by name.
+    """Return the ReferenceLog of each session with a reference, a dict by name.
 
-    Takes sessions as in `calibrate.calibrate.usable` and the Calibration of the device. Effects
-    that depend on time, or on what is not logged everywhere, are not applied.
+    `sessions` are dicts by name, as for `calibrate.usable_sessions`. The Calibration of the device
+    is applied without the effects that depend on time, or on channels that not every log has.
     """
-    steady, found = {}, {}
+    steady, logs = {}, {}
     for name, own in ((name, getattr(calibration, name)) for name in SENSORS):
         kept = [e for e in own.effects if not (e.effect.timed or e.effect.needs)]
         steady[name] = replace(own, effects=tuple(kept))
     for name, session in sessions.items():
-        known = read_metadata(session["samples"]).get("reference") or {}
-        if session["kind"] == "reference_motion" and "noise" in known:
+        metadata = read_metadata(session["samples"]).get("reference") or {}
+        if session["kind"] == "reference_motion" and "noise" in metadata:
             samples = read_columns(session["samples"])
-            log, frame = Log.of(samples), np.array(known["frame"])
+            log, frame = Log.of(samples), np.array(metadata["frame"])
             f, w = replace(calibration, **steady).calibrated(log.f, log.w, log.t, None)
             q, place = (np.column_stack([samples[c] for c in n]) for n in (ORIENTATION, POSITION))
-            attitude, seen = np.full((len(q), 3, 3), np.nan), np.isfinite(q[:, 0])
-            attitude[seen] = Rotation.from_quat(q[seen], scalar_first=True).as_matrix() @ frame
-            noise = known["noise"]["orientation"], known["noise"]["position"] or 0.0
-            found[name] = ReferenceLog(log.t, f, w, None, attitude, place, frame, noise)
-    return found
+            attitude, valid = np.full((len(q), 3, 3), np.nan), np.isfinite(q[:, 0])
+            attitude[valid] = Rotation.from_quat(q[valid], scalar_first=True).as_matrix() @ frame
+            noise = metadata["noise"]["orientation"], metadata["noise"]["position"] or 0.0
+            logs[name] = ReferenceLog(log.t, f, w, None, attitude, place, frame, noise)
+    return logs
 
 
 class Windows:
-    """Windows in which one sensor is compared with the reference.
+    """The m windows of all logs in which one sensor is compared with the reference.
 
-    Session and rows of the start, the middle and the end of each, (m,); of all its samples rows,
-    the last repeated, and times, s, (m, k). Parameters are those of `effects`, and the entries of
-    A, by which T and K are off, with `prior` standard deviations: sessions share them, at the
-    places `shared` of all; and those of a session, at the `places`, (s, q), the `own` of `OWN`.
+    All windows are padded to k samples by repeating the last one.
+
+    Parameters
+    ----------
+    logs : list of ReferenceLog
+        The sessions, s of them.
+    gravity : float
+        Local gravity, m/s^2.
+    calibration : Calibration
+        The calibration of the device, which the logs have.
+
+    Attributes
+    ----------
+    session : ndarray of int, shape (m,)
+        Index of the log of each window.
+    first, middle, last : ndarray of int, shape (m,)
+        Index of the sample at the start, the middle and the end of each window.
+    rows, t : ndarray, shape (m, k)
+        Index and time, s, of all samples of each window.
+    shared : ndarray of int
+        Indices, among all parameters x of the set-up, of those that the sessions share: the
+        parameters of `effects`, then the `entries` of the matrix A, the error of T and K.
+    prior : ndarray
+        Prior standard deviations of the shared parameters, SI.
+    places : ndarray of int, shape (s, q)
+        Indices among all parameters of those of each session: the bias, then the mounting. They are
+        the columns `session_entries` of `SESSION_STD`.
     """
 
     def __init__(self, logs, gravity, calibration):
         self.logs, self.gravity = logs, gravity
-        found = [np.zeros((0, 4), int), *(self._of_log(*each) for each in enumerate(logs))]
-        self.session, self.first, self.middle, self.last = np.concatenate(found).T
+        rows = [np.zeros((0, 4), int), *(self._find_windows(*item) for item in enumerate(logs))]
+        self.session, self.first, self.middle, self.last = np.concatenate(rows).T
         length = np.max(self.last - self.first, initial=-1) + 1
         self.rows = np.minimum(self.first[:, None] + np.arange(length), self.last[:, None])
-        self.t = self.of_logs("t", self.rows)
-        # A as what is known of T and K, relative
-        own, sheet = getattr(calibration, self.sensor), data_sheet().std[BASE[self.sensor]]
+        self.t = self.read_logs("t", self.rows)
+        # the standard deviations of A are those of T and of K, the latter relative to K
+        sensor, sheet = getattr(calibration, self.sensor), data_sheet().std[BASE[self.sensor]]
         names = [f"K{i}" if i == j else f"T{i}{j}" for i, j in zip(*self.entries, strict=True)]
-        scale = [own.K[int(n[1])] if n[0] == "K" else 1.0 for n in names]
-        std = np.array([own.std.get(n, np.inf) for n in names]) / scale
+        scale = [sensor.K[int(n[1])] if n[0] == "K" else 1.0 for n in names]
+        std = np.array([sensor.std.get(n, np.inf) for n in names]) / scale
         std = np.minimum(std, sheet[[NAMES[self.sensor].index(n) for n in names]])
-        self.units = {n: unit for each in self.effects.values() for n, unit in each.items()}
+        self.units = {n: unit for units in self.effects.values() for n, unit in units.items()}
         self.prior = np.append([LOOSE[n] for n in self.units], std)
-        self.places = len(OWN) * np.arange(len(logs))[:, None] + np.array(self.own)
+        self.places = len(SESSION_STD) * np.arange(len(logs))[:, None] + self.session_entries
 
-    def _of_log(self, session, log):
-        """Return session and rows of the windows of a log, (m, 4); no sample is missing in one."""
-        step, i, found = np.median(np.diff(log.t)), 0, []
-        broken = np.append(0, np.cumsum(np.diff(log.t) > gap_limit(step)))
-        lost = ~np.isfinite(log.attitude[:, 0, 0])
-        known, half = ~lost & np.isfinite(getattr(log, self.channel)[:, 0]), round(self.half / step)
+    def _find_windows(self, session, log):
+        """Return index of the session, first, middle and last sample of a log's windows, (n, 4).
+
+        No sample is missing in a window.
+        """
+        step, i, windows = np.median(np.diff(log.t)), 0, []
+        # a number that rises at each interruption
+        part = np.append(0, np.cumsum(np.diff(log.t) > gap_limit(step)))
+        lost, half = ~np.isfinite(log.attitude[:, 0, 0]), round(self.half / step)
+        valid = ~lost & np.isfinite(getattr(log, self.channel)[:, 0])
         if self.sensor == "accelerometer":
-            broken, known = broken + np.cumsum(lost), known & np.isfinite(log.place[:, 0])
+            part, valid = part + np.cumsum(lost), valid & np.isfinite(log.place[:, 0])
         while i + 2 * half < len(log.t):
             rows = [i, i + half, i + 2 * half]
-            whole = known[rows].all() and broken[i] == broken[i + 2 * half]
-            found += [(session, *rows)] * int(whole)
-            i += round(TURN / step) + 5 if whole else 1 + half // 10
-        return np.array(found, int).reshape(-1, 4)
+            complete = valid[rows].all() and part[i] == part[i + 2 * half]
+            windows += [(session, *rows)] * int(complete)
+            i += round(TURN / step) + 5 if complete else 1 + half // 10
+        return np.array(windows, int).reshape(-1, 4)
 
-    def of_logs(self, values, rows):
-        """Return what the logs hold at rows of each window, (m, …): by name, or arrays by log."""
+    def read_logs(self, values, rows):
+        """Return values of the logs at rows of each window, (m, …).
+
+        `values` is the name of a field of the logs, or a list with an array for each log.
+        """
         if isinstance(values, str):
             values = [getattr(log, values) for log in self.logs]
         return np.array([values[s][i] for s, i in zip(self.session, rows, strict=True)])
 
     def output(self, x, drift=0.0):
-        """Return ``(1 + A) y`` at instants of the reference, less the bias, (m, k, 3).
+        """Return the sensor's output ``(1 + A) (y - b)`` at the samples of the windows, (m, k, 3).
 
-        What is stamped s was there at ``s + dt + d (s - s_m)``, s_m the middle of the log.
+        y are the calibrated values of the sensor, interpolated at the times of the reference, and b
+        is the bias. A sample with the time stamp s was taken at ``s + dt + d (s - s_m)`` on the
+        clock of the reference, where s_m is the middle of the log, dt the offset of the clock, and
+        d its drift.
         """
-        A, found, shared = np.eye(3), [], x[self.shared]
+        A, values, shared = np.eye(3), [], x[self.shared]
         A[self.entries] += shared[-len(self.entries[0]) :]
         for log in self.logs:
-            at = log.t + shared[0] + drift * (log.t - (log.t[0] + log.t[-1]) / 2)
+            times = log.t + shared[0] + drift * (log.t - (log.t[0] + log.t[-1]) / 2)
             columns = getattr(log, self.channel).T
-            found.append(np.column_stack([np.interp(log.t, at, c) for c in columns]))
-        return (self.of_logs(found, self.rows) - x[self.places[self.session, None, :3]]) @ A.T
+            values.append(np.column_stack([np.interp(log.t, times, c) for c in columns]))
+        return (self.read_logs(values, self.rows) - x[self.places[self.session, None, :3]]) @ A.T
 
     def mounting(self, x):
-        """Return what is left of the rotation between both bodies, (m, 3, 3)."""
+        """Return the mounting M, the rotation from the body to axes of `attitude`, (m, 3, 3)."""
         return Rotation.from_rotvec(x[self.places[:, 3:6]]).as_matrix()[self.session]
 
     def derivative(self, x):
         """Return the derivative of the residuals with respect to all parameters, (3 m, p)."""
-        plain, found = self.values(x), np.zeros((3 * len(self.t), len(x)))
-        # each parameter in all sessions at once
+        residual, jacobian = self.values(x), np.zeros((3 * len(self.t), len(x)))
+        # one parameter is changed in all sessions at once
         for columns in (*np.tile(self.shared, (len(self.logs), 1)).T, *self.places.T):
             moved = x.copy()
             moved[columns] += STEP
-            change = (self.values(moved) - plain).ravel() / STEP
-            found[np.arange(len(found)), columns[self.session].repeat(3)] = change
-        return found
+            change = (self.values(moved) - residual).ravel() / STEP
+            jacobian[np.arange(len(jacobian)), columns[self.session].repeat(3)] = change
+        return jacobian
 
     def noise(self, model):
-        """Return the variances of white noise: attitude, place, density of the sensor, (m,)."""
-        each = np.array([log.noise for log in self.logs])[self.session].T ** 2
-        return *each, np.mean([model.axes[c].N.square for c in SENSORS[self.sensor]])
+        """Return the variances of the attitude, rad², (m,), and of the place, m², (m,), and N².
+
+        N² is the mean square density of the sensor's white noise by the NoiseModel `model`.
+        """
+        variances = np.array([log.noise for log in self.logs])[self.session].T ** 2
+        return *variances, np.mean([model.axes[c].N.square for c in SENSORS[self.sensor]])
 
 
 class Turns(Windows):
-    """Rotation over a window, C by the gyroscope from its start, Q by the reference.
+    """Residuals of the rotation over a window, rad: ``ε = log(Mᵀ Qᵀ M C)``.
 
-    ε = log(Mᵀ Qᵀ M C)     (rad),     M the mounting
+    C is the rotation over the window by the gyroscope, Q the rotation by the reference, M the
+    mounting.
     """
 
     sensor, channel, kind, unit = "gyroscope", "w", "reference_rotation", "rad"
     effects: ClassVar = {"time_offset": {"dt": "s"}, "clock_drift": {"d": "1"}}
-    half, entries, own = TURN / 2, np.divmod(np.arange(9), 3), [0, 1, 2, 6, 7, 8]
+    half, entries, session_entries = TURN / 2, np.divmod(np.arange(9), 3), [0, 1, 2, 6, 7, 8]
 
     def values(self, x):
-        """Return the residuals at all parameters, (m, 3)."""
+        """Return the residuals ε for the parameters x, (m, 3)."""
         steps = step_vectors(self.output(x, x[self.shared[1]]), np.diff(self.t, axis=1))
         C, M = matrix(prefix_product(exponential(steps))[:, -1]), self.mounting(x)
-        start, end = (self.of_logs("attitude", rows) @ M for rows in (self.first, self.last))
+        start, end = (self.read_logs("attitude", rows) @ M for rows in (self.first, self.last))
         return Rotation.from_matrix(end.swapaxes(1, 2) @ start @ C).as_rotvec()
 
     def floor(self, x, model):
-        """Return the variance that the noise of both gives each component, (m,)."""
+        """Return the variance of each component of ε by the noise of both sensors, rad², (m,)."""
         attitude, _, white = self.noise(model)
         return 2 * attitude + white * np.ptp(self.t, axis=1)
 
 
 class Places(Windows):
-    """Second difference Δ² over h of the sensor's place, p + C M r, with C the attitude.
+    """Residuals of the mean acceleration over a window, m/s².
 
-        ε = ∫ tri (C M f) dt / h² - g u - Δ²(p + C M r) / h²     (m/s²)
+        ε = ∫ tri (C M f) dt / h² - g u - Δ²(p + C M r) / h²
 
-    M is the mounting, r the arm from the marker, u up.
+    The first terms are the acceleration by the accelerometer: f is the specific force, C the
+    attitude by the reference, M the mounting, tri a triangular weight over the window of length
+    2 h, g gravity and u its upward direction. The last term is the acceleration by the reference:
+    the second difference Δ² over h of the place of the accelerometer, with the place p of the
+    marker and the arm r from the marker to the accelerometer.
     """
 
     sensor, channel, kind, unit = "accelerometer", "f", "reference_force", "m/s^2"
     effects: ClassVar = {"time_offset": {"dt": "s"}, "lever_arm": {f"r{k}": "m" for k in "xyz"}}
-    half, entries, own = HALF, np.triu_indices(3), [3, 4, 5, 6, 7, 8, 9, 10, 11]
+    half, entries, session_entries = HALF, np.triu_indices(3), [3, 4, 5, 6, 7, 8, 9, 10, 11]
 
-    def __init__(self, *given):
-        super().__init__(*given)
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
         if len(self.session) < LEAST_WINDOWS:
             return
         # weights of a mean, which fall linearly from the middle; times the attitude, (m, 3, 3 k)
-        far = np.abs(self.t - (self.t[:, :1] + self.t[:, -1:]) / 2)
-        weights = np.gradient(self.t, axis=1) * (np.ptp(self.t, axis=1)[:, None] / 2 - far)
+        distance = np.abs(self.t - (self.t[:, :1] + self.t[:, -1:]) / 2)
+        weights = np.gradient(self.t, axis=1) * (np.ptp(self.t, axis=1)[:, None] / 2 - distance)
         self.weights = weights / weights.sum(axis=1, keepdims=True)
-        mean = self.of_logs("attitude", self.rows) * self.weights[..., None, None]
+        mean = self.read_logs("attitude", self.rows) * self.weights[..., None, None]
         self.mean = mean.swapaxes(1, 2).reshape(len(mean), 3, -1)
         ends = np.column_stack([self.first, self.middle, self.last])
-        self.ends = self.of_logs("attitude", ends), self.of_logs("place", ends)
-        left = self.pushed(self.of_logs("f", self.rows), np.zeros((1, 3, 1))) / self.gravity
-        # up by the force as it is
-        known = (left[self.session == s] for s in range(len(self.logs)))
-        self.up = np.array([np.median(x, axis=0) if len(x) else np.eye(3)[2] for x in known])
+        self.ends = self.read_logs("attitude", ends), self.read_logs("place", ends)
+        up = self.subtract_motion(self.read_logs("f", self.rows), np.zeros((1, 3, 1)))
+        # first estimate of the upward direction of each session, without mounting and arm
+        by_session = (up[self.session == s] / self.gravity for s in range(len(self.logs)))
+        self.up = np.array([np.median(u, axis=0) if len(u) else np.eye(3)[2] for u in by_session])
 
-    def pushed(self, f, arm):
-        """Return the mean of the force, (m, k, 3), less the acceleration of its place, (m, 3)."""
+    def subtract_motion(self, f, arm):
+        """Return the mean specific force less the acceleration by the reference, m/s², (m, 3).
+
+        Takes specific force on the axes of `attitude`, (m, k, 3), and the arm r on them,
+        (m or 1, 3, 1), m.
+        """
         place = self.ends[1] + (self.ends[0] @ arm[:, None])[..., 0]
         half = np.ptp(self.t, axis=1)[:, None] / 2
         force = (self.mean @ f.reshape(len(f), -1, 1))[..., 0]
         return force - np.diff(place, 2, axis=1)[:, 0] / half**2
 
     def values(self, x):
-        """Return the residuals at all parameters, (m, 3)."""
+        """Return the residuals ε for the parameters x, (m, 3)."""
         M, up = self.mounting(x), self.up + x[self.places[:, 6:]]
         up *= self.gravity / np.linalg.norm(up, axis=1, keepdims=True)
-        left = self.pushed(self.output(x) @ M.swapaxes(1, 2), M @ x[self.shared[1:4], None])
-        return left - up[self.session]
+        force, arm = self.output(x) @ M.swapaxes(1, 2), M @ x[self.shared[1:4], None]
+        return self.subtract_motion(force, arm) - up[self.session]
 
     def floor(self, x, model):
-        """Return the variance that the noise of both gives each component, (m,)."""
+        """Return the variance of each component of ε by the noise of both sensors, (m,)."""
         attitude, place, white = self.noise(model)
-        own = self.gravity**2 * attitude + white / np.median(np.diff(self.t, axis=1), axis=1)
+        force = self.gravity**2 * attitude + white / np.median(np.diff(self.t, axis=1), axis=1)
         place = 6 * (place + (x[self.shared[1:4]] ** 2).sum() * attitude) / HALF**4
-        return own * (self.weights**2).sum(axis=1) + place
+        return force * (self.weights**2).sum(axis=1) + place
 
 
 @dataclass(frozen=True)
 class SetUp:
     """The set-up of a reference, fitted to all windows of both sensors with a Gaussian prior.
 
-    Parameters x, (p,), SI, are those of each session, and then those that sessions share, for each
-    of the `windows`. `white` are the derivative at x and the residuals, (n + p, p + 1), of variance
-    one, the prior's last; variances, (n,), are by the noise alone, and by what is left.
+    The fit has n residuals, three of each window, and p parameters.
     """
 
     windows: tuple[Windows, ...]
+    # (p,): the parameters of each session, then the shared parameters of each of the `windows`, SI
     x: np.ndarray
-    covariance: np.ndarray
+    covariance: np.ndarray  # (p, p): of x
+    # (n + p, p + 1): Jacobian at x, and in the last column the residuals; all rows are scaled to
+    # variance one, and the last p rows are those of the prior
     white: np.ndarray
-    floor: np.ndarray
-    variance: np.ndarray
+    floor: np.ndarray  # (n,): variance of the residuals by the noise alone
+    variance: np.ndarray  # (n,): variance of the residuals that the fit estimates
 
     def of_windows(self, values):
-        """Return what the windows of all sensors have, three components each, (n,)."""
+        """Return values of the windows of all sensors, repeated for three components, (n,).
+
+        `values` is a function that takes Windows and returns an array with a value per window.
+        """
         return np.repeat(np.concatenate([values(w) for w in self.windows]), 3)
 
     def errors(self, parts, without=()):
-        """Return what is left of the residuals, (n,), SI, by the derivative at x.
+        """Return the residuals of a cross-validation, (n,), SI, by the linear model at x.
 
-        Each of the parts, (n,), is predicted by the shared parameters of the others, those of its
-        session its own; part -1 by all. Parameters at the places `without` are zero.
+        Parameters
+        ----------
+        parts : ndarray of int, shape (n,)
+            Fold of each residual. The shared parameters are fitted to the other folds, those of the
+            sessions to all residuals. Residuals with the fold -1 are part of every fit.
+        without : sequence of int, optional
+            Indices of parameters that are set to zero.
         """
         first, without = min(w.shared[0] for w in self.windows), [*without]
         r = self.white[:, -1] - self.white[:, without] @ self.x[without]
-        of_session = np.linalg.qr(self.white[:, :first])[0]
-        both = np.column_stack([np.delete(self.white[:, :-1], without, axis=1)[:, first:], r])
-        both -= of_session @ (of_session.T @ both)
-        every, left = np.append(parts, np.full(len(self.x), -1)), np.zeros(len(both))
-        for part in np.unique(parts):
-            held, seen = every == part, both[(every != part) | (every < 0)]
-            change = np.linalg.lstsq(seen[:, :-1], -seen[:, -1])[0]
-            left[held] = both[held] @ np.append(change, 1.0)
-        return left[: len(parts)] * np.sqrt(self.variance)
+        by_session = np.linalg.qr(self.white[:, :first])[0]
+        rows = np.column_stack([np.delete(self.white[:, :-1], without, axis=1)[:, first:], r])
+        # what the parameters of the sessions can explain is removed
+        rows -= by_session @ (by_session.T @ rows)
+        folds, residual = np.append(parts, np.full(len(self.x), -1)), np.zeros(len(rows))
+        for fold in np.unique(parts):
+            held_out, used = folds == fold, rows[(folds != fold) | (folds < 0)]
+            change = np.linalg.lstsq(used[:, :-1], -used[:, -1])[0]
+            residual[held_out] = rows[held_out] @ np.append(change, 1.0)
+        return residual[: len(parts)] * np.sqrt(self.variance)
 
 
 def windows_of(logs, gravity, calibration):
-    """Return the Windows of each sensor that has enough of them in ReferenceLogs.
+    """Return the Turns and the Places of a list of ReferenceLog, a tuple.
 
-    Takes local gravity, m/s^2, and the Calibration that the logs are calibrated by.
+    Either is left out if it has fewer than `LEAST_WINDOWS` windows. Takes local gravity, m/s^2, and
+    the Calibration of the device.
     """
     windows = [cls(logs, gravity, calibration) for cls in (Turns, Places)]
     return tuple(w for w in windows if len(w.session) >= LEAST_WINDOWS)
 
 
 def fit_set_up(windows, noise):
-    """Return the SetUp of some Windows, their noise by a NoiseModel."""
-    prior = np.tile(OWN, len(windows[0].logs))
+    """Return the SetUp that fits a tuple of Windows best; `noise` is a NoiseModel."""
+    prior = np.tile(SESSION_STD, len(windows[0].logs))
     for w in windows:
         w.shared, prior = len(prior) + np.arange(len(w.prior)), np.append(prior, w.prior)
     x = np.zeros(len(prior))
@@ -285,24 +342,26 @@ def fit_set_up(windows, noise):
     def white(x, size, _):
         return np.concatenate([*(w.values(x).ravel() for w in windows), x]) / size
 
-    # each round with the variances that the one before leaves
+    # each round estimates the variances from the residuals of the round before
     for _ in range(4):
-        floor, each = [w.floor(x, noise) for w in windows], [w.values(x) for w in windows]
-        variance = np.concatenate([*map(_spread, each, floor)]).repeat(3)
+        floor, residuals = [w.floor(x, noise) for w in windows], [w.values(x) for w in windows]
+        variance = np.concatenate([*map(_estimate_variance, residuals, floor)]).repeat(3)
         size = np.append(np.sqrt(variance), prior)
         slope = np.concatenate([*(w.derivative(x) for w in windows), np.eye(len(x))])
-        given = size, slope / size[:, None]
-        # the derivative changes little on the way
-        x = least_squares(white, x, lambda *a: a[-1], args=given, method="lm", x_scale="jac").x
-    fit, floor = np.column_stack([given[1], white(x, *given)]), np.concatenate(floor).repeat(3)
-    return SetUp(windows, x, covariance_of(given[1]), fit, floor, variance)
+        scaled = size, slope / size[:, None]
+        # the derivative is constant within a round, as it changes little
+        x = least_squares(white, x, lambda *a: a[-1], args=scaled, method="lm", x_scale="jac").x
+    rows, floor = np.column_stack([scaled[1], white(x, *scaled)]), np.concatenate(floor).repeat(3)
+    return SetUp(windows, x, covariance_of(scaled[1]), rows, floor, variance)
 
 
-def _spread(values, floor):
-    """Return the variance of each of m windows by residuals, (m, 3), not below the noise, (m,).
+def _estimate_variance(values, floor):
+    """Return the variance of a component of the residuals of each window, (m,).
 
-    Beside the noise all have one variance in common, by the median, which is 2.366 for χ² of three
-    components; beyond three standard deviations a window has no more influence: Huber's weights.
+    It is the variance by the noise, `floor`, (m,), plus one that all windows have in common. The
+    latter follows from the median of the squared residuals `values`, (m, 3), as the median of χ²
+    with three degrees of freedom is 2.366. The variance of residuals above three standard
+    deviations is increased, as Huber's weights do, so that their influence is limited.
     """
     square = (values**2).sum(axis=1)
     variance = floor + max(np.median(square / 2.366 - floor), 0.0)

@@ -10,7 +10,7 @@ from imuloop.core.setting import setting
 class CalibrateSettings:
     """Settings of the calibration."""
 
-    # initial_rest is what imu_tk does; never taken in the diagnosis or beside effects
+    # imu_tk uses initial_rest; the diagnosis and fits with effects always use rests
     gyroscope_bias: Literal["rests", "initial_rest"] = setting(
         "rests",
         "From all rests together with the other parameters, or held at the mean of the first",

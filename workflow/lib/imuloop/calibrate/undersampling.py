@@ -1,7 +1,8 @@
-"""Turns that were sampled too slowly: what a log lost between two samples, and cannot show.
+"""Undersampling: the error of a rotation by frequencies above half the sampling rate of the log.
 
-No integration scheme gets it back: components at the rate of the log and its multiples look like a
-bias. They are known by the spectrum below half that rate, continued as a power of frequency.
+No integration scheme removes this error, because components at the sampling rate and its multiples
+look like a bias. Their power is predicted from the spectrum below half the sampling rate, which is
+extrapolated as a power law of frequency.
 """
 
 import numpy as np
@@ -12,44 +13,56 @@ from scipy.special import zeta
 
 from imuloop.core.gaps import lost_samples
 
-# bands of the upper half of the spectrum, between a quarter and half the rate
+# number of bands of the spectrum between a quarter and half the sampling rate
 BANDS = 32
-# power by which the spectrum falls: of steps, as knocks make them; of what adds nothing
+# limits of the exponent p of the power law: steps, as of knocks, have 2; 8 adds next to nothing
 FALLS = 2.0, 8.0
-# this near to the least fall the spectrum is none that falls
+# distance of p from the lower limit below which the spectrum does not fall
 FLAT = 0.01
-# share of the white noise of the turns, in variance, below which it does not count
+# share of the variance by white noise of the rotations below which undersampling is neglected
 NEGLIGIBLE = 0.01
-# parts of a turn that its errors are put in, and the share of them that has no direction
+# number of parts of a rotation, each with an error, and the share of its variance without direction
 PARTS, ANY_WAY = 16, 0.5
-# variance that rounding of numbers leaves of a log without noise, (rad/s)²
+# variance by the number format of a log without noise, (rad/s)²
 EXACT = 1e-20
 
 
 def aliased_turns(t, w, begin, last, bias, variance):
-    r"""Return what components above half the rate of a log add to its turns, and their fall.
+    r"""Return the variance of rotations by frequencies above half the sampling rate of a log.
 
-    With the spectrum W(f) of the angular rate on fixed axes, C w, and steps of Δt = 1/f_s
+    Let W(f) be the spectrum of the angular rate on fixed axes, C w, with the attitude C. Samples at
+    steps Δt = 1/f_s give the rotation with the error
 
     .. math:: Δt Σ C w(t_k) - ∫ C w \, dt = Σ_{k≠0} W(k f_s),
 
-    of unknown phases. What does not commute adds a hundredth of it. The energy |W|² = a f⁻ᵖ of each
-    axis is folded in the samples, beside their white noise σ²:
+    whose phases are unknown. Rotations do not commute, but this changes the error by a hundredth
+    only. The energy of each axis is taken as |W|² = a f⁻ᵖ. In n samples with white noise σ², it
+    appears with its aliases at the frequencies x f_s:
 
     .. math:: |W_s(x f_s)|² = a f_s^{-p} (ζ(p, x) + ζ(p, 1 - x)) + n Δt² σ², \quad 1/4 < x < 1/2,
 
-    ζ Hurwitz' function. The likeliest p of all turns (Whittle), and a of each, give the variance
-    2 a f_s⁻ᵖ ζ(p) of each axis. That is of samples at instants; means over each step would be free
-    of it, and a filter within the sensor is seen as a faster fall. Arguments as of
-    `errors_of_time.errors_of_time`.
+    where ζ is the Hurwitz zeta function. The maximum of Whittle's likelihood gives one p for all
+    rotations and one a for each. The variance of the error is 2 a f_s⁻ᵖ ζ(p) on each axis. This
+    holds for samples at instants. Means over each step would be free of the error, and a low-pass
+    filter in the sensor shows as a larger p.
+
+    Parameters
+    ----------
+    t, w : ndarray, shape (N,), (N, 3)
+        Time, s, and angular rate, rad/s, of the whole log.
+    begin, last : ndarray of int, shape (m,)
+        First and last sample of each rotation.
+    bias, variance : ndarray, shape (m, 3)
+        Mean, rad/s, and sample variance, (rad/s)², of the angular rate at rest.
 
     Returns
     -------
     variance, fall : ndarray, shape (m,)
-        Of the rotation vector on each axis, rad², 0 where all is negligible; and p.
-    at, covariance : ndarray, shape (m, PARTS) and (m, PARTS, 3, 3)
-        Steps of each turn, and the parts of the covariance about them, on the axes of the body
-        there, rad²; their trace is in all three times the variance.
+        Variance of the rotation vector on each axis, rad², zero if it is negligible; and p.
+    steps, covariance : ndarray, shape (m, PARTS) and (m, PARTS, 3, 3)
+        Index of the middle step of each part of a rotation, and the covariance of the error that
+        arises there, on body axes, rad². The traces of a rotation add up to three times its
+        variance.
 
     References
     ----------
@@ -59,7 +72,7 @@ def aliased_turns(t, w, begin, last, bias, variance):
         return np.zeros(0), np.zeros(0), np.zeros((0, PARTS), int), np.zeros((0, PARTS, 3, 3))
     steps = np.diff(t)
     usual = np.median(steps)
-    # a sample's number in its turn, lost ones counted too
+    # index of each sample in its rotation, dropped samples counted
     lost = lost_samples(steps, usual)
     numbers = [np.append(0, np.cumsum(1 + lost[i:j])) for i, j in zip(begin, last, strict=True)]
     n = np.array([number[-1] + 1 for number in numbers])
@@ -67,17 +80,17 @@ def aliased_turns(t, w, begin, last, bias, variance):
     for i, j, number, rest in zip(begin, last, numbers, bias, strict=True):
         turn = w[i : j + 1] - rest
         even = CubicSpline(number, turn.T, axis=1)(np.arange(number[-1] + 1))
-        own = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
-        energy.append(own.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
-        at, squares = outer_products(np.diff(turn, 2, axis=0))
+        power = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
+        energy.append(power.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
+        middles, squares = outer_products(np.diff(turn, 2, axis=0))
         squares /= max(np.trace(squares.sum(axis=0)), np.finfo(float).tiny)
         shares = np.trace(squares, axis1=1, axis2=2)[:, None, None]
-        places.append((at, ANY_WAY * shares * np.eye(3) + 3 * (1 - ANY_WAY) * squares))
+        places.append((middles, ANY_WAY * shares * np.eye(3) + 3 * (1 - ANY_WAY) * squares))
     energy, noise = np.array(energy), n[:, None] * (np.median(variance.mean(axis=1)) + EXACT)
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 
-    def likeliest(p):
-        """Return a f_s⁻ᵖ of each turn, (m, 1), and the logarithm of the likelihood, less."""
+    def fit_energy(p):
+        """Return the best a f_s⁻ᵖ of each rotation, (m, 1), and the negative log-likelihood."""
         shape = zeta(p, x) + zeta(p, 1 - x)
         size = np.zeros((len(n), 1))
         for _ in range(20):
@@ -87,19 +100,19 @@ def aliased_turns(t, w, begin, last, bias, variance):
         expected = size * shape + noise
         return size, n @ (np.log(expected) + energy / expected).sum(axis=1)
 
-    p = minimize_scalar(lambda p: likeliest(p)[1], bounds=FALLS, method="bounded").x
-    found = 2 * likeliest(p)[0][:, 0] * zeta(p)
-    # with a tremor or a line near half the rate a spectrum does not fall, and has no continuation
-    counts = found.sum() > NEGLIGIBLE * noise.sum() and p > FALLS[0] + FLAT
-    found *= usual**2 * counts
-    at, shares = map(np.array, zip(*places, strict=True))
-    return found, np.full(len(n), p), at, shares * found[:, None, None, None]
+    p = minimize_scalar(lambda p: fit_energy(p)[1], bounds=FALLS, method="bounded").x
+    aliased = 2 * fit_energy(p)[0][:, 0] * zeta(p)
+    # a tremor or a line near half the sampling rate cannot be extrapolated by a power law
+    valid = aliased.sum() > NEGLIGIBLE * noise.sum() and p > FALLS[0] + FLAT
+    aliased *= usual**2 * valid
+    middles, shares = map(np.array, zip(*places, strict=True))
+    return aliased, np.full(len(n), p), middles, shares * aliased[:, None, None, None]
 
 
 def outer_products(changes):
-    """Return sums of v vᵀ over `PARTS` of a turn's changes v, (n, 3): their middles, and each.
+    """Return the sums of v vᵀ over `PARTS` consecutive parts of some vectors v, (n, 3).
 
-    Shapes are (PARTS,) and (PARTS, 3, 3).
+    Returns the index of the middle vector of each part, (PARTS,), and the sums, (PARTS, 3, 3).
     """
     n, sums = len(changes), np.zeros((PARTS, 3, 3))
     products = changes[:, :, None] * changes[:, None, :]

@@ -23,7 +23,7 @@ from imuloop.commands.raw_log import (
     refuse_swapped,
     segmented,
 )
-from imuloop.core.calibration_faults import implausible
+from imuloop.core.calibration_faults import implausible_values
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
@@ -122,7 +122,7 @@ def run(arguments):
     of = f"{name} against the calibration of {drift.device}; noise {source}"
     say(f"{of}; {gravity_line(gravity)}", *lines(drift))
     for sensor in SENSORS:
-        if why := implausible(getattr(calibration, sensor), sensor):
+        if why := implausible_values(getattr(calibration, sensor), sensor):
             say(f"The calibration of the {sensor}: {why}")
     if update:
         updated, kept = update

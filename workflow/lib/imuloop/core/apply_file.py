@@ -30,13 +30,30 @@ from imuloop.core.tables import text_cell, text_cells
 
 
 def apply_file(calibration, source, target, shift=0.0):
-    """Write the calibrated samples of a file.
+    """Write the calibrated samples of a file, the same as those of `Calibration.apply`.
 
-    Gives what `Calibration.apply` gives. Columns that are no samples are kept. Returned is by
-    (sensor, effect) the number of samples at which the effect was clamped to the range of its data.
-    `shift`, s, is added to the stamps. The source is Parquet as ingest writes it, the target
-    ``.csv`` or ``.parquet``; an ImuloopError if the source lacks a column or is calibrated already,
-    or the target is the source or has another ending.
+    Other columns of the file are kept.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The calibration of the device.
+    source, target : path
+        Parquet file of samples that ingest wrote, and file to write, ``.csv`` or ``.parquet``.
+    shift : float, optional
+        Seconds to add to the time stamps.
+
+    Returns
+    -------
+    dict
+        For each (sensor, effect), the number of samples at which the effect was clamped to the
+        range of its data, if any.
+
+    Raises
+    ------
+    ImuloopError
+        If the source lacks a column or is calibrated already, or if the target is the source or has
+        another ending.
     """
     source, target = Path(source), Path(target)
     if target.suffix not in (".csv", ".parquet"):
@@ -64,8 +81,8 @@ def apply_file(calibration, source, target, shift=0.0):
             marks = {METADATA_KEY: json.dumps(attrs[METADATA_KEY.decode()])}
             marked = table.replace_schema_metadata(marks | {ATTRS_KEY: json.dumps(attrs)})
             pq.write_table(marked, temporary, compression="zstd")
-    held = zip(SENSORS, clamped, strict=True)
-    return {(s, name): int(at.sum()) for s, of in held for name, at in of.items() if at.any()}
+    masks = {(s, n): x for s, of in zip(SENSORS, clamped, strict=True) for n, x in of.items()}
+    return {key: int(mask.sum()) for key, mask in masks.items() if mask.any()}
 
 
 def _as_text(table):

@@ -1,4 +1,4 @@
-"""Faults of a calibration, each one line of text."""
+"""Faults of a calibration, each described by one line of text."""
 
 import json
 import math
@@ -13,9 +13,9 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.units import raw_unit
 
 SCHEMA = Path(__file__).parents[1] / "schemas" / "calibration.schema.yaml"
-# that of a calibration with 200 parameters per sensor is smaller
+# largest file of a calibration: one with 200 parameters per sensor is smaller
 MOST_BYTES = 4_000_000
-# longest text of the validator that is shown, which may hold a whole list
+# longest text of the validator that is shown, as it may hold a whole list
 _SHOWN = 160
 
 _QUANTITIES = {"accelerometer": "acceleration", "gyroscope": "angular_rate"}
@@ -23,36 +23,36 @@ _QUANTITIES = {"accelerometer": "acceleration", "gyroscope": "angular_rate"}
 _SCALES = {f"{letter}{i}" for letter in "Kb" for i in range(3)}
 _ANGLES = {f"T{i}{j}" for i in range(3) for j in range(3) if i != j}
 _UPPER = {name for name in _ANGLES if name[1] < name[2]}
-# a scale factor further from its unit's by such a factor, or axes so nearly parallel, has no sensor
+# largest ratio of a scale factor to the nominal one, or its inverse, and largest condition of T
 _FURTHEST = 100.0
-# a parameter or a standard error of so much, SI, is of no sensor, and its square still a number
+# largest parameter or standard error, SI; its square does not overflow
 _LARGEST = 1e9
-# a variance of so much, in the parameter's unit, is of no sensor, and its square still a number
+# largest variance, in the unit of the parameter; its square does not overflow
 _LARGEST_VARIANCE = 1e60
-# data sheets allow a scale factor off by 10 %, a bias of 0.3 g and of 75 °/s at most; beyond
-# these limits, SI, the log is at fault: a wrong scale, or rows that were not read
+# largest relative error of a scale factor, and largest bias, SI, of a correct log. Data sheets
+# allow 10 %, 0.3 g and 75 °/s at most; above, the scale is wrong or rows were not read
 _SCALE_ERROR, _BIAS = 0.2, {"accelerometer": 5.0, "gyroscope": 1.5}
-# what rounding may leave of symmetry, in units of the standard errors
+# largest asymmetry of a covariance by rounding, in units of the standard errors
 _ROUNDING = 1e-6
 
 
 @cache
 def _validator():
-    # loaded late and parsed once: it takes longer than all else of reading a calibration
+    # loaded late and parsed once, as it takes longer than the rest of reading a calibration
     from jsonschema import Draft202012Validator
 
     return Draft202012Validator(yaml.safe_load(SCHEMA.read_text(encoding="utf-8")))
 
 
 def content_fault(content):
-    """Return how a calibration's JSON, a dict, violates its schema; None if it does not."""
+    """Return how the JSON content of a calibration, a dict, violates its schema, text or None."""
     if error := next(_validator().iter_errors(content), None):
         key, text = ".".join(map(str, error.absolute_path)), error.message
         if len(text) > _SHOWN:
             text = f"{text[: _SHOWN // 2]} … {text[-_SHOWN // 2 :]}"
         return f"{key}: {text}" if key else text
     try:
-        # a number of more digits than a double holds becomes infinite
+        # a number that is too large for a double becomes infinite
         json.dumps(json.loads(json.dumps(content), parse_int=float), allow_nan=False)
     except ValueError:
         return "a number is not finite"
@@ -60,30 +60,35 @@ def content_fault(content):
 
 
 def sensor_fault(calibration, sensor):
-    """Return why no sensor can have a SensorCalibration, in one line; None if one can."""
-    faults = _base_faults, _effect_faults, _covariance_faults
-    return next((fault for each in faults for fault in each(calibration, sensor)), None)
+    """Return why no sensor can have a SensorCalibration, one line of text; None if one can.
 
-
-def implausible(calibration, sensor):
-    """Return why a SensorCalibration, though valid, must come from a faulty log; else None.
-
-    Its K or b is further from the nominal one than any data sheet allows.
+    `sensor` is the name of the sensor.
     """
-    unit, found = calibration.raw_unit, []
+    checks = _base_faults, _effect_faults, _covariance_faults
+    return next((fault for check in checks for fault in check(calibration, sensor)), None)
+
+
+def implausible_values(calibration, sensor):
+    """Return a text that names the values of K and b that no data sheet allows; None without any.
+
+    Such a SensorCalibration is valid, but the log that it comes from must be faulty. `sensor` is
+    the name of the sensor.
+    """
+    unit, values = calibration.raw_unit, []
     for i, axis in enumerate("xyz"):
         scale, bias = calibration.K[i] / unit.scale, (calibration.b[i] - unit.offset) * unit.scale
         if abs(scale - 1) > _SCALE_ERROR:
-            found.append(f"K of {axis} is {scale:.3g} times nominal")
+            values.append(f"K of {axis} is {scale:.3g} times nominal")
         if abs(bias) > _BIAS[sensor]:
             si = {"accelerometer": "m/s²", "gyroscope": "rad/s"}[sensor]
-            found.append(f"the bias of {axis} is {bias:.3g} {si}")
+            values.append(f"the bias of {axis} is {bias:.3g} {si}")
     quantity = _QUANTITIES[sensor]
     where = f"nominal.{quantity}" if unit.name == "count" else f"units.{quantity}"
-    return f"{', '.join(found)}, of no sensor: see {where} and the log" if found else None
+    return f"{', '.join(values)}, of no sensor: see {where} and the log" if values else None
 
 
 def _base_faults(calibration, sensor):
+    """Yield the faults of the raw unit, T, K and b, text."""
     T, K, b, unit = calibration.T, calibration.K, calibration.b, calibration.raw_unit
     try:
         known = raw_unit(
@@ -94,7 +99,7 @@ def _base_faults(calibration, sensor):
     same = (known.name, known.offset) == (unit.name, unit.offset)
     if not (same and math.isclose(known.scale, unit.scale, rel_tol=1e-9) and unit.scale > 0):
         yield f"raw_unit {unit.name} has not the scale {unit.scale} and the offset {unit.offset}"
-    # written so that what is not a number is refused
+    # these comparisons are false for not-a-number, which is refused
     if not np.all(np.abs(b - unit.offset) * unit.scale <= _LARGEST):
         yield f"b is {b.tolist()}: no sensor has such a bias"
     ratio = K / unit.scale
@@ -112,6 +117,7 @@ def _base_faults(calibration, sensor):
 
 
 def _effect_faults(calibration, sensor):
+    """Yield the faults of the effects, text."""
     names = [effect.name for effect in calibration.effects]
     for effect in calibration.effects:
         if sensor not in effect.effect.sensors:
@@ -126,6 +132,7 @@ def _effect_faults(calibration, sensor):
 
 
 def _covariance_faults(calibration, sensor):
+    """Yield the faults of the covariance, text."""
     names = calibration.names
     matrix = np.zeros((0, 0)) if calibration.covariance is None else calibration.covariance
     known = {f"{effect.name}.{key}" for effect in calibration.effects for key in effect.values}
@@ -137,7 +144,7 @@ def _covariance_faults(calibration, sensor):
     variance = np.diag(matrix)
     if not np.all((variance >= 0) & (variance <= _LARGEST_VARIANCE)):
         yield "covariance: a variance is below zero, or of no sensor"
-    # in units of the standard errors; what was fixed has none
+    # the matrix in units of the standard errors; a fixed parameter has none
     std = np.sqrt(np.where(variance == 0, 1.0, variance))
     with np.errstate(over="ignore"):
         share = matrix / std / std[:, None]

@@ -1,4 +1,4 @@
-"""An effect: what the base model of bias, scale factor and misalignment lacks."""
+"""An effect: an error of a sensor other than bias, scale factor and misalignment."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -10,7 +10,7 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, did_you_mean
 
-# constants that lie between those of the shapes
+# constants that are fitted to values between those of the shapes
 FINE = ("tau", "half_width", "lag")
 # SI unit of each sensor's output
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -18,20 +18,21 @@ OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 @dataclass(frozen=True)
 class Channels:
-    """What an effect may depend on, at n points: samples, or poses."""
+    """The inputs of an effect at n points, which are samples or poses."""
 
     t: np.ndarray  # (n,): time since the start of the log, s
     output: np.ndarray  # (n, 3): the sensor's own output ``K (raw - b)``, SI, on its own axes
     other: np.ndarray  # (n, 3): the other sensor's output, SI
     temperature: np.ndarray | None = None  # (n,): degC; None where it was not logged
-    history: Callable | None = None  # see `evaluate`; None where the points are samples
-    # (n,): which power cycle of the data, 0, 1, ..., each point lies in; None in one of its own
+    # evaluates a function of the whole log at the points, see `evaluate`; None if they are samples
+    history: Callable | None = None
+    # (n,): number of the power cycle of each point, 0, 1, …; None if it is one unknown power cycle
     power_cycle: np.ndarray | None = None
-    # takes, by name of an effect, at which points it was clamped to its range
+    # is filled, by name of the effect, with the points at which it was clamped to its range
     clamped: dict | None = None
 
     def map(self, change):
-        """Return the channels with each array of n points as `change` makes it, (m, …)."""
+        """Return the Channels with `change` applied to each array, from (n, …) to (m, …)."""
         temperature = None if self.temperature is None else change(self.temperature)
         return Channels(
             *(change(values) for values in (self.t, self.output, self.other)),
@@ -40,19 +41,19 @@ class Channels:
         )
 
     def evaluate(self, function, *constants):
-        """Return a function of the log's samples at these points, shape (n, …).
+        """Return the values of a function of the whole log at the points, (n, …).
 
-        The function takes the Channels of a whole log and constants, and gives an array whose first
-        axis is the log's samples; at a pose their mean over it is taken.
+        The function takes the Channels of the whole log and the constants, and returns an array
+        with a row for each sample. The value at a pose is the mean over the samples of the pose.
         """
         if self.history is not None:
             return self.history(function, *constants)
         return function(self, *constants)
 
     def evaluate_memory(self, function, *constants):
-        """Return the same of a function in which a sample depends on those before and after it.
+        """Return the values, (n, …), of a function in which a sample depends on other samples.
 
-        An ImuloopError for a single sample.
+        The function is evaluated as in `evaluate`. Raises an ImuloopError for a single sample.
         """
         if self.history is None and len(self.t) == 1:
             raise ImuloopError(
@@ -63,7 +64,10 @@ class Channels:
 
 
 class LoggedChannels:
-    """The `Channels` of a whole log; an output is computed when it is first used."""
+    """The `Channels` of a whole log, whose outputs are computed when they are first used.
+
+    `output` and `other` are functions without arguments that return the outputs of both sensors.
+    """
 
     def __init__(self, t, temperature, output, other):
         self.t, self.temperature, self._output, self._other = t, temperature, output, other
@@ -77,60 +81,68 @@ class Effect:
     """Base class of all effects; a subclass with a name registers itself in the library.
 
     An effect adds ``e = Σ_k p_k D_k`` to the sensor's output, SI, on the sensor's own axes, in the
-    model ``x = T (K (raw - b) - e)``. D, its derivative, is what a subclass gives. Constants that D
-    does not depend on linearly (a time constant, an order) are fields of the subclass, then a
-    frozen dataclass: an instance is one shape of the effect.
+    model ``x = T (K (raw - b) - e)``. p_k are its parameters, and D, which a subclass computes, is
+    the derivative of e with respect to them. Constants that enter D nonlinearly, such as a time
+    constant or an order, are fields of the subclass, which is then a frozen dataclass. An instance
+    with values of the constants is a shape of the effect.
     """
 
-    name: ClassVar[str]  # as in results
+    name: ClassVar[str]  # name in the results
     # the sensors that can have it
     sensors: ClassVar[tuple[str, ...]] = ("accelerometer", "gyroscope")
-    # names of the parameters and their SI units; ``output`` in a unit is that of the sensor
+    # names of the parameters and their SI units; ``output`` in a unit stands for the sensor's unit
     parameters: ClassVar[dict[str, str]]
-    equation: ClassVar[str]  # what it adds
-    reference: ClassVar[str]  # where it is described
-    # channels without which it cannot be seen: ``temperature``, ``power_cycle`` (more than one)
+    equation: ClassVar[str]  # equation of e
+    reference: ClassVar[str]  # publication that describes it
+    # channels that it needs: ``temperature``, ``power_cycle`` (more than one)
     needs: ClassVar[tuple[str, ...]] = ()
-    # data in which it is looked for: ``poses``, ``static_record``, ``motion``
+    # data in which the diagnosis tests it: ``poses``, ``static_record``, ``motion``
     records: ClassVar[tuple[str, ...]] = ("poses", "static_record")
-    # why poses and static records cannot show it, if so; then it is tried in its `records` only
+    # why poses and static records cannot show it; None if they can. Only its `records` are tested
     unobservable: ClassVar[str | None] = None
     limit: ClassVar[float] = np.inf  # largest size of a parameter that is physically possible, SI
-    # whether it depends on the time since the start of the log, or on what was before
+    # whether it depends on the time since the start of the log, or on earlier samples
     timed: ClassVar[bool] = False
-    # whether it is of time or of what the temperature was before: what the temperature itself
-    # explains comes before it
+    # whether it depends on time or on earlier temperatures: it is tested after the effects of the
+    # temperature itself
     after_temperature: ClassVar[bool] = False
-    # whether it depends on how fast an output changes, and so on the samples beside each
+    # whether it depends on the rate of change of an output, and so on neighbouring samples
     rate_of_change: ClassVar[bool] = False
     lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
-    # whether it is one of many formulas without a cause: all others come before it
+    # whether it is one of many formulas without a known cause: it is tested after all others
     is_formula: ClassVar[bool] = False
-    # by how much the logarithm of its p-value has to be below that of shapes which do without
-    # a constant that this one has
+    # amount by which the logarithm of the p-value has to be below that of shapes with fewer
+    # constants
     price: ClassVar[float] = 0.0
-    # least and largest value of a constant, where not any number will do
+    # least and largest value of constants that have limits
     bounds: ClassVar[dict[str, tuple[float, float]]] = {"tau": (1e-3, 1e7)}
 
     library: ClassVar[dict[str, type]] = {}
 
     @property
     def kind(self):
-        """The class, which effects with other constants share."""
+        """The class of the effect."""
         return type(self)
 
     @property
     def constants(self):
-        """Constants of this shape by name."""
+        """Constants of this shape, a dict by name."""
         return asdict(self)
 
     def in_session(self, channels, session, windows):
-        """Return the derivative of means over windows, (n, 2) s, of a session, (n, 3, p)."""
+        """Return the derivative D of the means over windows of a session, (n, 3, p).
+
+        `session` is the name of the session, `windows` are start and end, s, (n, 2). The channels
+        have a point for each window.
+        """
         return self.design(channels)
 
     def clamped(self, design, low, high):
-        """Return a derivative, (n, 3, p), clamped to the ranges of its parameters, (p,) each."""
-        # a parameter that an axis does not have is zero there
+        """Return the derivative D, (n, 3, p), clamped to a range for each parameter.
+
+        `low` and `high` are the ends of the ranges, (p,).
+        """
+        # zeros are kept: they are axes that do not depend on a parameter
         return np.where(design == 0, 0.0, np.clip(design, low, high))
 
     def moved(self, factor):
@@ -144,25 +156,34 @@ class Effect:
 
     @classmethod
     def shapes(cls, channels):
-        """Return the shapes to try for data with these channels; none where it has no design."""
+        """Return the shapes to test in data with these Channels; none without a design."""
         return () if cls.design is Effect.design else (cls(),)
 
     def units(self, sensor):
-        """Return the SI unit of each parameter for a sensor."""
+        """Return the SI unit of each parameter, a dict by name, for the sensor of that name."""
         output = OUTPUT[sensor]
         return {name: unit.replace("output", output) for name, unit in self.parameters.items()}
 
     def design(self, channels):
-        """Return D, the derivative of `e` to the parameters at n points, SI, shape (n, 3, p)."""
+        """Return D, the derivative of e with respect to the p parameters, SI, (n, 3, p).
+
+        If e is not linear in the parameters, it is the derivative at zero.
+        """
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
     def design_at(self, channels, values):
-        """Return D with ``D p = e`` at p = `values`; unlike `design` where e is not linear."""
+        """Return D, (n, 3, p), such that ``D p = e`` at the parameters p = `values`, (p,).
+
+        It differs from `design` only if e is not linear in the parameters.
+        """
         return self.design(channels)
 
 
 def find_effect(name):
-    """Return the class of the effect of that name; an ImuloopError if the library has none."""
+    """Return the class of the effect with a name.
+
+    Raises an ImuloopError if the library has none.
+    """
     if name not in Effect.library:
         known = ", ".join(sorted(Effect.library)) or "none is loaded"
         hint = did_you_mean(name, Effect.library)
@@ -171,24 +192,28 @@ def find_effect(name):
 
 
 def effect_design(effects, channels, values=()):
-    """Return D of the sum of effects, (n, 3, p), at the first of their p parameters, else zero."""
+    """Return the derivative D of the sum of effects with respect to their p parameters, (n, 3, p).
+
+    It is taken at the parameters `values`, which may be only the first of the p; the others are
+    zero.
+    """
     ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
-    x, at = np.append(values, np.zeros(ends[-1] - len(values))), pairwise(ends)
-    parts = [e.design_at(channels, x[i:j]) for e, (i, j) in zip(effects, at, strict=True)]
-    # one alone, of a search hundreds of products, is no copy
-    none = np.zeros((len(channels.t), 3, 0))
-    return parts[0] if len(parts) == 1 else np.concatenate([none, *parts], axis=2)
+    x, ranges = np.append(values, np.zeros(ends[-1] - len(values))), pairwise(ends)
+    parts = [e.design_at(channels, x[i:j]) for e, (i, j) in zip(effects, ranges, strict=True)]
+    empty = np.zeros((len(channels.t), 3, 0))
+    # a single D is not copied, as a search has one of hundreds of products
+    return parts[0] if len(parts) == 1 else np.concatenate([empty, *parts], axis=2)
 
 
 @dataclass(frozen=True)
 class FittedEffect:
     """An effect with the values of its parameters."""
 
-    effect: Effect  # with its constants
+    effect: Effect  # the effect with its constants
     values: dict  # parameters by name, SI
-    std: dict  # their standard errors, SI
-    # least and largest value that the derivative of each parameter had in the data that show the
-    # effect, SI; it is clamped to them. Empty for an effect that acts everywhere
+    std: dict  # standard errors of the parameters by name, SI
+    # least and largest value of the derivative with respect to each parameter, by name, SI, in the
+    # data that show the effect; it is clamped to them. Empty if the effect is not clamped
     ranges: dict = field(default_factory=dict)
 
     @property
@@ -198,15 +223,15 @@ class FittedEffect:
 
     @property
     def vector(self):
-        """Parameters in the order of the effect's derivative, shape (p,), SI."""
+        """Parameters in the order of the derivative, SI, (p,)."""
         return np.array([self.values[name] for name in self.effect.parameters])
 
     def output(self, channels):
-        """Return what the effect adds to the sensor's output, shape (n, 3), SI."""
+        """Return e, which the effect adds to the sensor's output, SI, (n, 3), at the Channels."""
         design = self.effect.design_at(channels, self.vector)
         if self.ranges:
-            anything = (-np.inf, np.inf)
-            ends = [self.ranges.get(name, anything) for name in self.effect.parameters]
+            unlimited = (-np.inf, np.inf)
+            ends = [self.ranges.get(name, unlimited) for name in self.effect.parameters]
             clamped = self.effect.clamped(design, *np.transpose(ends))
             if channels.clamped is not None:
                 channels.clamped[self.name] = np.any(clamped != design, axis=(1, 2))
@@ -214,8 +239,8 @@ class FittedEffect:
         return design @ self.vector
 
     def with_ranges(self, channels):
-        """Return the effect with the ranges of its derivative in the data, a list of Channels."""
-        parts = [self.effect.design_at(each, self.vector) for each in channels]
+        """Return the FittedEffect with the ranges of its derivative in data, a list of Channels."""
+        parts = [self.effect.design_at(data, self.vector) for data in channels]
         ranges = dict(self.ranges)
         for k, name in enumerate(self.effect.parameters):
             design = np.concatenate([np.zeros(0), *(part[:, :, k].ravel() for part in parts)])
@@ -225,18 +250,21 @@ class FittedEffect:
         return replace(self, ranges=ranges)
 
     def to_dict(self):
-        """Return what a JSON file holds of the effect."""
+        """Return the content of a JSON file for the effect, a dict."""
         content = {"name": self.name, "constants": self.effect.constants}
         content |= {"parameters": self.values, "std": self.std}
         return content | ({"range": self.ranges} if self.ranges else {})
 
     @classmethod
     def from_dict(cls, content):
-        """Return the effect of a JSON file; an ImuloopError if the library has none like it."""
+        """Return the FittedEffect of the content of a JSON file, a dict.
+
+        Raises an ImuloopError if the library has no such effect.
+        """
         name = content["name"]
         try:
             constants = content.get("constants", {}).items()
-            # a list of a file is a tuple: an effect is hashed
+            # lists of the file become tuples, as an effect is hashed
             constants = {k: tuple(v) if isinstance(v, list) else v for k, v in constants}
             effect = find_effect(name)(**constants)
             _check_constants(effect)
@@ -257,11 +285,11 @@ class FittedEffect:
 
 def _check_constants(effect):
     """Raise ValueError for a constant of another type than its default, or out of its bounds."""
-    for each in fields(effect):
-        value = getattr(effect, each.name)
-        kinds = {float: (int, float)}.get(type(each.default), type(each.default))
+    for constant in fields(effect):
+        value = getattr(effect, constant.name)
+        kinds = {float: (int, float)}.get(type(constant.default), type(constant.default))
         if isinstance(value, bool) or not isinstance(value, kinds):
-            raise TypeError(f"{each.name} is {value!r}")
-        low, high = effect.bounds.get(each.name, (-np.inf, np.inf))
+            raise TypeError(f"{constant.name} is {value!r}")
+        low, high = effect.bounds.get(constant.name, (-np.inf, np.inf))
         if isinstance(value, (int, float)) and not (low <= value <= high and abs(value) < np.inf):
-            raise ValueError(f"{each.name} is {value:g}, not from {low:g} to {high:g}")
+            raise ValueError(f"{constant.name} is {value:g}, not from {low:g} to {high:g}")

@@ -4,11 +4,11 @@ import difflib
 
 
 class ImuloopError(Exception):
-    """What the user declared or gave cannot be used; one line, no traceback needed."""
+    """A fault of a declaration or an input; its text is one line, without a traceback."""
 
 
 class ImuloopWarning(UserWarning):
-    """Something in a log that the user should look at; the work goes on."""
+    """A fact about a log that the user should look at; the run continues."""
 
 
 class Lacking(ImuloopError):
@@ -20,28 +20,29 @@ class MachineFault(ImuloopError):
 
 
 class RejectedLog(ImuloopError):
-    """What is wrong lies in the data: the session is rejected, the run goes on."""
+    """The data of a session are unusable: the session is rejected, the run continues."""
 
 
 def printable(text):
-    """Return `text` without terminal control characters, lines kept: it may come from a log."""
+    """Return `text`, which may come from a log, without control characters but line ends."""
     return "".join(c if c.isprintable() or c == "\n" else "?" for c in str(text))
 
 
 def one_line(text):
-    """Return `text` on one line, without terminal control characters: it may come from a log.
+    """Return `text`, which may come from a log, on one line without control characters.
 
-    Of a package that is not installed, with what installs it.
+    For a ModuleNotFoundError, the line ends with the command that installs the package.
     """
     cure = "; pip install '.[all]'" if isinstance(text, ModuleNotFoundError) else ""
     return printable(" ".join(str(text).split())) + cure
 
 
 def failure_line(error):
-    """Return one line for the user about an exception; its traceback belongs into a log.
+    """Return one line of text about an exception for the user.
 
-    The text of an `ImuloopError`, or of a file, a machine or a package that is missing. The text of
-    any other exception, as those of numerical libraries, is about code and not shown.
+    It is the text of the exception if this is an `ImuloopError` or an error of a file, of the
+    machine or of a missing package. The text of other exceptions, such as those of numerical
+    libraries, is about code and is not shown.
     """
     kind = type(error).__name__
     if isinstance(error, (ImuloopError, OSError, ImportError, MemoryError)):
@@ -50,7 +51,7 @@ def failure_line(error):
 
 
 def plural(count, noun, ending="s"):
-    """Return a count with its noun."""
+    """Return a count with its noun, which gets the ending unless the count is one."""
     return f"{count} {noun}{'' if count == 1 else ending}"
 
 

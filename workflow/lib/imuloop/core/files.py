@@ -1,4 +1,4 @@
-"""Result files, written to a temporary file and renamed: a kill leaves none half-written."""
+"""Result files, which are written to a temporary file and renamed, so that none is incomplete."""
 
 import errno
 import json
@@ -11,16 +11,16 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, MachineFault
 
-# no room on the disk, in the quota, in the limit of the process
+# errors of a full disk, an exhausted quota, and a file larger than the process may write
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 @contextmanager
 def replaced(path):
-    """Yield a temporary path beside `path`, which replaces it when the block succeeds.
+    """Yield a temporary path in the folder of `path`; its file replaces `path` at the end.
 
-    It is removed if the block raises; one that a kill left is the next writer's. A MachineFault if
-    the disk is full.
+    The file is removed if the block raises. The next writer overwrites a file that a killed process
+    left. Raises a MachineFault if the disk is full.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -37,9 +37,9 @@ def replaced(path):
 
 
 def refuse_overwriting(targets, sources):
-    """Refuse to overwrite an input, also by way of a link, a folder or another case.
+    """Raise an ImuloopError that names both files if a target is the same file as a source.
 
-    The ImuloopError names both.
+    Links, folders and names in another case are recognised. A folder stands for all files in it.
     """
     read = {key: each for source in sources for key, each in _files_at(source).items()}
     for target in targets:
@@ -53,10 +53,10 @@ def refuse_overwriting(targets, sources):
 
 
 def _files_at(path):
-    """Return each file at a path, of a folder all below, by what tells files apart."""
+    """Return the files at a path, and in it if it is a folder, a dict by device and inode."""
     files, folders, waiting = {}, set(), [Path(path)]
     for each in waiting:
-        # what is not there, or may not be looked into, cannot be read either
+        # a file that does not exist, or may not be accessed, cannot be an input
         with suppress(OSError):
             state = each.stat()
             key = state.st_dev, state.st_ino
@@ -93,12 +93,12 @@ def write_json(path, content):
 def read_json(path, most=None):
     """Return the content of a JSON file of at most `most` bytes.
 
-    An ImuloopError if it is no regular file, is larger, or is no JSON: no UTF-8, nested too deep,
-    with a key given twice or NaN; a FileNotFoundError if it is not there.
+    Raises an ImuloopError if it is not a regular file, is larger, or is not valid: not in UTF-8,
+    nested too deep, with a repeated key or with NaN. Raises a FileNotFoundError if it is missing.
     """
     path = Path(path)
     size = path.stat().st_size
-    # a pipe would be waited for, a device read for ever
+    # reading a pipe would wait, reading a device would not end
     if not path.is_file():
         raise ImuloopError(f"{path}: not a regular file")
     if most and size > most:

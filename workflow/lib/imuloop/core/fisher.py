@@ -1,10 +1,10 @@
-"""Several independent p-values as one."""
+"""Combination of independent p-values."""
 
 import numpy as np
 
 
 def fisher(log_p):
-    """Return the logarithm of Fisher's combined p-value of k independent ones.
+    """Return the logarithm of Fisher's combined p-value; takes the logarithms of k p-values.
 
     ``-2 Σ log p`` is χ² with 2k degrees of freedom, whose tail is ``exp(-L) Σ_{i<k} Lⁱ/i!`` at
     ``L = -Σ log p``.

@@ -4,19 +4,18 @@ import numpy as np
 
 # rad/s, WGS 84
 EARTH_RATE = 7.292115e-5
-# local gravity of any body that a device rests on, m/s^2
+# least and largest local gravity, on Earth or elsewhere, m/s^2
 WEAKEST, STRONGEST = 0.1, 25.0
-# of a place on Earth: geodetic latitude, degrees, and height above the ellipsoid, m
+# limits of a place on Earth: geodetic latitude, degrees, and height above the ellipsoid, m
 LATITUDES, HEIGHTS = (-90, 90), (-1000, 20000)
 
 
 def normal_gravity(latitude, height):
-    """Return normal gravity on and above the WGS 84 ellipsoid.
+    """Return normal gravity on and above the WGS 84 ellipsoid, m/s^2.
 
-    ``g0 = ge (1 + k sin²φ) / sqrt(1 - e² sin²φ)`` (Somigliana), and above it
-    ``g = g0 [1 - 2 (1 + f + m - 2 f sin²φ) h/a + 3 h²/a²]``.
-
-    In m/s^2, of the geodetic latitude φ, degrees, and the height above the ellipsoid, m.
+    On the ellipsoid it is ``g0 = ge (1 + k sin²φ) / sqrt(1 - e² sin²φ)`` (Somigliana), above it
+    ``g = g0 [1 - 2 (1 + f + m - 2 f sin²φ) h/a + 3 h²/a²]``. Takes the geodetic latitude φ,
+    degrees, and the height h above the ellipsoid, m. The other symbols are constants of WGS 84.
 
     References
     ----------

@@ -1,4 +1,4 @@
-"""Low-pass filters before the output: the power that they leave of noise in front of them."""
+"""Low-pass filters before the output of a sensor: their power gain for noise before them."""
 
 from dataclasses import dataclass
 
@@ -6,16 +6,19 @@ import numpy as np
 from scipy.fft import rfft
 from scipy.interpolate import BSpline
 
-# points of a gain from 0 to half the rate
+# number of frequencies from 0 to half the output rate at which a gain is computed
 POINTS = 4097
-# what makes the autocorrelation of white noise a B-spline, and its degree
+# degree of the B-spline that is the autocorrelation of white noise, by kind of resampling
 DEGREES = {"held or averaged": 1, "interpolated": 3, "averaged three times": 5}
-# frequency at which held and interpolated values have half their power, share of the sensor's rate
+# frequency at which the power is a half, share of the sensor's rate, by degree
 HALF_POWER = {1: 0.442946, 3: 0.318917, 5: 0.261938}
 
 
 def _butterworth(order):
-    """Return the power gain of a digital Butterworth filter (bilinear transform)."""
+    """Return the power gain of a digital Butterworth filter (bilinear transform), a function.
+
+    It takes frequencies and the corner, shares of the rate.
+    """
 
     def gain(frequency, corner):
         ratio = np.tan(np.pi * np.minimum(frequency, 0.4999)) / np.tan(np.pi * corner)
@@ -25,11 +28,14 @@ def _butterworth(order):
 
 
 def _sampled_butterworth(order):
-    """Return the power gain of an analogue Butterworth filter, sampled: with its aliases."""
+    """Return the power gain of a sampled analogue Butterworth filter with its aliases, a function.
+
+    It takes frequencies and the corner, shares of the rate.
+    """
 
     def gain(frequency, corner):
         if order == 1:
-            # the sum of all aliases, as of an exponential moving average
+            # the sum of all aliases is the gain of an exponential moving average
             phi = np.exp(-2 * np.pi * corner)
             return (1 - phi) ** 2 / ((1 - phi) ** 2 + 4 * phi * np.sin(np.pi * frequency) ** 2)
         alias = np.arange(-20, 21)
@@ -41,10 +47,14 @@ def _sampled_butterworth(order):
 
 
 def _spline(degree):
-    """Return the power gain of values that are held or averaged, interpolated, averaged again.
+    """Return the power gain of values that were held, averaged or interpolated, a function.
 
-    The autocorrelation of white noise is then a B-spline of degree 1, 3 or 5 in the lag over the
-    interval of the sensor or of the average.
+    White noise of a sensor that is resampled in such a way has an autocorrelation that is a
+    B-spline of the lag, in intervals of the sensor or of the average. Its degree is 1 for values
+    that are held or averaged, 3 for values that are interpolated, and 5 for values that are
+    averaged three times. The power gain is the Fourier transform of the autocorrelation.
+
+    The function takes frequencies and the corner, shares of the output rate.
     """
     knots = np.arange(degree + 2) - (degree + 1) / 2
     spline = BSpline.basis_element(knots, extrapolate=False)
@@ -59,7 +69,7 @@ def _spline(degree):
     return gain
 
 
-# power gain of each kind over frequency and corner, both as shares of the rate
+# power gain of each kind, a function of frequency and corner, both shares of the rate
 GAINS = {
     "first order": _butterworth(1),
     "first order, sampled": _sampled_butterworth(1),
@@ -73,17 +83,13 @@ GAINS = {
 
 @dataclass(frozen=True)
 class LowPass:
-    """A filter in front of the output.
+    """A low-pass filter before the output."""
 
-    `kind` is a key of `GAINS`; `corner`, where the power has fallen to a half, is a share of the
-    rate; `floor` is the share of the white noise that enters behind the filter.
-    """
-
-    kind: str
-    corner: float
-    floor: float = 0.0
+    kind: str  # key of `GAINS`
+    corner: float  # frequency at which the power is a half, share of the rate
+    floor: float = 0.0  # share of the power of white noise that enters behind the filter
 
     def gain(self, frequency):
-        """Return the power gain at frequencies, shares of the rate up to 0.5, shape (k,)."""
+        """Return the power gain, (k,), at frequencies, (k,), shares of the rate up to 0.5."""
         gain = GAINS[self.kind](np.asarray(frequency, float), self.corner)
         return self.floor + (1 - self.floor) * gain

@@ -1,6 +1,6 @@
-"""The calibration of a device, ``x = T (K (raw - b) - e)``, and how it is applied to samples.
+"""The calibration of a device, ``x = T (K (raw - b) - e)``, which is applied to samples here.
 
-How it is fitted, with its derivative: `imuloop.model.sensor`.
+`imuloop.model.sensor` has the same equation, with its derivative, for the fit.
 """
 
 from dataclasses import dataclass, field
@@ -29,12 +29,12 @@ from imuloop.core.sensor_calibration import SensorCalibration
 
 # version of the JSON files
 FORMAT = 1
-# what the verdict on a sensor means for who uses its calibration
+# meaning of the verdict "unexplained" for a user of the calibration
 UNEXPLAINED = (
     "its errors are larger than its noise and no known effect explains them: the model lacks "
     "something, see diagnosis.json"
 )
-# what it means that an effect does not last
+# meaning of an effect that does not last
 OF_ONE_LOG = (
     "is of the log that was calibrated and is applied by its time; for another log take the biases "
     "of that one first: imuloop check --update"
@@ -58,12 +58,12 @@ class Calibration:
     gravity: float  # local gravity that the accelerometer was calibrated to, m/s^2
     accelerometer: SensorCalibration
     gyroscope: SensorCalibration
-    # what was declared of the log that it is from: ``format``, ``columns``, ``units``, ``rate``,
-    # ``full_scale`` as in the config; ``sensor_ids``, where the log's autopilot has some
+    # declarations of the calibrated log: ``format``, ``columns``, ``units``, ``rate``,
+    # ``full_scale`` as in the config, and ``sensor_ids``, if an autopilot numbers its sensors
     log: dict = field(default_factory=dict)
-    # by sensor, the name of the later log that its bias is from; empty as calibrated
+    # by sensor, the name of a later log that its bias comes from; empty without an update
     updated: dict = field(default_factory=dict)
-    sha256: tuple[str, ...] = ()  # of each file of the logs that it is from, if known
+    sha256: tuple[str, ...] = ()  # hash of each file of the calibrated logs, if known
 
     @property
     def effects(self):
@@ -101,9 +101,10 @@ class Calibration:
         return f"<p>{escape(repr(self))}</p>\n{table.to_html(index=False)}"
 
     def limits(self, *sensors):
-        """Return lines on each sensor, or on both, that is not fully calibrated or explained.
+        """Return lines of text on the limits of the calibration of sensors, by default of both.
 
-        And on effects of the calibrated log alone, as a step: they are not in the next one.
+        They name a sensor that is not fully calibrated or explained, and effects, such as a step,
+        that only the calibrated log has.
         """
         lines = []
         for name in sensors or SENSORS:
@@ -118,7 +119,7 @@ class Calibration:
         return lines
 
     def refuse_nominal(self, where=None):
-        """Raise an ImuloopError that says where, if nothing was measured, and what to do."""
+        """Raise an ImuloopError if nothing was measured; it names `where` and says what to do."""
         if not self.measured:
             raise ImuloopError(
                 f"{where or self.device}: the calibration is nominal, nothing was measured: "
@@ -133,7 +134,7 @@ class Calibration:
         ----------
         samples : DataFrame
             The whole log, SI, as ingest writes it: `t` (s), `ax ay az` (m/s^2), `gx gy gz` (rad/s)
-            and, where logged, `temperature` (degC). Effects that remember start with it.
+            and, if it was logged, `temperature` (degC). Effects with a memory start at its start.
         nominal : bool
             Whether a calibration of which nothing was measured is applied all the same.
 
@@ -170,16 +171,16 @@ class Calibration:
         Parameters
         ----------
         acceleration, angular_rate : array_like, shape (n, 3) or (3,)
-            SI (m/s^2, rad/s), as logged.
+            Nominal SI (m/s^2, rad/s).
         t : array_like, shape (n,), optional
-            Seconds from the start of the log; needed only where an effect depends on the time or on
-            other samples. For the latter the arrays have to be the whole log.
+            Seconds since the start of the log; needed if an effect depends on the time or on other
+            samples. In the latter case the arrays have to be the whole log.
         temperature : array_like, shape (n,), optional
-            degC; needed only where there is an effect of temperature.
+            degC; needed if there is an effect of temperature.
         raw : bool
-            Whether the arrays are in the calibration's raw units, counts above all, not in SI.
+            Whether the arrays are in the raw units of the calibration, such as counts, not in SI.
         nominal : bool
-            As in `apply`.
+            Whether a calibration of which nothing was measured is applied all the same.
 
         Returns
         -------
@@ -189,8 +190,8 @@ class Calibration:
         Raises
         ------
         ImuloopError
-            If shapes differ, an effect lacks its input, also what comes before and after a single
-            sample, or nothing was measured.
+            If shapes differ, an effect lacks an input (such as the samples before and after a
+            single one), or nothing was measured.
         """
         if not nominal:
             self.refuse_nominal()
@@ -218,33 +219,45 @@ class Calibration:
     def apply_file(self, source, target, *, nominal=False, shift=0.0):
         """Write the calibrated samples of a samples file; see `imuloop.core.apply_file`.
 
-        `nominal` as in `apply`; `shift`, s, is added to the stamps.
+        `shift`, s, is added to the time stamps. `nominal` says whether a calibration of which
+        nothing was measured is applied all the same.
         """
         if not nominal:
             self.refuse_nominal()
         return apply_file(self, source, target, shift=shift)
 
     def calibrated(self, f, w, t, temperature, clamped=(None, None)):
-        """Return calibrated specific force and angular rate, shape (n, 3) each.
+        """Return calibrated specific force, m/s^2, and angular rate, rad/s, (n, 3) each.
 
-        The accelerometer's effects see the angular rate before the gyroscope's own effects; the
-        gyroscope's see the calibrated specific force. Arguments are as in `Channels`, `clamped` one
-        per sensor; an ImuloopError if a value is not finite, and all as logged are.
+        Effects of the accelerometer depend on the angular rate without the effects of the
+        gyroscope. Effects of the gyroscope depend on the calibrated specific force. Raises an
+        ImuloopError if a result is not finite although all inputs are.
+
+        Parameters
+        ----------
+        f, w : ndarray, shape (n, 3)
+            Specific force and angular rate, nominal SI.
+        t : ndarray, shape (n,)
+            Time since the start of the log, s.
+        temperature : ndarray, shape (n,), or None
+            Temperature, degC.
+        clamped : pair of dict or None
+            For each sensor, a dict that is filled with the samples at which an effect was clamped.
         """
 
-        def applied(k, sensor, values, other):
+        def apply_sensor(k, sensor, values, other):
             output = sensor.output(values)
             channels = Channels(t, output, other, temperature, clamped=clamped[k])
             return sensor.apply(values, channels)
 
-        known = all(np.isfinite(values).all() for values in (f, w, t))
-        # what overflows is refused below
+        finite = all(np.isfinite(values).all() for values in (f, w, t))
+        # values that overflow are refused below
         with np.errstate(over="ignore", invalid="ignore"):
-            f = applied(0, self.accelerometer, f, self.gyroscope.aligned(w))
-            w = applied(1, self.gyroscope, w, f)
+            f = apply_sensor(0, self.accelerometer, f, self.gyroscope.aligned(w))
+            w = apply_sensor(1, self.gyroscope, w, f)
         for sensor, values in zip(SENSORS, (f, w), strict=True):
             wrong = ~np.isfinite(values).all(axis=1)
-            if known and wrong.any():
+            if finite and wrong.any():
                 raise ImuloopError(
                     f"the {sensor}'s calibration makes values that are not finite of finite ones, "
                     f"first at t = {t[np.argmax(wrong)]:.6g} s"
@@ -254,7 +267,7 @@ class Calibration:
     def to_json(self, path):
         """Write the calibration as JSON.
 
-        Raises an ImuloopError for one that cannot be: see `imuloop.core.calibration_faults`.
+        Raises an ImuloopError for an impossible one, see `imuloop.core.calibration_faults`.
         """
         self._refuse(path)
         content = {
@@ -271,8 +284,8 @@ class Calibration:
     def from_json(cls, path):
         """Return the calibration of a JSON file.
 
-        Raises an ImuloopError for a file of another format, not as its schema has it, or that
-        cannot be (see `imuloop.core.calibration_faults`).
+        Raises an ImuloopError if the file has another format, violates the schema, or holds an
+        impossible calibration (see `imuloop.core.calibration_faults`).
         """
         content = read_json(path, MOST_BYTES)
         found = content.get("format") if isinstance(content, dict) else None
@@ -297,7 +310,7 @@ class Calibration:
         return calibration
 
     def _refuse(self, path):
-        """Raise an error that names a file for a calibration that cannot be."""
+        """Raise an ImuloopError that names the file if the calibration is impossible."""
         for sensor in SENSORS:
             if fault := sensor_fault(getattr(self, sensor), sensor):
                 raise ImuloopError(f"{path}: {sensor}: {fault}")

@@ -10,7 +10,8 @@ from imuloop.core.samples import CHANNELS
 
 # version of the JSON file
 FORMAT = 1
-# of a correlation matrix that is inverted: far above rounding, far below noise beside a slow walk
+# least eigenvalue of a correlation matrix that is inverted: far above rounding, far below that of
+# white noise next to a slow random walk
 _LEAST_EIGENVALUE = 1e-11
 
 
@@ -25,17 +26,17 @@ class Coefficient:
 
     @property
     def square(self):
-        """Return the square of the value, 0 where not identifiable."""
+        """Square of the value, 0 if it is not identifiable."""
         return 0.0 if self.value is None else self.value**2
 
     @property
     def size(self):
-        """Return the value, or the upper limit of a term that was not seen; None without both."""
+        """The value, or the upper limit of a term that is not identifiable; None without both."""
         return self.upper95 if self.value is None else self.value
 
     @classmethod
     def of(cls, value, error):
-        """Return a coefficient that the data support, of its value and standard error."""
+        """Return the identifiable Coefficient with a value and its standard error."""
         low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
         return cls(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
 
@@ -64,19 +65,15 @@ class SinusoidTerm:
 
 @dataclass(frozen=True)
 class LowPassTerm:
-    """Filter in front of the output, of the random processes all but quantisation pass it.
+    """Low-pass filter before the output, which all random processes but quantisation pass."""
 
-    `kind` is one of `core.low_pass.GAINS`; `corner`, Hz, is where the power has fallen to a half;
-    `floor` is the share of the white noise that enters behind it.
-    """
-
-    kind: str
-    corner: Coefficient
-    floor: float = 0.0
+    kind: str  # key of `core.low_pass.GAINS`
+    corner: Coefficient  # frequency at which the power is a half, Hz
+    floor: float = 0.0  # share of the power of white noise that enters behind the filter
 
     @property
     def interval_hz(self):
-        """Rate, Hz, of a sensor whose values were held, interpolated or averaged, else None."""
+        """Rate, Hz, of a sensor whose values were held, interpolated or averaged; else None."""
         half = HALF_POWER.get(DEGREES.get(self.kind))
         return self.corner.value / half if half else None
 
@@ -87,7 +84,7 @@ class LowPassTerm:
 
 @dataclass(frozen=True)
 class AxisNoise:
-    r"""Processes of one axis; independent, so that their Allan variances add.
+    r"""Noise processes of one axis, which are independent, so that their Allan variances add.
 
     .. math::
         \sigma^2(\tau) = 3 Q^2/\tau^2 + N^2/\tau + (2 \ln 2/\pi) B^2 + K^2 \tau/3 + R^2 \tau^2/2
@@ -106,7 +103,7 @@ class AxisNoise:
     R: Coefficient = Coefficient()  # ramp, m/s^3 or rad/s^2
     gauss_markov: tuple[GaussMarkovTerm, ...] = ()  # q in the unit of K, T = tc in s
     sinusoid: tuple[SinusoidTerm, ...] = ()  # Omega = amplitude, f = frequency in Hz
-    # filter behind all terms but Q; all of them are those in front of it
+    # filter that all terms but Q pass; the coefficients are those before the filter
     low_pass: LowPassTerm | None = None
 
     @classmethod
@@ -151,11 +148,9 @@ class AxisNoise:
             S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
             + 2 q^2/(1/T^2 + (2 \pi f)^2)
 
-        all but the first term times the gain of the low-pass, if there is one.
-
-        Sinusoids have no density: each has the power :math:`\Omega^2/2` at its frequency. The ramp
-        is deterministic and adds nothing. Frequencies, Hz, are above 0 and up to half the rate, on
-        which only quantisation depends.
+        If there is a low-pass, its gain multiplies all terms but the first. Sinusoids have no
+        density: each has the power :math:`\Omega^2/2` at its frequency. The ramp is deterministic
+        and adds nothing. Takes frequencies f, Hz, above 0 and up to half the rate.
 
         References
         ----------
@@ -171,9 +166,10 @@ class AxisNoise:
         return density + 8 * self.Q.square * rate * np.sin(np.pi * f / rate) ** 2
 
     def kernel(self, t, span, shared=None):
-        r"""Return the covariance of the integral X of the output between all pairs of times.
+        r"""Return the covariance of the integral X of the output at all pairs of times, (m, m).
 
-        Only up to terms that vanish in increments of X. For a lag d the processes give
+        Terms that vanish in the covariance of increments of X are left out. For a lag d the
+        processes give
 
         - quantisation: :math:`Q^2` at d = 0;
         - white: :math:`-N^2 |d|/2`;
@@ -185,8 +181,14 @@ class AxisNoise:
 
         The ramp is deterministic and adds nothing.
 
-        Takes m times, s, from the start of the walk, a length, s, that holds them all and that the
-        flicker's level refers to, and `lags` of both, where several axes have them.
+        Parameters
+        ----------
+        t : ndarray, shape (m,)
+            Times since the start of the walk, s.
+        span : float
+            Length, s, that contains all times; the level of the flicker refers to it.
+        shared : tuple, optional
+            The `lags` of t and span, if they are computed once for several axes.
         """
         d, d2, logarithm, early2, late = shared or lags(t, span)
         total = (
@@ -204,31 +206,36 @@ class AxisNoise:
         return total
 
     def mean_covariance(self, windows, shared=None):
-        """Return the covariance of the mean output over windows of time, shape (n, n), SI.
+        """Return the covariance of the mean output over windows of time, (n, n), SI squared.
 
-        The levels of flicker and walk, common to all windows of a power cycle, are the smallest
-        natural ones (see `kernel`, walk from the first window on): they are what a fitted bias
-        absorbs. Means of different power cycles are independent. Coefficients that are not
-        identifiable count as 0; the ramp is no random process and is not part of the covariance.
+        Flicker and random walk have a level that is common to all windows of a power cycle, and
+        which a fitted bias absorbs. It is chosen small (see `kernel`): the walk starts at the first
+        window. Means of different power cycles are independent. Coefficients that are not
+        identifiable count as 0. The ramp is not random and adds nothing.
 
-        Takes start and end of each window, s, (n, 2), in any order; they may touch or overlap; and
-        their `edges`, where several axes have them or they lie in several power cycles.
+        Parameters
+        ----------
+        windows : ndarray, shape (n, 2)
+            Start and end of each window, s, in any order; windows may overlap.
+        shared : list, optional
+            The `edges` of the windows, if they are computed once for several axes or lie in several
+            power cycles.
         """
         covariance = np.zeros((len(windows),) * 2)
-        for own, times, start, end, common in edges(windows) if shared is None else shared:
+        for index, times, start, end, common in edges(windows) if shared is None else shared:
             k = self.kernel(times, times[-1], common)
             k = k[end] - k[start]
             k = k[:, end] - k[:, start]
-            length = windows[own, 1] - windows[own, 0]
-            covariance[np.ix_(own, own)] = (k + k.T) / (2 * length[:, None] * length)
+            length = windows[index, 1] - windows[index, 0]
+            covariance[np.ix_(index, index)] = (k + k.T) / (2 * length[:, None] * length)
         return covariance
 
     def wander(self, interval, length):
-        """Return the standard deviation of the difference of two means of the output, SI.
+        """Return the standard deviation of the change of the bias between two times, SI.
 
-        By flicker, walk and Gauss-Markov processes as far as they were seen: what a bias that was
-        measured without other noise moves by. Takes the time from the one to the other, and the
-        time that each is taken over, s.
+        It is the difference of two means of the output by flicker, random walk and Gauss-Markov
+        processes, without other noise. Takes the interval between the starts of the two means, and
+        the length of each, s.
         """
         slow = AxisNoise(B=self.B, K=self.K, gauss_markov=self.gauss_markov)
         covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
@@ -236,30 +243,35 @@ class AxisNoise:
 
 
 def edges(windows, power_cycle=None):
-    """Return what covariances of means over windows share, of one power cycle after the other.
+    """Return values that the covariances of means over windows need for every axis.
 
-    Which windows lie in it; times at which they start or end, s, from the first on; the places of
-    both among the times; and their `lags`. Takes windows, s, (n, 2), and the power cycle that each
-    lies in, (n,); one by default.
+    Takes start and end of each window, s, (n, 2), and its power cycle, (n,); by default all windows
+    lie in one. Returns a list with a tuple for each power cycle: the indices of its windows; the
+    times at which they start or end, s, relative to the first; the indices of the starts and of the
+    ends among these times; and the `lags` of the times.
     """
     if power_cycle is None:
         power_cycle = np.zeros(len(windows), dtype=int)
     shared = []
     for cycle in np.unique(power_cycle):
-        own = np.flatnonzero(power_cycle == cycle)
-        times = np.unique(windows[own])
-        start, end = np.searchsorted(times, windows[own]).T
+        index = np.flatnonzero(power_cycle == cycle)
+        times = np.unique(windows[index])
+        start, end = np.searchsorted(times, windows[index]).T
         times = times - times[0]
-        shared.append((own, times, start, end, lags(times, times[-1])))
+        shared.append((index, times, start, end, lags(times, times[-1])))
     return shared
 
 
 def lags(t, span):
-    """Return what the kernels of all axes share at times t: d, d², ln - 3/2, s² and t/2 - s/6."""
+    """Return the functions of times t, s, (m,), in `AxisNoise.kernel`, (m, m) each.
+
+    They are the lag d, d², ln(d / span) - 3/2, s² and t/2 - s/6, where s is the earlier and t the
+    later time of a pair.
+    """
     t = np.asarray(t, float)
     d = np.abs(t[:, None] - t)
     early, late = np.minimum(t[:, None], t), np.maximum(t[:, None], t)
-    # ln 1 at lag 0, where the factor d^2 removes the term
+    # the logarithm is 0 at lag 0, where the factor d^2 removes the term
     logarithm = np.log(np.where(d > 0, d, span) / span) - 1.5
     return d, d**2, logarithm, early**2, late / 2 - early / 6
 
@@ -272,10 +284,10 @@ class NoiseModel:
     axes: dict[str, AxisNoise]  # one entry for each of ax, ay, az, gx, gy, gz
 
     def known(self, axis, term):
-        """Return size and standard deviation of an axis' flicker, 'B', or walk, 'K', as known.
+        """Return value and standard deviation of the flicker, 'B', or random walk, 'K', of an axis.
 
-        Of a term that was not seen the size is zero; it may have one, below its limit with a
-        probability of 95 %.
+        If the term is not identifiable, the value is zero, and the standard deviation follows from
+        the 95 % upper limit.
         """
         c = getattr(self.axes[axis], term)
         if c.value is None:
@@ -284,7 +296,7 @@ class NoiseModel:
         return c.value, (high - low) / 3.92
 
     def with_sizes(self, sizes):
-        """Return the model with other values of flicker and walk, by axis and term."""
+        """Return the NoiseModel with other values of some terms, a dict by (axis, term)."""
         axes = dict(self.axes)
         for (axis, term), value in sizes.items():
             coefficient = replace(getattr(axes[axis], term), value=value)
@@ -292,24 +304,25 @@ class NoiseModel:
         return replace(self, axes=axes)
 
     def mean_covariance(self, windows, power_cycle=None):
-        """Return `AxisNoise.mean_covariance` of all axes, shape (6, n, n).
+        """Return the covariance of the mean output of each axis over windows of time, (6, n, n).
 
-        In (m/s^2)^2 for ax, ay, az, then (rad/s)^2 for gx, gy, gz; zeros of a model without any
-        coefficient. Takes windows, s, (n, 2), and the power cycle that each lies in, (n,); one by
-        default. A ValueError if a window does not end after its start.
+        It is in (m/s^2)^2 for ax, ay, az and in (rad/s)^2 for gx, gy, gz, and zero for an axis
+        without any coefficient. Takes start and end of each window, s, (n, 2), and its power cycle,
+        (n,); by default all windows lie in one. Raises a ValueError if a window does not end after
+        its start.
         """
         windows = np.asarray(windows, float)
         if windows.ndim != 2 or windows.shape[1] != 2 or np.any(windows[:, 1] <= windows[:, 0]):
             raise ValueError("windows: a start and a later end each needed, shape (n, 2)")
         shared = edges(windows, power_cycle)
         covariance = np.empty((len(CHANNELS), len(windows), len(windows)))
-        # an axis at a time: a record of days has thousands of windows
+        # one axis at a time saves memory, as a record of days has thousands of windows
         for total, axis in zip(covariance, CHANNELS, strict=True):
             total[:] = self.axes[axis].mean_covariance(windows, shared)
         return covariance
 
     def to_dict(self):
-        """Return the content of noise.json, as far as the model goes."""
+        """Return the part of the content of noise.json that the model holds, a dict."""
         return {
             "format": FORMAT,
             "device": self.device,
@@ -318,22 +331,22 @@ class NoiseModel:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the model from the content of noise.json; what else is in it is not read."""
+        """Return the NoiseModel of the content of noise.json, a dict; other keys are ignored."""
         axes = {name: AxisNoise.from_dict(content["axes"][name]) for name in CHANNELS}
         return cls(content["device"], axes)
 
     @classmethod
     def from_json(cls, path):
-        """Return the model from noise.json."""
+        """Return the NoiseModel of a noise.json."""
         return cls.from_dict(read_json(path))
 
 
 def without_weight(covariance):
-    """Return which covariances give no weight: zero variance, or lines without noise.
+    """Return which of k covariances, (k, n, n), cannot be inverted, and why: two masks, (k,).
 
-    Lines are as many patterns as there are lines: some sums of the values would have no error.
-    Of covariances, shape (k, n, n), returned are those with a value of no variance, and those with
-    a sum of none, shape (k,) each.
+    The first marks covariances with a variance of zero. The second marks the others in which some
+    sum of the values has no variance: sinusoids without other noise have only as many independent
+    patterns as there are sinusoids.
     """
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     silent = ~np.all(sigma > 0, axis=1)

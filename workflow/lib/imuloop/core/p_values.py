@@ -4,7 +4,7 @@ import numpy as np
 
 
 def holm(p_values):
-    """Return p-values that hold for a whole family of tests, shape (m,), after Holm.
+    """Return p-values, (m,), that are adjusted for a family of m tests by Holm's method.
 
     References
     ----------

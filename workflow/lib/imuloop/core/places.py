@@ -1,4 +1,4 @@
-"""How a message names a key of a log where the user reads it: in a config, an option, an argument.
+"""Names of the keys of a log in messages: as keys of a config, options, or Python arguments.
 
 Code writes a key by its path in the config, with a value where there is one: ``columns.time``,
 ``units.acceleration: g``, ``rate in Hz``. `for_reader` turns that into ``--columns time=…`` on the
@@ -36,7 +36,10 @@ _NO_OPTION = re.compile(r"(?<![\w.])(?:time_range|full_scale)\b(?! \(only)")
 
 @contextmanager
 def read_in(place):
-    """Write messages for a place, `COMMAND_LINE` or `PYTHON`; the outermost place counts."""
+    """Use the names of a place, `COMMAND_LINE` or `PYTHON`, in messages of the block.
+
+    In nested blocks the outermost place counts.
+    """
     token = _place.set(place if _place.get() == CONFIG else _place.get())
     try:
         yield
@@ -45,14 +48,14 @@ def read_in(place):
 
 
 def in_config():
-    """Return whether the user reads the messages as faults of a config."""
+    """Return whether messages are about a config."""
     return _place.get() == CONFIG
 
 
 def for_reader(text):
-    """Return a message with its keys as the user writes them in the current place.
+    """Return a message with its keys in the form that the user writes in the current place.
 
-    A message that is for this place already stays as it is.
+    A message that already has this form does not change.
     """
     if in_config():
         return text
@@ -64,6 +67,7 @@ def for_reader(text):
 
 
 def _option(key, quantity, part, rate, value, form):
+    """Return the option of the command line for the groups of a match of `_KEY`, text."""
     if form:
         return f"--{form} "
     if rate:
@@ -80,6 +84,7 @@ def _option(key, quantity, part, rate, value, form):
 
 
 def _argument(key, quantity, part, rate, value, form):
+    """Return the Python argument for the groups of a match of `_KEY`, text."""
     if form:
         return f"{form}="
     if value is None or re.fullmatch(r"[\d.e+-]+", value):

@@ -6,13 +6,13 @@ from scipy.linalg.lapack import dpotri
 
 
 def precision(covariance):
-    """Return the inverse of a covariance, and its lower root.
+    """Return the inverse Σ⁻¹ of a covariance Σ, (n, n), and its lower root L, ``L Lᵀ = Σ``.
 
-    Σ⁻¹, exactly symmetric, and L with ``L Lᵀ = Σ``: a third of the work of an inverse that knows
-    nothing of symmetry. Raises a LinAlgError if Σ is not positive definite.
+    The inverse is exactly symmetric and takes a third of the time of a general inverse. Raises a
+    LinAlgError if Σ is not positive definite.
     """
     root = cholesky(covariance)
-    # of the upper half, which is faster, below which there are zeros
+    # the upper triangle, which is faster to compute; the lower triangle is zero
     inverse, _ = dpotri(root)
     inverse = inverse + inverse.T
     np.einsum("ii->i", inverse)[:] /= 2

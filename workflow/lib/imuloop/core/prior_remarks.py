@@ -1,8 +1,11 @@
-"""Remarks on the prior of a calibration: parameters that are its own, and those far from it."""
+"""Remarks on the prior of a calibration.
+
+They name the parameters that the data did not improve, and those that are far from the prior.
+"""
 
 from imuloop.core.errors import joined
 
-# number of an accelerometer's parameters from which on one advice serves for all of them
+# number of unimproved parameters of an accelerometer from which on they get one common advice
 MANY = 5
 AXES = "xyz"
 WORDS = {"T": "misalignment", "K": "scale factor", "b": "bias"}
@@ -15,37 +18,39 @@ CAUSES = {
 
 
 def remarks(sensor, calibration):
-    """Return sentences on the prior of one sensor's SensorCalibration, most important first.
+    """Return a list of sentences on the prior of a SensorCalibration, the most important first.
 
-    None if all parameters were measured and none is far from the prior.
+    The list is empty if all parameters were measured and are near the prior. `sensor` is the name
+    of the sensor.
     """
-    found = []
+    sentences = []
     if far := calibration.far_off:
         listed = joined([f"{_words([name])} ({size:.1f} σ)" for name, size in far.items()])
         causes = " ".join(CAUSES[kind] for kind in dict.fromkeys(name[0] for name in far))
-        found.append(f"Far from the data sheet: {listed}; {causes}")
+        sentences.append(f"Far from the data sheet: {listed}; {causes}")
     if calibration.names and calibration.method != "static" and calibration.unimproved:
-        found.append(unmeasured(sensor, calibration.unimproved))
-    return found
+        sentences.append(advice_on_unimproved(sensor, calibration.unimproved))
+    return sentences
 
 
-def unmeasured(sensor, names):
-    """Return one sentence on parameters that the data did not improve, and what would.
+def advice_on_unimproved(sensor, names):
+    """Return a text that names the parameters that the data did not improve, and says how to.
 
-    Takes one or more names, ``T01``, ``K0``, ``b0``.
+    `sensor` is the name of the sensor. `names` are one or more parameters, such as ``T01``, ``K0``
+    and ``b0``.
     """
-    theirs = f"{_words(names)} {'are' if len(names) > 1 else 'is'} the data sheet's"
+    subject = f"{_words(names)} {'are' if len(names) > 1 else 'is'} the data sheet's"
     if sensor == "gyroscope":
         axes = joined(sorted({AXES[int(name[-1])] for name in names}))
         if {name[0] for name in names} == {"b"}:
-            return f"No rest was recorded: {theirs}. Leave the device at rest for a minute."
+            return f"No rest was recorded: {subject}. Leave the device at rest for a minute."
         return (
-            f"Too few turns about {axes}: {theirs}. Turn the device by 90° or more about {axes} "
+            f"Too few turns about {axes}: {subject}. Turn the device by 90° or more about {axes} "
             "from one rest to the next, both ways."
         )
     if len(names) >= MANY:
         return (
-            f"Too few poses: {theirs}. Add poses until each axis was up, down and halfway between "
+            f"Too few poses: {subject}. Add poses until each axis was up, down and halfway between "
             "each other axis: twelve or more in all."
         )
     sentences = []
@@ -55,11 +60,11 @@ def unmeasured(sensor, names):
         sentences.append(f"No pose lies between {joined(between)}")
     if upright:
         sentences.append(f"No two poses have {joined(upright)} up and down")
-    return f"{'; '.join(sentences)}: {theirs}. Add two poses there."
+    return f"{'; '.join(sentences)}: {subject}. Add two poses there."
 
 
 def _words(names):
-    """Return parameters in words: misalignment xy and xz, scale factor x, bias x."""
+    """Return parameters in words, such as "misalignment xy and xz, scale factor x and bias x"."""
     axes = {
         kind: ["".join(AXES[int(i)] for i in n[1:]) for n in names if n[0] == kind]
         for kind in WORDS

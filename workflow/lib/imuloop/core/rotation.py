@@ -1,7 +1,7 @@
-"""Rotation: unit quaternions, scalar first, that take body axes to the axes at the start.
+"""Rotations as unit quaternions, scalar first, that take body axes to the axes at the start.
 
-What every step of a fit takes of batches; of these `scipy.spatial.transform.Rotation` is 2 to 100
-times as slow.
+Each step of a fit uses these functions on large arrays. `scipy.spatial.transform.Rotation` is 2 to
+100 times slower.
 """
 
 import numpy as np
@@ -18,13 +18,14 @@ def _pairs(q):
 
 
 def _product(p, q):
+    """Return the product of quaternions in the complex form of `_pairs`, (..., 2)."""
     # j c is c* j
     a, b, c, d = p[..., 0], p[..., 1], q[..., 0], q[..., 1]
     return np.stack([a * c - b * d.conj(), a * d + b * c.conj()], axis=-1)
 
 
 def exponential(vectors):
-    """Return the quaternions of rotation vectors, shape (..., 3), rad."""
+    """Return the quaternions, (..., 4), of rotation vectors, rad, (..., 3)."""
     x, y, z = np.moveaxis(np.asarray(vectors), -1, 0)
     half = np.sqrt(x * x + y * y + z * z) / 2
     scale = np.divide(np.sin(half), 2 * half, out=np.full_like(half, 0.5), where=half > 0)
@@ -32,7 +33,7 @@ def exponential(vectors):
 
 
 def matrix(q):
-    """Return the rotation matrices of unit quaternions, shape (..., 4) to (..., 3, 3)."""
+    """Return the rotation matrices, (..., 3, 3), of unit quaternions, (..., 4)."""
     w, x, y, z = np.sqrt(2) * np.moveaxis(np.asarray(q), -1, 0)
     rows = np.empty((3, 3, *np.shape(w)))
     rows[0, 0], rows[0, 1], rows[0, 2] = 1 - y * y - z * z, x * y - w * z, x * z + w * y
@@ -42,24 +43,30 @@ def matrix(q):
 
 
 def step_vectors(rates, steps, uneven=None):
-    """Return the rotation vector of each sampling step.
-
-    The mean rate of a step is that of the cubic through its two samples and one neighbour on
-    either side, evenly spaced; the Magnus series then adds what does not commute:
+    """Return the rotation vector φ of each time step, rad, (..., n - 1, 3).
 
         φ = (-w₋₁ + 13 w₀ + 13 w₁ - w₂) Δt / 24 + (w₀ × w₁) Δt² / 12
 
-    with an error of fifth order a step, fourth over the whole: the order of a Runge–Kutta
-    scheme of four stages, while the exponential of φ keeps the quaternion's norm exactly. The
-    first and the last step, in a rest by their choice, take the rate as linear. Over a gap the
-    cubic is that through the four samples as they lie. Takes angular rate on body axes, rad/s,
-    (..., n, 3), time steps, s, and over which of these samples are missing, (..., n - 1).
+    The first term is the mean rate of the step (`mean_rates`) times the step Δt. w₀ and w₁ are the
+    angular rates at its two ends, w₋₁ and w₂ those of the samples before and after. The second term
+    is the first term of the Magnus series and corrects for rotations that do not commute. The error
+    is of fifth order in a step and of fourth order over all steps, the order of a Runge–Kutta
+    scheme with four stages. The exponential of φ is a unit quaternion exactly.
+
+    Parameters
+    ----------
+    rates : ndarray, shape (..., n, 3)
+        Angular rate on body axes, rad/s.
+    steps : ndarray, shape (..., n - 1)
+        Time steps, s.
+    uneven : ndarray of bool, shape (..., n - 1), optional
+        Whether samples are missing in a step.
 
     References
     ----------
     Iserles, Munthe-Kaas, Nørsett, Zanna, "Lie-group methods", Acta Numerica 9 (2000), section 4.
     """
-    # an axis after the other: sums along the samples are then of neighbours in memory
+    # the axis comes first, so that sums along the samples read neighbours in memory
     rates, dt = np.moveaxis(np.asarray(rates), -1, 0), np.asarray(steps)
     first, second = rates[..., :-1], rates[..., 1:]
     vectors = np.moveaxis(mean_rates(np.moveaxis(rates, 0, -1), dt, uneven), -1, 0) * dt
@@ -70,7 +77,22 @@ def step_vectors(rates, steps, uneven=None):
 
 
 def mean_rates(rates, steps, uneven=None):
-    """Return the mean rate of each step that `step_vectors` takes, rad/s; arguments are its own."""
+    """Return the mean angular rate over each time step, rad/s, (..., n - 1, 3).
+
+    It is the mean of the cubic through the two samples of the step and one neighbour on either
+    side. The samples are taken as evenly spaced, except around a step in which samples are missing:
+    there the cubic goes through the samples at their times. In the first and the last step, which
+    lie in a rest, the rate is taken as linear.
+
+    Parameters
+    ----------
+    rates : ndarray, shape (..., n, 3)
+        Angular rate on body axes, rad/s.
+    steps : ndarray, shape (..., n - 1)
+        Time steps, s.
+    uneven : ndarray of bool, shape (..., n - 1), optional
+        Whether samples are missing in a step.
+    """
     rates, steps = np.moveaxis(np.asarray(rates), -1, 0), np.asarray(steps)
     total = rates[..., :-1] + rates[..., 1:]
     means = total / 2
@@ -79,7 +101,7 @@ def mean_rates(rates, steps, uneven=None):
         *row, at = np.nonzero(uneven[..., 1:-1])
         w = [rates[(slice(None), *row, at + i)] for i in range(4)]
         before, step, after = (steps[(*row, at + i)] for i in range(3))
-        # stamps that all but meet would only add their noise
+        # a much shorter step beside the gap would only add the jitter of its time stamps
         before, after = (np.maximum(side, step / 10) for side in (before, after))
         slope = (w[2] - w[1]) / step
         left = (slope - (w[1] - w[0]) / before) / (before + step)
@@ -91,10 +113,10 @@ def mean_rates(rates, steps, uneven=None):
 
 
 def prefix_product(q):
-    """Return ``q₀, q₀q₁, q₀q₁q₂, …`` along the second to last axis.
+    """Return the products ``q₀, q₀q₁, q₀q₁q₂, …`` of quaternions, (..., n, 4).
 
-    The products of neighbours, their prefix products by the same rule, and what lies between: two
-    multiplications a quaternion in all.
+    The recursion multiplies neighbours, computes the prefix products of the results, and fills in
+    every other product. It needs two multiplications per quaternion.
 
     References
     ----------
@@ -104,6 +126,7 @@ def prefix_product(q):
 
 
 def _prefixes(q):
+    """Return the prefix products of quaternions in the complex form of `_pairs`, (..., n, 2)."""
     n = q.shape[-2]
     if n < 2:
         return q
@@ -115,7 +138,11 @@ def _prefixes(q):
 
 
 def shortest_turn(before, after):
-    """Return the rotation vector that brings direction `after` of the body where `before` was."""
+    """Return the shortest rotation vector, rad, (3,), that turns direction `after` to `before`.
+
+    The device then has the direction `after` of its body where the direction `before` was. Takes
+    vectors of any length, (3,).
+    """
     before, after = (np.asarray(v) / np.linalg.norm(v) for v in (before, after))
     axis = np.cross(after, before)
     sine = np.linalg.norm(axis)

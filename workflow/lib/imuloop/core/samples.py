@@ -1,10 +1,10 @@
-"""Samples: the one table from ingest to the end, SI units, one clock.
+"""Samples of a session: a table that ingest writes and all other stages read.
 
-A pandas DataFrame of float64 columns: `t` (s from the first sample), specific force `ax ay az`
-(m/s^2), angular rate `gx gy gz` (rad/s) and, where logged, `temperature` (degC). Where `t` was
-rebuilt, `t_logged` is the time as stamped. Of two sensors with their own clocks `t` is that of
-the faster; each row holds the sample of the slower that is nearest in time, whose own stamp is in
-`t_accelerometer` or `t_gyroscope`.
+It is a pandas DataFrame of float64 columns in SI: the time `t` (s since the first sample), specific
+force `ax ay az` (m/s^2), angular rate `gx gy gz` (rad/s) and, if it was logged, `temperature`
+(degC). If `t` was rebuilt, `t_logged` is the time stamp of the log. If the sensors have two clocks,
+`t` is that of the faster sensor. Each row then holds the nearest sample of the slower sensor, whose
+own time stamp is in `t_accelerometer` or `t_gyroscope`.
 """
 
 import json
@@ -30,22 +30,22 @@ CHANNELS = ACCELERATION + ANGULAR_RATE
 SENSORS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
 # temperature, degC
 TEMPERATURE = "temperature"
-# time as the log's stamps have it, s from the first sample; beside a `t` that was rebuilt
+# time stamp of the log, s since the first sample, in a table whose `t` was rebuilt
 LOGGED_TIME = "t_logged"
-# own stamp of the sample that a row holds of a sensor with a slower clock, s
+# time stamp of a slower sensor's own sample in each row, s
 OWN_TIME = {"accelerometer": "t_accelerometer", "gyroscope": "t_gyroscope"}
-# of a reference beside the samples: quaternion, scalar first, body to world; place, m
+# columns of a reference: quaternion from body to world, scalar first; position, m
 ORIENTATION, POSITION = ("qw", "qx", "qy", "qz"), ("px", "py", "pz")
 
-# rows of a piece: 8 columns of it are 8 MB
+# number of rows of a piece: 8 columns of it take 8 MB
 ROWS = 1 << 17
 # key of the project's own entry in a Parquet file's metadata
 METADATA_KEY = b"imuloop"
 # key of pandas' entry there, which holds a table's `attrs`
 ATTRS_KEY = b"PANDAS_ATTRS"
-# of calibrated samples as text, the last column, 1 in each row: text has no metadata; a comment or
-# other names of the columns would be in the way of what reads them, and a column outlives a
-# spreadsheet, a cut and a new name of the file
+# last column of calibrated samples in a text file, 1 in each row. Text has no metadata. A comment
+# or other column names would disturb programs that read the file; a column survives a spreadsheet,
+# a cut and a new file name
 CALIBRATED = "calibrated_by_imuloop"
 
 
@@ -56,9 +56,10 @@ def other_sensor(sensor):
 
 
 def at_rail(samples, rails, names):
-    """Return which samples are at the end of the range on one of some channels, (n,) of bool.
+    """Return whether each sample is at the end of the range in one of some channels, (n,) of bool.
 
-    `rails` are the ends that channels reach, {channel: (low, high)}, None of none.
+    `rails` are the ends of the ranges, {channel: (low, high)}; None for an end that is not reached.
+    `names` are the channels.
     """
     clipped = np.zeros(len(samples[TIME]), dtype=bool)
     for name in names:
@@ -71,14 +72,14 @@ def at_rail(samples, rails, names):
 
 
 def filled(t, values):
-    """Fill NaNs: linear between neighbours, constant before the first and after the last.
+    """Return values, (n,), of a channel at times t, (n,), with missing ones interpolated.
 
-    Of a channel that is logged more slowly than the others, or with gaps; t, values shape (n,).
+    The interpolation is linear, and constant before the first value and after the last.
     """
-    known = np.isfinite(values)
-    if known.all() or not known.any():
+    valid = np.isfinite(values)
+    if valid.all() or not valid.any():
         return values
-    return np.interp(t, t[known], values[known])
+    return np.interp(t, t[valid], values[valid])
 
 
 def schema(metadata):
@@ -97,7 +98,7 @@ def check_columns(names):
 
 
 def calibrated_attrs(device):
-    """Return the `attrs` of a DataFrame of calibrated samples, the project's metadata in it."""
+    """Return the `attrs` that mark a DataFrame as calibrated samples, a dict."""
     return {METADATA_KEY.decode(): {"calibrated": True, "device": device}}
 
 
@@ -112,7 +113,7 @@ def refuse_calibrated(names, metadata):
 
 
 def parquet_file(path):
-    """Return an open Parquet file; the error of one that is not whole names it."""
+    """Return an open Parquet file; raises an ImuloopError that names an incomplete file."""
     try:
         return pq.ParquetFile(path)
     except pa.ArrowInvalid as error:
@@ -129,7 +130,7 @@ def read_samples(path):
 
 
 def read_columns(path, columns=None):
-    """Return columns of a Parquet file, all or only those named, as a dict of arrays."""
+    """Return columns of a Parquet file, by default all, as a dict of arrays."""
     with parquet_file(path) as file:
         table = file.read(columns and list(columns))
     columns = {name: table[name].to_numpy() for name in table.column_names}
@@ -137,11 +138,11 @@ def read_columns(path, columns=None):
 
 
 class Samples:
-    """Samples of a session by column and by range of rows; a column is read when it is asked for.
+    """Samples of a session, whose columns are read when they are first used.
 
-    ``samples[name]``, ``name in samples`` and ``len(samples)``, the number of rows, are those of a
-    DataFrame. The source is the path of a Parquet file, a DataFrame, a dict of columns or other
-    Samples; `names` are the columns.
+    ``samples[name]`` and ``name in samples`` work as for a DataFrame, and ``len(samples)`` is the
+    number of rows. `names` are the names of the columns. The source is the path of a Parquet file,
+    a DataFrame, a dict of columns or other Samples.
     """
 
     def __init__(self, source):
@@ -152,7 +153,7 @@ class Samples:
                 self.names, self._rows = tuple(file.schema_arrow.names), file.metadata.num_rows
         else:
             self.names = tuple(self._table)
-            # of a dict the length is that of a column
+            # the length of a dict is not its number of rows
             self._rows = len(self._table[self.names[0]])
 
     def __len__(self):
@@ -162,7 +163,7 @@ class Samples:
         return name in self.names
 
     def __getitem__(self, name):
-        """Return a column, shape (rows,), not-a-number where a value is missing."""
+        """Return a column, (rows,), with not-a-number for missing values."""
         if name not in self.names:
             raise KeyError(name)
         if not isinstance(self._table, (str, Path)):
@@ -182,14 +183,14 @@ class Samples:
 
     @cached_property
     def interval(self):
-        """Median step of time, s; None of fewer than two samples."""
+        """Median time step, s; None if there are fewer than two samples."""
         if len(self) < 2:
             return None
         return float(np.median(np.diff(self[TIME])))
 
 
 def holds(source, sensor):
-    """Return whether samples hold a sensor, also if there are none.
+    """Return whether samples have values of a sensor; true if there are no samples.
 
     Ingest writes zeros for a sensor that the log lacks.
     """
@@ -198,25 +199,28 @@ def holds(source, sensor):
 
 
 def on_own_clock(source, sensor):
-    """Return the Samples of a sensor, each once, at its own stamps; of one clock all Samples."""
-    samples, own = Samples(source), OWN_TIME[sensor]
-    if own not in samples:
+    """Return the Samples of a sensor at its own time stamps, without repetitions.
+
+    If the sensors have one clock, they are all Samples of the source.
+    """
+    samples, stamps = Samples(source), OWN_TIME[sensor]
+    if stamps not in samples:
         return samples
-    first = own_rows(samples[own])
+    first = own_rows(samples[stamps])
     names = [name for name in (*SENSORS[sensor], TEMPERATURE) if name in samples]
-    return Samples({TIME: samples[own][first]} | {name: samples[name][first] for name in names})
+    return Samples({TIME: samples[stamps][first]} | {name: samples[name][first] for name in names})
 
 
 def own_rows(stamps):
-    """Return the first row of each sample of a slower sensor, by its own stamps."""
+    """Return the first row of each sample of a slower sensor, (m,), by its time stamps, (n,)."""
     return np.flatnonzero(np.diff(stamps, prepend=-np.inf) > 0)
 
 
 def on_gyroscope_clock(columns):
-    """Return columns of samples, dict of arrays, at the gyroscope's own stamps, for its turns.
+    """Return columns of samples, a dict of arrays, at the time stamps of the gyroscope.
 
-    The specific force of a slower clock is interpolated linearly, of a faster it is the mean of the
-    samples that lie nearest.
+    The specific force of a slower accelerometer is interpolated linearly. Of a faster one, it is
+    the mean of the samples nearest to each sample of the gyroscope.
     """
     own_rate, own_force = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
     if own_rate in columns:
@@ -226,34 +230,37 @@ def on_gyroscope_clock(columns):
         columns = {name: np.asarray(x)[first] for name, x in columns.items()}
         return {**columns, **force, TIME: columns[own_rate]}
     if own_force in columns:
-        at, t = np.asarray(columns[own_force]), np.asarray(columns[TIME])
-        new = own_rows(at)
-        force = {name: np.interp(t, at[new], columns[name][new]) for name in ACCELERATION}
+        stamps, t = np.asarray(columns[own_force]), np.asarray(columns[TIME])
+        new = own_rows(stamps)
+        force = {name: np.interp(t, stamps[new], columns[name][new]) for name in ACCELERATION}
         return {**columns, **force}
     return columns
 
 
 def sums_over(values, ranges):
-    """Return sums of values, (n, …), over half-open ranges of rows, (m, 2).
+    """Return sums of values, (n, …), over half-open ranges of rows, (m, 2): an array (m, …).
 
-    None of them is empty, and at most the last ends with the last row.
+    No range may be empty, and only the last may end with the last row.
     """
     edges = ranges.ravel()
-    # the sum from the last edge on is that up to the last row
+    # reduceat sums from the last edge to the last row
     edges = edges[: np.searchsorted(edges, len(values))]
     return np.add.reduceat(values, edges, axis=0)[::2]
 
 
 def read_metadata(path):
-    """Return the project's metadata of a Parquet file; empty if it has none."""
+    """Return the project's metadata of a Parquet file, a dict; empty if it has none."""
     with parquet_file(path) as file:
         return own_metadata(file.schema_arrow.metadata or {})
 
 
 def own_metadata(entries):
-    """Return the project's part of a Parquet file's metadata, also where pandas wrote the file."""
-    own = json.loads(entries.get(METADATA_KEY, b"{}"))
-    # what another program keeps there may be anything
+    """Return the project's metadata, a dict, of the metadata entries of a Parquet file.
+
+    A file that pandas wrote holds them in the `attrs` of the table.
+    """
+    metadata = json.loads(entries.get(METADATA_KEY, b"{}"))
+    # another program may write anything under this key
     with suppress(KeyError, TypeError, ValueError, RecursionError):
-        own = json.loads(entries[ATTRS_KEY])[METADATA_KEY.decode()] | own
-    return own
+        metadata = json.loads(entries[ATTRS_KEY])[METADATA_KEY.decode()] | metadata
+    return metadata

@@ -1,12 +1,11 @@
-"""Segments: which stretch of a session is static, motion, disturbed or a gap; power cycles.
+"""Segments of a session, which are static, motion, disturbed or a gap; and power cycles.
 
-A pandas DataFrame, a row a stretch in order of time: `start_s`, `end_s` (half-open, on the
-samples' clock), `kind`, `pose` (number of the attitude held; -1 where none), `n` samples, and
-mean and standard deviation of every channel (SI units); values that are missing do not count.
-A gap has no samples, or such as a channel is stuck in.
-Of a session of attitudes a rest at which the accelerometer is at the end of its range is disturbed.
-`tilt_rad` of a rest is the root mean square of the tilt that both sensors show in it, of one in
-the hand that of all its turns.
+They are the rows of a pandas DataFrame, in order of time, with the columns `start_s` and `end_s`
+(half-open, on the clock of the samples), `kind`, `pose` (number of the pose; -1 without one), `n`
+(number of samples), and the mean and standard deviation of every channel, SI, without missing
+values. A gap has no samples, or samples in which a channel is stuck. In a session of attitudes, a
+rest with a clipped specific force is disturbed. `tilt_rad` of a rest is the root mean square of the
+tilt that both sensors show in it; of a rest in the hand, it is that of the whole rotation.
 """
 
 import numpy as np
@@ -19,14 +18,15 @@ MOTION = "motion"
 DISTURBED = "disturbed"
 GAP = "gap"
 KINDS = (STATIC, MOTION, DISTURBED, GAP)
-# deviation over mean that rounding alone gives a value that never changes
+# ratio of deviation to mean that rounding gives a constant value
 _ROUNDING = 1e-14
 
 
 def segment_table(samples, start_s, end_s, kinds, poses):
-    """Return the segments of samples, a DataFrame, with the statistics of every channel.
+    """Return the table of segments, a DataFrame, with the statistics of every channel.
 
-    Start and end of each stretch are in s, half-open; kinds and numbers of poses are of as many.
+    Takes the samples, and for each segment its start and end, s, half-open, its kind, and the
+    number of its pose.
     """
     rows, start_s, end_s = Samples(samples), np.asarray(start_s, float), np.asarray(end_s, float)
     ranges = np.searchsorted(rows[TIME], np.column_stack([start_s, end_s]))
@@ -49,16 +49,17 @@ def segment_table(samples, start_s, end_s, kinds, poses):
 def _statistics(rows, name, first, last):
     """Return mean and standard deviation of a channel over a range of rows."""
     x = rows[name][first:last]
-    # values that are missing do not count
-    known = x[np.isfinite(x)] if name == TEMPERATURE else x
-    return (known.mean(), known.std()) if len(known) else (np.nan, np.nan)
+    # missing values do not count
+    valid = x[np.isfinite(x)] if name == TEMPERATURE else x
+    return (valid.mean(), valid.std()) if len(valid) else (np.nan, np.nan)
 
 
 def power_cycles(segments):
-    """Return the number of the power cycle that each row lies in, shape (n,), from 0.
+    """Return the number of the power cycle of each segment, (n,), from 0.
 
-    A gap longer than all that was recorded ends one: the device was off, or its clock was set. What
-    lies between is not known to be time, and noise is not followed across.
+    A gap that is longer than all other segments together ends a power cycle: the device was off, or
+    its clock was set. The true duration of such a gap is not known, so noise is independent before
+    and after it. Takes a table of segments.
     """
     start, end = (np.asarray(segments[name], dtype=float) for name in ("start_s", "end_s"))
     gap = np.asarray(segments["kind"]) == GAP

@@ -8,11 +8,12 @@ from imuloop.core.effect import OUTPUT, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import RawUnit
 
-# what a file says of a sensor as it is
+# fields that a file holds without conversion
 _WORDS = ("method", "not_testable", "reduced_chi2", "verdict")
-# share of its prior standard deviation above which a parameter is the data sheet's
+# ratio of the standard error to the prior standard deviation above which the data did not improve
+# a parameter
 IMPROVED = 0.7
-# prior standard deviations from the prior's mean beyond which a parameter is reported
+# distance from the mean of the prior, in its standard deviations, above which it is reported
 FAR_OFF = 4.0
 
 
@@ -24,35 +25,38 @@ class SensorCalibration:
     T: np.ndarray  # (3, 3): misalignment, unit diagonal; upper triangular for an accelerometer
     K: np.ndarray  # (3,): scale factor, SI per raw unit
     b: np.ndarray  # (3,): bias, raw units
-    # the p parameters that were estimated: ``T01``, …, ``K0``, …, ``b0``, … and an effect's
+    # names of the p estimated parameters: ``T01``, …, ``K0``, …, ``b0``, … and those of effects
     names: tuple[str, ...] = ()
-    covariance: np.ndarray | None = None  # (p, p): in the parameters' own units
-    effects: tuple[FittedEffect, ...] = ()  # what adds up to e, SI, on the sensor's own axes
-    method: str = "nominal"  # what the parameters come from, as `multi_position`
+    covariance: np.ndarray | None = None  # (p, p): in the units of the parameters
+    effects: tuple[FittedEffect, ...] = ()  # their sum is e, SI, on the sensor's own axes
+    method: str = "nominal"  # how the parameters were estimated, such as `multi_position`
     not_testable: str | None = None  # why the data do not determine the full model
-    reduced_chi2: float | None = None  # of the fit, against the noise model
-    # the worst in diagnosis.json of the records that the parameters and effects come from; None
-    # where it was not diagnosed
+    reduced_chi2: float | None = None  # reduced χ² of the fit by the noise model
+    # worst verdict, in diagnosis.json, of the records that the parameters and effects come from;
+    # None if there was no diagnosis
     verdict: str | None = None
-    # ``source`` of the prior, its ``mean`` and ``std`` of each parameter by name; None without one
+    # ``source`` of the prior, and ``mean`` and ``std`` by name of the parameter; None without prior
     prior: dict | None = None
 
     @classmethod
     def nominal(cls, raw_unit, not_testable):
-        """Return the data sheet's calibration, with the reason why nothing was measured."""
+        """Return the nominal calibration of the data sheet.
+
+        Takes the RawUnit, and the reason why nothing was measured.
+        """
         scale, offset = np.full(3, raw_unit.scale), np.full(3, raw_unit.offset)
         return cls(raw_unit, np.eye(3), scale, offset, not_testable=not_testable)
 
     @property
     def measured(self):
         """Whether any parameter was measured; otherwise all are the data sheet's."""
-        promised = self.nominal(self.raw_unit, None)
-        same = all(np.array_equal(getattr(self, x), getattr(promised, x)) for x in "TKb")
+        nominal = self.nominal(self.raw_unit, None)
+        same = all(np.array_equal(getattr(self, x), getattr(nominal, x)) for x in "TKb")
         return self.method != "nominal" or bool(self.effects) or not same
 
     @property
     def unexplained(self):
-        """Whether the data that it was measured from are unexplained."""
+        """Whether the errors of the data are larger than the noise and the effects explain."""
         return self.measured and self.verdict == "unexplained"
 
     @property
@@ -61,17 +65,17 @@ class SensorCalibration:
         return max(1.0, self.reduced_chi2 or 1.0)
 
     def output(self, values):
-        """Return ``K (raw - b)`` of values in SI units as logged, shape (n, 3)."""
+        """Return ``K (raw - b)``, SI on the sensor's own axes, of values in nominal SI, (…, 3)."""
         return (self.raw_unit.from_si(values) - self.b) * self.K
 
     def aligned(self, values):
-        """Return ``T K (raw - b)``, SI on the axes of the body, of values as logged, (…, 3)."""
+        """Return ``T K (raw - b)``, SI on the body's axes, of values in nominal SI, (…, 3)."""
         return self.output(values) @ self.T.T
 
     def apply(self, values, channels=None):
-        """Return calibrated values, SI, of values as logged, SI, shape (n, 3).
+        """Return calibrated values, SI, (n, 3), of values in nominal SI, (n, 3).
 
-        The channels, which the effects depend on, are needed only where there are effects.
+        `channels` are the Channels that the effects depend on; without effects they are not used.
         """
         output = self.output(values)
         for effect in self.effects:
@@ -80,15 +84,17 @@ class SensorCalibration:
 
     @property
     def std(self):
-        """Standard errors of the estimated parameters by name."""
+        """Standard errors of the estimated parameters, a dict by name."""
         if not self.names:
             return {}
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
 
     def parameters(self, sensor):
-        """Return name, value, standard error (nan without one), unit and source of parameters.
+        """Return a list of (name, value, standard error, unit, source) of all parameters.
 
-        `sensor` is its name, which its data do not hold.
+        The standard error is nan for a parameter that was not estimated. The source is ``data``, or
+        the source of the prior for a parameter that the data did not improve. `sensor` is the name
+        of the sensor.
         """
         si, raw, std = OUTPUT[sensor], self.raw_unit.name, self.std
         scale = "1" if raw == si else f"{si} per {raw}"
@@ -96,10 +102,10 @@ class SensorCalibration:
         rows = [(f"T{i}{j}", self.T[i, j], "rad") for i, j in angles]
         rows += [(f"K{i}", k, scale) for i, k in enumerate(self.K)]
         rows += [(f"b{i}", b, raw) for i, b in enumerate(self.b)]
-        before = (self.prior or {}).get("source", "data sheet")
-        sources = {name: "data" for name in std} | dict.fromkeys(self.unimproved, before)
+        prior = (self.prior or {}).get("source", "data sheet")
+        sources = {name: "data" for name in std} | dict.fromkeys(self.unimproved, prior)
         rows = [
-            (name, float(value), std.get(name, np.nan), unit, sources.get(name, before))
+            (name, float(value), std.get(name, np.nan), unit, sources.get(name, prior))
             for name, value, unit in rows
         ]
         for fitted in self.effects:
@@ -119,25 +125,28 @@ class SensorCalibration:
 
     @property
     def unimproved(self):
-        """Names of the parameters that the data hardly improved: they are the prior's.
+        """Names of the parameters that the data hardly improved, a tuple.
 
-        Their standard error is above `IMPROVED` of the prior's.
+        Their standard error is more than `IMPROVED` of the standard deviation of the prior.
         """
-        before, std = (self.prior or {"std": {}})["std"], self.std
-        return tuple(name for name, size in before.items() if std.get(name, size) > IMPROVED * size)
+        prior, std = (self.prior or {"std": {}})["std"], self.std
+        return tuple(name for name, size in prior.items() if std.get(name, size) > IMPROVED * size)
 
     @property
     def far_off(self):
-        """Prior standard deviations from the prior's mean, by parameter, beyond `FAR_OFF`."""
+        """Distance from the mean of the prior, in its standard deviations, a dict by parameter.
+
+        It holds only distances above `FAR_OFF`.
+        """
         if not self.prior:
             return {}
         std, mean = self.prior["std"], self.prior["mean"]
-        own = {n: getattr(self, n[0])[tuple(int(i) for i in n[1:])] for n in std}
-        sizes = {name: float(abs(own[name] - mean[name]) / std[name]) for name in std}
+        values = {n: getattr(self, n[0])[tuple(int(i) for i in n[1:])] for n in std}
+        sizes = {name: float(abs(values[name] - mean[name]) / std[name]) for name in std}
         return {name: size for name, size in sizes.items() if size > FAR_OFF}
 
     def to_dict(self):
-        """Return what the JSON file holds."""
+        """Return the content of the JSON file for this sensor, a dict."""
         covariance = np.zeros((0, 0)) if self.covariance is None else self.covariance
         return {
             "raw_unit": self.raw_unit.name,
@@ -154,7 +163,7 @@ class SensorCalibration:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the calibration that a JSON file holds."""
+        """Return the SensorCalibration of the content of a JSON file, a dict."""
         rows = content["covariance"]["matrix"]
         if any(len(row) != len(rows) for row in rows):
             raise ImuloopError("covariance: the matrix is not square")

@@ -1,17 +1,18 @@
-"""Directions on the sphere: evenly spread, the largest hole between some, in words."""
+"""Directions on the sphere: an even lattice, the largest hole between some, and their names."""
 
 import numpy as np
 
-# a hole in the attitudes covered that is worth another pose, degrees
+# least angle from the nearest attitude at which another pose is worthwhile, degrees
 WIDE_HOLE = 50.0
-# a component of a direction that is worth a word
+# least component of a direction that is part of its name
 LEANS = 0.35
 
 
 def fibonacci_lattice(n):
-    """Return `n` unit vectors of nearly equal distance, shape (n, 3).
+    """Return `n` unit vectors of nearly equal distance, (n, 3).
 
-    Heights ``1 - (2 k + 1)/n`` at longitudes a golden angle apart, ``(3 - √5) π``.
+    Vector k has the height ``1 - (2 k + 1)/n``. Consecutive longitudes differ by the golden angle,
+    ``(3 - √5) π``.
 
     References
     ----------
@@ -25,8 +26,8 @@ def fibonacci_lattice(n):
 
 
 def largest_hole(directions):
-    """Return the direction farthest from unit vectors, (n, 3), and how far the nearest is, rad."""
-    # some 4 degrees apart
+    """Return the direction farthest from unit vectors, (n, 3), and its angle to them, rad."""
+    # directions about 4 degrees apart
     grid = fibonacci_lattice(2000)
     nearest = (grid @ np.asarray(directions).T).max(axis=1)
     worst = nearest.argmin()
@@ -34,10 +35,10 @@ def largest_hole(directions):
 
 
 def count_attitudes(vectors, apart):
-    """Return how many directions of vectors, (n, 3), lie farther than an angle, rad, from others.
+    """Return the number of distinct directions of vectors, (n, 3), an int.
 
-    In the order given; each that lies farther from all counted before is one more. A vector
-    without a direction, zero or not a number, does not count.
+    The vectors are taken in order. A vector counts if it is farther than the angle `apart`, rad,
+    from all vectors counted before. Vectors that are zero or not a number do not count.
     """
     counted, sizes = np.empty((0, 3)), np.linalg.norm(vectors, axis=1)
     for u in vectors[sizes > 0] / sizes[sizes > 0, None]:
@@ -47,6 +48,6 @@ def count_attitudes(vectors, apart):
 
 
 def direction_words(vector):
-    """Return a direction in words: the axes it leans on, as ``+x −z``."""
+    """Return the name of a direction, (3,): the axes with a large component, such as ``+x −z``."""
     signs = zip(vector, "xyz", strict=True)
     return "\u202f".join(f"{'+' if v > 0 else '−'}{axis}" for v, axis in signs if abs(v) > LEANS)

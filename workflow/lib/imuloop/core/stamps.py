@@ -1,64 +1,68 @@
-"""Scattering time stamps: whether the samples were taken at these times."""
+"""Jitter of time stamps: a test whether the samples were taken at their time stamps."""
 
 import numpy as np
 
 from imuloop.core.gaps import gap_limit
 
-# standard errors by which samples have to follow their stamps
+# standard errors by which β has to differ from a half
 SURE = 4.0
 
 
-class Scatter:
-    r"""Scatter of the stamps about even steps: whether the angular rate goes with it.
+class JitterTest:
+    r"""Tests whether samples were taken at their time stamps or at even steps.
 
-    With the lateness :math:`e_k = t_k - k T` of a stamp and slopes s, s' of the angular rate w,
-    each from its own samples so that their noise does not enter,
+    If the samples were taken at time stamps with jitter, the angular rate shows the jitter whenever
+    the device turns: a late sample has moved on along the slope of the rate. With the time t, the
+    angular rate w of an axis, the step T and the jitter :math:`e_k = t_k - k T` of sample k,
 
     .. math:: \beta = \frac{\sum (w_k - (w_{k-1} + w_{k+1})/2)\,d_k s'_k}{\sum d_k^2 s_k s'_k},
         \quad d_k = e_k - (e_{k-1} + e_{k+1})/2
 
-    is 1 where the sensor was sampled at the stamps, 0 where it was sampled evenly and stamped
-    late. Steps over lost samples do not count.
+    is 1 if the samples were taken at their time stamps, and 0 if they were taken at even steps and
+    stamped late. s and s' are two estimates of the slope dw/dt from different samples, so that
+    their noise is independent. Steps over dropped samples are left out.
 
     Parameters
     ----------
     step : float
-        Usual step, s.
+        Usual step T, s.
     grid : float, optional
-        Width of the grid that the stamps are on, s: steps are longer by so much at most.
+        Resolution of the time stamps, s: it is the most by which it makes a step longer.
     """
 
     def __init__(self, step, grid=0.0):
         self.step, self.longest = step, gap_limit(step) + grid
-        self._shared = self._square = self._chance = 0.0
+        # numerator and denominator of β, and variance of the numerator
+        self._numerator = self._denominator = self._variance = 0.0
 
     def add(self, t, w):
-        """Take in a part of a log: time, s, shape (n,), and angular rate, rad/s, shape (3, n)."""
-        whole = np.diff(t) <= self.longest
-        whole = whole[1:] & whole[:-1]
-        late = (bend(t) * whole)[2:-2]
+        """Add a part of a log to the sums: time, s, (n,), and angular rate, rad/s, (3, n)."""
+        complete = np.diff(t) <= self.longest
+        complete = complete[1:] & complete[:-1]
+        jitter = (bend(t) * complete)[2:-2]
         for x in w:
-            slope, other = (x[5:-1] - x[1:-5]) / 4, (x[6:] - x[:-6]) / 6
-            each = bend(x)[2:-2] * late * (other / self.step)
-            self._shared += each.sum()
-            self._chance += each @ each
-            self._square += (late**2 * slope) @ other / self.step**2
+            slope, other_slope = (x[5:-1] - x[1:-5]) / 4, (x[6:] - x[:-6]) / 6
+            terms = bend(x)[2:-2] * jitter * (other_slope / self.step)
+            self._numerator += terms.sum()
+            self._variance += terms @ terms
+            self._denominator += (jitter**2 * slope) @ other_slope / self.step**2
 
     @property
     def followed(self):
-        """Whether β is above a half by more than chance; not where nothing turned."""
-        return self._beyond_half(1)
+        """Whether β is significantly above a half; false if the device did not turn."""
+        return self._differs_from_half(1)
 
     @property
     def even(self):
-        """Whether β is below a half by more than chance; not where nothing turned."""
-        return self._beyond_half(-1)
+        """Whether β is significantly below a half; false if the device did not turn."""
+        return self._differs_from_half(-1)
 
-    def _beyond_half(self, sign):
-        beyond = sign * (self._shared - self._square / 2)
-        return bool(beyond > SURE * np.sqrt(self._chance) and self._square > 0)
+    def _differs_from_half(self, sign):
+        """Return whether β - 1/2 has the sign, 1 or -1, and exceeds `SURE` standard errors."""
+        difference = sign * (self._numerator - self._denominator / 2)
+        return bool(difference > SURE * np.sqrt(self._variance) and self._denominator > 0)
 
 
 def bend(x):
-    """Return each sample less the straight line through its neighbours."""
+    """Return each inner sample of x, (n,), less the mean of its two neighbours, (n - 2,)."""
     return x[1:-1] - (x[:-2] + x[2:]) / 2

@@ -1,4 +1,4 @@
-"""Stretches: samples that follow each other, as half-open ranges of indices, shape (k, 2)."""
+"""Stretches: consecutive samples, as half-open ranges of indices, (k, 2)."""
 
 import numpy as np
 
@@ -7,15 +7,15 @@ from imuloop.core.samples import TIME
 
 
 def stretches_of(mask):
-    """Return the stretches in which a mask, shape (n,), is true, shape (k, 2)."""
+    """Return the stretches, (k, 2), in which a mask, (n,), is true."""
     edges = np.flatnonzero(np.diff(np.asarray(mask, dtype=int), prepend=0, append=0))
     return edges.reshape(-1, 2)
 
 
 def unbroken(rows):
-    """Return the stretches of `Samples` between long gaps (`core.gaps`), and the median step, s.
+    """Return the stretches of Samples between long gaps, (k, 2), and the median time step, s.
 
-    A log of fewer than two samples has no step; one second stands in.
+    The step is 1 s if there are fewer than two samples.
     """
     step = rows.interval
     if step is None:
@@ -26,12 +26,12 @@ def unbroken(rows):
 
 
 def lengths(ranges):
-    """Return the number of samples in each range."""
+    """Return the number of samples in each range, (k,)."""
     return np.diff(ranges, axis=1).ravel()
 
 
 def merged(ranges):
-    """Return ranges, at least one, in order, with overlapping or touching ones merged."""
+    """Return ranges, (k, 2) with k > 0, in order, with overlapping and touching ones merged."""
     first, last = ranges[np.argsort(ranges[:, 0])].T
     reached = np.maximum.accumulate(last)
     apart = first[1:] > reached[:-1]
@@ -39,7 +39,10 @@ def merged(ranges):
 
 
 def without(ranges, cuts):
-    """Return ranges, in order, less the cuts, which are as `merged` returns them."""
+    """Return the parts of ranges, in order, that lie outside cuts, (k, 2).
+
+    The cuts are in order and do not overlap or touch, as `merged` returns them.
+    """
     parts = [np.empty((0, 2), dtype=int)]
     for i, j in ranges:
         low, high = np.searchsorted(cuts[:, 1], i, side="right"), np.searchsorted(cuts[:, 0], j)
@@ -49,6 +52,6 @@ def without(ranges, cuts):
 
 
 def divided(first, last, count):
-    """Return a range in so many even parts, at least one, (k, 2)."""
+    """Return `count` parts of equal length, at least one, of a range of samples, (k, 2)."""
     edges = np.linspace(first, last, max(count, 1) + 1).astype(int)
     return np.column_stack([edges[:-1], edges[1:]])

@@ -15,7 +15,7 @@ HOUR = 3600.0
 # 0 degC, K
 ZERO_CELSIUS = 273.15
 
-# SI per count, and counts of zero, that a data sheet may state
+# limits of the scale of counts, SI per count, and of their offset, counts
 SCALE_OF_COUNTS = (1e-12, 1e5)
 MOST_COUNT_OFFSET = 1e12
 
@@ -30,7 +30,7 @@ INCREMENTS = {
     "acceleration": {"m/s": 1.0, "mm/s": 1e-3},
     "angular_rate": {"rad": 1.0, "mrad": 1e-3, "deg": DEGREE},
 }
-# degC per unit, and what the unit has at 0 degC
+# degC per unit, and the value in the unit at 0 degC
 TEMPERATURE = {"degC": (1.0, 0.0), "K": (1.0, ZERO_CELSIUS), "degF": (5 / 9, 32.0)}
 
 _FACTORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
@@ -58,17 +58,20 @@ class RawUnit:
 
 
 def needed_by_counts(quantity, nominal=None):
-    """Return the keys that give counts a scale; `nominal` may hold the ``ranges`` of a sensor."""
+    """Return the config keys that give counts a scale, text for a message.
+
+    `nominal` may hold the ``ranges`` of the sensor.
+    """
     if ranges := (nominal or {}).get("ranges"):
         return f"range.{quantity}, one of {', '.join(ranges)}"
     return f"nominal.{quantity}.scale (increments: × rate), or the name of the sensor and its range"
 
 
 def raw_unit(quantity, name, nominal=None):
-    """Return the raw unit of acceleration or angular_rate by its name.
+    """Return the RawUnit of a quantity, "acceleration" or "angular_rate", by the name of the unit.
 
-    Counts need `nominal`, their ``scale`` (SI per count) and ``offset`` (counts); increments become
-    their rate in SI. Raises an ImuloopError for an unknown unit.
+    Counts need `nominal`, a dict with their ``scale`` (SI per count) and ``offset`` (counts).
+    Increments are logged as their rate in SI. Raises an ImuloopError for an unknown unit.
     """
     if name == "count":
         if "scale" not in (nominal or {}):

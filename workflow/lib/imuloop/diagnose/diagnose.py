@@ -12,12 +12,12 @@ from imuloop.calibrate.calibrate import (
     nominal_sensors,
     read_poses,
     start_fit,
-    usable,
+    usable_sessions,
     with_sessions,
 )
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.recording import Recording
-from imuloop.core.calibration_faults import implausible
+from imuloop.core.calibration_faults import implausible_values
 from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
@@ -128,7 +128,7 @@ def diagnose_device(
     final = with_validity_ranges(final, poses.calibrations, recording, records, still.effects)
     beside, windows = diagnose_reference(sessions, noise, gravity, settings, tests, final)
     names, faces = (
-        [name for name, session in sessions.items() if usable({name: session}, *kinds)]
+        [name for name, session in sessions.items() if usable_sessions({name: session}, *kinds)]
         for kinds in (GROUPS[method], ("six_position",))
     )
     content = _content(device, poses.contents, still.content, motion.contents)
@@ -140,7 +140,7 @@ def diagnose_device(
     for sensor, own in content["sensors"].items():
         own |= {"reference": beside[sensor]} if beside else {}
         calibration = getattr(final, sensor)
-        if why := implausible(calibration, sensor):
+        if why := implausible_values(calibration, sensor):
             good = [part for part, c in own.items() if c["verdict"] in ("consistent", "explained")]
             own |= {part: not_testable(why) for part in good}
             calibration = replace(calibration, not_testable=why)

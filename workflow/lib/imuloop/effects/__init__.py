@@ -1,11 +1,11 @@
-"""The library of effects; every module here is loaded, and its effects register themselves."""
+"""The library of effects: all modules of the package are loaded, and their effects register."""
 
 from importlib import import_module
 from pkgutil import iter_modules
 
 from imuloop.core.effect import Effect
 
-# order of results alone: an effect that is not named here stands after these
+# order of the effects in results; an effect that is not named here comes last
 _ORDER = """anisoinertia asymmetry bias_drift bias_temperature bias_temperature_rate cross_coupling
     cubic vibration_rectification earth_rate g2_sensitivity g_sensitivity
     gyro_axis_delay lever_arm product quadratic ramp rate_sensitivity reorientation scale_asymmetry

@@ -1,36 +1,36 @@
-"""Late time stamps: of a sensor, or of one axis."""
+"""Delays of the output of a sensor, or of one axis."""
 
 import numpy as np
 
 from imuloop.core.effect import Effect
 from imuloop.effects.filters import secant, slope
 
-# s; the largest delay
+# largest delay, s
 LATEST = 0.1
 
 
 def own_change(channels, seconds):
-    """Return the mean rate of change of the sensor's output until `seconds` later, (n, 3)."""
+    """Return the mean rate of change of the sensor's output over the next `seconds`, (n, 3)."""
     return secant(channels.t, channels.output, seconds)
 
 
 def other_slope(channels):
-    """Return the rate of change of the other sensor's output, shape (n, 3)."""
+    """Return the rate of change of the other sensor's output, (n, 3)."""
     return slope(channels.t, channels.other)
 
 
 def unclamped(self, design, low, high):
-    """Return the derivative of a delay unclamped: a delay does not depend on the rate of change."""
+    """Return the derivative as it is: a delay is valid for any rate of change."""
     return design
 
 
 class TimeOffset(Effect):
-    """``e = y(t) - y(t - Δt)``: the sensor is late by -Δt, or early by Δt.
+    """``e = y(t) - y(t - Δt)``: the output y of the sensor is early by Δt, or late by -Δt.
 
-    The other sensor's stamps are the clock: two sensors show what one is late by after the other,
-    and a difference of their low-pass filters is the same. Leaves: velocity at the end of a move,
-    ``Δt g`` for each radian turned about the horizontal, 15 mm/s per ms for a quarter turn. From
-    rest to rest attitudes have all arrived: the angle turned is the same.
+    The offset is relative to the other sensor, whose time stamps are the clock. A difference of the
+    low-pass filters of both sensors has the same effect. Leaves: velocity at the end of a move,
+    ``Δt g`` for each radian turned about the horizontal, 15 mm/s per ms for a quarter turn. The
+    angle from rest to rest does not change.
     """
 
     name = "time_offset"
@@ -45,17 +45,17 @@ class TimeOffset(Effect):
     clamped = unclamped
 
     def design(self, channels, values=(0.0,)):
-        """Return the rate of change over the delay, shape (n, 3, 1)."""
+        """Return the mean rate of change of the output over the delay, (n, 3, 1)."""
         return channels.evaluate_memory(own_change, -float(values[0]))[:, :, None]
 
     design_at = design
 
 
 class GyroAxisDelay(Effect):
-    """``e_i = y_i(t) - y_i(t + Δt_i)``: axis i is late by Δt_i relative to z.
+    """``e_i = y_i(t) - y_i(t + Δt_i)``: the output y of axis i is late by Δt_i relative to z.
 
-    Three axes that are late together are a `time_offset`. Leaves: errors of rotations about axes
-    that change, and velocity at the end of a move.
+    A delay of all three axes is a `time_offset`. Leaves: errors of rotations whose axis changes,
+    and velocity at the end of a move.
     """
 
     name = "gyro_axis_delay"

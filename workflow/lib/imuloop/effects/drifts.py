@@ -1,4 +1,4 @@
-"""A bias that changes slowly with time: linearly, after power-on, or randomly."""
+"""A bias that changes slowly with time: after power-on, or linearly."""
 
 from dataclasses import dataclass
 
@@ -7,17 +7,17 @@ import numpy as np
 from imuloop.core.effect import Effect
 from imuloop.effects.axes import on_each_axis, per_axis
 
-# s; a factor 3.4 apart, so that a true one is at most 1.85 from one that is tried; from a chip
-# on its board to a closed housing
+# time constants to try, s, from a chip on its board to a closed housing. They differ by a factor of
+# 3.4, so that a true one is within a factor of 1.85
 SETTLING = (30.0, 100.0, 350.0, 1200.0)
-# settling times that a record must hold: with less, an exponential is nearly a straight line
+# least length of a record in time constants: in a shorter one an exponential is nearly linear
 SETTLINGS = 2
-# points within twice the time constant, without which it would be an outlier's second name
+# fewest points within twice the time constant: with fewer, a single outlier could imitate it
 POINTS = 3
 
 
 def settling(channels, tau):
-    """Return ``exp(-t/τ)`` of a whole log, shape (n,)."""
+    """Return ``exp(-t/τ)`` at the n samples of a log, (n,)."""
     return np.exp(-channels.t / tau)
 
 
@@ -25,10 +25,11 @@ def settling(channels, tau):
 class WarmUp(Effect):
     """``e_i = A_i exp(-t/τ)``: after power-on the bias settles exponentially, τ in s.
 
-    t counts from the start of each log: one that starts t_on after the power has the amplitude
-    A exp(-t_on/τ); several sessions are taken to start alike.
-    Leaves: first poses and minutes off, later ones not. Imitated by: `bias_temperature`, if the
-    thermometer shows the same warming; `bias_drift` where τ is as long as the log.
+    t is the time since the start of each log. A log that starts t_on after the power has the
+    amplitude A exp(-t_on/τ); t_on is taken as the same in all sessions.
+    Leaves: errors of the first poses and minutes, and none of later ones. Imitated by:
+    `bias_temperature`, if the thermometer shows the same warming; `bias_drift`, if τ is as long as
+    the log.
     """
 
     tau: float = SETTLING[0]
@@ -42,22 +43,22 @@ class WarmUp(Effect):
 
     @classmethod
     def shapes(cls, channels):
-        """Return the time constants that the data span several times, with several points each."""
+        """Return the shapes with the time constants that are short enough for the data."""
         several = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
         longest = np.ptp(channels.t) / SETTLINGS
         return tuple(cls(tau) for tau in several if tau <= longest) or (cls(),)
 
     def design(self, channels):
-        """Return the exponential on each axis, its mean over a pose, shape (n, 3, 3)."""
+        """Return the exponential on each axis, at a pose its mean, (n, 3, 3)."""
         return on_each_axis(channels.evaluate(settling, self.tau))
 
 
 class BiasDrift(Effect):
     """``e_i = d_i t``: the bias drifts linearly from the start of each log.
 
-    Leaves: an error of pose means that grows with time whatever the attitude. Imitated by:
-    `bias_temperature` where the temperature only rises or falls, a long `warm_up`, and the noise's
-    own random walk, which the floor holds. In a static record the same term is called `ramp`.
+    Leaves: an error of pose means that grows with time in every attitude. Imitated by:
+    `bias_temperature`, if the temperature only rises or falls; a long `warm_up`; and random walk
+    in the noise, which is part of the floor. In a static record the same term is called `ramp`.
     """
 
     name = "bias_drift"
@@ -74,10 +75,10 @@ class BiasDrift(Effect):
 
 
 class Ramp(BiasDrift):
-    """``e_i = d_i t``: between poses this is `bias_drift`.
+    """``e_i = d_i t``: the drift of the bias in a static record; at poses it is `bias_drift`.
 
-    Leaves: levels that change evenly. Imitated by: `bias_temperature` where the temperature only
-    rises or falls, a long `warm_up`, and random walk, which the noise of the test allows for.
+    Leaves: a level that changes linearly. Imitated by: `bias_temperature`, if the temperature only
+    rises or falls; a long `warm_up`; and random walk, which the noise of the test allows for.
     """
 
     name = "ramp"

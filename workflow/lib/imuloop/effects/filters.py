@@ -1,4 +1,4 @@
-"""Filters of the columns of a whole log: lag, play, moving mean, rate of change."""
+"""Filters of the columns of a whole log: lag, hysteresis, moving mean, rate of change."""
 
 from functools import partial
 
@@ -6,28 +6,29 @@ import numpy as np
 
 from imuloop.core.gaps import gap_limit
 
-# exponents that are summed at once: exp(±500) is far from the limits of a double
+# largest exponent in a block: exp(±500) is far from the limits of a double
 _SUMMED = 500.0
-# samples that are summed at once: a processor's cache holds them
+# most samples in a block: they fit in the cache of a processor
 _BLOCK = 1 << 16
-# samples of a moving mean: of fewer, too little of what changes from one to the next is left
+# fewest samples of a moving mean: shorter ones remove too much of the fast changes
 _FEWEST = 7
-# s; a shift that is none
+# time shift below which it is taken as zero, s
 _INSTANT = 1e-6
 
 
 def usual_step(t):
-    """Return the median step of time, s."""
+    """Return the median time step, s, of times, (n,)."""
     return float(np.median(np.diff(t)))
 
 
 def first_order_lag(t, values, tau):
-    """Return the response ``τ dy/dt = x - y`` of a first-order lag that starts at the first value.
+    """Return the response y of a first-order lag, ``τ dy/dt = x - y``, in the shape of `values`.
 
-    Exact for values on straight lines between the stamps, however far apart these are: over a
-    step of r time constants, with a = exp(-r), g = (1 - a)/r and d = y - x,
-    ``d₁ = a d₀ - g (x₁ - x₀)``. Summed as ``d = e⁻ˢ (d₀ - Σ eˢ g Δx)``, s the time in units of τ,
-    block after block. Takes increasing time, s, values, (n,) or (n, m), and τ, s.
+    x are the `values`, (n,) or (n, m), at the increasing times t, s, (n,); y starts at the first
+    value. The result is exact if x is linear between the samples, for steps of any length: over a
+    step of r time constants, d = y - x goes from d₀ to ``d₁ = a d₀ - g (x₁ - x₀)``, with
+    a = exp(-r) and g = (1 - a)/r. The sum over many steps is ``d = e⁻ˢ (d₀ - Σ eˢ g Δx)``, with the
+    time s in units of τ; it is computed in blocks so that eˢ does not overflow.
     """
     x = np.asarray(values, dtype=float).reshape(len(t), -1)
     d, start = np.zeros_like(x), 1
@@ -36,7 +37,7 @@ def first_order_lag(t, values, tau):
         end = max(min(end, start + _BLOCK), start + 1)
         r = np.diff(t[start - 1 : end])[:, None] / tau
         g = np.where(r > 0, -np.expm1(-r) / np.where(r > 0, r, 1.0), 1.0)
-        # after a longer step nothing is left of what was before
+        # the exponent of a longer step is cut: the response has forgotten everything before it
         growth = np.exp(np.minimum((t[start:end] - t[start - 1]) / tau, _SUMMED))[:, None]
         added = np.cumsum(growth * g * np.diff(x[start - 1 : end], axis=0), axis=0)
         d[start:end] = (d[start - 1] - added) / growth
@@ -45,16 +46,18 @@ def first_order_lag(t, values, tau):
 
 
 def play(values, half_width):
-    """Return the play operator: a point dragged by walls `half_width` to either side.
+    """Return the play operator p of values x, (n,): a hysteresis.
 
-    ``p₁ = min(max(p₀, x - w), x + w)``, p = x at the start.
+    p is a point that is dragged by two walls at a distance of w, `half_width`, on either side of x:
+    from one sample to the next, ``p₁ = min(max(p₀, x - w), x + w)``. It starts at the first value.
 
     References
     ----------
     M. Brokate, J. Sprekels, Hysteresis and Phase Transitions, Springer 1996.
     """
     low, high = values - half_width, values + half_width
-    # clamps one after the other are one clamp: that up to each sample of √n stretches side by side
+    # two clamps in a row are one clamp: the clamps up to each sample are computed in √n stretches
+    # at once, and then applied to the point at the start of each stretch
     count = max(int(np.sqrt(len(values))), 1)
     more = -len(values) % count
     low, high = (np.pad(x, (0, more)).reshape(-1, count).T for x in (low, high))
@@ -62,48 +65,56 @@ def play(values, half_width):
     for k in range(1, count):
         for ends in (lower, upper):
             ends[k] = np.minimum(np.maximum(ends[k - 1], low[k]), high[k])
-    starts, at = [], next(iter(values), 0.0)
+    starts, point = [], next(iter(values), 0.0)
     for first, last in zip(lower[-1].tolist(), upper[-1].tolist(), strict=True):
-        starts.append(at)
-        at = min(max(at, first), last)
+        starts.append(point)
+        point = min(max(point, first), last)
     return np.minimum(np.maximum(starts, lower), upper).T.ravel()[: len(values)]
 
 
 def fast_part(t, values, period):
-    """Return values less a moving mean that is taken twice: a high-pass.
+    """Return the values, (n, m), less their moving mean taken twice: a high-pass filter.
 
-    At a frequency f, ``1 - sinc²(f period)`` of it is left: half at 0.44/period, within 5 % all
-    above 1/period; of what moves evenly, nothing. Takes increasing time, s, values, (n, m), and the
-    length of the mean, s.
+    The gain at a frequency f is ``1 - sinc²(f period)``: a half at 0.44/period, and one within 5 %
+    above 1/period. A linear change is removed. Takes increasing times, s, (n,), and the length of
+    the mean, `period`, s.
     """
-    # loaded late: few effects ask for it
+    # loaded late, as few effects need it
     from scipy.ndimage import uniform_filter1d
 
     step = usual_step(t) if len(t) > 1 else period
     half = max(_FEWEST // 2, round(period / step / 2))
-    # from the first value on, so that sums keep their digits
+    # values relative to the first one, so that sums keep their digits
     values = values - values[:1]
-    # the ends are held beyond the log
+    # before and after the log, the first and the last value are repeated
     mean = partial(uniform_filter1d, size=2 * half + 1, axis=0, mode="nearest")
     return values - mean(mean(values))
 
 
 def slope(t, values):
-    """Return the rate of change of values, (n, m), by the parabola through each and its neighbours.
+    """Return the rate of change of values, (n, m), at the times t, s, (n,), a central difference.
 
-    A central difference: of a sine of frequency f it gives ``sinc(2 f Δt)``, 98 % at a twentieth of
-    the sampling rate. Zero of a single sample.
+    It is the derivative of the parabola through each value and its neighbours. Its gain for a sine
+    of frequency f is ``sinc(2 f Δt)``: 98 % at a twentieth of the sampling rate. It is zero for a
+    single sample.
     """
     return np.gradient(values, t, axis=0) if len(t) > 1 else np.zeros_like(values)
 
 
 def secant(t, values, seconds):
-    """Return the mean rate of change of values, (n, m), from each sample to `seconds` after it.
+    """Return the mean rate of change of values between each time t and t + `seconds`, (n, m).
 
-    Between two samples values are the cubic that has their `slope` (Catmull and Rom): midway it
-    errs by 0.02 % on a sine of a twentieth of the sampling rate, by 0.4 % on one of a tenth. Where
-    that instant lies in a gap or beyond the log, and where there is no shift, it is the slope.
-    `seconds` may differ from sample to sample, (n,).
+    The values at t + `seconds` are interpolated by the cubic that has the `slope` at both samples
+    (Catmull and Rom). Its error midway is 0.02 % for a sine of a twentieth of the sampling rate,
+    and 0.4 % for a tenth. The result is the `slope` at t if `seconds` is zero, or if t + `seconds`
+    lies in a gap or outside the log.
+
+    Parameters
+    ----------
+    t, values : ndarray, shape (n,), (n, m)
+        Increasing times, s, and the values at these times.
+    seconds : float or ndarray, shape (n,)
+        Time shift, s; it may be negative.
     """
     change, seconds = slope(t, values), np.broadcast_to(seconds, np.shape(t))
     if len(t) < 2 or np.all(np.abs(seconds) < _INSTANT):
@@ -113,14 +124,17 @@ def secant(t, values, seconds):
     s = (t + seconds - t[k])[:, None] / h
     shifted = (1 - s) ** 2 * ((1 + 2 * s) * values[k] + h * s * change[k])
     shifted += s**2 * ((3 - 2 * s) * values[k + 1] - h * (1 - s) * change[k + 1])
-    whole = (s >= 0) & (s <= 1) & (h <= gap_limit(usual_step(t)))
+    inside = (s >= 0) & (s <= 1) & (h <= gap_limit(usual_step(t)))
     moved = (np.abs(seconds) >= _INSTANT)[:, None]
-    by = np.where(moved, seconds[:, None], 1.0)
-    return np.where(whole & moved, (shifted - values) / by, change)
+    shift = np.where(moved, seconds[:, None], 1.0)
+    return np.where(inside & moved, (shifted - values) / shift, change)
 
 
 def moving_mean(t, values, width):
-    """Return the mean of values, (n, m), over the last `width` s, fewer at the log's start."""
+    """Return the mean of values over the `width` seconds before each time t, (n, m).
+
+    Near the start of the log the mean is over the samples since the start.
+    """
     sums = np.zeros((len(t) + 1, values.shape[1]))
     np.cumsum(values, axis=0, out=sums[1:])
     first = np.searchsorted(t, t - width)

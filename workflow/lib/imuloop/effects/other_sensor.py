@@ -7,7 +7,7 @@ from imuloop.core.gravity import EARTH_RATE
 from imuloop.effects.axes import AXES, row_by_row
 from imuloop.effects.delays import other_slope
 
-# products of specific force that change from attitude to attitude: xx is f_x² - f_z²
+# products of specific force that depend on the attitude: xx is f_x² - f_z²
 PRODUCTS = ("xx", "yy", "xy", "xz", "yz")
 
 
@@ -27,7 +27,7 @@ class GSensitivity(Effect):
     records = ("poses",)
 
     def design(self, channels):
-        """Return the derivative with respect to G row by row, shape (n, 3, 9)."""
+        """Return the derivative with respect to G, row by row, (n, 3, 9)."""
         return row_by_row(channels.other)
 
 
@@ -48,16 +48,16 @@ class G2Sensitivity(Effect):
     records = ("poses",)
 
     def design(self, channels):
-        """Return the products on each axis, shape (n, 3, 15)."""
+        """Return the products of specific force on each axis, (n, 3, 15)."""
         x, y, z = channels.other.T
         return row_by_row(np.column_stack([x**2 - z**2, y**2 - z**2, x * y, x * z, y * z]))
 
 
 class EarthRate(Effect):
-    """``e = w_up f/|f|``: the vertical part of the Earth's rate, along specific force.
+    """``e = w_up f/|f|``: the vertical part of the Earth's rate, along the specific force f.
 
-    w_up = 7.292115e-5 rad/s · sin(latitude). The horizontal part turns with the heading, which no
-    sensor here knows: it stays in the residual. Under acceleration f is not the vertical.
+    w_up is 7.292115e-5 rad/s · sin(latitude). The horizontal part depends on the heading, which is
+    not measured, and stays in the residual. While the device accelerates, f is not vertical.
     Leaves: a mean rate that turns with the attitude, 15 °/h at the pole, and an angle that grows
     with the duration of a rotation. Imitated by: a `g_sensitivity` that is a multiple of the unit
     matrix, exactly.
@@ -72,16 +72,17 @@ class EarthRate(Effect):
     limit = EARTH_RATE
 
     def design(self, channels):
-        """Return the direction of specific force, shape (n, 3, 1); zero in free fall."""
+        """Return the direction of the specific force, (n, 3, 1); zero in free fall."""
         norm = np.linalg.norm(channels.other, axis=1, keepdims=True)
         return (channels.other / np.where(norm > 0, norm, 1.0))[:, :, None]
 
 
 class RateSensitivity(Effect):
-    """``e = M w``: specific force of axis i for a rate of 1 rad/s about axis j is M_ij.
+    """``e = M w``: the specific force depends on the angular rate w.
 
+    M_ij is the specific force that axis i shows for a rate of 1 rad/s about axis j.
     Leaves: velocity at the end of a move, M times the angle turned; nothing at rest. Imitated by:
-    `lever_arm`, a little, where all turns are equally fast.
+    `lever_arm`, in part, if all turns are equally fast.
     """
 
     name = "rate_sensitivity"
@@ -94,17 +95,18 @@ class RateSensitivity(Effect):
     limit = 0.1  # 10 mg at 1 rad/s
 
     def design(self, channels):
-        """Return the derivative with respect to M row by row, shape (n, 3, 9)."""
+        """Return the derivative with respect to M, row by row, (n, 3, 9)."""
         return row_by_row(channels.other)
 
 
 class LeverArm(Effect):
-    """``e_i = (dw/dt × r_i + w × (w × r_i))_i``: axis i sits at r_i, not at the origin.
+    """``e_i = (dw/dt × r_i + w × (w × r_i))_i``: axis i of the accelerometer lies at r_i.
 
-    Where the device turns about is not known, so that an arm which all axes share is none: the
-    origin is where the accelerometer's z axis sits, and r_x and r_y are from there.
-    Leaves: velocity at the end of a move, as the angle turned and as the square of the rate; 1 cm
-    at 5 rad/s gives 0.25 m/s². Nothing at rest. Imitated by: `rate_sensitivity`, a little.
+    w is the angular rate. The centre of rotation is not known, so that an arm common to all axes
+    cannot be determined: the origin is the place of the z axis, and r_x and r_y are relative to it.
+    Leaves: velocity at the end of a move, which depends on the angle turned and on the square of
+    the rate: 1 cm at 5 rad/s gives 0.25 m/s². Nothing at rest. Imitated by: `rate_sensitivity`, in
+    part.
     """
 
     name = "lever_arm"
@@ -114,11 +116,11 @@ class LeverArm(Effect):
     reference = "Titterton and Weston, Strapdown Inertial Navigation Technology, size effect"
     records = ("motion",)
     unobservable = "it acts only while the device turns, and residuals are taken at rest"
-    limit = 0.1  # of what is called one sensor
+    limit = 0.1  # largest size of a sensor
     rate_of_change = True
 
     def design(self, channels):
-        """Return the derivative with respect to the arms of x and y, shape (n, 3, 6)."""
+        """Return the derivative with respect to the arms of x and y, (n, 3, 6)."""
         w, change = channels.other, channels.evaluate_memory(other_slope)
         # (dw/dt × r + w × (w × r))_i = Σ_j A_ij r_j
         A = w[:, :, None] * w[:, None] - (w**2).sum(axis=1)[:, None, None] * np.eye(3)

@@ -5,16 +5,17 @@ import numpy as np
 from imuloop.core.effect import Effect
 from imuloop.effects.axes import AXES, on_each_axis, per_axis
 
-# axis i that is driven, axis j that drives
+# pairs of an axis i with an error and another axis j whose output causes it
 PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)
 
 
 class Quadratic(Effect):
-    """``e_i = K2_i y_i²``: the scale factor of an axis grows with its output.
+    """``e_i = K2_i y_i²``: the scale factor of an axis grows with its output y.
 
-    Leaves at rest, u the direction of gravity: ``K2 g² u_i³ = K2 g² (3/5 P1 + 2/5 P3)(u_i)``, 60 %
-    of it a bias. Imitated by: `cross_coupling`, of which it is a special case, and `asymmetry`
-    where poses are few. Under vibration it is `vibration_rectification`.
+    Leaves at rest, with the direction u of gravity and Legendre polynomials P:
+    ``K2 g² u_i³ = K2 g² (3/5 P1 + 2/5 P3)(u_i)``, of which 60 % is a bias. Imitated by:
+    `cross_coupling`, of which it is a special case, and `asymmetry`, if there are few poses. Under
+    vibration it is `vibration_rectification`.
     """
 
     name = "quadratic"
@@ -30,10 +31,11 @@ class Quadratic(Effect):
 
 
 class Cubic(Effect):
-    """``e_i = K3_i y_i³``: the scale factor of an axis differs between small and large outputs.
+    """``e_i = K3_i y_i³``: the scale factor of an axis differs between small and large outputs y.
 
-    Leaves at rest ``K3 g³ u_i⁴ = K3 g³ (1/5 P0 + 4/7 P2 + 8/35 P4)(u_i)``: 77 % is a scale factor,
-    23 % a pattern of degree 4. Imitated by: the scale factor, in six positions wholly.
+    Leaves at rest, with the direction u of gravity and Legendre polynomials P:
+    ``K3 g³ u_i⁴ = K3 g³ (1/5 P0 + 4/7 P2 + 8/35 P4)(u_i)``, of which 77 % is a scale factor and
+    23 % a pattern of degree 4. Imitated by: the scale factor, in six positions completely.
     """
 
     name = "cubic"
@@ -51,8 +53,9 @@ class Cubic(Effect):
 class Asymmetry(Effect):
     """``e_i = (K1'_i/2) |y_i|``: the scale factor of an axis differs with the sign of its output.
 
-    Leaves at rest ``(K1'/2) g u_i |u_i|``, a bias (3/4 P1) and odd patterns from degree 3 on.
-    Imitated by: `quadratic`, but for degree 5 and a kink at u_i = 0, which take over 30 poses.
+    Leaves at rest, with the output y and the direction u of gravity: ``(K1'/2) g u_i |u_i|``, which
+    is a bias (3/4 P1) and odd patterns of degree 3 and more. Imitated by: `quadratic`, which lacks
+    only degree 5 and a kink at u_i = 0; more than 30 poses show them.
     """
 
     name = "asymmetry"
@@ -99,9 +102,9 @@ class CrossCoupling(Effect):
 class ScaleNonlinearity(Effect):
     """``e_i = s2_i y_i² + s3_i y_i³``: the scale factor of an axis changes with the rate.
 
-    Leaves: errors of rotations that grow with their speed, the even part with the sign of the
-    turn; nothing at rest. Imitated by: the scale factor and `scale_asymmetry` (s2) where all turns
-    are equally fast, or nearly.
+    Leaves: errors of rotations that grow with their speed; the error by s2 keeps its sign when the
+    turn is reversed. Nothing at rest. Imitated by: the scale factor and `scale_asymmetry`
+    (s2), if all turns are about equally fast.
     """
 
     name = "scale_nonlinearity"

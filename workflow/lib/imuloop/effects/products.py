@@ -1,4 +1,4 @@
-"""Products of powers of outputs: tried where effects with a cause leave more than noise."""
+"""Products of powers of outputs, which are tested if known effects leave more than noise."""
 
 import re
 from dataclasses import dataclass
@@ -16,19 +16,20 @@ DEGREE = 3
 POWERS = ("", "", "²", "³")
 # SI unit of each factor by its letter: specific force, angular rate, temperature less a reference
 UNITS = {"f": "m/s^2", "w": "rad/s", "θ": "K"}
-# whose output a letter is
+# letter of the output of each sensor
 OUTPUTS = {"accelerometer": "f", "gyroscope": "w"}
 _FACTOR = re.compile(r"(θ|[fw]_[xyz])([²³]?)")
 
 
 @dataclass(frozen=True)
 class Product(Effect):
-    """``e_i = c_i Π_k x_k^p_k``: one product of powers, on one axis, as ``f_y² f_z``.
+    """``e_i = c_i Π_k x_k^p_k``: one product of powers, such as ``f_y² f_z``, on one axis i.
 
-    Factors: specific force f and angular rate w along x, y or z, up to degree three together, and
-    θ, the temperature less the reference, to its first power.
-    Leaves: a pattern that no effect with a cause leaves. Imitated by: at rest, where only u·e shows
-    of an accelerometer, f_y² f_z on x by f_x f_y f_z on y and by f_x f_y² on z.
+    The factors x_k are the specific force f and the angular rate w along x, y or z, and the
+    temperature θ less the reference, to its first power. The total degree is at most three.
+    Leaves: a pattern that no effect with a known cause leaves. Imitated by: other products. At rest
+    an accelerometer shows only the component of e along gravity: f_y² f_z on x leaves the same as
+    f_x f_y f_z on y and as f_x f_y² on z.
     """
 
     formula: str = "f_x² f_y"
@@ -39,13 +40,13 @@ class Product(Effect):
     name = "product"
     equation = "e_i = c_i Π_k x_k^p_k"
     reference = "a search of this device's residual; no cause is known"
-    # of the class: it is tried after all others, by `products`
+    # the class has no records, as `products` gives the shapes after all other effects
     records = ()
     is_formula = True
     bounds = {"reference_temperature": CELSIUS}
 
     def __post_init__(self):
-        """Refuse what is no product; set what depends on its factors."""
+        """Refuse a formula that is no product; set the attributes that depend on its factors."""
         if self.axis not in tuple(AXES) or self.sensor not in OUTPUTS:
             raise ValueError("it needs an axis and a sensor")
         turns = self.sensor == "accelerometer" and "w" in self.formula
@@ -55,7 +56,7 @@ class Product(Effect):
 
     @cached_property
     def factors(self):
-        """Each factor, as often as its power says."""
+        """The factors, a tuple, in which each is repeated according to its power."""
         matches = [_FACTOR.fullmatch(text) for text in self.formula.split(" ")]
         if not all(matches):
             raise ValueError(f"'{self.formula[:60]}' is no product, as f_y² f_z is")
@@ -74,25 +75,26 @@ class Product(Effect):
         return {f"c{self.axis}": f"output per {f'({units})' if len(powers) > 1 else units}"}
 
     def design(self, channels):
-        """Return the product on its axis, shape (n, 3, 1)."""
-        found = np.zeros((len(channels.t), 3, 1))
+        """Return the product on its axis, (n, 3, 1)."""
+        design = np.zeros((len(channels.t), 3, 1))
         values = np.ones(len(channels.t))
         for factor in self.factors:
             if factor == "θ":
                 values = values * (temperature(channels) - self.reference_temperature)
             else:
                 is_own = factor[0] == OUTPUTS[self.sensor]
-                seen = channels.output if is_own else channels.other
-                values = values * seen[:, AXES.index(factor[2])]
-        found[:, AXES.index(self.axis), 0] = values
-        return found
+                output = channels.output if is_own else channels.other
+                values = values * output[:, AXES.index(factor[2])]
+        design[:, AXES.index(self.axis), 0] = values
+        return design
 
 
 def products(sensor, letters, reference_temperature=None):
-    """Return all products on each axis of a sensor, those of lowest degree first.
+    """Return all products on each axis of a sensor, a tuple, those of lowest degree first.
 
-    Of the outputs of `letters`, the sensor's first, and, with a reference, of the temperature, but
-    for what bias, scale factor and misalignment have.
+    `letters` are the letters of the outputs that are factors, that of the sensor first. The
+    temperature is a factor if a reference is given. Products that are part of bias, scale factor or
+    misalignment are left out.
     """
     outputs = [f"{letter}_{axis}" for letter in letters for axis in AXES]
     warm, formulas = reference_temperature is not None, []
@@ -110,5 +112,5 @@ def products(sensor, letters, reference_temperature=None):
 
 
 def formula(factors):
-    """Return the formula of factors, as ``f_y² f_z``."""
+    """Return the formula of factors, such as ``f_y² f_z``."""
     return " ".join(f + POWERS[factors.count(f)] for f in dict.fromkeys(factors))

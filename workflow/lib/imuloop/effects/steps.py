@@ -9,26 +9,26 @@ from imuloop.effects.axes import on_each_axis, per_axis
 
 
 def before(channels, time):
-    """Return whether samples of a whole log come before a time, 1 or 0, shape (n,)."""
+    """Return 1 for each sample of a log before a time, s, and 0 for the others, (n,)."""
     return (channels.t < time).astype(float)
 
 
 @dataclass(frozen=True)
 class Steps(Effect):
-    """``e_i = Σ_k h_ki H(t - t_k)``: the bias jumps at the times t_k, H the unit step.
+    """``e_i = Σ_k h_ki H(t - t_k)``: the bias jumps at the times t_k; H is the unit step.
 
-    At poses one is looked for, in the log of one session, and ``e_i = h_i (H(t - t_1) - 1)``: b is
-    the bias after it, which later logs have.
-    Leaves: levels that change at once. Imitated by: a device that was moved, which tilts an
-    accelerometer; random walk, which the noise of the test allows for.
+    At poses, one step in the log of one session is tested, as ``e_i = h_i (H(t - t_1) - 1)``: the
+    bias b is then that after the step, which later logs have.
+    Leaves: levels that jump. Imitated by: a device that was moved, which tilts an accelerometer;
+    random walk, which the noise of the test allows for.
 
     Attributes
     ----------
     times, sessions : tuple of float, tuple of str
         t_k, s from the start of the log, and the session of each.
     spans : tuple of float
-        Length of the span, s, about each time in which nobody looked: the step may lie anywhere
-        in it, and the expected value counts, which goes up evenly.
+        Length, s, of a span without data about each time. The step may lie anywhere in it, so its
+        expected value is used, which rises linearly.
     """
 
     times: tuple[float, ...] = (0.0,)
@@ -44,7 +44,7 @@ class Steps(Effect):
 
     @property
     def parameters(self):
-        """Names and units, all axes of the first step first."""
+        """Units of the parameters by name: all axes of the first step, then of the next."""
         return per_axis({f"h{k}": "output" for k in range(1, len(self.times) + 1)})
 
     @classmethod
@@ -53,20 +53,20 @@ class Steps(Effect):
         return ()
 
     def design(self, channels):
-        """Return ``H(t - t_k) - 1`` on each axis, its mean over a pose, shape (n, 3, 3 k)."""
+        """Return ``H(t - t_k) - 1`` on each axis, at a pose its mean, (n, 3, 3 k)."""
         return on_each_axis(*(-channels.evaluate(before, t) for t in self.times))
 
     def in_session(self, channels, session, windows):
-        """Return the share of windows, shape (n, 2), after each step, shape (n, 3, 3 k)."""
+        """Return the share of each window, (n, 2), after each step, on each axis, (n, 3, 3 k)."""
         steps = zip(self.times, self.sessions, self.spans, strict=True)
         return on_each_axis(*(share_after(windows, t, x) * (s == session) for t, s, x in steps))
 
 
 def share_after(windows, t, span=0.0):
-    """Return the share of windows, shape (n, 2), after times t: shape (n,), or (n, k) for k times.
+    """Return the share of each window after a time t, (n,), or after k times, (n, k).
 
-    Where a time is known to a span only, the mean of the share over the span, for windows that lie
-    whole in it or out of it.
+    If a time is known only within a span, s, the share is its mean over the span, for windows that
+    lie in the span or outside it. Takes start and end of the windows, s, (n, 2).
     """
     start, end = windows.T
     length = np.maximum(np.maximum(end - start, span), 1e-12)

@@ -1,4 +1,4 @@
-"""Temperature: bias and scale factor follow it, with lag or hysteresis."""
+"""Effects of the temperature on bias and scale factor, with lag or hysteresis."""
 
 from dataclasses import dataclass
 
@@ -10,60 +10,66 @@ from imuloop.core.samples import filled
 from imuloop.effects.axes import on_each_axis, per_axis
 from imuloop.effects.filters import first_order_lag, play
 
-# degC, at which data sheets give bias and scale factor
+# temperature at which data sheets give bias and scale factor, degC
 ROOM = 25.0
-# K; one step of a thermometer of whole degrees, or the error of one on a chip, is as much
+# step of a thermometer of whole degrees, or error of one on a chip, K
 LEAST_SPAN = 1.0
-# degC, between which a reference can lie
+# limits of a reference temperature, degC
 CELSIUS = (-273.15, 1000.0)
 
 
-def _logged(channels):
+def _has_temperature(channels):
     return channels.temperature is not None and bool(np.isfinite(channels.temperature).any())
 
 
 def temperature(channels):
-    """Return the temperature, degC, gaps filled on a line or held; ImuloopError without one."""
-    if not _logged(channels):
+    """Return the temperature at the points of Channels, degC, (n,), with gaps interpolated.
+
+    Raises an ImuloopError if no temperature was logged.
+    """
+    if not _has_temperature(channels):
         raise ImuloopError("an effect of temperature needs a temperature, and none was logged")
     return filled(channels.t, np.asarray(channels.temperature, dtype=float))
 
 
 def whole_degrees(channels):
-    """Return a reference near the middle of the data, degC: their mean, rounded."""
+    """Return the mean temperature of Channels, rounded to whole degrees, degC: a reference."""
     return float(np.round(temperature(channels).mean()))
 
 
 def span(channels):
-    """Return the largest temperature less the smallest, K; zero where none was logged."""
-    return float(np.ptp(temperature(channels))) if _logged(channels) else 0.0
+    """Return the largest temperature less the smallest, K; zero if none was logged."""
+    return float(np.ptp(temperature(channels))) if _has_temperature(channels) else 0.0
 
 
-# s; a thermometer on the chip, beside it, on the board, on the housing; by the root of two, so that
-# what a true lag leaves is no other effect, and then fitted between them
+# lags to try, s, of a thermometer on the chip, next to it, on the board or on the housing. They
+# differ by the root of two, so that the error of a lag is not taken for another effect; the lag is
+# then fitted between them
 THERMOMETER_LAGS = (10.0, 14.0, 20.0, 28.0, 40.0, 57.0, 80.0, 113.0, 160.0, 226.0, 320.0)
-# a thermometer is on time unless data say otherwise: the lag is one more constant, and chance
-# lowers the logarithm of a p-value by so much in one of some 70 logs
+# amount by which a lag has to lower the logarithm of the p-value, as it is one more constant: it
+# does so by chance in one of some 70 logs
 PRICE_OF_A_LAG = 3.0
-# share of a thermometer's lag by which what it lacks is smoothed: its noise grows by the inverse
+# ratio of the smoothing time to the lag of a thermometer: the noise grows by its inverse
 SMOOTHED = 0.1
-# relaxation times that a record must hold; with fewer the lag is hardly known from θ itself
+# least length of a record in lags: in a shorter one the lagged temperature is too similar to θ
 RELAXATIONS = 3
 
 
 def ahead(channels, lag):
-    """Return the temperature that a thermometer lags behind by ``lag``, degC, shape (n,).
+    """Return the temperature before the first-order lag of a thermometer, degC, (n,).
 
-    ``θ_s = θ_l + (θ - θ_l)/a``, θ_l the reading θ after a lag of a lag, a = `SMOOTHED`: the inverse
-    ``θ + lag dθ/dt`` of a first-order lag for all that is slower than a lag.
+    It is ``θ_s = θ_l + (θ - θ_l)/a``, where θ is the reading, a is `SMOOTHED`, and θ_l is the
+    reading after a first-order lag of a times `lag`. For changes slower than this lag it is the
+    inverse of the thermometer's lag, ``θ + lag dθ/dt``. The lag is in s.
     """
     warm = temperature(channels)
     smooth = first_order_lag(channels.t, warm, SMOOTHED * lag)
     return smooth + (warm - smooth) / SMOOTHED
 
 
-# K; over less a curved line is straight: it leaves its chord by c2 span²/8, 1 % of c1 span with
-# c2/c1 = 1/50 per K, the median of twelve axes in two recordings
+# least span of the temperature for each order, K: over a smaller span a quadratic polynomial is
+# nearly linear. Its distance from the chord, c2 span²/8, is 1 % of c1 span for c2/c1 = 1/50 per K,
+# the median of twelve axes in two recordings
 SPAN_OF_AN_ORDER = 5.0
 
 
@@ -71,12 +77,12 @@ SPAN_OF_AN_ORDER = 5.0
 class BiasTemperature(Effect):
     """``e_i = Σ_k c_ki (θ - θ0)^k``, k = 1 … order: the bias is a polynomial of the temperature θ.
 
-    Order 3 at most, what thermal calibration of MEMS sensors uses; θ0 is the reference in degC. θ
-    is the reading of the thermometer or, where that is late by a `lag` in s, first order, what it
-    is late behind: at a steady temperature both are the same.
-    Leaves: a bias that copies θ(t), the same way up as down, on every axis whatever its load.
-    Imitated by: a drift and a warm-up where θ only rises or only falls: a temperature that is
-    logged goes before them. A hysteresis where it turns (it differs on the two branches).
+    The order is at most 3, as in thermal calibration of MEMS sensors. θ0 is the reference, degC. θ
+    is the reading of the thermometer; if that has a first-order `lag`, s, it is the temperature
+    before the lag.
+    Leaves: a bias that follows θ(t), whether it rises or falls, on every axis and at every load.
+    Imitated by: a drift and a warm-up, if θ only rises or only falls (they are tested after the
+    temperature), and a hysteresis if θ turns (it differs between rise and fall).
     """
 
     order: int = 1
@@ -91,25 +97,25 @@ class BiasTemperature(Effect):
 
     @property
     def timed(self):
-        """Whether the thermometer lags, so that the past counts."""
+        """Whether the thermometer lags, so that earlier samples matter."""
         return self.lag > 0
 
     @property
     def price(self):
-        """By how much a lag has to lower the logarithm of the p-value."""
+        """Amount by which a lag has to lower the logarithm of the p-value; 0 without lag."""
         return PRICE_OF_A_LAG if self.lag else 0.0
 
     @property
     def parameters(self):
-        """Names and units, first all axes of order 1."""
+        """Units of the parameters by name: all axes of order 1, then of the next."""
         powers = {f"c{k}": f"output per K^{k}" for k in range(2, self.order + 1)}
         return per_axis({"c1": "output per K"} | powers)
 
     @classmethod
     def shapes(cls, channels):
-        """Return orders 1 to 3, as many as the span of temperature can carry, without and with lag.
+        """Return shapes with the orders that the span of the temperature determines, up to 3.
 
-        Lags that the data are as long as.
+        They are without lag, and with each lag that is shorter than the data.
         """
         if not span(channels):
             return (cls(),)
@@ -119,24 +125,24 @@ class BiasTemperature(Effect):
         return tuple(cls(k, about, lag) for lag in lags for k in range(1, orders + 1))
 
     def design(self, channels):
-        """Return the powers of the temperature on each axis, shape (n, 3, 3 order)."""
+        """Return the powers of θ - θ0 on each axis, (n, 3, 3 order)."""
         warm = channels.evaluate_memory(ahead, self.lag) if self.lag else temperature(channels)
         warmer = warm - self.reference_temperature
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
 
     def clamped(self, design, low, high):
-        """Return the powers of the clamped temperature; an even power alone would lose its sign."""
+        """Return the powers of the clamped temperature: an even power has no sign to clamp."""
         first = super().clamped(design[:, :, :3], low[:3], high[:3])
         return np.concatenate([first**k for k in range(1, self.order + 1)], axis=2)
 
 
 @dataclass(frozen=True)
 class ScaleTemperature(Effect):
-    """``e_i = sT_i (θ - θ0) y_i``: the scale factor is a straight line of the temperature θ.
+    """``e_i = sT_i (θ - θ0) y_i``: the scale factor is linear in the temperature θ.
 
-    θ0 is the reference in degC. Leaves: an error that copies θ(t) on loaded axes alone, so at rest
-    on the accelerometer's vertical one, and in a gyroscope's turns.
-    Imitated by: `bias_temperature` where the attitude, or the turn, is always the same.
+    y is the output, θ0 the reference, degC. Leaves: an error that follows θ(t) on loaded axes only,
+    which are the vertical axis of an accelerometer at rest and the axis of a gyroscope's turn.
+    Imitated by: `bias_temperature`, if the attitude, or the turn, is always the same.
     """
 
     reference_temperature: float = ROOM
@@ -156,31 +162,33 @@ class ScaleTemperature(Effect):
         return (cls(whole_degrees(channels)),) if span(channels) else (cls(),)
 
     def design(self, channels):
-        """Return each axis' own output times the temperature, shape (n, 3, 3)."""
+        """Return the output of each axis times θ - θ0, (n, 3, 3)."""
         warmer = temperature(channels) - self.reference_temperature
         return on_each_axis(warmer[:, None] * channels.output)
 
 
-# s; half decades, so that a true lag is at most a factor 1.8 from one that is tried and their
-# responses correlate by 2 √1.8/(1 + 1.8) = 0.96. From a package's (seconds) to a housing's lag
+# lags to try, s, from that of a package (seconds) to that of a housing. They differ by half a
+# decade: a true lag is within a factor of 1.8, and responses correlate by 2 √1.8/(1 + 1.8) = 0.96
 LAGS = (10.0, 30.0, 100.0, 300.0, 1000.0)
 
 
 def lagged_rate(channels, tau):
-    """Return ``(θ - θ_lag)/τ`` of a whole log, K/s, shape (n,): the lagged dθ/dt."""
+    """Return the lagged rate of temperature, ``(θ - θ_lag)/τ``, at all samples, K/s, (n,)."""
     warm = temperature(channels)
     return (warm - first_order_lag(channels.t, warm, tau)) / tau
 
 
 @dataclass(frozen=True)
 class BiasTemperatureRate(Effect):
-    """``e_i = r_i (θ - θ_lag)/τ``: the bias follows dθ/dt, seen through a first-order lag τ in s.
+    """``e_i = r_i (θ - θ_lag)/τ``: the bias follows the rate dθ/dt after a first-order lag τ, s.
 
-    ``τ dθ_lag/dt = θ - θ_lag``, in equilibrium at the start of the log. Beside a
-    `bias_temperature` c1 (θ - θ0) a sensor that lags behind the thermometer has r = -c1 τ exactly,
-    a thermometer that lags behind the sensor r of the sign of c1, a gradient across the housing
-    any. Leaves: branches of heating and cooling that differ while the temperature moves, and no
-    more once it rests. Imitated by: `thermal_hysteresis`, whose branches stay apart at rest too.
+    θ_lag follows the temperature θ by ``τ dθ_lag/dt = θ - θ_lag`` and equals it at the start of the
+    log. If there is also a `bias_temperature` c1 (θ - θ0), a sensor that lags behind the
+    thermometer has r = -c1 τ. A thermometer that lags behind the sensor has an r with the sign of
+    c1. A gradient across the housing may have any r.
+    Leaves: biases during heating and cooling that differ while the temperature changes, and agree
+    at a constant temperature. Imitated by: `thermal_hysteresis`, which remains at a constant
+    temperature.
     """
 
     tau: float = LAGS[0]
@@ -195,35 +203,37 @@ class BiasTemperatureRate(Effect):
 
     @classmethod
     def shapes(cls, channels):
-        """Return the lags that the data span several times."""
+        """Return the shapes with the lags that are short enough for the data."""
         longest = np.ptp(channels.t) / RELAXATIONS
         return tuple(cls(tau) for tau in LAGS if tau <= longest) or (cls(),)
 
     def design(self, channels):
-        """Return the lagged rate of temperature on each axis, shape (n, 3, 3)."""
+        """Return the lagged rate of temperature on each axis, (n, 3, 3)."""
         return on_each_axis(channels.evaluate_memory(lagged_rate, self.tau))
 
 
-# half-widths as shares of the span: a loop with steep ends, a rounder one, and one that only just
-# closes (at 1/2 no turn of the temperature is long enough to cross it)
+# half-widths to try, shares of the span of the temperature: loops with steep ends, with round ends,
+# and one that barely closes (at 1/2 the temperature does not cross it)
 SHARES = (0.05, 0.15, 0.4)
 
 
 def branch(channels, half_width):
-    """Return ``(θ - play θ)/w`` of a whole log, shape (n,): 1 while heating on, -1 cooling on."""
+    """Return ``(θ - play θ)/w`` at all samples, (n,): 1 in long heating, -1 in long cooling."""
     warm = temperature(channels)
     return (warm - play(warm, half_width)) / half_width
 
 
 @dataclass(frozen=True)
 class ThermalHysteresis(Effect):
-    """``e_i = h_i (θ - play_w θ)/w``: the bias depends on the direction from which θ came.
+    """``e_i = h_i (θ - play_w θ)/w``: the bias depends on whether the temperature θ rose or fell.
 
-    play_w is dragged along between two walls w (the half-width, K) on either side of θ: the bracket
-    is 1 while heating goes on, -1 while cooling does, 0 at the log's start, and crosses over within
-    2 w of a turning point. At rest it stays. 2 h_i is the opening of the loop.
-    Leaves: two branches of bias over temperature. Imitated by: `bias_temperature_rate` where the
-    temperature always moves at one speed; `bias_temperature` and `bias_drift` where it never turns.
+    play_w θ is a point that is dragged by two walls at a distance w, the half-width, K, on either
+    side of θ. (θ - play_w θ)/w is 0 at the start of the log, 1 in long heating and -1 in long
+    cooling. It changes sign within 2 w after a turning point, and stays at a constant temperature.
+    2 h_i is the opening of the loop.
+    Leaves: two branches of the bias over the temperature. Imitated by: `bias_temperature_rate`, if
+    the temperature always changes at one speed; `bias_temperature` and `bias_drift`, if it never
+    turns.
     """
 
     half_width: float = 5.0
@@ -239,10 +249,10 @@ class ThermalHysteresis(Effect):
 
     @classmethod
     def shapes(cls, channels):
-        """Return half-widths that are shares of the span of the temperature, in 10 mK."""
+        """Return shapes whose half-widths are shares of the span of the temperature."""
         widths = {max(round(share * span(channels), 2), 0.01) for share in SHARES}
         return tuple(cls(w) for w in sorted(widths)) if span(channels) else (cls(),)
 
     def design(self, channels):
-        """Return the branch on each axis, shape (n, 3, 3)."""
+        """Return ``(θ - play θ)/w`` on each axis, (n, 3, 3)."""
         return on_each_axis(channels.evaluate_memory(branch, self.half_width))

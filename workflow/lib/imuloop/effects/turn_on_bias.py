@@ -9,24 +9,23 @@ from imuloop.core.effect import Effect
 from imuloop.core.units import DEGREE, STANDARD_GRAVITY
 from imuloop.effects.axes import on_each_axis, per_axis
 
-# standard deviation of a MEMS bias from one switching on to the next, m/s^2 and rad/s: 20 mg and
-# 0.5 deg/s. Bias repeatability in the data sheets that give one (ADIS16448, ADIS16460), and the
-# whole initial offset of current phone-grade parts (ICM-42688-P, BMI270)
+# standard deviation of the bias of a MEMS sensor between power cycles, m/s^2 and rad/s: 20 mg and
+# 0.5 deg/s. It is the bias repeatability of the data sheets that state one (ADIS16448, ADIS16460),
+# and the initial offset of current phone-grade parts (ICM-42688-P, BMI270)
 TURN_ON = {"accelerometer": 20e-3 * STANDARD_GRAVITY, "gyroscope": 0.5 * DEGREE}
 
 
 @dataclass(frozen=True)
 class TurnOnBias(Effect):
-    """``e_i = s_ki`` in power cycle k, ``Σ_k s_ki = 0``: each has its own bias.
+    """``e_i = s_ki`` in power cycle k, ``Σ_k s_ki = 0``: each power cycle has its own bias.
 
-    A power cycle is a session, or what follows a gap longer than all that was recorded before. The
-    bias of the calibration is the mean over the power cycles; in a log of one that it does not know
-    the effect is zero. Leaves: levels of the pose means that change from one power cycle to the
-    next and in no other way. Imitated by: whatever differs between the power cycles as a whole,
-    temperature above all.
+    A power cycle is a session, or the part of it after a gap longer than all its recorded time. The
+    bias of the calibration is the mean over the power cycles. In a log of another power cycle the
+    effect is zero. Leaves: levels of the pose means that change between power cycles only. Imitated
+    by: other differences between the power cycles, above all of the temperature.
     """
 
-    runs: int = 2  # number of power cycles, under the name that calibration.json has
+    runs: int = 2  # number of power cycles, with its name in calibration.json
 
     name = "turn_on_bias"
     equation = "e_i = s_ki in power cycle k, Σ_k s_ki = 0"
@@ -37,16 +36,16 @@ class TurnOnBias(Effect):
 
     @property
     def parameters(self):
-        """Names and units: all axes of the second power cycle, …; the first has less their sum."""
+        """Units by name: all axes of the second power cycle, …; the first is minus their sum."""
         return per_axis({f"s{k}": "output" for k in range(2, self.runs + 1)})
 
     @classmethod
     def shapes(cls, channels):
-        """Return the one shape for these power cycles."""
+        """Return the one shape for the power cycles of these Channels."""
         return (cls(int(channels.power_cycle.max()) + 1),)
 
     def design(self, channels):
-        """Return which power cycle each point is in, against the first: (n, 3, 3 (runs - 1))."""
+        """Return 1 for points in a power cycle and -1 in the first, (n, 3, 3 (runs - 1))."""
         if channels.power_cycle is None:
             return np.zeros((len(channels.t), 3, 3 * (self.runs - 1)))
         first = (channels.power_cycle == 0).astype(float)
@@ -55,8 +54,8 @@ class TurnOnBias(Effect):
     def repeatability(self, values):
         """Return the standard deviation of the bias over power cycles, and its 95 % interval.
 
-        Of each axis, SI, (3,) and (2, 3); by χ² with one degree of freedom less than there are
-        power cycles. Takes the parameters by name, SI.
+        They are given for each axis, SI, (3,) and (2, 3). The interval follows from χ² with one
+        degree of freedom less than there are power cycles. Takes the parameters by name, SI.
         """
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)
         std = np.vstack([-others.sum(axis=0), others]).std(axis=0, ddof=1)
@@ -65,10 +64,10 @@ class TurnOnBias(Effect):
 
 
 def turn_on_std(calibration, sensor):
-    """Return the standard deviation of the three biases from one switching on to the next, SI.
+    """Return the standard deviation of the three biases between power cycles, SI, a tuple.
 
-    From the power cycles of a SensorCalibration, or from data sheets, `TURN_ON`, if it has no
-    `turn_on_bias`. Takes the name of its sensor.
+    It follows from the `turn_on_bias` of a SensorCalibration; without one, it is that of data
+    sheets, `TURN_ON`. Takes the SensorCalibration and the name of the sensor.
     """
     for fitted in calibration.effects:
         if isinstance(fitted.effect, TurnOnBias):

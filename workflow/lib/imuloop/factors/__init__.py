@@ -1,1 +1,1 @@
-"""Kinds of measurement: residual, derivative and noise of each."""
+"""Factors of the joint fit: each kind of measurement has a residual, a Jacobian and a noise."""

@@ -1,10 +1,10 @@
-"""Directions, and what is normal to them."""
+"""Vectors normal to directions, and matrices of cross products."""
 
 import numpy as np
 
 
 def tangents(directions):
-    """Return two unit vectors normal to each direction, (n, 3), and to each other, (n, 2, 3)."""
+    """Return two unit vectors, (n, 2, 3), normal to each direction, (n, 3), and to each other."""
     helper = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
     first = np.cross(directions, helper)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
@@ -12,7 +12,7 @@ def tangents(directions):
 
 
 def cross_matrix(vectors):
-    """Return the matrices of ``v ×`` of vectors v: of (..., 3), (..., 3, 3)."""
+    """Return the matrices M, (..., 3, 3), with ``M a = v × a``, of vectors v, (..., 3)."""
     x, y, z = np.moveaxis(vectors, -1, 0)
     made = np.zeros((*vectors.shape, 3))
     made[..., 0, 1], made[..., 0, 2], made[..., 1, 2] = -z, y, -x

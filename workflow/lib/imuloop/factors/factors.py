@@ -1,4 +1,4 @@
-"""Which measurements of a recording count, and what effects add to them."""
+"""The measurements of a recording that a fit uses, and the effects in them."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,7 +10,7 @@ from imuloop.core.samples import SENSORS
 from imuloop.factors.linearised import Linearised
 from imuloop.model.state import State
 
-# kinds of residuals in the order of their rows: SI unit, components, and whose they are
+# kinds of residuals in the order of their rows: SI unit and number of components
 KINDS = {
     "gravity_norm": ("m/s^2", 1),
     "pose_rate": ("rad/s", 3),
@@ -18,18 +18,19 @@ KINDS = {
     "velocity_vertical": ("m/s", 1),
     "velocity_horizontal": ("m/s", 2),
 }
+# sensor that each kind of residual measures; velocities measure both, "motion"
 OWNER = {"gravity_norm": "accelerometer", "pose_rate": "gyroscope", "rotation": "gyroscope"}
 OF_SENSOR = {s: tuple(kind for kind, owner in OWNER.items() if owner == s) for s in SENSORS}
 AT_RESTS = ("gravity_norm", "pose_rate")
 VELOCITY = ("velocity_vertical", "velocity_horizontal")
 OWNER |= dict.fromkeys(VELOCITY, "motion")
-# a sensor's own channels of rests and moves, and the other sensor's
+# names of a sensor's own values in Poses, Rotations and Log, and of the other sensor's
 OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
 
 
 @dataclass(frozen=True)
 class Factors:
-    """Which measurements count.
+    """The choice of the measurements that count, which a fit uses.
 
     Attributes
     ----------
@@ -38,11 +39,11 @@ class Factors:
     sensors : tuple of str
         Sensors whose data count.
     quiet : ndarray of bool, shape (m,), or None
-        Whether the velocity of a move counts; None where none does.
+        Whether the velocity of each move counts; None if none does.
     share : ndarray, shape (m, 3, 2), or None
-        As in `velocity`; None for none.
+        Velocity that a residual of the rotation predicts, m/s per rad; None for zero.
     bias_held : bool
-        Whether the bias of the gyroscope stays as the prior has it.
+        Whether the bias of the gyroscope is fixed at the mean of the prior.
     """
 
     gravity: float
@@ -53,38 +54,45 @@ class Factors:
 
     @property
     def kinds(self):
-        """Kinds of residuals that count, with SI unit and number of components."""
-        known = {*self.sensors} if self.quiet is None else {*self.sensors, "motion"}
-        kinds = {kind: KINDS[kind] for kind, owner in OWNER.items() if owner in known}
-        if "accelerometer" not in known:
-            # a rotation carries the direction of gravity
+        """Kinds of residuals that count, a dict with SI unit and number of components of each."""
+        owners = {*self.sensors} if self.quiet is None else {*self.sensors, "motion"}
+        kinds = {kind: KINDS[kind] for kind, owner in OWNER.items() if owner in owners}
+        if "accelerometer" not in owners:
+            # the residual of a rotation needs the direction of gravity
             kinds.pop("rotation", None)
         return kinds
 
     def every_row(self, recording):
-        """Return kind, rests where it starts and ends, and whether it counts, of each residual."""
+        """Return four columns with a row for each residual of a Recording, counted or not.
+
+        They are its kind, the index of the rest where it starts, the index of the rest where it
+        ends, and whether it counts.
+        """
         rests, first = np.arange(len(recording.poses)), recording.rotations.first
-        found, kinds = [], self.kinds
+        columns, kinds = [], self.kinds
         for kind, (_, width) in KINDS.items():
             if kind in VELOCITY and self.quiet is None:
                 continue
             ends = (rests, rests) if kind in AT_RESTS else (first, first + 1)
             counts = self.quiet if kind in VELOCITY else kind in kinds
-            each = np.broadcast_arrays(kind, *ends, counts)
-            found.append([np.repeat(column, width) for column in each])
-        return [np.concatenate(column) for column in zip(*found, strict=True)]
+            of_kind = np.broadcast_arrays(kind, *ends, counts)
+            columns.append([np.repeat(column, width) for column in of_kind])
+        return [np.concatenate(column) for column in zip(*columns, strict=True)]
 
     def rows(self, recording):
-        """Return the rests where each residual that counts starts and ends, and its kind, (N,)."""
+        """Return the rests, (N, 2), and the kind, (N,), of each residual that counts.
+
+        The rests are the indices of those where the residual starts and ends.
+        """
         kinds, start, end, counts = self.every_row(recording)
         return np.column_stack([start, end])[counts], kinds[counts]
 
     def owners(self, recording):
-        """Return the `OWNER` of each residual that counts, (N,) of str."""
+        """Return the sensor, or "motion", that each residual that counts measures, (N,) of str."""
         return np.array([OWNER[kind] for kind in self.rows(recording)[1].tolist()], dtype=str)
 
     def about(self, recording, state):
-        """Return the Measurements of a recording, effects seen with the parameters of a State."""
+        """Return the Measurements of a Recording, with the effects linearised about a State."""
         if "accelerometer" not in self.sensors:
             # a dead accelerometer has no direction of gravity
             up = np.tile([0.0, 0.0, self.gravity], (len(recording.poses), 1))
@@ -92,9 +100,9 @@ class Factors:
         return Measurements(self, recording, state)
 
     def without_rotation(self, recording, state, noise):
-        """Return the same, velocities less what the noise has in common with rotations.
+        """Return the Factors with the `share` that makes velocities independent of rotations.
 
-        By the NoiseModel, at a State.
+        It follows from the covariance of both that the NoiseModel predicts at a State.
         """
         every = np.ones(len(recording.rotations), dtype=bool)
         at = replace(self, share=None, quiet=every).about(recording, state).at(state.x)
@@ -105,9 +113,10 @@ class Factors:
 
 @dataclass(frozen=True)
 class Measurements:
-    """Rests and moves of a recording, with effects as they are seen with the parameters `about`.
+    """Rests and moves of a recording, with the effects linearised about the State `about`.
 
-    What effects add is straight in their parameters then, and so it stays in a fit.
+    The effects depend on calibrated values of both sensors, which are those of this State during
+    the whole fit. So the effects are linear in their parameters.
     """
 
     factors: Factors
@@ -116,28 +125,30 @@ class Measurements:
 
     @property
     def rests(self):
-        """The Poses, n of them."""
+        """The n rests, Poses."""
         return self.recording.poses
 
     @property
     def moves(self):
-        """The Rotations, m of k samples."""
+        """The m moves of k samples, Rotations."""
         return self.recording.rotations
 
     @cached_property
     def counted(self):
-        """Which of all residuals count."""
+        """Whether each of all residuals counts."""
         return self.factors.every_row(self.recording)[3]
 
     @cached_property
     def designs(self):
-        """As `designs_with` no more effects."""
+        """Derivatives of the effects of the state, as `designs_with` returns them."""
         return self.designs_with(())
 
     def designs_with(self, effects):
-        """Return of each sensor D, as in `Sensor`, of the effects of the state and of more.
+        """Return the derivatives D of the effects of the state and of more effects, by sensor.
 
-        At rests, (n, 3, q), and along moves, (m, k, 3, q), the latter None where nothing asks.
+        D is the derivative of the sum of a sensor's effects with respect to their q parameters. It
+        is given at the rests, (n, 3, q), and along the moves, (m, k, 3, q). The latter is None for
+        the accelerometer if no velocity counts.
         """
         state, recording = self.about.with_effects(effects), self.recording
         return {
@@ -151,20 +162,21 @@ class Measurements:
         }
 
     def at(self, x):
-        """Return the Linearised factors with parameters x, (p,)."""
+        """Return the Linearised factors at the parameters x, (p,)."""
         return Linearised(self, State(x, self.about.effects))
 
 
 def _design(sensor, state, table, channels):
-    """Return D of a sensor's effects in Poses or Rotations, (..., 3, q), at a State.
+    """Return the derivative D of a sensor's effects at a State, (..., 3, q).
 
-    Takes what gives their channels.
+    `table` is the Poses or the Rotations, `channels` the method of the recording that returns their
+    Channels.
     """
-    y, beside = (getattr(table, name) for name in OWN[sensor])
+    y, other_y = (getattr(table, name) for name in OWN[sensor])
     effects = [e.effect for e in state.effects if e.sensor == sensor]
-    own, (other,) = state.sensor(sensor), (s for s in SENSORS if s != sensor)
+    model, (other,) = state.sensor(sensor), (s for s in SENSORS if s != sensor)
     if not (effects and len(y)):
-        return np.zeros((*y.shape, len(own.p)))
+        return np.zeros((*y.shape, len(model.p)))
     see = state.sensor(other).aligned
-    seen = channels(sensor, own.output, see(beside), see)
-    return effect_design(effects, seen, own.p).reshape(*y.shape, len(own.p))
+    inputs = channels(sensor, model.output, see(other_y), see)
+    return effect_design(effects, inputs, model.p).reshape(*y.shape, len(model.p))

@@ -1,4 +1,4 @@
-"""At rest calibrated specific force has the length of gravity."""
+"""Factor of a rest: the calibrated specific force has the norm of gravity."""
 
 import numpy as np
 
@@ -6,9 +6,20 @@ from imuloop.factors.rows import RestRows
 
 
 def gravity_norm(sensor, f, gravity, D):
-    """Return the RestRows ``r = |x| - g``, m/s^2.
+    """Return the RestRows with the residual ``r = |x| - g``, m/s^2.
 
-    Takes the Sensor, mean specific force as logged, (n, 3), and D, (n, 3, q), as in `Sensor`.
+    x is the calibrated specific force, g is gravity.
+
+    Parameters
+    ----------
+    sensor : Sensor
+        The accelerometer.
+    f : ndarray, shape (n, 3)
+        Mean specific force of each rest, m/s^2, nominal SI.
+    gravity : float
+        Local gravity g, m/s^2.
+    D : ndarray, shape (n, 3, q)
+        Derivative of the sum of the effects with respect to their parameters.
     """
     x = sensor.values(f, D)
     norm = np.linalg.norm(x, axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Turns of a known angle, or at a known rate: a reference of one number each."""
+"""Turns by a known angle or at a known rate, as a reference for the gyroscope."""
 
 from dataclasses import dataclass, replace
 
@@ -7,54 +7,63 @@ import numpy as np
 from imuloop.model.sensor import Sensor
 from imuloop.model.state import ENTRIES
 
-# rad; standard deviation of an end of a turn that is made by hand against an edge, half a turn's
-# worth on each axis
+# standard deviation of each component of a turn that is made by hand against an edge, rad
 BY_HAND = 0.005
 
 
 @dataclass(frozen=True)
 class KnownTurns:
-    """Turns about fixed axes: ``T K (a - b L) = θ u``, with a the integral of the rate as logged.
+    """m turns about fixed axes: ``T K (a - b L) = θ u``.
 
-    `turned` a, rad as logged, (m, 3); `seconds` L, (m,); `target` θ u, rad on body axes, (m, 3);
-    `bias` of the rests beside them, rad/s as logged, (3,).
+    T, K and b are the misalignment, the scale factors and the bias of the gyroscope. a is the
+    integral of the angular rate over the turn, L its duration, θ its known angle, u its axis.
     """
 
-    turned: np.ndarray
-    seconds: np.ndarray
-    target: np.ndarray
-    bias: np.ndarray
+    turned: np.ndarray  # (m, 3): a, rad, nominal SI
+    seconds: np.ndarray  # (m,): L, s
+    target: np.ndarray  # (m, 3): θ u, rad, on body axes
+    bias: np.ndarray  # (3,): mean angular rate of the rests in the same sessions, rad/s, nominal SI
 
     def __len__(self):
         return len(self.seconds)
 
     def select(self, keep):
-        """Return the turns of an index or mask."""
-        own = {name: getattr(self, name)[keep] for name in ("turned", "seconds", "target")}
-        return replace(self, **own)
+        """Return the KnownTurns that `keep`, an index array or a mask, chooses."""
+        chosen = {name: getattr(self, name)[keep] for name in ("turned", "seconds", "target")}
+        return replace(self, **chosen)
 
     @property
     def rate(self):
-        """Mean angular rate of each turn, rad/s as logged, (m, 3)."""
+        """Mean angular rate of each turn, rad/s, nominal SI, (m, 3)."""
         return self.turned / self.seconds[:, None]
 
-    def start(self):
-        """Return the Sensor by the turns alone, nominal where they determine nothing."""
-        raw, found = self.turned - self.seconds[:, None] * self.bias, np.eye(3)
+    def estimate_sensor(self):
+        """Return the gyroscope, a Sensor, that fits the turns best.
+
+        Its bias is that of the rests. If the turns do not determine T and K, these are nominal.
+        """
+        raw, gain = self.turned - self.seconds[:, None] * self.bias, np.eye(3)
         if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:
-            found = np.linalg.lstsq(raw, self.target, rcond=None)[0].T
-        K = np.diag(found)
-        return Sensor(ENTRIES["gyroscope"], found / K, K, self.bias, np.zeros(0))
+            gain = np.linalg.lstsq(raw, self.target, rcond=None)[0].T
+        K = np.diag(gain)
+        return Sensor(ENTRIES["gyroscope"], gain / K, K, self.bias, np.zeros(0))
 
     def rows(self):
-        """Return rows R, (3 m, 12), and z of what they say: ``R x - z`` has variance one."""
-        sensor, m = self.start(), len(self)
+        """Return the linear equations R x = z that the turns give the fit, scaled to variance one.
+
+        R, (3 m, 12), is the Jacobian of the residuals T K (a - b L) - θ u with respect to the
+        parameters x of the gyroscope, T, K and b, over the standard deviation `BY_HAND`. z is
+        (3 m,). The equations are linearised about the result of `estimate_sensor`.
+        """
+        sensor, m = self.estimate_sensor(), len(self)
         x = np.concatenate([sensor.T[sensor.entries], sensor.K, sensor.b])
         weights = self.seconds[:, None, None, None] * np.eye(3)
         J = sensor.jacobian(weights, self.rate[:, None], np.zeros((m, 1, 3, 0))).reshape(-1, 12)
-        left = self.seconds[:, None] * sensor.aligned(self.rate) - self.target
-        return J / BY_HAND, (J @ x - left.ravel()) / BY_HAND
+        return J / BY_HAND, (J @ x - self.errors(sensor).ravel()) / BY_HAND
 
     def errors(self, calibration):
-        """Return what a SensorCalibration leaves of each turn, rad, (m, 3)."""
+        """Return the residual T K (a - b L) - θ u of each turn, rad, (m, 3).
+
+        Takes a SensorCalibration or a Sensor of the gyroscope.
+        """
         return self.seconds[:, None] * calibration.aligned(self.rate) - self.target

@@ -1,4 +1,4 @@
-"""Residuals of all factors at one state, with their Jacobian and what factors share."""
+"""Residuals of all factors at one state, with their Jacobian and intermediate values."""
 
 from functools import cached_property
 
@@ -15,31 +15,33 @@ from imuloop.model.state import BIAS
 
 
 class Linearised:
-    """Residuals of n rests and m moves of k samples at a state.
+    """The factors of n rests and m moves of k samples, linearised at a state.
 
     Attributes
     ----------
     measured, state : Measurements, State
-        What was measured, and the parameters.
+        The measurements, and the parameters, p of them.
     force : Sensor
         The accelerometer.
     force_at_rest : ndarray, shape (n, 3)
         Calibrated specific force at the rests, m/s^2.
     across : ndarray, shape (n, 3, 3)
-        Derivative of its direction with respect to it.
+        Derivative of the direction of `force_at_rest` with respect to `force_at_rest`.
     leaving, arriving : ndarray, shape (m, 3)
-        Upward direction where each move starts and, as measured, where it ends.
+        Upward direction at the start and at the end of each move, as the accelerometer measures it
+        at the rests.
     after : ndarray, shape (m, k - 1, 4)
-        Rotation from body axes to those at the start of the move, quaternions after each step.
+        Attitude after each step relative to the start of the move, quaternions that take body axes
+        to the axes at the start.
     attitude_within : ndarray, shape (m, k - 1, 3, 3)
-        The same in the middle of each step, matrices.
+        Attitude in the middle of each step relative to the start of the move, rotation matrices.
     weights : ndarray, shape (m, k)
         Weight of each sample in an integral by trapezoids, s.
     move_rows : MoveRows
-        Of all factors of moves, those of the rotation first.
+        Rows of all factors of the moves: rotations first, then velocities.
     places : ndarray of int, shape (m, 2 or 5)
-        Their places among all residuals: the norms of gravity come first, then the rates, then
-        rotations, vertical and horizontal velocities.
+        Indices of the residuals of each move among all residuals, whose order is: norms of gravity,
+        rates, rotations, vertical velocities, horizontal velocities.
     """
 
     def __init__(self, measured, state):
@@ -51,7 +53,7 @@ class Linearised:
         norm = np.linalg.norm(self.force_at_rest, axis=1, keepdims=True)
         up = self.force_at_rest / norm
         self.across = (np.eye(3) - up[:, :, None] * up[:, None]) / norm[..., None]
-        # a rest may tilt by small turns, which are scaled and aligned as rates are
+        # the small turns within a rest that tilts are calibrated as angular rates are
         gain = measured.about.sensor("gyroscope").gain.T
         start, end = (up + np.cross(up, small @ gain) for small in (rests.to_start, rests.to_end))
         self.leaving, self.arriving = end[moves.first], start[moves.first + 1]
@@ -61,7 +63,7 @@ class Linearised:
         # the middle of a step is half a step back from its end
         half[..., 1:] *= -1
         self.attitude_within = matrix(multiply(self.after, half))
-        self.weights = at_both_ends(moves.steps / 2)
+        self.weights = add_at_both_ends(moves.steps / 2)
         self.move_rows, blocks = rotation(self), [(4 * len(rests), 2)]
         if factors.quiet is not None:
             self.move_rows = velocity(self, self.move_rows, factors.share)
@@ -71,7 +73,7 @@ class Linearised:
         self.places = np.concatenate(places, axis=1)
 
     def _rest_rows(self, state, designs):
-        """Return the RestRows of both sensors with parameters of a State."""
+        """Return the RestRows of both sensors at a State, with the derivatives of its effects."""
         rests, (of_force, of_turn) = self.measured.rests, (at for at, _ in designs.values())
         force, turn = (state.sensor(name) for name in SENSORS)
         gravity = self.measured.factors.gravity
@@ -84,7 +86,7 @@ class Linearised:
 
     @property
     def residual(self):
-        """All residuals that count, SI, (N,)."""
+        """Residuals that count, SI, (N,)."""
         values = np.zeros(len(self.measured.counted))
         at_rest = np.concatenate([rows.residual.ravel() for rows in self.rest_rows])
         values[: len(at_rest)] = at_rest
@@ -93,54 +95,60 @@ class Linearised:
 
     @cached_property
     def jacobian(self):
-        """Their derivative with respect to the state, (N, p)."""
+        """Derivative of the residuals that count with respect to the state, (N, p)."""
         return self._jacobian(self.state, self.measured.designs, self.rest_rows)
 
     def columns(self, effects):
-        """Return their derivative with respect to more effects, of size zero, (N, q)."""
+        """Return the derivative of the residuals with respect to more effects of size zero, (N, q).
+
+        q is the number of parameters of these effects, a sequence of SensorEffect.
+        """
         state, designs = self.state.with_effects(effects), self.measured.designs_with(effects)
-        made = self._jacobian(state, designs, self._rest_rows(state, designs))
-        return made[:, len(self.state.x) :]
+        jacobian = self._jacobian(state, designs, self._rest_rows(state, designs))
+        return jacobian[:, len(self.state.x) :]
 
     def _jacobian(self, state, designs, rest_rows):
-        """Return the derivative with respect to a State, by the chain rule."""
+        """Return the derivative of the residuals with respect to a State, by the chain rule.
+
+        `designs` are the derivatives of its effects, `rest_rows` the RestRows of both sensors.
+        """
         rests, moves, rows = self.measured.rests, self.measured.moves, self.move_rows
-        made, start = np.zeros((len(self.measured.counted), len(state.x))), 0
+        jacobian, start = np.zeros((len(self.measured.counted), len(state.x))), 0
 
         def add(sensor, places, weights, y, design):
             change = state.sensor(sensor).jacobian(weights, y, design)
-            made[places[..., None], state.places(sensor)] += change
+            jacobian[places[..., None], state.places(sensor)] += change
 
         for sensor, at_rest in zip(SENSORS, rest_rows, strict=True):
             stop = start + at_rest.residual.size
-            made[start:stop, state.places(sensor)] = np.concatenate(at_rest.jacobian)
+            jacobian[start:stop, state.places(sensor)] = np.concatenate(at_rest.jacobian)
             start = stop
         (resting, pushed), (_, turned) = designs.values()
         for weights, at in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
             values = rests.f[at, None], resting[at, None]
             add("accelerometer", self.places, weights[:, None], *values)
         # the rate of a step is the mean of those at its ends
-        weights = at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
+        weights = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
         add("gyroscope", self.places, weights, moves.w, turned)
         if rows.by_force is not None:
             weights = rows.by_force * self.weights[..., None, None]
             add("accelerometer", self.places[:, -weights.shape[2] :], weights, moves.f, pushed)
         if self.measured.factors.bias_held:
-            made[:, BIAS] = 0.0
-        return made[self.measured.counted]
+            jacobian[:, BIAS] = 0.0
+        return jacobian[self.measured.counted]
 
     @cached_property
     def noise(self):
-        """The ResidualCovariance here."""
+        """The ResidualCovariance at this state."""
         return ResidualCovariance(self)
 
 
-def at_both_ends(values):
-    """Return at each sample the sum of the values of the steps beside it, (m, k, ...).
+def add_at_both_ends(values):
+    """Return, for each sample, the sum of the values of the steps before and after it, (m, k, ...).
 
     Takes the values of the steps, (m, k - 1, ...).
     """
-    found = np.zeros((len(values), values.shape[1] + 1, *values.shape[2:]))
-    found[:, 1:] = values
-    found[:, :-1] += values
-    return found
+    sums = np.zeros((len(values), values.shape[1] + 1, *values.shape[2:]))
+    sums[:, 1:] = values
+    sums[:, :-1] += values
+    return sums

@@ -1,4 +1,4 @@
-"""A turn carries gravity from one rest to the next."""
+"""Factor of a move: its rotation carries the direction of gravity from one rest to the next."""
 
 import numpy as np
 
@@ -8,11 +8,12 @@ from imuloop.factors.rows import MoveRows
 
 
 def rotation(at):
-    """Return the MoveRows ``r = P Cᵀ u``, rad, two of each move.
+    """Return the MoveRows with the residual ``r = P Cᵀ u``, rad, two components per move.
 
-    C is the attitude at the end of the move, u gravity's direction at its start, and P two unit
-    vectors normal to the direction measured at its end. A turn φ on the axes at the start changes
-    Cᵀ u by ``Cᵀ (u × φ)``. Takes the `Linearised`.
+    C is the attitude at the end of the move relative to its start, u the direction of gravity at
+    its start. The rows of P are two unit vectors normal to the direction of gravity at its end. A
+    small rotation φ, on the axes at the start, changes Cᵀ u by ``Cᵀ (u × φ)``. Takes the Linearised
+    factors.
     """
     P, u, first = tangents(at.arriving), at.leaving, at.measured.moves.first
     carried = P @ matrix(at.after[:, -1]).swapaxes(1, 2)

@@ -1,4 +1,4 @@
-"""Rows of a factor: residuals and what they depend on, from which Jacobian and noise follow."""
+"""Rows of a factor: its residuals and their derivatives, from which Jacobian and noise follow."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class RestRows:
-    """Residuals of one sensor at n rests, a at each.
+    """Residuals of one sensor at n rests, with a components each.
 
     Attributes
     ----------
@@ -16,7 +16,7 @@ class RestRows:
     jacobian : ndarray, shape (n, a, p)
         Their derivative with respect to the parameters of the sensor.
     gain : ndarray, shape (n, a, 3)
-        Their derivative with respect to the mean of each channel, as logged.
+        Their derivative with respect to the mean of each channel, nominal SI.
     """
 
     residual: np.ndarray
@@ -26,19 +26,19 @@ class RestRows:
 
 @dataclass(frozen=True)
 class MoveRows:
-    """Residuals of m moves of k samples, a of each, and their derivatives.
+    """Residuals of m moves of k samples, with a components each, and their derivatives.
 
     Attributes
     ----------
     residual : ndarray, shape (m, a, 1)
         Residuals, SI.
     by_start, by_end : ndarray, shape (m, a, 3)
-        By calibrated specific force at the rests before and after.
+        Derivative with respect to calibrated specific force at the rests before and after.
     by_turn : ndarray, shape (m, k - 1, a, 3)
-        By a small turn on the axes of the body, in the middle of each step.
+        Derivative with respect to a small rotation, on body axes, in the middle of each step.
     by_force : ndarray, shape (m, k, b, 3), or None
-        By the integral of calibrated specific force about each sample, of the last b of a; None
-        where it enters none.
+        Derivative of the last b components with respect to the integral of calibrated specific
+        force over the time of each sample; None if no residual depends on it.
     """
 
     residual: np.ndarray
@@ -48,11 +48,14 @@ class MoveRows:
     by_force: np.ndarray | None = None
 
     def after(self, other, share):
-        """Return b other rows, without a force, then these less a share, (m, a, b), of them."""
+        """Return the rows R of `other`, followed by the rows S of these less ``share @ R``.
 
-        def both(name, share):
+        R has b components and does not depend on the force during the move; share is (m, a, b).
+        """
+
+        def stack(name, share):
             first = getattr(other, name)
             return np.concatenate([first, getattr(self, name) - share @ first], axis=-2)
 
-        ends = (both(name, share) for name in ("residual", "by_start", "by_end"))
-        return MoveRows(*ends, both("by_turn", share[:, None]), self.by_force)
+        ends = (stack(name, share) for name in ("residual", "by_start", "by_end"))
+        return MoveRows(*ends, stack("by_turn", share[:, None]), self.by_force)

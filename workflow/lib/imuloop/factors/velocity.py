@@ -1,4 +1,4 @@
-"""A move begins and ends at rest."""
+"""Factor of a move: the velocity is zero at its start and at its end."""
 
 import numpy as np
 
@@ -8,26 +8,29 @@ from imuloop.factors.rows import MoveRows
 
 
 def velocity(at, rotation, share=None):
-    """Return the MoveRows of rotations, and then of the velocity at the end, m/s.
+    """Return the MoveRows of the rotations, followed by those of the velocity at the end, m/s.
 
-    With C the attitude, one at the start of a move of length L, f specific force and u gravity's
-    direction at the rest before,
+    The residual is the velocity at the end of a move of duration L,
 
         v = ∫ C f dt - g L u,
 
-    along gravity, then two across. Its vertical component feels an error of attitude to second
-    order alone; of the horizontal ones g times that error is the integrand. A turn φ amid the move
-    adds ``φ × v'``, with v' the velocity still to come. What the move's own error of rotation lets
-    expect is taken away.
+    where C is the attitude relative to the start, f the specific force, u the direction of gravity
+    at the rest before, and g gravity. The first component of a residual is along u, the other two
+    are horizontal. An error of the attitude changes the vertical velocity in second order only, and
+    the horizontal velocity by g times the integral of the error. A small rotation φ during the move
+    adds ``φ × v'``, with v' the velocity that the move gains afterwards.
+
+    The velocity that the residual of the rotation predicts is subtracted, so that the noise of both
+    is independent.
 
     Parameters
     ----------
     at : Linearised
-        What factors share.
+        Attitudes, directions of gravity and calibrated values of the moves.
     rotation : MoveRows
-        Those of `rotation`.
+        The rows of the rotations.
     share : ndarray, shape (m, 3, 2), optional
-        Velocity that an error of rotation lets expect, m/s per rad; none by default.
+        Velocity that a residual of the rotation predicts, m/s per rad; zero by default.
     """
     measured, u = at.measured, at.leaving
     moves, (_, design) = measured.moves, measured.designs["accelerometer"]
@@ -38,16 +41,16 @@ def velocity(at, rotation, share=None):
     gained = midpoints(force) * moves.steps[..., None]
     to_come = gained[:, ::-1].cumsum(axis=1)[:, ::-1] - gained / 2
     v = (at.weights[:, None] @ force).swapaxes(1, 2) - pull * u[..., None]
-    own = MoveRows(
+    rows = MoveRows(
         frame @ v,
         -pull * frame @ at.across[moves.first],
         np.zeros_like(frame),
         -frame[:, None] @ cross_matrix(to_come) @ at.attitude_within,
         frame[:, None] @ attitude,
     )
-    return own.after(rotation, np.zeros((*frame.shape[:2], 2)) if share is None else share)
+    return rows.after(rotation, np.zeros((*frame.shape[:2], 2)) if share is None else share)
 
 
 def midpoints(values):
-    """Return the means of neighbours along the second axis: of (m, k, ...), (m, k - 1, ...)."""
+    """Return the means of neighbours along the second axis, (m, k - 1, ...), of (m, k, ...)."""
     return (values[:, 1:] + values[:, :-1]) / 2

@@ -33,7 +33,7 @@ def read_prior(sheet, file, device, sessions, type=None):
     device : str
         Name of the device. A family counts without the device of that name.
     sessions : dict
-        Sessions that are calibrated, as in `imuloop.calibrate.calibrate.usable`.
+        Sessions that are calibrated, as in `imuloop.calibrate.calibrate.usable_sessions`.
     type : str, optional
         Type of the device; needed where the family.json holds several.
 

@@ -10,7 +10,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from imuloop.core.errors import plural
 from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import ANGULAR_RATE, TIME
-from imuloop.core.stamps import Scatter
+from imuloop.core.stamps import JitterTest
 
 # stamps come in bursts where the median step is less than this share of the sensor's step
 BURST = 0.5
@@ -137,7 +137,7 @@ def even_samples(samples, counts, measured, rate=None, increments=False, packets
         return None
     if packets:
         return even
-    scatter = Scatter(even.step, grid)
+    scatter = JitterTest(even.step, grid)
     scatter.add(samples[TIME], [samples[name] for name in ANGULAR_RATE])
     if clean:
         # a slower sensor on this grid of stamps has the same stamps: the gyroscope knows

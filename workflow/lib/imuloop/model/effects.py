@@ -1,4 +1,4 @@
-"""An effect of one of two sensors, which are fitted together and may both have it."""
+"""An effect with the sensor that has it: both sensors are fitted together."""
 
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -8,7 +8,7 @@ from imuloop.core.effect import Effect
 
 @dataclass(frozen=True)
 class EffectKind:
-    """A class of the library of effects, on one sensor; the properties are those of `Effect`."""
+    """A class of the library of effects with a sensor; the properties are those of the class."""
 
     cls: type
     sensor: str
@@ -20,7 +20,7 @@ class EffectKind:
 
 @dataclass(frozen=True)
 class SensorEffect:
-    """An effect with its constants, on one sensor; the properties are those of `Effect`."""
+    """An effect with its constants and its sensor; the properties are those of the effect."""
 
     effect: Effect
     sensor: str
@@ -36,9 +36,9 @@ class SensorEffect:
 
     @property
     def kind(self):
-        """The class of the effect, on this sensor."""
+        """The class of the effect, with this sensor."""
         return EffectKind(type(self.effect), self.sensor)
 
     def moved(self, factor):
-        """Return the same with its time constant, or width, multiplied by a factor."""
+        """Return the effect with its time constant, or width, multiplied by a factor."""
         return replace(self, effect=self.effect.moved(factor))

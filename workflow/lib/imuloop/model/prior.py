@@ -1,4 +1,4 @@
-"""What is known of a device before its data: a Gaussian over the parameters of both sensors."""
+"""The prior of a device: a Gaussian distribution of the parameters of both sensors."""
 
 from dataclasses import dataclass, replace
 
@@ -13,7 +13,7 @@ DATA_SHEET = "data sheet"
 
 @dataclass(frozen=True)
 class Prior:
-    """``x ~ N(mean, covariance)`` of the state without effects, SI as logged.
+    """``x ~ N(mean, covariance)``, where x is the state without effects, nominal SI.
 
     Attributes
     ----------
@@ -22,7 +22,7 @@ class Prior:
     covariance : ndarray, shape (21, 21)
         Their covariance.
     sources : dict of str to str
-        Of each sensor ``data sheet``, or the file that its prior comes from.
+        For each sensor, ``data sheet`` or the file that its prior comes from.
     """
 
     mean: np.ndarray
@@ -31,7 +31,7 @@ class Prior:
 
     @property
     def std(self):
-        """Standard deviations, shape (21,)."""
+        """Standard deviations of x, (21,)."""
         return np.sqrt(np.diag(self.covariance))
 
     def of(self, sensor):
@@ -39,30 +39,35 @@ class Prior:
         return self.mean[BASE[sensor]], self.covariance[BASE[sensor], BASE[sensor]]
 
     def with_sensor(self, sensor, source, mean, covariance):
-        """Return the same with another source, mean and covariance of one sensor."""
-        made = replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
-        made.mean[BASE[sensor]] = mean
-        made.covariance[BASE[sensor], BASE[sensor]] = covariance
-        return replace(made, sources=self.sources | {sensor: source})
+        """Return the Prior with another source, mean, (p,), and covariance, (p, p), of a sensor."""
+        prior = replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
+        prior.mean[BASE[sensor]] = mean
+        prior.covariance[BASE[sensor], BASE[sensor]] = covariance
+        return replace(prior, sources=self.sources | {sensor: source})
 
     def with_bias(self, mean, variance):
-        """Return the same with another bias of the gyroscope, and its variances, (3,) each."""
-        made = replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
-        made.mean[BIAS], made.covariance[BIAS], made.covariance[:, BIAS] = mean, 0.0, 0.0
-        made.covariance[BIAS, BIAS] = np.diag(variance)
-        return made
+        """Return the Prior with another mean, (3,), and variance, (3,), of the gyroscope's bias."""
+        prior = replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
+        prior.mean[BIAS], prior.covariance[BIAS], prior.covariance[:, BIAS] = mean, 0.0, 0.0
+        prior.covariance[BIAS, BIAS] = np.diag(variance)
+        return prior
 
     def widened(self, x):
-        """Return the same, wider where parameters x, (21,), are beyond `FAR_OFF`: as wide as they.
+        """Return the Prior, wider for those of the parameters x, (21,), that contradict it.
 
-        Data that contradict the data sheet so clearly are of another unit, range or board.
+        If a parameter is more than `FAR_OFF` standard deviations from the mean, its distance from
+        the mean becomes the standard deviation. Such data are of another unit, range or board than
+        the data sheet.
         """
-        far = np.abs(x - self.mean)
-        factor = np.where(far > FAR_OFF * self.std, far / self.std, 1.0)
+        distance = np.abs(x - self.mean)
+        factor = np.where(distance > FAR_OFF * self.std, distance / self.std, 1.0)
         return replace(self, covariance=self.covariance * np.outer(factor, factor))
 
     def rows(self):
-        """Return R, (21, 21), and z with ``R x - z`` of variance one, ``Rᵀ R`` the precision."""
+        """Return R, (21, 21), and z, (21,), such that ``R x - z`` has independent components.
+
+        Their variance is one, so ``Rᵀ R`` is the inverse of the covariance.
+        """
         size = self.std
         root = np.linalg.cholesky(self.covariance / np.outer(size, size))
         rows = np.linalg.inv(root) / size
@@ -70,15 +75,16 @@ class Prior:
 
 
 def data_sheet(tolerances=None):
-    """Return the Prior of a data sheet, by default that of a generic device.
+    """Return the Prior of a data sheet.
 
-    `tolerances` by sensor, the fields of a `Tolerance`, where they are known.
+    `tolerances` holds, by sensor, a dict of the fields of a `Tolerance`. A sensor without one has
+    the tolerances of a generic device.
     """
-    known = {sensor: Tolerance(**each) for sensor, each in (tolerances or {}).items()}
+    given = {sensor: Tolerance(**values) for sensor, values in (tolerances or {}).items()}
     mean, std = [], []
     for sensor, names in NAMES.items():
-        own = known.get(sensor) or GENERIC[sensor]
-        each = {"T": own.misalignment, "K": own.scale_factor, "b": own.bias}
+        sheet = given.get(sensor) or GENERIC[sensor]
+        by_letter = {"T": sheet.misalignment, "K": sheet.scale_factor, "b": sheet.bias}
         mean += [float(name[0] == "K") for name in names]
-        std += [each[name[0]] for name in names]
+        std += [by_letter[name[0]] for name in names]
     return Prior(np.array(mean), np.diag(np.square(std)), dict.fromkeys(NAMES, DATA_SHEET))

@@ -1,4 +1,4 @@
-"""The equation of a sensor as it is fitted, and its one Jacobian; applied: `core.model`."""
+"""The equation of a sensor for the fit, with its Jacobian. `core.model` applies it to samples."""
 
 from dataclasses import dataclass
 
@@ -7,18 +7,21 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Sensor:
-    """``x = T (K (y - b) - e)`` of values y, with e the sum of the sensor's effects.
+    """The equation ``x = T (K (y - b) - e)`` of a sensor.
+
+    y are values in nominal SI, x the calibrated values, and e is the sum of the sensor's effects,
+    ``e = D p``, with their parameters p and the derivative D.
 
     Attributes
     ----------
     entries : tuple
         Rows and columns of the off-diagonal elements of T that are parameters.
     T : ndarray, shape (3, 3)
-        Misalignment, its diagonal ones.
+        Misalignment, with ones on the diagonal.
     K, b : ndarray, shape (3,)
-        Scale factors and biases, SI as logged.
+        Scale factors and biases, nominal SI.
     p : ndarray, shape (q,)
-        Parameters of the effects: ``e = D p``.
+        Parameters of the effects.
     """
 
     entries: tuple
@@ -29,35 +32,52 @@ class Sensor:
 
     @property
     def gain(self):
-        """Derivative of calibrated values with respect to values as logged, (3, 3)."""
+        """Derivative of x with respect to y, (3, 3), without effects."""
         return self.T * self.K
 
     def output(self, y):
-        """Return ``K (y - b)`` of values as logged, (..., 3)."""
+        """Return ``K (y - b)``, SI on the sensor's own axes, (..., 3), of y in nominal SI."""
         return self.K * (y - self.b)
 
     def aligned(self, y):
-        """Return ``T K (y - b)``: calibrated values without effects, (..., 3)."""
+        """Return ``T K (y - b)``, calibrated SI without effects, (..., 3), of y in nominal SI."""
         return self.output(y) @ self.T.T
 
     def corrected(self, y, D):
-        """Return ``K (y - b) - e``, (..., 3), with D the derivative of e by p, (..., 3, q)."""
-        # effects of a search are hundreds, and zero about the fit without them
+        """Return ``K (y - b) - e``, SI on the sensor's own axes, (..., 3).
+
+        Takes y in nominal SI, (..., 3), and the derivative D of e with respect to p, (..., 3, q).
+        """
+        # a search has hundreds of effects of size zero, for which the product is not computed
         return self.output(y) - D @ self.p if self.p.any() else self.output(y)
 
     def values(self, y, D):
-        """Return calibrated values, (..., 3)."""
+        """Return the calibrated values x, SI, (..., 3).
+
+        Takes y in nominal SI, (..., 3), and the derivative D of e with respect to p, (..., 3, q).
+        """
         return self.corrected(y, D) @ self.T.T
 
     def jacobian(self, A, y, D):
         """Return the derivative of the sum of ``A x`` over the k samples of each of m groups.
 
-        Takes weights A, (m, k, a, 3), values as logged y, (m, k, 3), and D, (m, k, 3, q). The
-        derivative with respect to T, K, b and p is (m, a, number of parameters).
+        Parameters
+        ----------
+        A : ndarray, shape (m, k, a, 3)
+            Weights of the calibrated values x.
+        y : ndarray, shape (m, k, 3)
+            Values in nominal SI.
+        D : ndarray, shape (m, k, 3, q)
+            Derivative of e with respect to p.
+
+        Returns
+        -------
+        ndarray, shape (m, a, number of parameters)
+            Derivative with respect to the off-diagonal elements of T, K, b and p, in this order.
         """
         m, k, a, _ = A.shape
         flat = A.reshape(m, k, 3 * a).swapaxes(1, 2)
-        # sums of products: row of A, its column, axis of the values
+        # sums of products of A with values; the axes are: row of A, column of A, axis of the values
         by_corrected, by_raw = (
             (flat @ values).reshape(m, a, 3, 3) for values in (self.corrected(y, D), y - self.b)
         )

@@ -1,7 +1,7 @@
 """The state vector: parameters of the accelerometer, of the gyroscope, then of the effects.
 
-All in SI as logged. The axes of the accelerometer are those of the body, so its T is upper
-triangular; that of the gyroscope has six parameters.
+All parameters are in nominal SI. The accelerometer defines the axes of the body, so its T is upper
+triangular and has three parameters. The T of the gyroscope has six parameters.
 """
 
 from dataclasses import dataclass
@@ -17,17 +17,18 @@ ENTRIES = {
     "gyroscope": ((0, 0, 1, 1, 2, 2), (1, 2, 0, 2, 0, 1)),
 }
 _SCALE_AND_BIAS = ("K0", "K1", "K2", "b0", "b1", "b2")
-# of each sensor without its effects: names of the parameters, and their places in the state; how
-# many these are, and the places of the gyroscope's bias
-NAMES = {s: (*(f"T{i}{j}" for i, j in zip(*at, strict=True)), *_SCALE_AND_BIAS)
-         for s, at in ENTRIES.items()}  # fmt: skip
+# names of the parameters of each sensor without its effects
+NAMES = {s: (*(f"T{i}{j}" for i, j in zip(*ij, strict=True)), *_SCALE_AND_BIAS)
+         for s, ij in ENTRIES.items()}  # fmt: skip
+# indices of these parameters in the state
 BASE = {"accelerometer": slice(0, 9), "gyroscope": slice(9, 21)}
+# number of the parameters of both sensors, and indices of the gyroscope's bias
 COUNT, BIAS = 21, slice(18, 21)
 
 
 @dataclass(frozen=True)
 class State:
-    """Values x of all parameters, (21 + q,), the last those of some `SensorEffect`."""
+    """Values x of all parameters, (21 + q,): the last q are those of `effects`, of SensorEffect."""
 
     x: np.ndarray
     effects: tuple = ()
@@ -43,28 +44,28 @@ class State:
         return tuple(unit for *_, unit in parameters(self.effects))
 
     def places(self, sensor):
-        """Return the places of the parameters of one sensor, its effects' last."""
+        """Return the indices of the parameters of one sensor in x, those of its effects last."""
         return np.flatnonzero([owner == sensor for owner, *_ in parameters(self.effects)])
 
     def sensor(self, sensor):
-        """Return the Sensor with these parameters."""
-        own, entries, T = self.x[self.places(sensor)], ENTRIES[sensor], np.eye(3)
-        T[entries], own = np.split(own, [len(entries[0])])
-        return Sensor(entries, T, *np.split(own, [3, 6]))
+        """Return the Sensor with these parameters; `sensor` is its name."""
+        values, entries, T = self.x[self.places(sensor)], ENTRIES[sensor], np.eye(3)
+        T[entries], values = np.split(values, [len(entries[0])])
+        return Sensor(entries, T, *np.split(values, [3, 6]))
 
     def with_effects(self, effects):
-        """Return the state with more effects, of size zero."""
+        """Return the State with more effects, whose parameters are zero."""
         count = sum(len(e.parameters) for e in effects)
         return State(np.append(self.x, np.zeros(count)), (*self.effects, *effects))
 
 
 def parameters(effects=()):
-    """Return sensor, name and SI unit of each parameter of a state with some effects."""
-    found = []
+    """Return a list of (sensor, name, SI unit) of the parameters of a state with some effects."""
+    rows = []
     for sensor, names in NAMES.items():
         units = {"T": "rad", "K": "1", "b": OUTPUT[sensor]}
-        found += [(sensor, name, units[name[0]]) for name in names]
+        rows += [(sensor, name, units[name[0]]) for name in names]
     for effect in effects:
         units = effect.units(effect.sensor).items()
-        found += [(effect.sensor, f"{effect.name}.{name}", unit) for name, unit in units]
-    return found
+        rows += [(effect.sensor, f"{effect.name}.{name}", unit) for name, unit in units]
+    return rows

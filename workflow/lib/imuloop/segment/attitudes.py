@@ -1,18 +1,18 @@
-"""Attitudes of a session, and how well they determine a calibration."""
+"""Attitudes of a session, and the error of an accelerometer calibrated by them."""
 
 import numpy as np
 from scipy.special import chdtri
 
 from imuloop.core.samples import sums_over
 
-# prior standard deviation of scale and misalignment (of one) and of bias (of g)
+# prior standard deviation of scale factor and misalignment, 1, and of bias, share of gravity
 PRIOR_SCALE, PRIOR_BIAS = 0.05, 0.1
-# standard deviation of a pose's norm, of g, that counts as one observation beside the poses
+# prior standard deviation of the norm of a pose, share of gravity, which has the weight of one pose
 POSE_NORM = 1e-4
-# rests nearer than this, with no turn between, are one attitude, rad: two means that are θ apart
-# pool to a norm short by θ²/8, so half a degree costs 1e-5 of g
+# largest angle between two rests of one attitude, without a turn between them, rad: the mean of two
+# vectors with the angle θ is short by θ²/8, which is 1e-5 of gravity for half a degree
 SAME_ATTITUDE = 0.0087
-# of scale and misalignment, then bias
+# prior standard deviations of the nine coefficients: scale factor and misalignment, then bias
 _PRIOR = np.array([PRIOR_SCALE] * 6 + [PRIOR_BIAS] * 3)
 # mean of the design's outer product over all directions: E x⁴ = 1/5, E x²y² = 1/15, E x² = 1/3
 _MOMENTS = np.diag([2 / 15] * 6 + [1 / 3] * 3)
@@ -20,20 +20,24 @@ _MOMENTS[:3, :3] += 1 / 15
 
 
 def expected_error(f):
-    """Return the error that an accelerometer calibrated with these poses would make elsewhere.
+    """Return the error in other attitudes of an accelerometer that is calibrated with these poses.
 
-    With u the mean specific force in units of its median norm, the 9-parameter model of an
-    accelerometer at rest is an ellipsoid, linear in its nine coefficients:
+    The error is a share of gravity, root mean square over all directions. It is infinite without
+    poses. Takes the mean specific force of each attitude, m/s², (n, 3).
+
+    Let u be the mean specific force in units of its median norm. The model of an accelerometer at
+    rest is an ellipsoid that is linear in nine coefficients β, the elements of B and c:
 
         y = (|u|² − 1)/2 = uᵀ B u + cᵀ u = x(u)ᵀ β,      B symmetric.
 
-    y is the relative error of the norm, to first order. With independent errors of standard
-    deviation σ and a weak Gaussian prior on B (0.05) and c (0.1), the same in every direction, β
-    has the covariance C = (XᵀX/σ² + P⁻¹)⁻¹. The figure is the root of the mean of xᵀ C x over
-    all directions, relative to g, with the upper 95 % limit of σ² from the residual sum S and its
-    n − tr H degrees of freedom: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1). More poses lower C, worse
-    poses raise σ; few poses with a small residual by luck are not believed.
-    Takes the mean specific force of each attitude, m/s², shape (n, 3); infinite without one.
+    y is the relative error of the norm, to first order. If the errors are independent with the
+    standard deviation σ, and B and c have a Gaussian prior of standard deviation 0.05 and 0.1, the
+    covariance of β is C = (XᵀX/σ² + P⁻¹)⁻¹. X has the rows x(u) of the poses, and P is the
+    covariance of the prior. The result is the root of the mean of xᵀ C x over all directions.
+
+    σ² is its upper 95 % limit by the sum S of the squared residuals, which has n − tr H degrees of
+    freedom with the hat matrix H: σ² = (S + 1e-8) / χ²(0.05; n − tr H + 1). So more poses reduce C,
+    worse poses increase σ, and a small residual of few poses does not count.
 
     References
     ----------
@@ -49,7 +53,7 @@ def expected_error(f):
     design = np.hstack([quadratic, u]) * _PRIOR
     error = (np.sum(u * u, axis=1) - 1) / 2
     normal = design.T @ design
-    # H y and tr H without H, which has a row and a column per attitude
+    # H y and tr H are computed without H, which has a row and a column per attitude
     solution = np.linalg.solve(
         normal + POSE_NORM**2 * np.eye(9), np.column_stack([design.T @ error, normal])
     )
@@ -60,9 +64,10 @@ def expected_error(f):
 
 
 def attitudes(force, rests):
-    """Return the mean specific force of each attitude: neighbouring rests that agree are one.
+    """Return the mean specific force of each attitude, m/s², (k, 3).
 
-    Takes specific force, m/s², (3, n), and ranges of samples.
+    Consecutive rests whose directions differ by less than `SAME_ATTITUDE` are one attitude. Takes
+    specific force, m/s², (3, n), and the ranges of samples of the rests, (m, 2).
     """
     if not len(rests):
         return np.empty((0, 3))

@@ -1,4 +1,4 @@
-"""Rests in the hand: the device keeps its attitude except for tremor and sway."""
+"""Rests in the hand, in which the device keeps its attitude except for tremor and sway."""
 
 import numpy as np
 
@@ -6,22 +6,32 @@ from imuloop.core.stretches import lengths, stretches_of
 from imuloop.segment.static_detector import long_enough
 from imuloop.segment.windows import sliding_statistics
 
-# a tremor, 6 Hz and more, takes itself out of a mean rate over so long, s
+# length of a mean angular rate, s: a tremor of 6 Hz or more averages out
 WINDOW = 0.5
-# mean rate up to which a hand holds a device, rad/s
+# largest mean angular rate of a device that a hand holds, rad/s
 HOLDS = 0.03
-# a hand that pauses amid a turn is no rest, s
+# shortest rest in the hand, s: a shorter one may be a pause within a turn
 SHORTEST = 2.0
-# share of such a rest from which on its parts that lie still are all there is to it
+# share of a rest in the hand that lies still on a support, from which on only that part is used
 MOST = 0.8
 
 
 def held_rests(w, stretches, step, bias, shortest):
-    """Return the stretches in which a hand holds the device, (m, 2).
+    """Return the ranges of samples in which a hand holds the device, (m, 2).
 
-    There the mean rate over `WINDOW`, less the bias, (3,), is up to `HOLDS`. None is shorter than
-    `SHORTEST` and `shortest`, s. Takes angular rate, rad/s, (3, n), the stretches between long
-    gaps, and the step of time, s.
+    In such a range the norm of the mean angular rate over `WINDOW`, less the bias, is at most
+    `HOLDS`. It lasts at least `SHORTEST` and at least `shortest`.
+
+    Parameters
+    ----------
+    w : ndarray, shape (3, n)
+        Angular rate, rad/s.
+    stretches : ndarray of int, shape (k, 2)
+        Ranges of samples between long gaps.
+    step, shortest : float
+        Time step, and shortest rest, s.
+    bias : ndarray, shape (3,)
+        Bias of the gyroscope, rad/s.
     """
     width, rests = max(2, round(WINDOW / step)), [np.empty((0, 2), dtype=int)]
     for i, j in stretches[lengths(stretches) >= width]:
@@ -31,28 +41,30 @@ def held_rests(w, stretches, step, bias, shortest):
     return rests[long_enough(rests, max(SHORTEST, shortest), step)]
 
 
-def united(still, held):
-    """Return rests on a support and in the hand in order, (m, 2), and which are in the hand, (m,).
+def unite(still, held):
+    """Return rests on a support and in the hand in order of time, and which are in the hand.
 
-    One in the hand takes the place of rests that are a part of it, unless they are most of it.
+    A rest in the hand replaces the rests on a support that lie in it, unless they are `MOST` of it.
+    Takes ranges of samples of both kinds, (k, 2) and (l, 2); returns ranges, (m, 2), and a mask,
+    (m,).
     """
     ends, starts = (
         pick(still[:, None, k], held[:, k]) for pick, k in ((np.minimum, 1), (np.maximum, 0))
     )
     shared = np.maximum(ends - starts, 0)
     reaches_out = (shared > 0) & (2 * shared < lengths(still)[:, None])
-    taken = (shared.sum(axis=0) < MOST * lengths(held)) & ~reaches_out.any(axis=0)
-    kept = ~shared[:, taken].any(axis=1)
-    rests = np.concatenate([still[kept], held[taken]])
+    used = (shared.sum(axis=0) < MOST * lengths(held)) & ~reaches_out.any(axis=0)
+    kept = ~shared[:, used].any(axis=1)
+    rests = np.concatenate([still[kept], held[used]])
     order = np.argsort(rests[:, 0])
     return rests[order], (np.arange(len(rests)) >= kept.sum())[order]
 
 
 def sways(w, rests, bias, step):
-    """Return the root mean square of the turns from the mean attitude of each rest, rad, (m,).
+    """Return the root mean square of the rotation from the mean attitude of each rest, rad, (m,).
 
-    About all axes: one about the vertical does not tilt, but looks like a bias as well. Arguments
-    as in `held_rests`, and ranges of samples, (m, 2).
+    It includes rotation about the vertical, which looks like a bias. Takes angular rate, rad/s,
+    (3, n), the ranges of samples of the rests, (m, 2), the bias, rad/s, (3,), and the time step, s.
     """
     turned = (np.cumsum((w[:, i:j].T - bias) * step, axis=0) for i, j in rests)
     return np.array([np.sqrt(x.var(axis=0).sum()) for x in turned])

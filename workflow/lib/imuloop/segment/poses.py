@@ -1,4 +1,4 @@
-"""Poses: which rests are one attitude."""
+"""Numbers of poses: consecutive rests in one attitude are one pose."""
 
 import numpy as np
 
@@ -7,12 +7,15 @@ from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
 from imuloop.core.stretches import lengths
 from imuloop.segment.attitudes import SAME_ATTITUDE
 
-# largest excursion between two rests that is still no turn, rad
+# largest angle between two rests of one pose by which the device may turn and return, rad
 TURNED = 0.087
 
 
-def _turned(rows, first, last, bias):
-    """Return whether a device turned away from its first attitude by more than `TURNED`."""
+def _has_turned(rows, first, last, bias):
+    """Return whether the device turns by more than `TURNED` from its attitude at the first sample.
+
+    Takes Samples, a range of rows, and the bias of the gyroscope, rad/s, (3,).
+    """
     t, *w = rows.read((TIME, *ANGULAR_RATE), first, last)
     attitudes = prefix_product(exponential(step_vectors(np.transpose(w) - bias, np.diff(t))))
     half = np.linalg.norm(attitudes[:, 1:], axis=1), np.abs(attitudes[:, 0])
@@ -20,20 +23,28 @@ def _turned(rows, first, last, bias):
 
 
 def number_poses(rows, rests, table, stretches):
-    """Return the pose number of each rest: 0, 1, 2 … in order of time.
+    """Return the number of the pose of each rest, 0, 1, 2 … in order of time, (m,).
 
-    A rest has the number of the one before it if their directions of specific force agree within
-    `SAME_ATTITUDE` (or four standard errors of the two means, where the noise is larger) and the
-    gyroscope, its bias taken from both rests, never turned by more than `TURNED` in between. So a
-    full turn, or one about the vertical, which leave gravity where it was, make a new pose. What
-    happened in a gap is not known: the rest after it is a new pose. Takes Samples, rests, their
-    rows of the table of segments, and stretches between long gaps.
+    A rest has the number of the rest before it under three conditions. No long gap lies between
+    them. Their directions of specific force agree within `SAME_ATTITUDE`, or within four standard
+    errors of the means if these are larger. And the device never turned by more than `TURNED`
+    between them, by the angular rate less its mean over both rests: a full turn, or a turn about
+    the vertical, makes a new pose although the direction of gravity is the same.
+
+    Parameters
+    ----------
+    rows : Samples
+        The samples of the session.
+    rests, stretches : ndarray of int, shape (m, 2), (k, 2)
+        Ranges of samples of the rests, and between long gaps.
+    table : DataFrame
+        Rows of the rests in the table of segments.
     """
     numbers = np.zeros(len(rests), dtype=np.int64)
     force, rate = (
         table[[f"{name}_mean" for name in axes]].to_numpy() for axes in (ACCELERATION, ANGULAR_RATE)
     )
-    # without specific force no attitude is told from another
+    # without specific force, attitudes cannot be distinguished
     if not force.any():
         return numbers
     spread = table[[f"{name}_std" for name in ACCELERATION]].to_numpy()
@@ -48,7 +59,7 @@ def number_poses(rows, rests, table, stretches):
         if same:
             between = rests[k - 1, 1] - 1, rests[k, 0] + 1
             bias = (rate[k - 1] + rate[k]) / 2
-            same = not _turned(rows, *between, bias)
+            same = not _has_turned(rows, *between, bias)
         numbers[k] = numbers[k - 1] + (not same)
         first = first if same else k
     return numbers

@@ -18,8 +18,8 @@ from imuloop.core.samples import (
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
 from imuloop.core.stretches import lengths, merged, unbroken, without
 from imuloop.segment.attitudes import attitudes, expected_error
-from imuloop.segment.disturbance import undisturbed
-from imuloop.segment.held import held_rests, sways, united
+from imuloop.segment.disturbance import undisturbed_ranges
+from imuloop.segment.held import held_rests, sways, unite
 from imuloop.segment.poses import number_poses
 from imuloop.segment.static_detector import (
     MULTIPLES,
@@ -27,46 +27,64 @@ from imuloop.segment.static_detector import (
     detect_rests,
     moves,
     rates_at_rest,
-    widened,
+    widen_rests,
 )
 from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.tilt import tilts, without_tilts
 
-# rests that are dropped as too short, at least so many and this share of those kept, make it worth
-# to look what shorter settings would bring
+# fewest rests that are dropped as too short, and least ratio of them to those kept, for which
+# shorter settings are tried
 LEAST_SHORT, SHORT_SHARE = 5, 0.25
-# attitudes, of those found, that are worth another setting
+# least ratio of the numbers of attitudes with shorter settings and without
 WORTHWHILE = 1.2
-# attitudes that determine an accelerometer's nine parameters, with one for a check
+# number of attitudes that determine an accelerometer's nine parameters and check them
 ENOUGH = 12
-# a calibration this much less certain, by its expected error, is too dear for steady rests
+# largest ratio of the expected errors of a calibration with steady rests only and with all rests
 DEAREST = 2.0
-# expected error with rests in the hand, of that without, below which they are worth it
+# largest ratio of the expected errors with rests in the hand and without
 WORTH_HOLDING = 0.95
-# share of a rest's samples at the end of the range up to which its mean is a mean: what the noise
-# has beyond is 0.3 % of its standard deviation
+# largest share of clipped samples of a rest whose mean is used: the mean is then wrong by 0.3 % of
+# the standard deviation of the noise
 LEAST_RAILED = 0.01
-# sessions whose rests are attitudes that the specific force is taken at
+# kinds of sessions whose rests are attitudes
 ATTITUDES = ("six_position", "multi_position", "reference_motion")
 
 
 def segment_session(samples, kind, settings, rails=None, stuck=()):
-    """Return the segments of a session: static, motion, disturbed or gap.
+    """Return the table of segments of a session, and metadata.
 
-    Every instant from the first sample to one step after the last belongs to exactly one row.
-    Rests of a six-position or multi-position session come from the static detector, less what turns
-    slowly or trembles; those in the hand (`held`) join them where a calibration gains by it. Those
-    of a static session are what the disturbance detector and slow tilts leave. If the device moves
-    most of the time, the rests of a static session come from the static detector, too. A rest at
-    which the accelerometer is at the end of its range is no attitude, but disturbed. A gap lasts
-    from one step after the last sample before it to the next sample, or as long as a channel is
-    stuck at one value.
+    The segments are static, motion, disturbed or gap. Every instant from the first sample to one
+    step after the last belongs to exactly one of them.
 
-    Takes Samples or a DataFrame, SI, the session's kind, SegmentSettings, the `rails` of
-    `core.samples.at_rail`, and the spans in which a channel is stuck, (n, 2), s. Gives a
-    `segment_table` and a dict of metadata: the number of poses; of a static session that of slow
-    tilts; of others the rests dropped as too short, those at the end of the range and those that
-    tilt, whether some are in the hand, and what `shorter` settings would bring, or have brought.
+    - In a static session, a rest is a range without a disturbance and without a slow tilt. If the
+      device moves most of the time, rests are found as in other sessions.
+    - In other sessions, rests are found by the static detector; ranges that turn slowly or tremble
+      are removed. Rests in the hand are added if they improve the calibration.
+    - A rest with a clipped specific force is disturbed.
+    - A gap lasts from one step after a sample to the next sample, or as long as a channel is stuck
+      at one value.
+
+    Parameters
+    ----------
+    samples : Samples or DataFrame
+        The samples of the session, SI.
+    kind : str
+        Kind of the session.
+    settings : SegmentSettings
+    rails : dict, optional
+        Ends of the range of each channel, as for `core.samples.at_rail`.
+    stuck : array_like, shape (n, 2), optional
+        Start and end of the spans in which a channel is stuck, s.
+
+    Returns
+    -------
+    DataFrame
+        The table of `core.segments.segment_table`.
+    dict
+        The number of ``poses``. For a static session, the number of ``slow_tilts``. For others, the
+        numbers of rests that were dropped as too short, ``short_rests``, are clipped,
+        ``railed_rests``, or tilt, ``tilted_rests``; whether some are ``hand_held``; and the
+        ``shorter`` settings with the number of attitudes that they give.
     """
     rows = Samples(samples)
     whole, step = unbroken(rows)
@@ -74,15 +92,15 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     if len(stuck):
         first, last = np.searchsorted(rows[TIME], np.transpose(stuck))
         stretches = without(whole, merged(np.column_stack([first, last + 1])))
-    # without specific force there is no attitude, and rests are stretches without a disturbance
+    # a log without specific force has no attitudes: rests are ranges without a disturbance
     posed = kind != "static" and holds(rows, "accelerometer")
     moving = not posed and moves(rows, stretches, step, settings)
-    # no disturbance stands out from motion: rests are found as in other sessions
+    # disturbances cannot be told from motion: rests are found as in other sessions
     posed = posed or (moving and holds(rows, "accelerometer"))
     if posed:
         rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
         if moving:
-            # on a support it does not tilt; without a gyroscope turns show in the force alone
+            # only rests on a support count, which do not tilt; they must not move either
             rests = rests[tilt == 0]
             rests = rests[: 0 if moves(rows, rests, step, settings) else None]
             tilt = np.zeros(len(rests))
@@ -109,7 +127,7 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     # a stretch ends one step after its last sample
     first, last = edges[:-1], np.isin(edges[1:], whole[:, 1])
     end = np.where(last, t[edges[1:] - 1] + step, t[np.minimum(edges[1:], len(t) - 1)])
-    # a gap is a row without samples, from there to the next one
+    # a gap is a segment without samples, from the end of a stretch to the start of the next
     gaps = np.flatnonzero(last[:-1]) + 1
     start, end = np.insert(t[first], gaps, end[gaps - 1]), np.insert(end, gaps, t[first[gaps]])
     kinds = np.insert(kinds, gaps, GAP)
@@ -123,23 +141,23 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
 
 
 def _between_disturbances(rows, stretches, step, settings):
-    """Return the ranges between disturbances; of two clocks in rows of the slower sensor's samples.
+    """Return the ranges of rows without a disturbance, (k, 2).
 
-    Beside each is the mean of the faster sensor meanwhile. Values that are held over several rows
-    would look like noise that comes and goes.
+    If the sensors have two clocks, the search uses one value for each sample of the slower sensor:
+    the mean of the rows that hold it. Repeated values would change the noise.
     """
     x = rows.read(CHANNELS, 0, len(rows))
-    own = next((name for name in OWN_TIME.values() if name in rows), None)
-    if own is None:
-        return undisturbed(x, stretches, step, settings)
-    t, first = rows[TIME], own_rows(rows[own])
+    stamps = next((name for name in OWN_TIME.values() if name in rows), None)
+    if stamps is None:
+        return undisturbed_ranges(x, stretches, step, settings)
+    t, first = rows[TIME], own_rows(rows[stamps])
     edges = np.append(first, len(rows))
     means, step = np.add.reduceat(x, first, axis=1) / np.diff(edges), np.median(np.diff(t[first]))
-    return edges[undisturbed(means, np.searchsorted(first, stretches), step, settings)]
+    return edges[undisturbed_ranges(means, np.searchsorted(first, stretches), step, settings)]
 
 
 def _at_rail(rows, rests, rails):
-    """Return at which rests the specific force is at the end of its range, (n,) of bool."""
+    """Return whether the specific force is clipped in each rest, (m,) of bool."""
     names = (TIME, *ACCELERATION)
     logs = (dict(zip(names, rows.read(names, *rest), strict=True)) for rest in rests.tolist())
     shares = [at_rail(log, rails, ACCELERATION).mean() for log in logs]
@@ -147,18 +165,19 @@ def _at_rail(rows, rests, rails):
 
 
 def _find_rests(rows, stretches, step, settings):
-    """Return the rests of a session, the tilt within each, rad, and the metadata.
+    """Return the rests of a session, (m, 2), the tilt within each, rad, (m,), and the metadata.
 
-    By shorter settings where those asked for find too few to calibrate by, and the shorter enough.
+    If the settings give too few attitudes for a calibration and shorter settings give enough, the
+    shorter settings are used.
     """
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
     log, shorter = (f, w, stretches, step), None
-    rests, tilt, held, short = _rests_by(log, settings)
+    rests, tilt, held, short = _choose_rests(log, settings)
     if short >= LEAST_SHORT and short > SHORT_SHARE * len(rests):
-        shorter = _shorter(log, rests, settings)
+        shorter = _try_shorter(log, rests, settings)
     if shorter and shorter["taken"]:
         changed = {key: shorter[key] for key in ("window_s", "shortest_rest_s")}
-        rests, tilt, held, short = _rests_by(log, replace(settings, **changed))
+        rests, tilt, held, short = _choose_rests(log, replace(settings, **changed))
     return (
         rests,
         tilt,
@@ -171,33 +190,46 @@ def _find_rests(rows, stretches, step, settings):
     )
 
 
-def _rests_by(log, settings):
-    """Return rests, the tilt within each, whether some are in the hand, and how many too short."""
+def _choose_rests(log, settings):
+    """Return the rests that give the best calibration of a session.
+
+    `log` holds specific force, m/s², and angular rate, rad/s, (3, n), the ranges between long gaps
+    and the time step, s.
+
+    Returns
+    -------
+    rests, tilt : ndarray, shape (m, 2), (m,)
+        Ranges of samples, and the tilt within each, rad.
+    held : bool
+        Whether some are in the hand.
+    short : int
+        Number of rests that are too short.
+    """
     f, w, stretches, step = log
-    detected, steady, bias, short = _detected(log, settings)
+    detected, steady, bias, short = _detect(log, settings)
     if not len(detected):
         return detected, np.zeros(0), False, short
     least = expected_error(attitudes(f, detected))
-    # without its unsteady rests a session may no longer determine a calibration
+    # steady rests are preferred, unless they are too few to determine a calibration
     for still, most in ((steady, DEAREST * least), (detected, np.inf)):
-        rests, tilt = without_tilts(f, w, widened(f, w, still, stretches, step), bias, step)
-        found = rests, tilt, False, short
+        rests, tilt = without_tilts(f, w, widen_rests(f, w, still, stretches, step), bias, step)
+        result = rests, tilt, False, short
         error = expected_error(attitudes(f, rests))
-        every, held = united(rests, held_rests(w, stretches, step, bias, settings.shortest_rest_s))
+        every, held = unite(rests, held_rests(w, stretches, step, bias, settings.shortest_rest_s))
         with_held = expected_error(attitudes(f, every))
         if held.any() and with_held < WORTH_HOLDING * error:
             swaying = np.zeros(len(every))
             swaying[held] = sways(w, every[held], bias, step)
             swaying[~held] = tilt[np.isin(rests[:, 0], every[~held, 0])]
-            error, found = with_held, (every, swaying, True, short)
+            error, result = with_held, (every, swaying, True, short)
         if error <= most:
-            return found
+            return result
 
 
-def _detected(log, settings):
-    """Return the rests of a session, those that are steady, the bias, and how many are too short.
+def _detect(log, settings):
+    """Return all rests of a session, their steady parts, the bias, and how many are too short.
 
-    The variance is compared in `static_detector`, the mean rate with its level here.
+    `log` is the same as for `_choose_rests`; the bias is that of the gyroscope, rad/s, (3,).
     """
     f, w, stretches, step = log
     moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
@@ -208,13 +240,13 @@ def _detected(log, settings):
     return rests, detect_rests(still, stretches, step, settings)[0], biases[0], short
 
 
-def _shorter(log, rests, settings):
-    """Return settings of shorter rests, how many attitudes they bring, and if they are taken.
+def _try_shorter(log, rests, settings):
+    """Return settings of shorter rests, and the numbers of attitudes with them and now, a dict.
 
-    None where they bring hardly more.
+    The key ``taken`` says whether they are used. None if they give hardly more attitudes.
     """
     shorter = {"window_s": settings.window_s / 2, "shortest_rest_s": settings.shortest_rest_s / 4}
-    _, steady, *_ = _detected(log, replace(settings, **shorter))
+    _, steady, *_ = _detect(log, replace(settings, **shorter))
     now, then = (len(attitudes(log[0], x)) for x in (rests, steady))
     if then < WORTHWHILE * max(now, 1):
         return None

@@ -7,12 +7,11 @@ from imuloop.core.setting import setting
 
 @dataclass(frozen=True)
 class SegmentSettings:
-    """What the segment stage asks of a rest and of a disturbance; s, rad and rad/s."""
+    """Settings of the segment stage: the conditions for a rest and for a disturbance."""
 
-    # slow turns and tremor inside a rest are looked for in half of it
     window_s: float = setting(1.0, "Sliding window of the static detector, s", gt=0)
-    # leaves room for the gyroscope's g-sensitivity (0.3 deg/s per g at worst in common parts) and
-    # lies below the slowest turn by hand
+    # larger than the gyroscope's g-sensitivity (at most 0.3 deg/s per g in common parts), smaller
+    # than the slowest turn by hand
     rate_tolerance: float = setting(
         0.01,
         "Largest departure of the windowed mean angular rate from its level at rest, rad/s",

@@ -15,56 +15,66 @@ from scipy.special import chdtri
 from imuloop.core.stretches import lengths, stretches_of
 from imuloop.segment.windows import block_means, rounding_variance, sliding_statistics
 
-# multiples of the level of both variances up to which a window is at rest: a hand that trembles is
-# found later; and up to which it is quiet enough to set the gyroscope's bias
+# ratio of the variance of accelerometer and gyroscope to the level at rest up to which a window is
+# at rest (`unsteady_samples` finds a hand that trembles), and up to which it is quiet enough to
+# determine the gyroscope's bias
 MULTIPLES, QUIET = (10, 300), (10, 10)
-# samples of a rest: the variance of fewer says nothing of its mean's error
+# fewest samples of a rest: the variance of fewer does not give the error of the mean
 FEWEST_SAMPLES = 4
-# rests from which on a rate that they share is the gyroscope's bias, and share of their windows
-# that may be away from it
+# fewest rests that share a second bias of the gyroscope, and largest share of their windows with
+# another rate
 RESTS_OF_A_BIAS, FEW = 3, 0.1
-# change of the mean specific force from one window to the next that is motion, m/s²: 10 mg
+# least change of the mean specific force between two windows that is motion, m/s²: 10 mg
 FORCE_TOLERANCE = 0.1
-# cut from each end of a rest that touches motion, and short means by which it is then widened, s
+# length that is cut from each end of a rest next to motion, and length of the means by which the
+# rest is then widened, s
 TRIM_S, EDGE_S = 0.05, 0.1
 
 
 @dataclass(frozen=True)
 class Activity:
-    """Windowed variances and mean rate about each sample."""
+    """Variances and mean angular rate in a window about each of n samples."""
 
-    # (2, n): sums over the axes of accelerometer and gyroscope, of their level at rest; infinite
-    # where no whole window fits between two long gaps, or the accelerometer reads zero
+    # (2, n): variances of accelerometer and gyroscope, summed over the axes, over their level at
+    # rest; infinite if no window fits between two long gaps or the accelerometer reads zero
     variances: np.ndarray
-    rate: np.ndarray  # (3, n): windowed mean, rad/s
-    window: int  # samples
+    rate: np.ndarray  # (3, n): mean angular rate in the window, rad/s
+    window: int  # length of the window, samples
 
     def within(self, multiples):
-        """Return whether both variances are within multiples of their levels, shape (n,)."""
+        """Return whether both variances are at most `multiples`, a pair, of their levels, (n,)."""
         return np.all(self.variances <= np.reshape(multiples, (2, 1)), axis=0)
 
     def away(self, biases):
-        """Return how far the mean rate is from the nearest of biases, (k, 3), rad/s, (n,)."""
+        """Return the distance of the mean rate from the nearest of biases, (k, 3), rad/s, (n,)."""
         return np.min([np.linalg.norm(self.rate.T - bias, axis=1) for bias in biases], axis=0)
 
 
 def activity(force, rate, stretches, window):
-    """Return the Activity of a session; no window reaches across a long gap.
+    """Return the Activity of a session.
 
-    The level of a sensor at rest is the 5 % quantile of its windowed variance, the median of the
-    quietest tenth: right as long as a tenth of the log is at rest. None is below the variance of
-    rounding. Takes specific force, m/s², and angular rate, rad/s, shape (3, n), the stretches
-    between long gaps, and the window's length, samples.
+    The level of a sensor at rest is the 5 % quantile of its variance over all windows, but not less
+    than the variance of rounding. It is correct if at least a tenth of the log is at rest. No
+    window crosses a long gap.
+
+    Parameters
+    ----------
+    force, rate : ndarray, shape (3, n)
+        Specific force, m/s², and angular rate, rad/s.
+    stretches : ndarray of int, shape (k, 2)
+        Ranges of samples between long gaps.
+    window : int
+        Length of the window, samples.
     """
     variances, means = np.full((2, force.shape[1]), np.inf), np.zeros_like(rate)
     for i, j in stretches[lengths(stretches) >= window]:
-        # one axis at a time, as a log of hours takes memory
+        # one axis at a time, to save memory
         variances[:, i:j] = 0.0
         for f, w, mean in zip(force, rate, means, strict=True):
             variances[0, i:j] += sliding_statistics(f[i:j], window)[1]
             mean[i:j], variance = sliding_statistics(w[i:j], window)
             variances[1, i:j] += variance
-    # one that reads zero was not read: at rest it feels gravity
+    # an accelerometer measures gravity at rest: zeros are not measurements
     variances[0, ~force.any(axis=0)] = np.inf
     for sensor, x in zip(variances, (force, rate), strict=True):
         if np.isfinite(variances[0]).any():
@@ -77,8 +87,8 @@ def moves(rows, stretches, step, settings):
     """Return whether the device moves most of the time in a session that should be at rest.
 
     It does if most windows differ from the next by more than `rate_tolerance` in the mean angular
-    rate or by more than `FORCE_TOLERANCE` in the mean specific force. Takes Samples, the stretches
-    between long gaps, and the median step of time, s.
+    rate or by more than `FORCE_TOLERANCE` in the mean specific force. Takes Samples, the ranges
+    between long gaps, (k, 2), the median time step, s, and SegmentSettings.
     """
     width = max(round(settings.window_s / step), FEWEST_SAMPLES)
     first, _, means = block_means(rows, stretches, width)
@@ -89,16 +99,16 @@ def moves(rows, stretches, step, settings):
 
 
 def rates_at_rest(moving, settings):
-    """Return the biases of the gyroscope at rest, rad/s, (k, 3): two where it jumps.
+    """Return a list of one or two biases of the gyroscope at rest, rad/s, (3,) each.
 
-    The first is the median over all windows that are quiet, whatever their attitude. A turn that no
-    variance shows ends, and the next is another; a bias that jumped stays. So there is a second
-    where windows that are away from the first by more than `rate_tolerance` nearly all share
-    another rate, at several rests.
+    The first is the median rate of all quiet windows. There is a second if the bias jumps: if the
+    quiet windows whose rate differs from the first by more than `rate_tolerance` belong to several
+    rests and nearly all have the same rate. Slow turns also have other rates, but each turn has a
+    different one. Takes the Activity and SegmentSettings.
     """
-    at = np.flatnonzero(moving.within(QUIET))
-    first = np.median(moving.rate[:, at], axis=1) if len(at) else np.zeros(3)
-    far = at[moving.away([first])[at] > settings.rate_tolerance]
+    quiet = np.flatnonzero(moving.within(QUIET))
+    first = np.median(moving.rate[:, quiet], axis=1) if len(quiet) else np.zeros(3)
+    far = quiet[moving.away([first])[quiet] > settings.rate_tolerance]
     if 1 + np.sum(np.diff(far) > moving.window) < RESTS_OF_A_BIAS:
         return [first]
     other = np.median(moving.rate[:, far], axis=1)
@@ -107,35 +117,54 @@ def rates_at_rest(moving, settings):
 
 
 def detect_rests(still, stretches, step, settings):
-    """Return the rests of a session, and the number of those dropped as too short.
+    """Return the rests of a session, (m, 2), and the number of those dropped as too short.
 
-    Edges that touch motion are trimmed. Takes whether each sample is still: the windowed variances
-    of both sensors within their multiples of the level, and the windowed mean rate within
-    `rate_tolerance` of the bias, as a slow turn about the vertical shows in nothing else.
+    A rest is a range of samples that are still. Its ends are trimmed if they touch motion.
+
+    Parameters
+    ----------
+    still : ndarray of bool, shape (n,)
+        Whether each sample is still: the variances of both sensors are within multiples of their
+        level, and the mean rate is within `rate_tolerance` of the bias. The latter shows a slow
+        turn about the vertical, which changes nothing else.
+    stretches : ndarray of int, shape (k, 2)
+        Ranges of samples between long gaps.
+    step : float
+        Time step, s.
+    settings : SegmentSettings
     """
     trim, rests = round(TRIM_S / step), [np.empty((0, 2), dtype=int)]
     for i, j in stretches:
-        each = stretches_of(still[i:j]) + i
-        rests.append(each + trim * ((each > i) & (each < j)) * [1, -1])
+        ranges = stretches_of(still[i:j]) + i
+        rests.append(ranges + trim * ((ranges > i) & (ranges < j)) * [1, -1])
     rests = np.concatenate(rests)
     kept = long_enough(rests, settings.shortest_rest_s, step)
     return rests[kept], int(np.sum(~kept))
 
 
 def long_enough(rests, shortest, step):
-    """Return which rests are long enough, s, and hold enough samples, (m,)."""
+    """Return whether each rest lasts at least `shortest`, s, and has enough samples, (m,)."""
     samples = lengths(rests)
     return (samples * step >= shortest - step / 2) & (samples >= FEWEST_SAMPLES)
 
 
-def widened(f, w, rests, stretches, step):
-    """Return rests extended as far as short means of both sensors agree with the rest.
+def widen_rests(f, w, rests, stretches, step):
+    """Return the rests, (m, 2), extended as far as short means of both sensors agree with them.
 
-    The window of the detector ends a rest half its length early. From each end on, the mean over
-    `EDGE_S` of each sensor is compared with that of the rest, by the variance of its samples there:
-    the sum of the three squares is below the quantile of χ² that noise passes once in 100,000. The
-    last `EDGE_S` before the first one above is left out. Takes specific force and angular rate,
-    (3, n), ranges of samples, the stretches between long gaps, and the step of time, s.
+    The detector ends a rest half the length of its window early. Outward from each end, means of
+    both sensors over `EDGE_S` are compared with the mean of the rest. They agree if the sum of the
+    squared differences of the three axes, over the variance of such a mean, is below the quantile
+    of χ² that noise exceeds once in 100,000. The last `EDGE_S` before the first mean that does not
+    agree are left out.
+
+    Parameters
+    ----------
+    f, w : ndarray, shape (3, n)
+        Specific force, m/s², and angular rate, rad/s.
+    rests, stretches : ndarray of int, shape (m, 2), (k, 2)
+        Ranges of samples of the rests, and between long gaps.
+    step : float
+        Time step, s.
     """
     width = max(round(EDGE_S / step), 1)
     sensors = [(x, uniform_filter1d(x, width, axis=1), rounding_variance(x.T)) for x in (f, w)]
@@ -147,7 +176,7 @@ def widened(f, w, rests, stretches, step):
         away[1:-1] = False
         for x, means, floor in sensors:
             rest = x[:, i:j]
-            # of all axes alike: the frame of the sensor does not matter
+            # one variance for all axes, so that the result does not depend on the sensor's axes
             variance = max(rest.var(axis=1).mean(), floor) / width
             square = (means[:, low:high] - rest.mean(axis=1, keepdims=True)) ** 2
             away[1:-1] |= square.sum(axis=0) > chdtri(3, 1e-5) * variance

@@ -7,34 +7,44 @@ from imuloop.core.stretches import divided, lengths
 from imuloop.segment.disturbance import MOST, distance_beyond, robust_covariance, squared_distance
 from imuloop.segment.windows import rounding_variance, sliding_statistics
 
-# longer rests are judged in parts of this length, s: over more, a bias that warms up moves
+# length of the parts of a rest that are judged, s: in longer parts the bias may drift by warm-up
 PART = 10.0
-# fewest windows free to vary that determine the level of rest
+# fewest degrees of freedom of the windows that determine the covariance at rest
 FEWEST = 20
-# windows that a part of a rest has to hold to be judged on their scale
+# fewest windows of a part of a rest that is judged on a scale
 FEWEST_OF_A_PART = 3
-# shortest window, of `window_s`; it is twice as long on each next scale
+# shortest window, share of `window_s`; each scale has windows twice as long as the scale before
 FINEST = 1 / 32
-# scales that fit into a part, of windows of 1 s
+# number of scales that fit into a part, if `window_s` is 1 s
 SCALES = 8
 
 
 def unsteady_samples(w, rests, step, settings):
-    """Return the samples of rests that turn slowly or tremble.
+    """Return a mask of the samples of rests in which the device turns slowly or trembles, (n,).
 
-    A slow turn about the vertical leaves specific force where it was, and in the mean over a rest
-    it is the same as a bias, or a g-sensitivity. So only what changes **inside** a rest counts: the
-    mean of the angular rate over a window, less the median of all such means in the rest. Windows
-    of every length up to a third of a rest are compared with their own covariance over all rests,
-    on each scale for itself, so that coloured noise widens it as it should: by Hotelling's T², less
-    a degree of freedom for each rest, whose median was taken. A tremor shows in short windows, a
-    slow turn in long ones. Around each such window an eighth of `window_s` is unsteady as well.
+    A slow turn about the vertical does not change the specific force, and its mean rate cannot be
+    told from a bias or a g-sensitivity. So only changes within a rest count: the mean angular rate
+    over a window, less the median of these means over the part of the rest. A tremor shows in short
+    windows, a slow turn in long ones.
 
-    It is right as long as more than half of the time at rest is spent out of the hand. In an
-    undisturbed session of Gaussian noise anything at all is cut with the probability `false_alarm`,
-    shared among the scales and all samples (Bonferroni, so right for any correlation). Takes
-    angular rate, rad/s, (3, n), ranges of samples at rest and the median step of time, s; gives a
-    mask, (n,).
+    The means over windows of one length are compared with their own covariance over all rests, by
+    Hotelling's T² with one degree of freedom less for each median. Each length has its own
+    covariance, so that coloured noise is allowed for. The lengths go up to a third of a rest. An
+    eighth of `window_s` before and after a marked window is marked as well.
+
+    The covariance is correct if the device is in the hand for less than half of the time at rest.
+    In a session of Gaussian noise, the probability that any sample is marked is `false_alarm`; it
+    is shared among all lengths and samples (Bonferroni), and so holds for any correlation.
+
+    Parameters
+    ----------
+    w : ndarray, shape (3, n)
+        Angular rate, rad/s.
+    rests : ndarray of int, shape (m, 2)
+        Ranges of samples at rest.
+    step : float
+        Median time step, s.
+    settings : SegmentSettings
     """
     parts = [divided(i, j, int(np.ceil((j - i) * step / PART))) for i, j in rests]
     parts = np.concatenate([np.empty((0, 2), dtype=int), *parts])
@@ -42,13 +52,13 @@ def unsteady_samples(w, rests, step, settings):
     window = max(2, round(FINEST * settings.window_s / step))
     while True:
         long = parts[lengths(parts) >= FEWEST_OF_A_PART * window]
-        # separate windows, less one for each part, whose median is taken
+        # number of windows that do not overlap, less one for the median of each part
         freedom = int((lengths(long) // window - 1).sum())
         if freedom < FEWEST:
             break
         means = [sliding_statistics(w[:, i:j].T, window)[0] for i, j in long]
         x = np.concatenate([mean - np.median(mean, axis=0) for mean in means])
-        # a mean of samples that flip between two steps varies by a quarter of a step squared, / n
+        # variance of a mean of samples that alternate between two levels: a quarter step², over n
         floor = np.full(3, 3 * rounding / window)
         covariance = robust_covariance(x[:: len(x) // MOST + 1], floor, tail_limit=1.0)
         bound = distance_beyond(settings.false_alarm / SCALES / len(x), 3, freedom)

@@ -1,103 +1,134 @@
-"""Tilts of a device that should rest: gravity's direction turns as the gyroscope says."""
+"""Tilts of a device that should rest: the direction of gravity turns with the gyroscope."""
 
 import numpy as np
 
 from imuloop.core.stretches import divided, lengths, merged, stretches_of
 from imuloop.segment.windows import block_means
 
-# blocks that are averaged, s, and at most so many in a session
+# length of a block whose samples are averaged, s, and most blocks of a session
 BLOCK, BLOCKS = 2.0, 1 << 14
 # shortest tilt, blocks
 FEWEST = 8
-# a tilt turns gravity by at least so much, rad: 5 mg
+# least turn of gravity by a tilt, rad: 5 mg
 LEAST = 0.005
-# what is left of gravity's turn where the gyroscope's is taken from it, of its root mean square
+# largest ratio of the residual to the turn of gravity, root mean square, if the turn by the
+# gyroscope is subtracted
 MOST_LEFT = 1 / 3
-# blocks of a short rest, s, and parts in which it is judged, s
+# length of a block of a short rest, s, and of the parts in which it is judged, s
 SHORT_BLOCK, PART = 0.1, 2.0
-# share of a rest whose samples may be cut for what is left to lie still
+# largest share of a rest that may be cut so that the remainder lies still
 CUT = 0.2
-# that any rest of a session that lies still is taken for tilted, and rounds of the odds' estimate
+# probability that any rest of a session that lies still is taken for tilted, and rounds in which
+# the share of tilted parts is estimated
 FALSE_ALARM, ROUNDS = 0.01, 10
-# share of what gravity's direction does that the gyroscope has to explain
+# least share of the motion of gravity's direction that the gyroscope has to explain
 SHARE = 0.7
-# logarithm of the ratio of likelihoods below which the midst of a rest counts as still: 20 to 1
+# logarithm of the likelihood ratio below which a part within a rest counts as still: 20 to 1
 SURE = 3.0
 
 
 def tilts(rows, ranges, step):
-    """Return the parts of ranges at rest, (m, 2), in which the device tilted slowly, (k, 2).
+    """Return the ranges of samples in which the device tilted slowly, (k, 2).
 
-    A bias that drifts moves the specific force, u in units of its magnitude, and no gyroscope
-    follows; a tilt turns u as it turns the gyroscope, du/dt = u × (r - b). Over windows of every
-    length, the course of u is compared with that of ∫ u × (r - b) dt: what the second leaves of the
-    first has to be small against the first, course for course. A ramp of temperature that drags
-    both biases along bends the integral where it does not bend u.
+    Both sensors see a tilt. Let u be the specific force in units of its magnitude, r the angular
+    rate and b the gyroscope's bias. A tilt turns u by du/dt = u × (r - b). A drift of the
+    accelerometer's bias changes u as well, but does not change r. So u is compared with the turn of
+    the gyroscope, ∫ u × (r - b) dt, in windows of all lengths. A window shows a tilt if u changes
+    by at least `LEAST`, and if the difference of u and the turn is small compared with u.
 
-    Less a line, so that no bias enters, both courses of a window show a tilt that begins or ends;
-    less their mean, with the median of the rates for b, a steady tilt shows by its slope. Slower
-    than b wanders none is seen. Of a tilt that shows in windows of several lengths the
-    shortest is taken, and in it the part in which u moves. Takes Samples and the median step, s.
+    The comparison is made in two ways. First, the best line is subtracted from both, which removes
+    any bias: this shows tilts that start or end in the window. Second, only the mean is subtracted,
+    and b is the median rate: this shows steady tilts. Tilts slower than the drift of b are not
+    seen. A ramp of the temperature that moves both biases is not taken for a tilt, because it makes
+    the turn of the gyroscope quadratic in time and u linear.
+
+    If windows of several lengths show a tilt, the shortest is used; the result is the part of it in
+    which u changes.
+
+    Parameters
+    ----------
+    rows : Samples
+        The samples of a session.
+    ranges : ndarray of int, shape (m, 2)
+        Ranges of samples at rest.
+    step : float
+        Median time step, s.
     """
     width = max(round(BLOCK / step), int(lengths(ranges).sum()) // BLOCKS, 1)
     first, stretches, means = block_means(rows, ranges, width)
     size = np.median(np.linalg.norm(means[:, :3], axis=1)) if len(first) else 0.0
-    # of rows that are zero there is no direction
+    # a specific force of zero has no direction
     if not size > 0:
         return np.empty((0, 2), dtype=int)
-    # not its direction alone: a tilt leaves the magnitude as it is
+    # one magnitude for all blocks: a change of the magnitude is no tilt and has to remain visible
     u = means[:, :3] / size
     change = np.cross(u, means[:, 3:] - np.median(means[:, 3:], axis=0)) * width * step
     turned = np.cumsum(change, axis=0) - change / 2
-    windows = np.concatenate([i + _alike(u[i:j], turned[i:j]) for i, j in stretches])
+    windows = np.concatenate([i + _find_windows(u[i:j], turned[i:j]) for i, j in stretches])
     if not len(windows):
         return windows
-    cuts = merged(np.array([i + _placed(u[i:j]) for i, j in windows]))
+    cuts = merged(np.array([i + _changing_part(u[i:j]) for i, j in windows]))
     return np.column_stack([first[cuts[:, 0]], first[cuts[:, 1] - 1] + width])
 
 
-def _alike(u, turned):
-    """Return the shortest windows of blocks in which two courses are alike, shape (k, 2).
+def _find_windows(u, turned):
+    """Return the shortest windows of blocks in which u follows the gyroscope, (k, 2).
 
-    Of both a line is left out, or the mean.
+    Takes u and the turn by the gyroscope, (n, 3) each. They are compared after subtracting the best
+    line, and after subtracting the mean.
     """
-    alike, length = np.empty((0, 2), dtype=int), FEWEST
+    chosen, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
         starts = np.arange(0, len(u) - length + 1, max(length // 4, 1))
-        at = starts[:, None] + np.arange(length)
-        sure = np.zeros(len(starts), dtype=bool)
+        blocks = starts[:, None] + np.arange(length)
+        tilted = np.zeros(len(starts), dtype=bool)
         for degree in (1, 0):
             basis = np.linalg.qr(np.vander(np.arange(length), degree + 1))[0]
             power, residual = (
                 ((x - basis @ (basis.T @ x)) ** 2).sum(axis=2).mean(axis=1)
-                for x in (u[at], (u - turned)[at])
+                for x in (u[blocks], (u - turned)[blocks])
             )
-            # a ramp has a root mean square of a twelfth's root of its span
-            sure |= (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
-        windows = np.column_stack([starts, starts + length])[sure]
-        # those that a shorter one lies in are placed already
-        inside = (alike[:, 0] >= windows[:, :1]) & (alike[:, 1] <= windows[:, 1:])
+            # the mean square of a ramp about its mean is a twelfth of the square of its span
+            tilted |= (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
+        windows = np.column_stack([starts, starts + length])[tilted]
+        # a window that contains a shorter one is left out
+        inside = (chosen[:, 0] >= windows[:, :1]) & (chosen[:, 1] <= windows[:, 1:])
         windows = windows[~inside.any(axis=1)]
-        alike = merged(np.concatenate([alike, windows])) if len(windows) else alike
+        chosen = merged(np.concatenate([chosen, windows])) if len(windows) else chosen
         length *= 2
-    return alike
+    return chosen
 
 
-def _placed(u):
-    """Return from where on a direction is no longer that of the start, and up to where the end's.
+def _changing_part(u):
+    """Return the range of blocks, (2,), in which u, (n, 3), goes from its first to its last value.
 
-    The window says that the device tilted; where, the accelerometer knows better.
+    It starts where u leaves the first value and ends where it reaches the last, by `LEAST` / 2.
     """
-    after, before = (np.linalg.norm(u - each, axis=1) > LEAST / 2 for each in (u[0], u[-1]))
+    after, before = (np.linalg.norm(u - value, axis=1) > LEAST / 2 for value in (u[0], u[-1]))
     return np.array([max(np.argmax(after) - 1, 0), len(u) - max(np.argmax(before[::-1]) - 1, 0)])
 
 
 def without_tilts(f, w, rests, bias, step):
-    """Return rests less the ends in which the device tilts, and the tilt that each still has, rad.
+    """Return rests without the ends in which the device tilts, and the tilt of each, rad.
 
-    A rest keeps the longest stretch of its parts without a tilt, if no more than `CUT` of it is
-    lost: a tilt changes gravity's direction, not its norm. Else it keeps all, with the root mean
-    square of its tilt. Arguments as in `rest_tilts`.
+    A rest is cut to its longest stretch of parts without a tilt if no more than `CUT` of it is
+    lost. Otherwise it is kept as it is, because a tilt changes the direction of gravity but not its
+    norm; its tilt is then the root mean square over its parts.
+
+    Parameters
+    ----------
+    f, w : ndarray, shape (3, n)
+        Specific force, m/s², and angular rate, rad/s.
+    rests : ndarray of int, shape (m, 2)
+        Ranges of samples.
+    bias : ndarray, shape (3,)
+        Bias of the gyroscope, rad/s.
+    step : float
+        Time step, s.
+
+    Returns
+    -------
+    ndarray, shape (m, 2), and ndarray, shape (m,)
     """
     kept, tilt = rests.copy(), np.zeros(len(rests))
     for k, (parts, tilts) in enumerate(rest_tilts(f, w, rests, bias, step)):
@@ -112,54 +143,68 @@ def without_tilts(f, w, rests, bias, step):
 
 
 def rest_tilts(f, w, rests, bias, step):
-    r"""Return the parts of each rest, (k, 2), and how far the device tilts in each, rad, (k,).
+    r"""Return, for each rest, its parts, (k, 2), and the tilt in each part, rad, (k,).
 
-    What a sensor's noise does the other sensor's does not. With the direction u of specific force
-    and δ the integral of the angular rate less its bias, both less their means over a part, a
-    device that tilts has u = u₀ + u₀ × δ and one that lies still u = u₀. The logarithm of the
-    ratio of the likelihoods of the two, by the noise σ of a block mean of u,
+    The noise of the two sensors is independent, but both see a tilt. Let u be the direction of the
+    specific force, ū its mean over a part, and δ the integral of the angular rate less its bias. A
+    device that lies still has u = ū. A device that tilts has u = ū + ū × (δ - δ̄). The logarithm
+    of the ratio of the likelihoods of the second and the first is
 
     .. math:: \sum_t \left[ y \cdot x - x^2 / 2 \right] / \sigma^2,
         \quad y = u - \bar u, \quad x = \bar u × (δ - \bar δ),
 
-    is above log(1/p) with a probability of less than p where the device lies still, whatever the
-    gyroscope does (Markov's inequality). A soft surface that settles and a hand show that way.
-    An accelerometer may drift: the gyroscope has to explain `SHARE` of y beside its noise.
-    Where some do, others are taken for tilted if that is more likely than not; amid a rest, by 20
-    to 1. A part that lies still has the tilt 0, else its root mean square about its mean.
+    where σ is the noise of u in a block. If the device lies still, it exceeds log(1/p) with a
+    probability below p, whatever the gyroscope shows (Markov's inequality). Tilts by a soft surface
+    that settles, or by a hand, are found in this way. Since an accelerometer may drift, the
+    gyroscope also has to explain `SHARE` of the part of y that is not noise.
 
-    Takes specific force, m/s², and angular rate, rad/s, (3, n), ranges of samples, (m, 2), the
-    gyroscope's bias, rad/s, (3,), and the step of time, s.
+    If some parts of a session tilt, others are more likely to tilt as well: the prior odds are the
+    share of parts that tilt, among those at the start of a rest or among the others. A part within
+    a rest needs odds of at least 20 to 1. A part that lies still has the tilt 0, a part that tilts
+    the root mean square of x.
+
+    Parameters
+    ----------
+    f, w : ndarray, shape (3, n)
+        Specific force, m/s², and angular rate, rad/s.
+    rests : ndarray of int, shape (m, 2)
+        Ranges of samples.
+    bias : ndarray, shape (3,)
+        Bias of the gyroscope, rad/s.
+    step : float
+        Time step, s.
     """
     if not len(rests):
         return []
     width = max(round(SHORT_BLOCK / step), 1)
     length = max(round(PART / step), 4 * width)
     parts = [divided(i, j, (j - i) // length) for i, j in rests]
-    begins = np.concatenate([np.arange(len(each)) == 0 for each in parts])
-    courses = [_courses(f, w, i, j, bias, width, step) for i, j in np.concatenate(parts)]
-    # neighbours differ by noise, and by little of a tilt
+    begins = np.concatenate([np.arange(len(ranges)) == 0 for ranges in parts])
+    courses = [_block_changes(f, w, i, j, bias, width, step) for i, j in np.concatenate(parts)]
+    # neighbouring blocks differ by noise only, as a tilt is slow
     noise = np.median([np.mean(np.diff(y, axis=0) ** 2) / 2 for y, _ in courses if len(y) > 1])
     gain = np.array([np.sum(y * x - x**2 / 2) for y, x in courses])
     size = np.array([np.sqrt((x**2).sum(axis=1).mean()) for _, x in courses])
-    # an accelerometer drifts, too: what is left has to be noise, but for three standard deviations
+    # mean square of y above the noise, and three standard deviations of it
     power, count = np.transpose([(np.sum(y**2), y.size) for y, _ in courses])
     signal = np.maximum(power - noise * count, 0.0)
     chance = 3 * np.sqrt(2 * count * noise**2 + 4 * noise * signal)
     gain[2 * gain < SHARE * (signal - chance)] = -np.inf
     tilted = gain > noise * np.log(len(gain) / FALSE_ALARM)
-    # a surface that is soft is soft each time: then the odds before the data are the share of
-    # those found, of parts that begin a rest by themselves
+    # the prior odds: a soft surface is soft at each rest
     for _ in range(ROUNDS):
-        for alike, least in ((begins, 0.0), (~begins, SURE)):
-            if 0 < (share := tilted[alike].mean() if alike.any() else 0) < 1:
-                tilted[alike] = gain[alike] > noise * max(np.log(1 / share - 1), least)
+        for group, least in ((begins, 0.0), (~begins, SURE)):
+            if 0 < (share := tilted[group].mean() if group.any() else 0) < 1:
+                tilted[group] = gain[group] > noise * max(np.log(1 / share - 1), least)
     tilts = np.split(np.where(tilted, size, 0.0), np.flatnonzero(begins)[1:])
     return list(zip(parts, tilts, strict=True))
 
 
-def _courses(f, w, first, last, bias, width, step):
-    """Return the course of gravity's direction, and that which the gyroscope gives it, (b, 3)."""
+def _block_changes(f, w, first, last, bias, width, step):
+    """Return y and x of `rest_tilts` in the b blocks of a range of samples, rad, (b, 3) each.
+
+    y is the change of the direction of gravity by the accelerometer, x by the gyroscope.
+    """
     blocks = divided(first, last, (last - first) // width) - first
     turned = np.cumsum((w[:, first:last].T - bias) * step, axis=0)
     u, turned = (

@@ -5,15 +5,16 @@ from scipy.ndimage import uniform_filter1d
 
 from imuloop.core.samples import CHANNELS, sums_over
 
-# samples that decide on the resolution of a sensor
+# number of samples, from the start, that determine the resolution of a sensor
 DECIDING = 1_000_000
 
 
 def sliding_statistics(x, n):
-    """Return mean and variance of the window of `n` samples centred on each sample of x, (m, …).
+    """Return mean and variance in the window of `n` samples about each sample of x, (m, …) each.
 
-    Sums of x and x², the median removed so that little is lost in their difference. Within half a
-    window of an end the first or last whole window counts; m is at least n.
+    m is at least n. Within half a window of an end, the first or the last window is used. The
+    variance is the difference of the means of x² and x, squared; the median is subtracted first, so
+    that rounding does not matter.
     """
     offset = np.median(x, axis=0)
     x = x - offset
@@ -21,7 +22,7 @@ def sliding_statistics(x, n):
     variance -= mean * mean
     np.maximum(variance, 0.0, out=variance)
     mean += offset
-    # the first whole window is centred on this sample
+    # sample at the centre of the first window, and one after the centre of the last
     first, last = n // 2, n // 2 + len(x) - n
     for statistic in (mean, variance):
         statistic[:first], statistic[last:] = statistic[first], statistic[last]
@@ -29,10 +30,18 @@ def sliding_statistics(x, n):
 
 
 def block_means(rows, ranges, width):
-    """Return the means of all channels over whole blocks of `width` samples within ranges.
+    """Return the means of all channels over consecutive blocks of `width` samples within ranges.
 
-    Takes Samples and ranges of rows, (m, 2). Gives the first row of each block, (k,), the blocks of
-    each range, (m, 2), and the means, SI, (k, 6).
+    Takes Samples and ranges of rows, (m, 2).
+
+    Returns
+    -------
+    first : ndarray of int, shape (k,)
+        First row of each block.
+    blocks : ndarray of int, shape (m, 2)
+        Range of the blocks of each range of rows.
+    means : ndarray, shape (k, 6)
+        Means, SI.
     """
     blocks = [np.arange(i, j - width + 1, width) for i, j in ranges]
     edges = np.cumsum([0, *map(len, blocks)])
@@ -43,10 +52,11 @@ def block_means(rows, ranges, width):
 
 
 def rounding_variance(x):
-    """Return the variance that rounding to the sensor's resolution adds to one axis of x, (m, 3).
+    """Return the variance that rounding adds to one axis of a sensor, a float, of x, (m, 3).
 
-    The resolution is the smallest step between the first million samples that is no rounding of
-    their number format; one that never moves has none, and any positive variance then serves.
+    It is a twelfth of the squared resolution. The resolution is the smallest step between the first
+    million samples that is larger than the rounding of their number format. A sensor whose values
+    never change has none; the result is then 1, as any positive variance will do.
     """
     x = x[:DECIDING]
     steps, size = np.abs(np.diff(x, axis=0)), np.abs(x)
