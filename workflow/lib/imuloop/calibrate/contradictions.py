@@ -114,9 +114,10 @@ def pose_errors(poses):
 def turn_errors(recording):
     """Return the Errors of the rotations of a Recording, rad, for a nominal gyroscope.
 
-    A rotation carries the direction of gravity from one pose to the next; the error is the angle
-    between it and the direction there. The directions come from a soft-L1 fit of the accelerometer.
-    The bias of a rotation is the mean rate of both poses, as the bias may drift.
+    A rotation carries the direction of gravity from one pose to the next. The error has two
+    components, across the direction that the accelerometer measures there. The directions come from
+    a soft-L1 fit of the accelerometer, in units of gravity. The bias of a rotation is the mean rate
+    of both poses, as the bias may drift.
     """
     poses, moves = recording.poses, recording.rotations
     bias = (poses.w[moves.first] + poses.w[moves.first + 1]) / 2

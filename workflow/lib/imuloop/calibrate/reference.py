@@ -250,8 +250,9 @@ class Places(Windows):
     def subtract_motion(self, f, arm):
         """Return the mean specific force less the acceleration by the reference, m/s², (m, 3).
 
-        Takes specific force on the axes of `attitude`, (m, k, 3), and the arm r on them,
-        (m or 1, 3, 1), m.
+        Both are on the axes of the reference's world and are averaged over each of the m windows.
+        `f` is the specific force of the k samples of a window on the axes of the body, (m, k, 3);
+        `arm` is the place of the sensor seen from the marker on the same axes, m, (m or 1, 3, 1).
         """
         place = self.ends[1] + (self.ends[0] @ arm[:, None])[..., 0]
         half = np.ptp(self.t, axis=1)[:, None] / 2

@@ -127,7 +127,9 @@ def _candidate(sensor, choices, kind):
         status, why, limits = "not_observable", reason, None
     elif not limits:
         # no size would be confirmed by cross-validation: the limit is that of the test alone
-        limits = detection_limits(search, before, trial, problem.settings.power, kept=False)
+        limits = detection_limits(
+            search, before, trial, problem.settings.power, must_lower_error=False
+        )
     residual_kind, rows = problem.most_changed_rows(search, before, trial)
     values, std, _ = search.estimate(before, trial.effect)
     names, heldout = list(trial.effect.parameters), None

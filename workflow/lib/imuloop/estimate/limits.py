@@ -25,13 +25,15 @@ LEAST, GRID = 1.0, 24
 GROWN = 4.0
 
 
-def detection_limits(search, base, trial, power, kept=True):
+def detection_limits(search, base, trial, power, must_lower_error=True):
     """Return the least size of each parameter of an effect that these data would show.
 
-    For each limit the data are assumed to have the effect with this one parameter, and with a time
-    constant or width between those of two shapes. The limit is the least size that passes the
-    test with probability `power` and lowers the held-out error with confidence. Both conditions
-    are computed from expected values, see `passes_test` and `lowers_error`.
+    For each limit the data are assumed to have the effect with this one parameter. Its time
+    constant or width lies between two neighbours of the library's grid, by the factor `BETWEEN`
+    from one of them. The limit is the least of the `SIZES` that passes the test with the
+    probability `power` and lowers the held-out error with confidence. Both conditions are computed
+    from expected values, see `passes_test` and `lowers_error`. For an effect that slow noise
+    imitates, the noise is estimated again with the effect in the data.
 
     Parameters
     ----------
@@ -43,17 +45,18 @@ def detection_limits(search, base, trial, power, kept=True):
         The test of the effect.
     power : float
         Probability with which the test has to find the effect.
-    kept : bool
+    must_lower_error : bool
         Whether the held-out error has to fall, too.
 
     Returns
     -------
     dict of str to float
-        The limits, SI, by parameter. A parameter that no size shows is left out.
+        The limits, SI, by parameter. A parameter that is not detectable at any size is left out.
     """
     training_fit, limits, names = search.training_fit(base), {}, list(trial.effect.parameters)
     pattern, moved = training_fit.evidence.patterns((trial.effect, trial.effect.moved(BETWEEN)))
-    rules = power, search.threshold(len(base)) - trial.tries, (trial.axes - 1) * [CHANCE]
+    # the axes that do not have the parameter show p-values in the middle of chance
+    test = power, search.threshold(len(base)) - trial.tries, (trial.axes - 1) * [CHANCE]
     for axis, added in enumerate(moved.columns):
         # full model, base model, and the effect alone
         effects = [(*base, trial.effect), base, (trial.effect,)]
@@ -61,17 +64,18 @@ def detection_limits(search, base, trial, power, kept=True):
         if fit is None:
             continue
         gain = chi_square_drop(training_fit, effects, axis, added) / fit.scale[:, None]
+        # under the likeliest hypothesis about the noise
         gain = gain[np.argmax(fit.weight)]
         sizes = SIZES[:, None] / np.sqrt(np.where(gain > 0, gain, np.inf))
         certain = np.broadcast_to(gain > 0, sizes.shape)
-        if kept:
+        if must_lower_error:
             how = search, training_fit, effects, axis, added, sizes
             certain = certain & lowers_error(*how, ndtri(power))
-        passes = certain & passes_test(training_fit, effects, axis, added, sizes, *rules)
+        passes = certain & passes_test(training_fit, effects, axis, added, sizes, *test)
         if search.problem.is_like_slow_noise(trial.effect):
             for k, column in enumerate(added):
                 how = search, training_fit, effects, axis, column, sizes[:, [k]]
-                passes[:, k] = passes_with_slow_noise(*how, passes[:, k], rules)
+                passes[:, k] = passes_with_slow_noise(*how, passes[:, k], test)
         first = first_size(passes)
         for k, parameter in enumerate(moved.parameters[axis]):
             if first[k] < len(SIZES):
@@ -88,12 +92,12 @@ def first_size(passes):
     return len(passes) - np.argmin(failing, axis=0)
 
 
-def passes_with_slow_noise(search, training_fit, effects, axis, column, sizes, passes, rules):
+def passes_with_slow_noise(search, training_fit, effects, axis, column, sizes, passes, test):
     """Return which sizes of a column, (s,) of bool, pass if the effect resembles slow noise.
 
     Data with such an effect raise the estimate of slow noise. So the noise is estimated again from
     the residuals plus the effect, at `GROWN` times the least size that passes with the present
-    noise. `passes`, (s,) of bool, are the sizes that pass with the present noise; `rules` are the
+    noise. `passes`, (s,) of bool, are the sizes that pass with the present noise; `test` has the
     last arguments of `passes_test`.
     """
     evidence, first = training_fit.evidence, first_size(passes[:, None])[0]
@@ -104,7 +108,7 @@ def passes_with_slow_noise(search, training_fit, effects, axis, column, sizes, p
         search.problem.noise_with(effects[1], values + GROWN * sizes[first, 0] * one)
     )
     numbers = slower.add_columns([one])
-    return passes & passes_test(slower.training_fit(), effects, axis, numbers, sizes, *rules)[:, 0]
+    return passes & passes_test(slower.training_fit(), effects, axis, numbers, sizes, *test)[:, 0]
 
 
 def chi_square_drop(training_fit, effects, axis, added):

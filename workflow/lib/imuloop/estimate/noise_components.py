@@ -137,7 +137,7 @@ class SizeLikelihood:
         log_det = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum()
         return Projection(squares, matrix, log_det, self.covariances @ matrix.ravel())
 
-    def _state(self, values, projection):
+    def _loss_and_derivatives(self, values, projection):
         """Return minus the log likelihood, its gradient, (k,), and the information, (k, k).
 
         Gradient and information are those with respect to the squares of the sizes; `values` are
@@ -149,7 +149,7 @@ class SizeLikelihood:
         loss = projection.log_det + (square + self.weight @ off**2) / 2
         products = (self.covariances.reshape(-1, n) @ weighted).reshape(-1, n)
         slope = (projection.trace - products @ weighted + self.weight * off / sizes) / 2
-        # a size at its upper bound can leave the residuals too large for good: no division then
+        # at an upper bound the residuals may stay too large: the information is not scaled then
         free = np.all(projection.squares < self.most)
         excess = max(1.0, square / (n - self.jacobian.shape[1])) if free else 1.0
         information = products @ projection.matrix @ products.T / (2 * excess)
@@ -167,7 +167,7 @@ class SizeLikelihood:
         last step.
         """
         point, damping = start, 1e-3
-        loss, slope, information = self._state(values, point)
+        loss, slope, information = self._loss_and_derivatives(values, point)
         for _ in range(STEPS):
             # the minimum of the quadratic approximation within the bounds
             root = np.linalg.cholesky(information + damping * np.diag(np.diag(information))).T
@@ -177,7 +177,7 @@ class SizeLikelihood:
             if -slope @ step < rise:
                 break
             trial = self._projection(point.squares + step)
-            state = self._state(values, trial)
+            state = self._loss_and_derivatives(values, trial)
             if state[0] <= loss + 1e-12 * abs(loss):
                 point, (loss, slope, information), damping = trial, state, damping / 10
             else:

@@ -234,9 +234,11 @@ def diagnose(choices, kinds_by_sensors, others, formulas):
 
 
 def judge_records(choices, kinds_by_sensors):
-    """Return the PoseResult of Choices; its contents have only verdict and residuals.
+    """Compare the residuals of a record with their floors; return a PoseResult.
 
-    `kinds_by_sensors` is as in `diagnose`.
+    Its contents have the verdict and the residuals by sensor, but no effects and candidates yet.
+    `choices` are the Choices of the record; `kinds_by_sensors` has the kinds of residual that judge
+    a sensor, a tuple, by a tuple of the names of the sensors that they judge together.
     """
     problem, errors = choices.problem, choices.errors(choices.nested_choice)
     contents, columns = {}, {}

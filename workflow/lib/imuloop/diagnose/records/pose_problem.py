@@ -19,7 +19,7 @@ PATH = (0.0, 0.3, 0.6, 1.0)
 # rise of the log likelihood at which the estimate of the noise for a detection limit ends
 ROUGH = 0.05
 # number of effects whose derivatives are computed at once
-TOGETHER = 32
+BATCH_SIZE = 32
 
 
 @dataclass(frozen=True)
@@ -125,24 +125,26 @@ class PoseProblem:
         residuals = search.training_fit(base).residuals(base, 0)
         for effect in base:
             if effect.name == Steps.name:
-                residuals[self._about_step(effect, search.held_out)] = np.nan
+                residuals[self._rows_next_to_step(effect, search.held_out)] = np.nan
         return residuals[:, None]
 
-    def _about_step(self, effect, held_out):
-        """Return the indices of the rows that may lie on either side of a step.
+    def _rows_next_to_step(self, effect, held_out):
+        """Return the indices of the held-out rows next to a step.
 
-        They depend on held-out poses between the last training pose before the step and the first
-        one after it. `held_out` has the numbers of the held-out folds.
+        The training poses know the time of a step only to the interval between the last of them
+        before it and the first of them after it. A held-out pose in that interval may lie on either
+        side of the step, so nobody can predict the rows that depend on it. `held_out` has the
+        numbers of the held-out folds.
         """
-        held, pair = np.isin(self.fold_of_pose, list(held_out)), self.rows[0]
+        held, poses_of_row = np.isin(self.fold_of_pose, list(held_out)), self.rows[0]
         after = self.recording.poses.mid_s > effect.effect.times[0]
         number = np.arange(len(held))
         last = number[~held & ~after].max(initial=-1)
         first = number[~held & after].min(initial=len(held))
         poses = number[held & (number > last) & (number < first)]
         kinds = {"rotation", *OF_SENSOR[effect.sensor]}.intersection(self.sensor.kinds)
-        shown = sum(self.of_kind(kind) for kind in kinds)
-        return np.flatnonzero(shown[: len(pair)] & np.isin(pair, poses).any(axis=1))
+        of_sensor = sum(self.of_kind(kind) for kind in kinds)[: len(poses_of_row)]
+        return np.flatnonzero(of_sensor & np.isin(poses_of_row, poses).any(axis=1))
 
     def of_kind(self, kind):
         """Return the rows of one kind of residual, (N,) of bool."""
@@ -253,13 +255,17 @@ class PoseProblem:
         return problem
 
     def add_columns(self, effects):
-        """Compute and store the derivatives by the parameters of several effects."""
+        """Compute and store the derivatives of all N rows by the parameters of effects.
+
+        Each effect gets an array of shape (N, 1, p); the rows of other records are the last ones.
+        Effects that are stored already are left out.
+        """
         new = [e for e in effects if e not in self._columns]
-        about = self.linearization(()).at
-        for first in range(0, len(new), TOGETHER):
-            own = new[first : first + TOGETHER]
-            columns = np.concatenate([about.columns(own), self._known_effects(own)])
-            self._columns.update(by_effect(columns[:, None], own))
+        base_model = self.linearization(()).at
+        for first in range(0, len(new), BATCH_SIZE):
+            batch = new[first : first + BATCH_SIZE]
+            columns = np.concatenate([base_model.columns(batch), self._known_effects(batch)])
+            self._columns.update(by_effect(columns[:, None], batch))
 
     def nearest_linearization(self, base):
         """Return the stored Linearization that has the most effects of the base and no others.

@@ -19,7 +19,8 @@ FEW = f"fewer than {LEAST_WINDOWS} windows in which a reference is compared"
 def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     """Return the fields of diagnosis.json by sensor, and the columns of reference.parquet.
 
-    The fields are empty without a session with a reference. `sessions` has ``kind``, ``samples``
+    The fields are an empty dict without a session with a reference, and “not testable” where too
+    few windows can be compared. `sessions` has ``kind``, ``samples``
     and ``segments`` of each session by name; `noise` is the NoiseModel, `gravity` local gravity,
     m/s^2, `tests` the number of tests of the other records, which share the significance, and
     `calibration` the Calibration from these records.
