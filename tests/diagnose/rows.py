@@ -31,11 +31,6 @@ class Other(Column):
     name = "other"
 
 
-@dataclass(frozen=True)
-class Third(Column):
-    name = "third"
-
-
 @dataclass(frozen=True, eq=False)
 class Rows:
     """A problem of rows that are the only one of their pose each, `fold_of_row` their folds."""

@@ -85,19 +85,6 @@ def _models(selection, terms, name):
     return [m for m in models if all(there(t, m) for t in free if t in m and t != "R")]
 
 
-def _deviate(value, best, top):
-    """Return the signed root of twice the loss of log-likelihood as a function of a coefficient.
-
-    Of the profile likelihood `value` as one, at most `top` at `best`.
-    """
-
-    def deviate(x):
-        loss = sqrt(2 * max(top - value(x), 0.0))
-        return loss if x > best else -loss
-
-    return deviate
-
-
 def _profile(selection, name, model):
     """Return the log weight of a model, where to look for ends of a coefficient, and its deviate.
 
