@@ -11,8 +11,8 @@ from pathlib import Path
 
 import imuloop
 from imuloop.calibrate_logs import calibrate
-from imuloop.core.effect import Effect
-from imuloop.core.sensor_calibration import SensorCalibration
+from imuloop.model.effect import Effect
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.plot import Plots
 
 PAGE = Path(__file__).resolve().parents[1] / "build/api.md"

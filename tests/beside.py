@@ -6,13 +6,13 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 
-from imuloop.core.model import Calibration
 from imuloop.core.samples import CHANNELS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.reference import diagnose_reference
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.ingest.ingest import Declared, ingest
+from imuloop.model.calibration import Calibration
+from imuloop.model.sensor_calibration import SensorCalibration
 from simulated_reference import WHITE, simulate_beside
 
 QUATERNION, PLACE = ["qw", "qx", "qy", "qz"], ["px", "py", "pz"]

@@ -13,8 +13,8 @@ from imuloop.__main__ import main
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import write_json
 from imuloop.core.samples import CHANNELS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
+from imuloop.model.sensor_calibration import SensorCalibration
 from test_command_line import one_line_error
 
 COUNTS = RawUnit("count", 0.0024, 32768.0)

@@ -12,8 +12,8 @@ import imuloop
 from imuloop import Calibration, chain
 from imuloop.__main__ import main
 from imuloop.core.samples import ACCELERATION, CHANNELS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
+from imuloop.model.sensor_calibration import SensorCalibration
 from quick import hurried
 from test_command_line import one_line_error
 

@@ -20,11 +20,11 @@ import imuloop
 from imuloop import Calibration
 from imuloop.__main__ import main
 from imuloop.config_faults import config_faults
-from imuloop.core.effect import Effect
 from imuloop.core.samples import CHANNELS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.export.export import FORMATS
+from imuloop.model.effect import Effect
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.plan.advice import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
 from imuloop.report.figures.poses import largest_hole
 from imuloop.report.recording import WIDE_HOLE

@@ -13,8 +13,8 @@ import pytest
 
 from calibrated import calibrated_device
 from imuloop.__main__ import main
-from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.samples import CHANNELS
+from imuloop.model.effect import FittedEffect, find_effect
 
 MISSING = object()
 SENSOR_KEYS = "raw_unit raw_scale raw_offset method T K b covariance effects".split()

@@ -99,7 +99,7 @@ def test_what_has_no_allan_deviation(given):
 def test_what_is_read_and_applied_by_mistake(log):
     with pytest.raises(ImuloopError, match="'unit' cannot be declared of a log; did you mean 'u"):
         imuloop.read(log, unit={"acceleration": "g"})
-    nominal = imuloop.core.sensor_calibration.SensorCalibration.nominal
+    nominal = imuloop.model.sensor_calibration.SensorCalibration.nominal
     raw = imuloop.core.units.RawUnit
     sensors = [nominal(raw(unit, 1.0), "no log") for unit in ("m/s^2", "rad/s")]
     with pytest.raises(ImuloopError, match=r"not ndarray: imuloop\.read"):

@@ -8,7 +8,7 @@ import numpy as np
 import imuloop.diagnose.diagnose  # noqa: F401  loads the library
 from bench.study import physics
 from bench.study.devices import Injected
-from imuloop.core.effect import Effect, find_effect
+from imuloop.model.effect import Effect, find_effect
 from imuloop.simulate.truth import Popcorn
 
 # how many detection limits large an effect is

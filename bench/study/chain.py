@@ -14,7 +14,6 @@ from imuloop.calibrate.calibrate import raw_units, read_recording, start_fit
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
 from imuloop.core.files import read_json
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.records.motion import no_result
@@ -24,6 +23,7 @@ from imuloop.effects.products import Product
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.likeness import SHARE, share_on_axes
 from imuloop.estimate.limits import detection_limits
+from imuloop.model.calibration import Calibration
 from imuloop.model.effects import EffectKind, SensorEffect
 from imuloop.model.state import NAMES
 from imuloop.simulate.simulate import log_metadata, simulate_session, write_log

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from imuloop.core.effect import find_effect
+from imuloop.model.effect import find_effect
 from imuloop.simulate.simulate import simulate_session, true_motion
 from imuloop.simulate.truth import SessionTruth, Thermometer, Vibration, example_truth
 

@@ -16,8 +16,8 @@ from calibrate.devices import (
     recording,
 )
 from imuloop.calibrate.contradictions import change, odd_turns
-from imuloop.core.model import Calibration
 from imuloop.core.samples import CHANNELS
+from imuloop.model.calibration import Calibration
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 from plan.planned_log import simulate_plan, turns_between

@@ -15,7 +15,7 @@ from calibrate.devices import (
     recording,
     true_parameters,
 )
-from imuloop.core.prior_remarks import remarks
+from imuloop.model.prior_remarks import remarks
 from imuloop.simulate.truth import example_truth
 
 TRUTH = example_truth()

@@ -14,9 +14,9 @@ from imuloop.calibrate.calibrate import calibrate_sensors, raw_units, read_recor
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
+from imuloop.model.calibration import Calibration
 
 K = np.array([1.02, 0.985, 1.004])
 T = np.array([[1.0, 0.006, -0.004], [0.003, 1.0, 0.002], [-0.005, 0.001, 1.0]])

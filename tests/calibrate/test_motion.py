@@ -6,7 +6,7 @@ import pytest
 from bench.study import physics
 from bench.study.devices import Injected, with_effects
 from calibrate.devices import noiseless, planned, recording, true_fit
-from imuloop.core.effect import find_effect
+from imuloop.model.effect import find_effect
 from imuloop.model.effects import SensorEffect
 from imuloop.simulate.truth import example_truth
 

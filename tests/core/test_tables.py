@@ -6,11 +6,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuloop.core.model import Calibration
 from imuloop.core.samples import CALIBRATED, CHANNELS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.tables import joined, read_session, table, text_cell, write_sessions
 from imuloop.core.units import RawUnit
+from imuloop.model.calibration import Calibration
+from imuloop.model.sensor_calibration import SensorCalibration
 
 
 def test_each_session_comes_back_from_the_table_of_all(tmp_path):

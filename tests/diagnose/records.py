@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from imuloop.core.effect import Channels
 from imuloop.diagnose.records.slow_noise import unit_noise
 from imuloop.diagnose.records.static import StaticProblem
 from imuloop.diagnose.records.static_windows import StaticRecord
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.estimate.search import Search
+from imuloop.model.effect import Channels
 
 LENGTH = 60.0
 

@@ -5,11 +5,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.core.precision import precision
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
 from imuloop.estimate.search import Search
+from imuloop.model.effect import Effect
 
 N, FOLDS = 60, 10
 T = np.linspace(0, 1, N)

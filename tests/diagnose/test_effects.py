@@ -9,13 +9,13 @@ import pytest
 
 import imuloop.effects
 from bench.study import physics
-from imuloop.core.effect import Channels, Effect, FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
-from imuloop.core.model import Calibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.effects.temperature import SMOOTHED
+from imuloop.model.calibration import Calibration
+from imuloop.model.effect import Channels, Effect, FittedEffect, find_effect
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.simulate.sensor import lagged, output
 from imuloop.simulate.truth import example_truth
 from property.strategies import G

@@ -6,8 +6,8 @@ import pytest
 
 from bench.study.chain import diagnosis_of
 from diagnose.test_search import with_effect
-from imuloop.core.effect import find_effect
 from imuloop.core.files import read_json
+from imuloop.model.effect import find_effect
 from imuloop.simulate.truth import SessionTruth, Thermometer, example_truth
 
 # it warms in the first rest already

@@ -10,7 +10,6 @@ from scipy.stats import f as f_distribution
 
 from diagnose import rows
 from diagnose.records import LENGTH, windows
-from imuloop.core.effect import Channels
 from imuloop.core.precision import precision
 from imuloop.diagnose.records.pose_problem import PoseProblem
 from imuloop.diagnose.records.slow_noise import ratios
@@ -21,6 +20,7 @@ from imuloop.estimate import least_squares
 from imuloop.estimate.evidence import Hypotheses
 from imuloop.estimate.noise_components import Component
 from imuloop.estimate.search import Search
+from imuloop.model.effect import Channels
 
 SETTINGS, TESTS = DiagnoseSettings(), 20
 # rows of each group, whose noise is independent of the other's

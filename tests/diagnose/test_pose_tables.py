@@ -8,13 +8,13 @@ from calibrate.devices import RATE_UNIT, planned, recording
 from diagnose.models import diagnosed
 from diagnose.test_search import with_g_sensitivity
 from imuloop.calibrate.recording import record
-from imuloop.core.effect import FittedEffect
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import DEGREE
 from imuloop.diagnose.records.pose_tables import moves_table, no_tables, poses_table
 from imuloop.effects.other_sensor import GSensitivity
+from imuloop.model.effect import FittedEffect
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.simulate.truth import example_truth
 
 RATE, G = 100.0, 9.8

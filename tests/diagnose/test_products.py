@@ -11,9 +11,9 @@ from bench.study.chain import diagnosis_of
 from bench.study.devices import Injected, motion_device, poses_device, with_effects
 from calibrate.devices import planned, recording
 from diagnose.models import diagnosed
-from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.effects.products import Product, products
+from imuloop.model.effect import FittedEffect
 
 # of sizes of about three detection limits
 SIZES = {"f_y² f_z": 5e-5, "f_x f_y f_z": 5e-5, "θ f_x": 2e-4, "w_x f_y": 2e-4, "w_x w_z f_y": 4e-4}

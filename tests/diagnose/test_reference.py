@@ -11,7 +11,7 @@ from beside import DECLARED, QUATERNION, diagnosed, pulls, written
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
-from imuloop.core.model import Calibration
+from imuloop.model.calibration import Calibration
 from imuloop.validate.attitude import no_attitude
 from result_files import fault
 from seeds import least, seeds

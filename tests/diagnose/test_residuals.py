@@ -5,11 +5,11 @@ import pytest
 
 from calibrate.devices import recording
 from diagnose.models import pair_of, problem_of
-from imuloop.core.effect import find_effect
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.least_squares import chi_square
 from imuloop.estimate.residuals import chance, fold_fits, held_out_covariance, size
 from imuloop.estimate.verdict import Judged, above_floor, of_calibration, why_not_shown
+from imuloop.model.effect import find_effect
 from imuloop.simulate.truth import example_truth
 
 

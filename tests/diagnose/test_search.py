@@ -11,13 +11,13 @@ import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
 from calibrate.devices import at_rest, recording
 from diagnose.models import diagnosed, of_sensor, pair_of, problem_of, shapes_of
-from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.records.pose_diagnosis import too_few
 from imuloop.effects.drifts import WarmUp
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.residuals import held_out_covariance
+from imuloop.model.effect import Channels, FittedEffect, find_effect
 from imuloop.simulate.truth import example_truth
 
 G_SENSITIVITY = find_effect("g_sensitivity")()

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from diagnose.records import LENGTH, record, root, search
-from imuloop.core.effect import find_effect
 from imuloop.diagnose.records.moves import separate
 from imuloop.diagnose.records.static import fitted_effects, information
 from imuloop.diagnose.records.static_diagnosis import find
@@ -12,6 +11,7 @@ from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import Ramp
 from imuloop.effects.steps import Steps
 from imuloop.effects.temperature import BiasTemperature
+from imuloop.model.effect import find_effect
 from seeds import seeds
 
 N, TESTS = 120, 26

@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 
 from imuloop.calibrate.recording import Log
-from imuloop.core.model import Calibration
 from imuloop.core.samples import CHANNELS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.rests import rests_to_use
 from imuloop.diagnose.records.static_windows import static_record
+from imuloop.model.calibration import Calibration
+from imuloop.model.sensor_calibration import SensorCalibration
 
 
 def calibration(scale=1.0):

@@ -9,7 +9,7 @@ from bench.study.devices import DEVICES
 from bench.study.run import run
 from bench.study.score import judge, pulls, ratio
 from bench.study.tables import document
-from imuloop.core.effect import Effect
+from imuloop.model.effect import Effect
 
 PART = (
     Case("control", "poses", plan="few"),

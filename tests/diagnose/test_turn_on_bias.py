@@ -10,10 +10,10 @@ from bench.study.chain import LIMITS
 from calibrate.devices import known_noise
 from diagnose.models import diagnosed, pair_of
 from imuloop.calibrate.recording import record
-from imuloop.core.effect import find_effect
-from imuloop.core.model import Calibration
 from imuloop.core.samples import SENSORS
 from imuloop.estimate.limits import detection_limits
+from imuloop.model.calibration import Calibration
+from imuloop.model.effect import find_effect
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
 from imuloop.simulate.simulate import simulate_session

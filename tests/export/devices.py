@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from imuloop.core.effect import Channels, FittedEffect, find_effect
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import DEGREE, RawUnit
 from imuloop.effects.other_sensor import GSensitivity
 from imuloop.effects.temperature import BiasTemperature, ScaleTemperature
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.export import FORMATS
 from imuloop.export.values import Exported
+from imuloop.model.calibration import Calibration
+from imuloop.model.effect import Channels, FittedEffect, find_effect
+from imuloop.model.sensor_calibration import SensorCalibration
 
 KALIBR, OPENVINS, VINS_FUSION, ORB_SLAM3, ALLAN_VARIANCE_ROS, ROS, *_ = FORMATS
 IMU_TK_ACC, IMU_TK_GYRO, PX4, ARDUPILOT, *_ = FORMATS[6:]

@@ -20,8 +20,8 @@ from export.devices import (
     warm_samples,
 )
 from imuloop.core.samples import SENSORS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.effects.temperature import BiasTemperature
+from imuloop.model.sensor_calibration import SensorCalibration
 from simulated_reference import Beside, simulate_beside
 
 # float32: half a unit of its last place, relative

@@ -19,10 +19,10 @@ from export.devices import (
     warm_samples,
     with_sensor,
 )
-from imuloop.core.effect import Channels, FittedEffect, find_effect
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.effects.products import Product
 from imuloop.export.c_code import CARRIED, needs_rate
+from imuloop.model.effect import Channels, FittedEffect, find_effect
 
 # reads raw values of both sensors and the temperature, writes calibrated ones, as doubles
 PROGRAM = """

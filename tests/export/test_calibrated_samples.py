@@ -7,8 +7,8 @@ import pytest
 
 from export.devices import IMU_TK_ACC, IMU_TK_GYRO, OPENVINS, carried, device, samples
 from export.test_densities import opencv
-from imuloop.core.effect import Channels, find_effect
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
+from imuloop.model.effect import Channels, find_effect
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,6 @@ from export.devices import (
 )
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.export.export import (
     FORMATS,
     README,
@@ -30,6 +29,7 @@ from imuloop.export.export import (
     write_exports,
 )
 from imuloop.export.text import written
+from imuloop.model.sensor_calibration import SensorCalibration
 
 
 def test_a_device_of_which_all_is_known_has_all_files():

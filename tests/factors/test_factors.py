@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibrate.devices import noiseless, planned, recording, slopes, true_fit
-from imuloop.core.effect import find_effect
+from imuloop.model.effect import find_effect
 from imuloop.model.effects import SensorEffect
 from imuloop.model.state import BIAS, COUNT, State
 from imuloop.simulate.truth import example_truth

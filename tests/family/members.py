@@ -5,11 +5,11 @@ Every parameter has a spread between devices and its own errors; both are known 
 
 import numpy as np
 
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.family.family import Member, tried_effects
+from imuloop.model.calibration import Calibration
+from imuloop.model.sensor_calibration import SensorCalibration
 
 NAMES = {
     "accelerometer": "T01 T02 T12 K0 K1 K2 b0 b1 b2".split(),

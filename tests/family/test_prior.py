@@ -10,18 +10,18 @@ import pytest
 
 from calibrate.devices import UNITS, calibrated, known_noise, planned, recording
 from family.members import sensor
-from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import plain
-from imuloop.core.model import Calibration
 from imuloop.core.samples import SENSORS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.effects.turn_on_bias import TURN_ON, TurnOnBias
 from imuloop.family.family import Member, write_family
 from imuloop.family.prior import read_prior
+from imuloop.model.calibration import Calibration
+from imuloop.model.effect import FittedEffect
 from imuloop.model.prior import data_sheet
 from imuloop.model.raw_units import as_logged
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.model.state import BASE, parameters
 from imuloop.simulate.truth import example_truth
 from seeds import seeds

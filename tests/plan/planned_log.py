@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 
-from imuloop.core.effect import Channels
 from imuloop.core.rotation import shortest_turn
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME
+from imuloop.model.effect import Channels
 from imuloop.simulate.motion import chain, move, rest
 from imuloop.simulate.sensor import logged, output
 

@@ -8,11 +8,11 @@ import pytest
 from calibrate.devices import UNITS, known_noise, recorded
 from imuloop.calibrate.calibrate import calibrate_sensors
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS
 from imuloop.core.sphere import fibonacci_lattice
 from imuloop.core.units import DEGREE
+from imuloop.model.calibration import Calibration
 from imuloop.plan.advice import next_pose_or_turn, next_step
 from imuloop.simulate.truth import example_truth
 from plan.planned_log import simulate_plan, turns_between

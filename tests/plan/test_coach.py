@@ -7,10 +7,10 @@ from bench.study.chain import through
 from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, planned
 from imuloop import chain
 from imuloop.__main__ import main
-from imuloop.core.model import Calibration
 from imuloop.core.rotation import shortest_turn
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import largest_hole
+from imuloop.model.calibration import Calibration
 from imuloop.plan.coach import progress, rest_noise
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import imuloop.effects  # noqa: F401  the library of effects
-from imuloop.core.effect import FittedEffect, find_effect
-from imuloop.core.model import Calibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
+from imuloop.model.calibration import Calibration
+from imuloop.model.effect import FittedEffect, find_effect
+from imuloop.model.sensor_calibration import SensorCalibration
 from property.strategies import misalignments, seeds, vectors
 
 EFFECT = find_effect("g_sensitivity")

@@ -8,8 +8,8 @@ import pytest
 import imuloop.effects  # noqa: F401  the library of effects
 from calibrate.devices import planned, recording
 from diagnose.models import of_sensor, pair_of
-from imuloop.core.effect import Channels, Effect
 from imuloop.estimate.least_squares import fit
+from imuloop.model.effect import Channels, Effect
 from imuloop.simulate.truth import example_truth
 
 

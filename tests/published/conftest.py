@@ -10,8 +10,8 @@ import pytest
 from bench.study.chain import LIMITS, through
 from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
+from imuloop.model.calibration import Calibration
 from published.measured import devices, ingested, missing
 from quick import verdicts
 

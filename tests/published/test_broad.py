@@ -8,7 +8,7 @@ from scipy.io import loadmat
 from imuloop import chain
 from imuloop.chain import Device
 from imuloop.core.files import read_json
-from imuloop.core.model import Calibration
+from imuloop.model.calibration import Calibration
 from quick import verdicts
 
 # a minute and 2 GB

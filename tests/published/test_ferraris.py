@@ -14,7 +14,7 @@ import pytest
 
 from calibrate.test_known_rotation import calibrated
 from imuloop.calibrate.known_rotation import read_turns
-from imuloop.core.model import Calibration
+from imuloop.model.calibration import Calibration
 
 # scale factors by imucal 2.6.0, FerrarisCalibration of its example session: logged over true
 IMUCAL = np.array([1.027924, 0.982428, 0.99831])

@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 import imuloop.effects  # noqa: F401  loads the library
 from diagnose.models import of_sensor
 from imuloop.calibrate.calibrate import start_fit
-from imuloop.core.effect import find_effect
-from imuloop.core.model import Calibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, SENSORS
+from imuloop.model.calibration import Calibration
+from imuloop.model.effect import find_effect
 from imuloop.model.state import State
 from published.conftest import BOARDS
 

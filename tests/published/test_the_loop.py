@@ -6,9 +6,9 @@ import pytest
 import imuloop.effects  # noqa: F401  loads the library
 from diagnose.models import of_sensor, problem_of
 from imuloop.calibrate.calibrate import start_fit
-from imuloop.core.effect import find_effect
 from imuloop.core.samples import SENSORS, read_columns
 from imuloop.estimate.choice import Choices
+from imuloop.model.effect import find_effect
 from published.conftest import BOARDS
 
 GRAVITY = 9.81744

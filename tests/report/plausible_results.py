@@ -11,18 +11,18 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuloop.core.effect import FittedEffect
 from imuloop.core.files import write_json
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise, Coefficient
 from imuloop.core.samples import CHANNELS, schema
 from imuloop.core.segments import segment_table
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.tables import write_table
 from imuloop.core.units import RawUnit
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.effects.other_sensor import GSensitivity
 from imuloop.export.export import write_exports
+from imuloop.model.calibration import Calibration
+from imuloop.model.effect import FittedEffect
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.noise.noise import no_noise
 from imuloop.report.verdict import UNTESTED
 from imuloop.validate.attitude import no_attitude

@@ -6,8 +6,8 @@ import json
 import numpy as np
 import pytest
 
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
+from imuloop.model.calibration import Calibration
 from imuloop.noise.filters import bounding
 from imuloop.report.figures.comparison import allan_comparison
 from imuloop.report.summary import PAIRS

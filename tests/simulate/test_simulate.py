@@ -8,7 +8,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from imuloop.core.effect import FittedEffect, find_effect
+from imuloop.model.effect import FittedEffect, find_effect
 from imuloop.simulate.sensor import lagged
 from imuloop.simulate.simulate import log_metadata, simulate_session, true_motion, write_log
 from imuloop.simulate.truth import Noise, SessionTruth, Thermometer, example_truth

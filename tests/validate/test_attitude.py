@@ -11,11 +11,11 @@ from bench.study.chain import LIMITS
 from calibrate.devices import difference, recording
 from diagnose.models import diagnosed as pose_results
 from diagnose.test_search import MATRIX, with_g_sensitivity
-from imuloop.core.model import Calibration
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.diagnose import Diagnosed
 from imuloop.diagnose.settings import DiagnoseSettings
+from imuloop.model.calibration import Calibration
 from imuloop.model.state import NAMES
 from imuloop.simulate.truth import example_truth
 from imuloop.validate.attitude import (

@@ -9,15 +9,15 @@ from calibrate.devices import ACCELERATION_UNIT, RATE_UNIT, known_noise, planned
 from imuloop.calibrate.calibrate import calibrate_sensors
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise
 from imuloop.core.samples import ACCELERATION
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.effects.other_sensor import GSensitivity
+from imuloop.model.calibration import Calibration
+from imuloop.model.effect import FittedEffect
 from imuloop.model.raw_units import state_of
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.simulate.truth import Noise, example_truth
 from imuloop.validate.drift import check_drift
 from imuloop.validate.new_bias import update_biases

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from imuloop import Calibration
-from imuloop.core.effect import Effect
+from imuloop.model.effect import Effect
 from result_files import ALSO, SCHEMAS, fault
 from workflow.conftest import CONFIG
 

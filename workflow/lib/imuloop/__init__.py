@@ -10,7 +10,7 @@ from importlib import import_module
 __version__ = "0.2.0"
 # where each name is
 _PLACES = {
-    "Calibration": "core.model",
+    "Calibration": "model.calibration",
     "ImuloopError": "core.errors",
     "ImuloopWarning": "core.errors",
     "Result": "result",

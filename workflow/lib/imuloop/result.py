@@ -19,10 +19,10 @@ import imuloop
 from imuloop import chain
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, replaced
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.prior_remarks import remarks
 from imuloop.core.samples import SENSORS
+from imuloop.model.calibration import Calibration
+from imuloop.model.prior_remarks import remarks
 
 # columns of a result that is printed
 WIDTH = 100

@@ -10,8 +10,6 @@ from imuloop.calibrate.contradictions import change, changed_at
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.poses import gather_poses
 from imuloop.calibrate.recording import record
-from imuloop.core.calibration_faults import sensor_fault
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import (
     ANGULAR_RATE,
@@ -24,13 +22,15 @@ from imuloop.core.samples import (
     read_columns,
     read_metadata,
 )
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
 from imuloop.estimate.joint_fit import JointFit
 from imuloop.estimate.least_squares import NotConverged, fit, why_no_fit
 from imuloop.factors.factors import Factors
+from imuloop.model.calibration import Calibration
+from imuloop.model.calibration_faults import sensor_fault
 from imuloop.model.prior import data_sheet
 from imuloop.model.raw_units import in_raw_units
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.model.state import BASE, BIAS, COUNT
 
 KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")

@@ -15,7 +15,6 @@ from imuloop.calibrate.poses import (
     gather_poses,
     gather_rotations,
 )
-from imuloop.core.effect import Channels, LoggedChannels
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
@@ -29,6 +28,7 @@ from imuloop.core.samples import (
 from imuloop.core.segments import DISTURBED
 from imuloop.factors.factors import OWN
 from imuloop.factors.means import ChannelMeans
+from imuloop.model.effect import Channels, LoggedChannels
 
 
 def identity(values):

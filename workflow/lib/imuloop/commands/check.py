@@ -23,12 +23,12 @@ from imuloop.commands.raw_log import (
     refuse_swapped,
     segmented,
 )
-from imuloop.core.calibration_faults import implausible_values
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS, read_metadata, read_samples
 from imuloop.effects.turn_on_bias import TURN_ON
+from imuloop.model.calibration_faults import implausible_values
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings

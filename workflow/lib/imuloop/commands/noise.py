@@ -21,13 +21,13 @@ from imuloop.commands.raw_log import (
 )
 from imuloop.core.errors import ImuloopError, Lacking
 from imuloop.core.files import refuse_overwriting
-from imuloop.core.model import Calibration
 from imuloop.core.samples import read_metadata, read_samples
 from imuloop.core.segments import MOTION
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import STANDARD_GRAVITY, RawUnit
 from imuloop.export.export import FORMATS, render
 from imuloop.export.values import Exported, values
+from imuloop.model.calibration import Calibration
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.noise.allan import session_curves
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession

@@ -1,7 +1,7 @@
 """The effects of the library that can be tried on a sensor, and reasons against the others."""
 
-from imuloop.core.effect import Effect
 from imuloop.effects.temperature import LEAST_SPAN, span
+from imuloop.model.effect import Effect
 
 
 def candidates(sensor, record, channels):

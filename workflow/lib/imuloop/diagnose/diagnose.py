@@ -17,8 +17,6 @@ from imuloop.calibrate.calibrate import (
 )
 from imuloop.calibrate.known_rotation import read_turns
 from imuloop.calibrate.recording import Recording
-from imuloop.core.calibration_faults import implausible_values
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
@@ -29,6 +27,8 @@ from imuloop.diagnose.records.reference import diagnose_reference
 from imuloop.diagnose.records.rests import read_static
 from imuloop.diagnose.records.static_diagnosis import diagnose_static, static_tests
 from imuloop.estimate.verdict import not_testable, of_calibration
+from imuloop.model.calibration import Calibration
+from imuloop.model.calibration_faults import implausible_values
 from imuloop.model.prior import data_sheet
 
 # version of diagnosis.json

@@ -3,7 +3,7 @@
 from importlib import import_module
 from pkgutil import iter_modules
 
-from imuloop.core.effect import Effect
+from imuloop.model.effect import Effect
 
 # order of the effects in results; an effect that is not named here comes last
 _ORDER = """anisoinertia asymmetry bias_drift bias_temperature bias_temperature_rate cross_coupling

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.effects.filters import secant, slope
+from imuloop.model.effect import Effect
 
 # largest delay, s
 LATEST = 0.1

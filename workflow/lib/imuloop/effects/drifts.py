@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.effects.axes import on_each_axis, per_axis
+from imuloop.model.effect import Effect
 
 # time constants to try, s, from a chip on its board to a closed housing. They differ by a factor of
 # 3.4, so that a true one is within a factor of 1.85

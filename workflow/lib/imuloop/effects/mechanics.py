@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.effects.axes import on_each_axis, per_axis
 from imuloop.effects.filters import fast_part, first_order_lag, moving_mean
+from imuloop.model.effect import Effect
 
 # time constants to try, s: a shorter creep ends with the turn, a longer one is common to all poses
 CREEPS = (3.0, 10.0, 30.0)

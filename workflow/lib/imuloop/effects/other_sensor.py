@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.core.gravity import EARTH_RATE
 from imuloop.effects.axes import AXES, row_by_row
 from imuloop.effects.delays import other_slope
+from imuloop.model.effect import Effect
 
 # products of specific force that depend on the attitude: xx is f_x² - f_z²
 PRODUCTS = ("xx", "yy", "xy", "xz", "yz")

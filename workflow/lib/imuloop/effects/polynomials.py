@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.effects.axes import AXES, on_each_axis, per_axis
+from imuloop.model.effect import Effect
 
 # pairs of an axis i with an error and another axis j whose output causes it
 PAIRS = tuple((i, j) for i in range(3) for j in range(3) if i != j)

@@ -7,9 +7,9 @@ from itertools import combinations_with_replacement
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.effects.axes import AXES
 from imuloop.effects.temperature import CELSIUS, ROOM, temperature
+from imuloop.model.effect import Effect
 
 # largest total degree
 DEGREE = 3

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.effects.axes import on_each_axis, per_axis
+from imuloop.model.effect import Effect
 
 
 def before(channels, time):

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import filled
 from imuloop.effects.axes import on_each_axis, per_axis
 from imuloop.effects.filters import first_order_lag, play
+from imuloop.model.effect import Effect
 
 # temperature at which data sheets give bias and scale factor, degC
 ROOM = 25.0

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from imuloop.core.effect import Effect
 from imuloop.core.units import DEGREE, STANDARD_GRAVITY
 from imuloop.effects.axes import on_each_axis, per_axis
+from imuloop.model.effect import Effect
 
 # standard deviation of the bias of a MEMS sensor between power cycles, m/s^2 and rad/s: 20 mg and
 # 0.5 deg/s. It is the bias repeatability of the data sheets that state one (ADIS16448, ADIS16460),

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.estimate.error_ratio import ratio_interval
 from imuloop.estimate.search import Search, Trial, kinds_of
+from imuloop.model.effect import Effect
 
 
 class ErrorChange(NamedTuple):

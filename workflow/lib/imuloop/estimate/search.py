@@ -4,11 +4,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.core.fisher import fisher
 from imuloop.estimate.likeness import ONE, share_on_axes
 from imuloop.estimate.p_values import log_p_values
 from imuloop.estimate.training_fit import combined_axes
+from imuloop.model.effect import Effect
 
 # two shapes are equally significant if their log p differs by less than this share
 ALIKE = 0.05

@@ -15,11 +15,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 import imuloop.effects  # noqa: F401
 from imuloop.core.errors import Lacking
 from imuloop.core.files import read_json, write_json
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.export import c_code, formulas, text
 from imuloop.export.values import Exported, reasons, values
+from imuloop.model.calibration import Calibration
 
 README = "README.txt"
 TEMPLATES = resources.files("imuloop") / "templates/export"

@@ -4,13 +4,13 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE
 from imuloop.effects.axes import AXES
 from imuloop.effects.turn_on_bias import TurnOnBias
 from imuloop.export.densities import UNITS, estimated, for_filter, of_calibrated
+from imuloop.model.calibration import Calibration
 from imuloop.noise.filters import RANGE
 
 # what follows K (raw - b) by the contract; every file says it

@@ -5,9 +5,9 @@ from functools import cached_property
 
 import numpy as np
 
-from imuloop.core.effect import effect_design
 from imuloop.core.samples import SENSORS
 from imuloop.factors.linearised import Linearised
+from imuloop.model.effect import effect_design
 from imuloop.model.state import State
 
 # kinds of residuals in the order of their rows: SI unit and number of components

@@ -9,7 +9,6 @@ from scipy.special import chdtrc
 # a calibration may hold any effect of the library
 import imuloop.effects  # noqa: F401
 from imuloop.core.files import read_json, write_json
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.p_values import holm
 from imuloop.core.samples import SENSORS
@@ -17,6 +16,7 @@ from imuloop.family import LEAST
 from imuloop.family.estimates import of_calibrations, of_noise
 from imuloop.family.odd import deviations
 from imuloop.family.random_effects import fit, spread_interval
+from imuloop.model.calibration import Calibration
 
 # version of the JSON file
 FORMAT = 1

@@ -7,10 +7,10 @@ import imuloop.effects  # noqa: F401
 from imuloop.calibrate.calibrate import hashes, layout
 from imuloop.core.errors import ImuloopError, nearest
 from imuloop.core.files import read_json
-from imuloop.core.model import Calibration
 from imuloop.effects.turn_on_bias import turn_on_std
 from imuloop.family import LEAST_OTHERS
 from imuloop.family.random_effects import fit
+from imuloop.model.calibration import Calibration
 from imuloop.model.prior import DATA_SHEET
 from imuloop.model.raw_units import state_of
 from imuloop.model.state import BASE, NAMES

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from operator import attrgetter
 
-from imuloop.core.effect import Effect
+from imuloop.model.effect import Effect
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from imuloop.core.sensor_calibration import FAR_OFF
+from imuloop.model.sensor_calibration import FAR_OFF
 from imuloop.model.state import BASE, BIAS, NAMES
 from imuloop.sensors import GENERIC, Tolerance
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from imuloop.core.effect import FittedEffect
-from imuloop.core.sensor_calibration import SensorCalibration
+from imuloop.model.effect import FittedEffect
 from imuloop.model.effects import SensorEffect
+from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.model.state import BASE, ENTRIES, NAMES, State
 
 

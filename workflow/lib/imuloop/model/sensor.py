@@ -1,4 +1,4 @@
-"""The equation of a sensor for the fit, with its Jacobian. `core.model` applies it to samples."""
+"""The equation of a sensor for the fit, with its Jacobian; `calibration` applies it to samples."""
 
 from dataclasses import dataclass
 

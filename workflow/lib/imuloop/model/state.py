@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.effect import OUTPUT
+from imuloop.model.effect import OUTPUT
 from imuloop.model.sensor import Sensor
 
 # rows and columns of the elements of T that are parameters

@@ -7,12 +7,12 @@ import numpy as np
 from imuloop.calibrate.calibrate import calibrate_sensors
 from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.segments import STATIC
 from imuloop.core.sphere import count_attitudes
 from imuloop.diagnose.records.pose_diagnosis import APART, ATTITUDES, TESTABLE
+from imuloop.model.calibration import Calibration
 from imuloop.noise.noise import estimate_noise
 from imuloop.noise.records import RecordedSession
 from imuloop.noise.settings import NoiseSettings

@@ -1,8 +1,8 @@
 """A device in three parts: what was found, what correcting it gains, what is left."""
 
 from imuloop.core.errors import joined, plural
-from imuloop.core.prior_remarks import remarks
 from imuloop.core.samples import SENSORS
+from imuloop.model.prior_remarks import remarks
 from imuloop.report.numbers import number
 from imuloop.report.units import RESIDUAL
 from imuloop.report.verdict import (

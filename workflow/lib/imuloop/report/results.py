@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.files import read_json
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import AxisNoise
 from imuloop.core.samples import CHANNELS, SENSORS, Samples, read_metadata
+from imuloop.model.calibration import Calibration
 
 XYZ = ("x", "y", "z")
 # unit of what each sensor gives, as printed and as in files

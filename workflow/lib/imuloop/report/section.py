@@ -7,8 +7,8 @@ from markupsafe import Markup
 # the library of effects joins by being loaded
 import imuloop.effects  # noqa: F401
 from imuloop.core.files import write_json
-from imuloop.core.model import UNEXPLAINED
 from imuloop.export.export import listed
+from imuloop.model.calibration import UNEXPLAINED
 from imuloop.report.advice import next_steps, what_next
 from imuloop.report.figures.attitude import attitude_part
 from imuloop.report.figures.drawing import Picture, write_svg

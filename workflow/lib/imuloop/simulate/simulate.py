@@ -9,10 +9,10 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from imuloop.core.effect import Channels
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import replaced
 from imuloop.core.samples import METADATA_KEY, SENSORS, TEMPERATURE, TIME
+from imuloop.model.effect import Channels
 from imuloop.simulate.course import at_rest, poses
 from imuloop.simulate.motion import chain
 from imuloop.simulate.sensor import lagged, logged, logged_temperature, output

@@ -8,10 +8,10 @@ import numpy as np
 import yaml
 
 import imuloop.effects  # noqa: F401  loads the library of effects
-from imuloop.core.effect import FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import SENSORS
 from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.model.effect import FittedEffect
 
 ZERO = (0.0, 0.0, 0.0)
 

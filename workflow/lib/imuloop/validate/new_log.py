@@ -9,12 +9,12 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.special import chdtrc
 
 from imuloop.calibrate.recording import Recording
-from imuloop.core.model import Calibration
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
 from imuloop.estimate.least_squares import chi_square, covariance_of, fit
 from imuloop.factors.factors import KINDS, OF_SENSOR, Factors
+from imuloop.model.calibration import Calibration
 from imuloop.model.raw_units import state_of
 
 # condition number, each parameter in units of what the log shows of it, beyond which a set of

@@ -5,8 +5,8 @@ from operator import itemgetter
 
 import numpy as np
 
-from imuloop.core.effect import Channels
 from imuloop.core.samples import CHANNELS, OWN_TIME, SENSORS, TEMPERATURE, TIME, other_sensor
+from imuloop.model.effect import Channels
 from imuloop.noise.records import RecordedSession
 
 # samples that are corrected at once: their derivatives, 27 numbers each, fit into a CPU cache

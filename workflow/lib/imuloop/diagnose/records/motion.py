@@ -6,7 +6,6 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from imuloop.core.effect import Effect
 from imuloop.core.errors import plural
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
@@ -21,6 +20,7 @@ from imuloop.estimate.search import kinds_of
 from imuloop.estimate.verdict import not_testable
 from imuloop.factors.factors import AT_RESTS, VELOCITY
 from imuloop.factors.velocity import midpoints
+from imuloop.model.effect import Effect
 from imuloop.model.effects import EffectKind, SensorEffect
 from imuloop.model.state import BIAS, COUNT, State
 

@@ -5,13 +5,13 @@ from scipy.spatial.transform import Rotation
 from scipy.special import chdtrc, chdtri, chndtrinc
 
 from imuloop.calibrate.reference import LEAST_WINDOWS, fit_set_up, read_reference, windows_of
-from imuloop.core.effect import OUTPUT
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.estimate.error_ratio import ratio_interval
 from imuloop.estimate.residuals import size
 from imuloop.estimate.verdict import RESIDUALS, not_testable, verdict
+from imuloop.model.effect import OUTPUT
 
 FEW = f"fewer than {LEAST_WINDOWS} windows in which a reference is compared"
 

@@ -7,13 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from imuloop.core.effect import FittedEffect
 from imuloop.diagnose.records.scan import best_steps
 from imuloop.diagnose.records.slow_noise import hypotheses, ratios
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
 from imuloop.estimate.evidence import Evidence, RowGroup
 from imuloop.estimate.training_fit import ABSORBED, combined_axes
+from imuloop.model.effect import FittedEffect
 
 
 @dataclass(frozen=True)

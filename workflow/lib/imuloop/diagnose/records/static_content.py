@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from imuloop.core.effect import Effect
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import residual_entry, search_content, untried
 from imuloop.estimate.noise_components import FARTHEST
 from imuloop.estimate.residuals import held_out_covariance
 from imuloop.estimate.verdict import MARGIN, RESIDUALS, judge, verdict
+from imuloop.model.effect import Effect
 
 UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # reasons why a static record cannot show effects that poses can show

@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 from scipy.linalg import LinAlgError
 
-from imuloop.core.effect import Channels
 from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
@@ -18,6 +17,7 @@ from imuloop.diagnose.records.static_content import searched_content, static_con
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.verdict import not_testable
+from imuloop.model.effect import Channels
 from imuloop.model.effects import SensorEffect
 from imuloop.noise.allan import session_curves
 from imuloop.noise.noise import estimate_noise

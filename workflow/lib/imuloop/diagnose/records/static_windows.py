@@ -5,10 +5,10 @@ from functools import cache
 
 import numpy as np
 
-from imuloop.core.effect import Channels
 from imuloop.core.samples import other_sensor, sums_over
 from imuloop.core.segments import STATIC
 from imuloop.factors.factors import OWN
+from imuloop.model.effect import Channels
 
 # least and most windows of a record: the window length is changed to keep their number between.
 # The upper limit is there because a covariance of n means has n² entries

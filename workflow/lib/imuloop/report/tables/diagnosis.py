@@ -2,8 +2,8 @@
 
 import re
 
-from imuloop.core.effect import Effect
 from imuloop.effects.turn_on_bias import TurnOnBias
+from imuloop.model.effect import Effect
 from imuloop.report.numbers import (
     NO_NUMBER,
     duration,

@@ -9,12 +9,8 @@ from html import escape
 import numpy as np
 import pandas as pd
 
-from imuloop.core.apply_file import apply_file
-from imuloop.core.calibration_faults import MOST_BYTES, content_fault, sensor_fault
-from imuloop.core.effect import Channels
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import read_json, write_json
-from imuloop.core.prior_remarks import remarks
 from imuloop.core.samples import (
     CHANNELS,
     METADATA_KEY,
@@ -25,7 +21,11 @@ from imuloop.core.samples import (
     check_columns,
     refuse_calibrated,
 )
-from imuloop.core.sensor_calibration import SensorCalibration
+from imuloop.model.apply_file import apply_file
+from imuloop.model.calibration_faults import MOST_BYTES, content_fault, sensor_fault
+from imuloop.model.effect import Channels
+from imuloop.model.prior_remarks import remarks
+from imuloop.model.sensor_calibration import SensorCalibration
 
 # version of the JSON files
 FORMAT = 1
@@ -217,7 +217,7 @@ class Calibration:
         return f.reshape(shape), w.reshape(shape)
 
     def apply_file(self, source, target, *, nominal=False, shift=0.0):
-        """Write the calibrated samples of a samples file; see `imuloop.core.apply_file`.
+        """Write the calibrated samples of a samples file; see `imuloop.model.apply_file`.
 
         `shift`, s, is added to the time stamps. `nominal` says whether a calibration of which
         nothing was measured is applied all the same.
@@ -267,7 +267,7 @@ class Calibration:
     def to_json(self, path):
         """Write the calibration as JSON.
 
-        Raises an ImuloopError for an impossible one, see `imuloop.core.calibration_faults`.
+        Raises an ImuloopError for an impossible one, see `imuloop.model.calibration_faults`.
         """
         self._refuse(path)
         content = {
@@ -285,7 +285,7 @@ class Calibration:
         """Return the calibration of a JSON file.
 
         Raises an ImuloopError if the file has another format, violates the schema, or holds an
-        impossible calibration (see `imuloop.core.calibration_faults`).
+        impossible calibration (see `imuloop.model.calibration_faults`).
         """
         content = read_json(path, MOST_BYTES)
         found = content.get("format") if isinstance(content, dict) else None

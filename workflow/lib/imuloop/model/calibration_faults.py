@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from imuloop.core.effect import Effect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import raw_unit
+from imuloop.model.effect import Effect
 
 SCHEMA = Path(__file__).parents[1] / "schemas" / "calibration.schema.yaml"
 # largest file of a calibration: one with 200 parameters per sensor is smaller

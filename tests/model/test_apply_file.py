@@ -10,13 +10,13 @@ import pyarrow.parquet as pq
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
-from imuloop.core.apply_file import apply_file
-from imuloop.core.effect import Channels, Effect, FittedEffect
 from imuloop.core.errors import ImuloopError
-from imuloop.core.model import Calibration
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, METADATA_KEY, filled
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
+from imuloop.model.apply_file import apply_file
+from imuloop.model.calibration import Calibration
+from imuloop.model.effect import Channels, Effect, FittedEffect
+from imuloop.model.sensor_calibration import SensorCalibration
 
 N = 4001
 DESIGNED = [

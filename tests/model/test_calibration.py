@@ -8,13 +8,13 @@ import pandas as pd
 import pytest
 
 import imuloop.effects  # noqa: F401  the library of effects
-from imuloop.core.calibration_faults import implausible_values
-from imuloop.core.effect import FittedEffect, find_effect
 from imuloop.core.errors import ImuloopError
-from imuloop.core.model import OF_ONE_LOG, Calibration
 from imuloop.core.samples import CHANNELS
-from imuloop.core.sensor_calibration import SensorCalibration
 from imuloop.core.units import RawUnit
+from imuloop.model.calibration import OF_ONE_LOG, Calibration
+from imuloop.model.calibration_faults import implausible_values
+from imuloop.model.effect import FittedEffect, find_effect
+from imuloop.model.sensor_calibration import SensorCalibration
 
 COUNTS = RawUnit("count", 0.0024, 32768.0)
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from imuloop.core.effect import OUTPUT, FittedEffect
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import RawUnit
+from imuloop.model.effect import OUTPUT, FittedEffect
 
 # fields that a file holds without conversion
 _WORDS = ("method", "not_testable", "reduced_chi2", "verdict")
