@@ -15,7 +15,8 @@ from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
 from imuloop.core.files import read_json
 from imuloop.core.noise_model import NoiseModel
-from imuloop.core.samples import SENSORS
+from imuloop.core.samples import SENSORS, read_columns
+from imuloop.core.segments import STATIC
 from imuloop.diagnose.records.motion import no_result
 from imuloop.diagnose.records.pose_diagnosis import pose_problem, pose_products
 from imuloop.diagnose.settings import DiagnoseSettings
@@ -54,7 +55,7 @@ def through(device, stages=(chain.segment, chain.noise, chain.calibrate, chain.d
 def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
     """Return diagnosis.json of a simulated device, its motion and noise by a seed.
 
-    `also` takes the truth, the sessions and the folder of the results; what it returns comes
+    `also` takes the truth, the sessions and the folder of the results; its result is returned
     second. Without `limits` there are no detection limits; without `motion` that is not tested.
     """
     without = nullcontext() if limits else patch(LIMITS, return_value={})
@@ -73,19 +74,47 @@ def diagnosis_of(truth, seed, also=None, limits=True, motion=False):
         return (diagnosis, also(truth, device.sessions, folder)) if also else diagnosis
 
 
-def base_pulls(truth, sessions, folder):
+def base_pulls(truth, sessions, folder, seed):
     """Return the errors of T, K and b of calibration.json, in their standard errors.
 
-    By sensor and parameter; without sensors that were not calibrated at the poses.
+    The result is a dict by sensor and parameter, without sensors that were not calibrated at the
+    poses. The true bias is its level over the rests, with the slow noise of this recording.
     """
     calibration, found = Calibration.from_json(folder / "calibration.json"), {}
+    level = _mean_slow_noise(truth, sessions, seed)
     for sensor, names in NAMES.items():
         fitted, true = getattr(calibration, sensor), getattr(truth, sensor)
+        true = replace(true, b=np.add(true.b, level[sensor]))
         if fitted.method == "multi_position":
             found[sensor] = {
                 n: float((_entry(fitted, n) - _entry(true, n)) / fitted.std[n]) for n in names
             }
     return found
+
+
+def _mean_slow_noise(truth, sessions, seed):
+    """Return the mean of flicker and random walk over the rests of the poses, raw units, (3,).
+
+    The result is a dict by sensor. Each process has random numbers of its own, so a second
+    simulation without these two shows what they add.
+    """
+    without, none = truth, (0.0, 0.0, 0.0)
+    for sensor in SENSORS:
+        own = getattr(truth, sensor)
+        noise = replace(own.noise, B=none, K=none)
+        without = replace(without, **{sensor: replace(own, noise=noise)})
+    slow = []
+    for name, files in sessions.items():
+        if files["kind"] != "multi_position":
+            continue
+        whole, plain = (simulate_session(t, name, seed) for t in (truth, without))
+        segments = read_columns(files["segments"])
+        rests = np.asarray(segments["kind"]) == STATIC
+        ends = np.column_stack([np.asarray(segments[key])[rests] for key in ("start_s", "end_s")])
+        rows = [slice(*row) for row in np.searchsorted(whole["t"], ends)]
+        slow += [(whole - plain).to_numpy()[row, 1:7] for row in rows]
+    mean = np.concatenate(slow).mean(axis=0) if slow else np.zeros(6)
+    return dict(zip(SENSORS, np.split(mean, 2), strict=True))
 
 
 def _entry(sensor, name):

@@ -70,7 +70,7 @@ def made_control(record, plan, seed, limits, made_of):
     start = time.process_time()
 
     def also(*device):
-        found = {"likeness": likeness(*device), "base_pulls": base_pulls(*device)}
+        found = {"likeness": likeness(*device), "base_pulls": base_pulls(*device, seed)}
         return found | {"products": product_limits(*device) if limits and record == "poses" else {}}
 
     moving = record == "motion"
@@ -97,7 +97,7 @@ def made_device(case, seed, control, made_of):
 
         def also(*device):
             alike = alike_products(case.names[0], *device) if case.kind == "product" else {}
-            return base_pulls(*device), alike
+            return base_pulls(*device, seed), alike
 
         found = diagnosis_of(truth, seed, also, limits=False, motion=moving)
         made["diagnosis"], (made["base_pulls"], made["alike"]) = found

@@ -91,9 +91,11 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     plain = np.arange(len(prior)) == 0
     for effect in columns:
         shapes[type(effect)] = (*shapes.get(type(effect), ()), effect)
-    evidence = Evidence(
-        [group], prior, lambda e: columns[e].reshape(n, 1, -1), least=1.0, as_estimated_mask=plain
-    )
+
+    def designs(effects):
+        return [columns[effect].reshape(n, 1, -1) for effect in effects]
+
+    evidence = Evidence([group], prior, designs, least=1.0, as_estimated_mask=plain)
     return Rows(evidence, shapes, DiagnoseSettings(significance=threshold), fold_of_row)
 
 

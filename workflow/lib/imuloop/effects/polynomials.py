@@ -150,8 +150,7 @@ class Anisoinertia(Effect):
     parameters = per_axis({"a": "rad/s per (rad/s)^2"})
     equation = "e_i = a_i w_j w_k"
     reference = "Titterton and Weston, Strapdown Inertial Navigation Technology, anisoinertia"
-    records = ("motion",)
-    unobservable = "it acts only while the device turns; the motion between the rests shows it"
+    records = ("poses", "motion")
     limit = 0.05
 
     def design(self, channels):

@@ -78,8 +78,8 @@ class Evidence:
 
     row_groups: list[RowGroup]
     prior: np.ndarray  # (h,): logarithm of the prior probability of each hypothesis
-    # takes an effect; returns the derivative of all rows by its parameters, (N, a, q)
-    design: Callable
+    # takes effects; returns for each the derivative of all rows by its parameters, (N, a, q)
+    designs: Callable
     # smallest factor on the variance of a hypothesis: 1 if the size of the noise is known
     least: float = 0.0
     # (h,) of bool: the hypotheses that estimates of parameters may use; default: all
@@ -131,9 +131,9 @@ class Evidence:
 
     def patterns(self, effects):
         """Return the Pattern of each effect, after storing its columns."""
-        for effect in effects:
-            if effect not in self._patterns:
-                self.add_pattern(effect, self.design(effect))
+        new = [effect for effect in dict.fromkeys(effects) if effect not in self._patterns]
+        for effect, design in zip(new, self.designs(new) if new else (), strict=True):
+            self.add_pattern(effect, design)
         return tuple(self._patterns[effect] for effect in effects)
 
     def add_pattern(self, key, design):
@@ -158,7 +158,7 @@ class Evidence:
         The new hypotheses are equally probable beforehand.
         """
         groups = [replace(g, noise=n) for g, n in zip(self.row_groups, noise, strict=True)]
-        return Evidence(groups, np.zeros(len(noise[0].log_det)), self.design, self.least)
+        return Evidence(groups, np.zeros(len(noise[0].log_det)), self.designs, self.least)
 
     def held_out_variance(self, hypothesis):
         """Return the variance of the held-out error of each row, (N,), without any effect.

@@ -219,11 +219,12 @@ class PoseProblem:
         noise = hypotheses(chosen, likeliest)
         rows = RowGroup(-values[:, None], jacobian[:, :nuisances], noise, self.row_folds)
 
-        def design(effect):
-            return own[effect] if effect in own else self.pattern(effect)
+        def designs(effects):
+            more = self.patterns([effect for effect in effects if effect not in own])
+            return [(own | more)[effect] for effect in effects]
 
         prior, plain = np.full(len(chosen), -np.log(len(chosen))), ~chosen.any(axis=1)
-        evidence = Evidence([rows], prior, design, least=1.0, as_estimated_mask=plain)
+        evidence = Evidence([rows], prior, designs, least=1.0, as_estimated_mask=plain)
         return Linearization(solution, at, values, jacobian, alternatives, evidence, noise_with)
 
     def _known_base(self):
@@ -237,28 +238,17 @@ class PoseProblem:
         rows = (of_effects.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects)
         return np.hstack([np.zeros((len(z), 0)), *rows])
 
-    def pattern(self, effect):
-        """Return the derivative of all rows by the parameters of an effect, (N, 1, q).
-
-        It is taken at the fit without effects.
-        """
-        shapes = self.shapes.get(effect.kind, ())
-        self.add_columns(shapes if effect in shapes else (effect,))
-        return self._columns[effect]
-
     def with_formulas(self, formulas):
         """Return the problem with more shapes, by kind, that are tried after all others."""
+        # both problems share `_columns` and the linearisations
         count = self.tests + self.settings.family * len(formulas)
-        problem = replace(self, shapes=self.shapes | formulas, tests=count)
-        # both problems share `_columns`, which earlier linearisations use
-        problem.add_columns([shape for shapes in formulas.values() for shape in shapes])
-        return problem
+        return replace(self, shapes=self.shapes | formulas, tests=count)
 
-    def add_columns(self, effects):
-        """Compute and store the derivatives of all N rows by the parameters of effects.
+    def patterns(self, effects):
+        """Return the derivatives of all N rows by the q parameters of effects, (N, 1, q) each.
 
-        Each effect gets an array of shape (N, 1, p); the rows of other records are the last ones.
-        Effects that are stored already are left out.
+        The result is a dict by effect. The derivatives are taken at the fit without effects, and
+        stored. The rows of other records are the last ones.
         """
         new = [e for e in effects if e not in self._columns]
         base_model = self.linearization(()).at
@@ -266,6 +256,7 @@ class PoseProblem:
             batch = new[first : first + BATCH_SIZE]
             columns = np.concatenate([base_model.columns(batch), self._known_effects(batch)])
             self._columns.update(by_effect(columns[:, None], batch))
+        return {effect: self._columns[effect] for effect in effects}
 
     def nearest_linearization(self, base):
         """Return the stored Linearization that has the most effects of the base and no others.
@@ -340,7 +331,8 @@ class PoseProblem:
         effects, derivatives = (*self.given_effects, *base), []
         for effect, values in by_effect(x[len(self.sensor.names) :], effects).items():
             if effect.moved(2.0) != effect:
-                up, down = (self.pattern(effect.moved(f))[:, 0] @ values for f in (1.05, 1 / 1.05))
+                moved = self.patterns([effect.moved(f) for f in (1.05, 1 / 1.05)]).values()
+                up, down = (pattern[:, 0] @ values for pattern in moved)
                 derivatives.append((up - down) / (2 * np.log(1.05)))
         return derivatives
 

@@ -115,7 +115,6 @@ def pose_step(sensor, search, base, hopeful=False):
     estimated = search.training_fit(base).evidence.as_estimated_mask
     while True:
         shapes = [SensorEffect(Steps((float(t),)), sensor) for t in times]
-        search.problem.add_columns(shapes)
         trials = [t for t in search.tests(base, shapes, estimated) if t]
         if not trials:
             return None

@@ -82,7 +82,7 @@ class StaticProblem:
         # only, where a lag that the model lacks matters most.
         # The level is estimated with white noise, the first hypothesis, so that it is the mean.
         return Evidence(
-            groups, prior, self.design, estimation_mask=grid[:, 1] == 0, nuisance_index=0
+            groups, prior, self.designs, estimation_mask=grid[:, 1] == 0, nuisance_index=0
         )
 
     @property
@@ -93,6 +93,10 @@ class StaticProblem:
     def design(self, effect):
         """Return the derivative of all rows with respect to an effect's parameters, (N, 3, p)."""
         return np.concatenate([r.derivative(effect) for r in self.records])
+
+    def designs(self, effects):
+        """Return the `design` of each of several effects, a list."""
+        return [self.design(effect) for effect in effects]
 
     def residuals(self, search, base):
         """Return the residuals of all rows, (N, 3), SI, by a fit to the training rows."""
