@@ -1,4 +1,4 @@
-"""Noise of a log at rest beside the packages of the registry: `make bench`."""
+"""Noise and calibration beside the packages of the registry: `make bench`."""
 
 import argparse
 import os
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from bench.peers.calibration import calibration
 from bench.peers.calls import NOISE
 from bench.peers.log import RATE as LOG_RATE
 from bench.peers.log import still_log
@@ -79,14 +80,20 @@ def main():
     parser.add_argument("--hours", type=float, default=3.0, help="of a log at rest")
     parser.add_argument("--seeds", default="1", help="of logs at rest, with commas")
     parser.add_argument("--environment", type=Path, default=Path("build/peers"), help="the peers'")
+    parser.add_argument("--devices", default="1,2,3,4,5", help="seeds of poses, with commas")
     options = parser.parse_args()
+    devices, logs = ([int(s) for s in each.split(",")] for each in (options.devices, options.seeds))
     text = (
         "Versions are those of `bench/requirements.txt`. Freed memory stays with each process, "
         "which favours the peers.",
-        noise(options.hours, [int(s) for s in options.seeds.split(",")], options.environment),
+        noise(options.hours, logs, options.environment),
         "Median error of the axes; of time, of the logs. imuloop by the noise and the Allan stage. "
         "allan-variance-analyzer takes the minimum of the curve for B. dedrunk gives no B, and "
         "nothing where it sees no walk; its time includes the reading of a file.",
+        calibration(devices, options.environment, ENVIRONMENT),
+        "Whole process, from the file of the log to that of the calibration; median of the "
+        "devices. imuloop also estimates the noise and tests for missing effects. The body axes "
+        "of each are turned to the true ones.",
     )
     publish("peers", "Beside other packages", "\n\n".join(text))
 

@@ -74,8 +74,11 @@ def low_pass():
     return response / response.sum()
 
 
-def write_mcap(path, acceleration, angular_rate):
-    """Write a log, (3, n) each, as messages sensor_msgs/msg/Imu in MCAP without chunks."""
+def write_mcap(path, acceleration, angular_rate, t=None):
+    """Write a log, (3, n) each, as messages sensor_msgs/msg/Imu in MCAP without chunks.
+
+    `t`, (n,), are the times of the samples, s; by default they are even at `RATE`.
+    """
 
     def text(value):
         return struct.pack("<I", len(value)) + value.encode()
@@ -88,7 +91,8 @@ def write_mcap(path, acceleration, angular_rate):
     channel = struct.pack("<HH", 1, 1), text("/imu"), text("cdr"), struct.pack("<I", 0)
     n = acceleration.shape[1]
     messages = np.zeros(n, MESSAGE)
-    logged = START * 10**9 + np.rint(np.arange(n) * (1e9 / RATE)).astype(int)
+    since = np.arange(n) / RATE if t is None else t - t[0]
+    logged = START * 10**9 + np.rint(since * 1e9).astype(int)
     given = {"record": 5, "size": MESSAGE.itemsize - 9, "channel": 1, "sequence": np.arange(n)}
     given |= {"logged": logged, "published": logged, "encoding": 0x100, "frame": b"imu"}
     given |= {"s": logged // 10**9, "ns": logged % 10**9, "length": 4}
