@@ -390,3 +390,11 @@ def test_a_terminal_shows_the_steps_that_are_done(tmp_path, capsys, monkeypatch)
     shown = capsys.readouterr().err
     assert "ingest multi_position_1" in shown and " 0 of 6 steps done" in shown
     assert shown.index("segment: ") < shown.index("diagnose: ")
+
+
+def test_any_key_of_the_config_can_be_set(tmp_path, capsys):
+    log = brief().rename(columns={"t": "tick", "ax": "fx"})
+    log.assign(tick=1e3 * log["tick"]).to_csv(tmp_path / "log.csv", index=False)
+    keys = ["columns.time=tick", "units.time=ms", "columns.acceleration=[fx, ay, az]"]
+    assert main(["info", str(tmp_path / "log.csv"), "--set", *keys]) == 0
+    assert "fx, ay, az" in capsys.readouterr().out

@@ -35,13 +35,13 @@ IN_PYTHON = {
     "gravity as a pair": ((T, F, W), {"gravity": (9, 81)}, "for a place give {'latitude': degrees"),
     "a wrong stage": ((T, F, W), {"settings": {"segmnt": {}}}, "did you mean 'segment'"),
     "a unit": ((T, F, W), {"units": {"acceleration": "ms2"}}, "'ms2' is not a unit"),
-    "a quantity": ((T, F, W), {"units": {"accel": "g"}}, "units: 'accel' is not a quantity"),
+    "a quantity": ((T, F, W), {"units": {"accel": "g"}}, "units.accel: unknown key; use one of time, acc"),
     "nominal": ((T, F, W), {"nominal": {"acceleration": {"scle": 1}}}, "; did you mean 'scale'?"),
     "a sensor": ((T, F, W), {"sensor": "icm42688q"}, "; did you mean 'icm42688p'?"),
     "a tolerance in percent": (
         (T, F, W),
         {"nominal": {"acceleration": {"tolerance": {"scale_factor": 3}}}},
-        "nominal.acceleration.tolerance.scale_factor: 3 is not a number above 0 and up to 0.5",
+        "'scale_factor': …}}}: 3 is greater than the maximum of 0.5",
     ),
     "columns": (("PATH",), {"columns": {"acceleration": ["fx", "fy", "fz"]}}, "no column 'fx'"),
     "format": (("PATH",), {"format": "cvs"}, "'cvs' is not a format; did you mean 'csv'"),
@@ -61,11 +61,11 @@ IN_PYTHON = {
         "two columns are named ax",
     ),
     "temperature of a file": (("PATH",), {"temperature": T}, "temperature: goes with arrays"),
-    "a name that is a path": ((T, F, W), {"name": "../a"}, "name: '../a' is not a letter and"),
+    "a name that is a path": ((T, F, W), {"name": "../a"}, "name: '../a' is not a name (a letter, then"),
     "a setting out of its limits": (
         (T, F, W),
         {"settings": {"noise": {"significance": 2}}},
-        "settings.noise.significance: 2 is not below 1",
+        "settings.noise.significance: 2 is greater than or equal to the maximum",
     ),
     "a file for a folder": ((T, F, W), {"folder": "PATH"}, "log.csv: a file, where a folder"),
 }
@@ -108,13 +108,15 @@ def test_what_is_read_and_applied_by_mistake(log):
 
 ON_THE_COMMAND_LINE = {
     "check LOG CALIBRATION": "LOG: no calibration.json: it comes first, then the log",
-    "calibrate LOG --gravity 45.4 -o OUT": "no local gravity, 0.1 to 25",
+    "calibrate LOG --gravity 45.4 -o OUT": "45.4 is no local gravity in m/s^2, 0.1 to 25",
     "calibrate LOG --gravity 9,81 -o OUT": "9,81 is not a number: 9.81 m/s^2, or --latitude 9?",
     "coach LOG --latitude 45": "--latitude alone gives no gravity: --latitude and --height do",
     "calibrate LOG --gravity 9.8 --height 12 -o OUT": "--gravity and --height: give the size",
-    "calibrate LOG --acceleration-unit ms2 -o OUT": "'ms2' is not a unit of acceleration",
+    "calibrate LOG --acceleration-unit ms2 -o OUT": "--acceleration-unit: 'ms2' is not a unit; did you mean 'm/s^2'?",
     "calibrate LOG": "the following arguments are required: -o/--output",
-    "calibrate LOG --columns accel=x,y,z -o OUT": "accel=x,y,z is not QUANTITY=NAME",
+    "calibrate LOG --columns accel=x,y,z -o OUT": "columns.accel: unknown key; use one of time, acceleration",
+    "calibrate LOG --set unit.time=ms -o OUT": "unit.time=ms is not KEY=VALUE, KEY one of format,",
+    "calibrate LOG --set units.time=sec -o OUT": "--time-unit: 'sec' is not a unit; did you mean 's'?",
     "calibrat LOG": "invalid choice: 'calibrat'",
 }
 

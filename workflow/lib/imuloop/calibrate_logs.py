@@ -13,26 +13,19 @@ from threadpoolctl import threadpool_limits
 from tqdm import tqdm
 
 from imuloop import chain
-from imuloop.arguments import (
-    FILE,
-    check_declared,
-    check_name,
-    check_settings,
-    gravity_of,
-    log_of,
-)
-from imuloop.core.errors import ImuloopError, ImuloopWarning
+from imuloop.core.errors import ImuloopError, ImuloopWarning, nearest
 from imuloop.core.files import read_json, refuse_overwriting
 from imuloop.core.places import PYTHON, read_in
 from imuloop.core.samples import read_samples
 from imuloop.core.units import STANDARD_GRAVITY
+from imuloop.declaration import KEYS, check_declared, gravity_of, plain
+from imuloop.in_memory import FILE, log_of
 from imuloop.ingest.formats import PAIR
 from imuloop.result import IN_MEMORY, Result, TemporaryFolder, log_remarks
 from imuloop.sensors import device_figures
 
 KINDS = ("multi_position", "six_position", "static")
-# what can be declared of a log, and of the sensor
-OF_LOGS = ("units", "columns", "format", "rate")
+# keys of the sensor among those that are declared
 OF_SENSOR = ("sensor", "range", "nominal")
 # what `calibrate` takes for a log
 Log = str | Path | pd.DataFrame | tuple | Mapping
@@ -108,14 +101,15 @@ def calibrate(
     if (acceleration is None) != (angular_rate is None):
         lacks = "acceleration" if acceleration is None else "angular_rate"
         raise ImuloopError(f"{lacks}: none is given beside t and the other sensor")
-    check_name(name)
     if folder and Path(folder).is_file():
         raise ImuloopError(f"{folder}: a file, where a folder for the results is asked for")
-    check_settings(settings or {})
     if prior is not None and not (isinstance(prior, FILE) and Path(prior).is_file()):
         raise ImuloopError(f"prior: {prior}: there is no such file")
-    declared = {"format": format, "rate": rate, "columns": columns or {}, "units": units or {}}
-    figures = _figures(declared | {"sensor": sensor, "range": range, "nominal": nominal})
+    declared = {"format": format, "rate": rate, "columns": columns, "units": units}
+    of_sensor = {"sensor": sensor, "range": range, "nominal": nominal}
+    with read_in(PYTHON):
+        check_declared(declared | of_sensor, name, settings)
+    declared = {key: plain(value) for key, value in declared.items() if value is not None}
     tables = any(isinstance(x, (*FILE, pd.DataFrame)) for x in (acceleration, angular_rate))
     if acceleration is None:
         poses = _several(t)
@@ -142,7 +136,7 @@ def calibrate(
         {session: session.rpartition("_")[0] for session in logs},
         label=label,
         gravity=gravity_of(gravity),
-        **figures,
+        **device_figures(*map(plain, of_sensor.values())),
         prior={"file": str(prior)} if prior else {},
         **{stage: dict(of) for stage, of in (settings or {}).items()},
     )
@@ -190,9 +184,13 @@ def read(log, **declared) -> pd.DataFrame:
     ImuloopWarning
         For each thing to look at in the log.
     """
-    figures = _figures(declared)
+    for key in {*declared} - {*KEYS}:
+        raise ImuloopError(f"'{key}' cannot be declared of a log{nearest(key, KEYS)}")
+    with read_in(PYTHON):
+        check_declared(declared)
     log = log_of(log, declared.get("columns"))
-    kept = {k: v for k, v in declared.items() if v is not None and k not in OF_SENSOR}
+    kept = {key: plain(value) for key, value in declared.items() if value is not None}
+    figures = device_figures(*(kept.pop(key, None) for key in OF_SENSOR))
     with tempfile.TemporaryDirectory(prefix="imuloop-") as folder:
         device = chain.Device("log", Path(folder), {"log": None}, **figures)
         failures, notes = _ingested(device, "log", log, kept)
@@ -201,12 +199,6 @@ def read(log, **declared) -> pd.DataFrame:
         for text in notes:
             warnings.warn(text, ImuloopWarning, stacklevel=2)
         return read_samples(device.sessions["log"]["samples"])
-
-
-def _figures(declared):
-    """Return the `device_figures` of what is declared; an ImuloopError if that cannot be."""
-    check_declared(declared, (*OF_LOGS, *OF_SENSOR))
-    return device_figures(*map(declared.get, OF_SENSOR))
 
 
 def _several(logs):

@@ -23,7 +23,7 @@ from imuloop.sensors import PARTS, find_sensor
 
 # what a value is not, by its kind; of all others a mapping of keys
 _KINDS = {"float": "a number", "int": "a whole number", "string": "text", "null": "null"}
-_KINDS |= {"list": "a list", "tuple": "a list"}
+_KINDS |= {"list": "a list", "tuple": "a list", "finite_number": "a finite number"}
 # what a number is outside of, by the type of pydantic's error, and the name of the limit there
 _LIMITS = {
     "greater_than": ("less than or equal to the minimum of", "gt"),
@@ -90,14 +90,31 @@ def _model_faults(config):
     effective = config
     if isinstance(config.get("devices"), dict) and isinstance(config.get("defaults", {}), dict):
         effective = {**config, "devices": merged_devices(config)}
+    for key, text in _validation_faults(effective):
+        yield _declared(config, key), text
+
+
+def _validation_faults(config):
+    """Yield (key, text) for each way in which a config without defaults breaks the model."""
     try:
-        Config.model_validate(effective)
+        Config.model_validate(config)
     except ValidationError as error:
         for each in error.errors():
             # the branches of a type of several kinds are no keys
             key = tuple(part for part in each["loc"] if not _is_branch(part))
             if text := _text(each, key):
-                yield _declared(config, key), text
+                yield key, text
+
+
+def device_faults(name, device):
+    """Yield (key, text) for what is wrong with the keys of a device without sessions."""
+    log = {"kind": "static", "file": "log"}
+    wrong = set()
+    for key, text in _validation_faults({"devices": {name: device | {"sessions": {"log": log}}}}):
+        wrong.add(key[2:3])
+        yield key[2:] or ("name",), text
+    if not wrong & {(key,) for key in OF_SENSOR}:
+        yield from _sensor_faults(device)
 
 
 def _declared(config, key):
@@ -139,7 +156,7 @@ def _text(error, key):
     if rule in ("too_short", "too_long"):
         # of a tuple entries that are wrong are not counted
         enough = rule == "too_short" and len(value) >= length
-        return None if enough else f"{len(value)} entries, {length} needed"
+        return None if enough else f"needs {length} entries, not {len(value)}"
     if rule == "string_too_long":
         return f"{shown} has more than {length} characters"
     return str(context["error"]) if "error" in context else f"{shown} is not {_kind(rule)}"

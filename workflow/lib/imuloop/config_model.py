@@ -85,7 +85,7 @@ class Keys(BaseModel):
 
 
 Text = Annotated[str, Field(min_length=1)]
-Number = Annotated[float, Field(strict=True)]
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Position = Annotated[int, Field(strict=True, ge=0)]
 Column = either(string=str, int=Position)
 Name = Annotated[str, Field(pattern=NAME)]
@@ -93,7 +93,7 @@ Sha256 = Annotated[str, Field(pattern=SHA256, description="SHA-256 of the file, 
 Format = Annotated[
     Literal[FORMATS], Field(description="By the first bytes, else the name, if not given")
 ]
-Positive = Annotated[float, Field(gt=0, strict=True)]
+Positive = Annotated[float, Field(gt=0, strict=True, allow_inf_nan=False)]
 Rate = Annotated[Positive, Field(description="Hz; only where the log has no time column")]
 Axis = Annotated[
     Literal["x", "y", "z", "-x", "-y", "-z"],

@@ -5,15 +5,15 @@ from pathlib import Path
 
 from imuloop import Calibration
 from imuloop.commands.lines import say
-from imuloop.commands.raw_log import (
+from imuloop.commands.logs import (
     LOG,
-    add_arguments,
     files_of,
     log_of,
     log_samples,
     refuse_rejected,
     refuse_swapped,
 )
+from imuloop.commands.options import add_arguments
 from imuloop.core.errors import ImuloopError, one_line, plural
 from imuloop.core.files import read_json, refuse_overwriting
 from imuloop.export.export import beside_reference

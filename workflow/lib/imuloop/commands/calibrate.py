@@ -10,13 +10,8 @@ from pathlib import Path
 from imuloop.calibrate_logs import KINDS, calibrate
 from imuloop.commands.gravity import add_gravity, local_gravity
 from imuloop.commands.lines import say
-from imuloop.commands.raw_log import (
-    add_arguments,
-    declared,
-    files_of,
-    is_samples,
-    log_of,
-)
+from imuloop.commands.logs import files_of, is_samples, log_of
+from imuloop.commands.options import add_arguments, declared_keys
 from imuloop.core.errors import ImuloopError
 from imuloop.core.files import refuse_overwriting
 from imuloop.core.units import STANDARD_GRAVITY
@@ -136,10 +131,7 @@ def made(arguments, folder):
         yield calibrate(
             logs.pop("multi_position"),
             **logs,
-            **declared(arguments),
-            sensor=arguments.sensor,
-            range=arguments.range,
-            nominal=dict(arguments.counts),
+            **declared_keys(arguments),
             gravity=local_gravity(arguments, STANDARD_GRAVITY),
             prior=arguments.prior,
             label=arguments.label or files_of(arguments.logs[0][1])[0].stem,

@@ -10,10 +10,8 @@ from imuloop.calibrate.recording import record
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.commands.gravity import add_gravity, gravity_line, local_gravity
 from imuloop.commands.lines import aligned, say
-from imuloop.commands.raw_log import (
+from imuloop.commands.logs import (
     LOG,
-    add_arguments,
-    between,
     files_of,
     log_of,
     log_samples,
@@ -23,6 +21,7 @@ from imuloop.commands.raw_log import (
     refuse_swapped,
     segmented,
 )
+from imuloop.commands.options import add_arguments, between
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import refuse_overwriting, write_json
 from imuloop.core.noise_model import NoiseModel

@@ -12,7 +12,8 @@ import numpy as np
 from imuloop.calibrate.calibrate import raw_units
 from imuloop.commands.gravity import add_gravity, gravity_line, local_gravity
 from imuloop.commands.lines import say
-from imuloop.commands.raw_log import add_arguments, between, log_samples
+from imuloop.commands.logs import log_samples
+from imuloop.commands.options import add_arguments, between
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.samples import read_samples
 from imuloop.core.units import STANDARD_GRAVITY

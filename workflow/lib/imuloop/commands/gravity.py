@@ -2,10 +2,10 @@
 
 import argparse
 
-from imuloop.arguments import gravity_of
-from imuloop.commands.raw_log import between
+from imuloop.commands.options import between
 from imuloop.core.errors import ImuloopError
 from imuloop.core.gravity import HEIGHTS, LATITUDES
+from imuloop.declaration import gravity_of
 
 
 def add_gravity(command, default):

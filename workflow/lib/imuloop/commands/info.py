@@ -6,7 +6,8 @@ from pathlib import Path
 
 from imuloop import Calibration
 from imuloop.commands.lines import aligned, say
-from imuloop.commands.raw_log import LOG, add_arguments, log_of, log_samples, name_of
+from imuloop.commands.logs import LOG, log_of, log_samples, name_of
+from imuloop.commands.options import add_arguments
 from imuloop.core.errors import ImuloopError, plural
 from imuloop.core.files import read_json
 from imuloop.core.samples import SENSORS, Samples, read_metadata

@@ -8,9 +8,8 @@ import pandas as pd
 
 from imuloop.commands.info import noise_lines
 from imuloop.commands.lines import say
-from imuloop.commands.raw_log import (
+from imuloop.commands.logs import (
     LOG,
-    add_arguments,
     figures_of,
     files_of,
     log_of,
@@ -19,6 +18,7 @@ from imuloop.commands.raw_log import (
     paths_of,
     refuse_rejected,
 )
+from imuloop.commands.options import add_arguments
 from imuloop.core.errors import ImuloopError, Lacking
 from imuloop.core.files import refuse_overwriting
 from imuloop.core.samples import read_metadata, read_samples

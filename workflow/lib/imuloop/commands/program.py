@@ -12,8 +12,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from imuloop import __version__
 from imuloop.commands import apply, calibrate, check, coach, info, noise, report, sensors
+from imuloop.commands.options import declared_keys
 from imuloop.core.errors import ImuloopError, one_line
 from imuloop.core.places import COMMAND_LINE, for_reader, read_in
+from imuloop.declaration import check_declared
 
 COMMANDS = (apply, calibrate, check, coach, info, noise, report, sensors)
 
@@ -45,6 +47,8 @@ def run(argv=None):
         try:
             arguments = parser.parse_args(argv)
             with read_in(COMMAND_LINE):
+                if hasattr(arguments, "columns"):
+                    check_options(parser, arguments)
                 status = _status(arguments)
         finally:
             # a closed pipe shows here, not when Python ends; -h leaves by SystemExit
@@ -53,6 +57,14 @@ def run(argv=None):
         # whoever reads the lines has enough of them
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return status
+
+
+def check_options(parser, arguments):
+    """End with exit status 2 if the options declare of a log what cannot be."""
+    try:
+        check_declared(declared_keys(arguments))
+    except ImuloopError as error:
+        parser.error(str(error))
 
 
 def _status(arguments):

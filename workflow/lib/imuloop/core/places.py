@@ -26,7 +26,7 @@ _VALUE = "|".join(
 )
 _QUANTITY = "acceleration|angular_rate|time|temperature|interval"
 _KEY = re.compile(
-    rf"(?<![\w.-])(?:(columns|units|nominal|range)\.({_QUANTITY})(?:\.(\w+))?"
+    rf"(?<![\w.-])(?:(columns|units|nominal|range)\.({_QUANTITY})((?:\.\w+)*)"
     r"|(rate)(?= in Hz|: \d))"
     rf"(?:: ({_VALUE})(?![\w/^]))?|(?<![\w.])(format|prior): (?=[\w./])"
 )
@@ -77,8 +77,8 @@ def _option(key, quantity, part, rate, value, form):
         return f"{option} {value}" if value else option
     if key == "range":
         return "--range"
-    if key == "columns" and part:
-        quantity = f"{quantity}.{part}"
+    if key == "columns":
+        quantity += part
     option = {"columns": "--columns", "nominal": "--counts"}[key]
     return f"{option} {quantity}={re.sub(', ', ',', value.strip('[]')) if value else '…'}"
 
@@ -95,5 +95,6 @@ def _argument(key, quantity, part, rate, value, form):
         value = {"null": "None"}.get(value, repr(value))
     if rate:
         return "rate" if value == "…" else f"rate={value}"
-    inner = f"{{'{part}': {value}}}" if part else value
-    return f"{key}={{'{quantity}': {inner}}}"
+    for name in reversed([quantity, *part.split(".")[1:]]):
+        value = f"{{'{name}': {value}}}"
+    return f"{key}={value}"

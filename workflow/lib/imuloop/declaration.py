@@ -1,0 +1,74 @@
+"""What is declared of a device outside a config, checked by the same model as in a config."""
+
+from collections.abc import Mapping
+from numbers import Real
+from os import PathLike, fspath
+
+import numpy as np
+
+from imuloop.core.errors import ImuloopError, nearest
+from imuloop.core.gravity import HEIGHTS, LATITUDES, STRONGEST, WEAKEST, normal_gravity
+from imuloop.core.places import for_reader
+
+# keys of a device that say something of its logs and its sensor
+KEYS = ("format", "columns", "units", "rate", "sensor", "range", "nominal")
+
+
+def check_declared(keys, name="device", settings=None):
+    """Raise an ImuloopError for the first fault of what is declared, as a config's is found.
+
+    Parameters
+    ----------
+    keys : mapping
+        Keys of a device in a config, such as ``units``; None for a key that is not given.
+    name : str, optional
+        Name of the device.
+    settings : mapping, optional
+        Settings of the stages by their name.
+    """
+    given = {key: value for key, value in keys.items() if value is not None}
+    if not (given or settings or name != "device"):
+        # the model takes long to import
+        return
+    from imuloop.config import STAGES
+    from imuloop.config_faults import device_faults
+
+    if not isinstance(settings or {}, Mapping):
+        raise ImuloopError(f"settings: {settings!r} is not a mapping")
+    stages = plain(settings or {})
+    for stage in {*stages} - {*STAGES}:
+        raise ImuloopError(f"settings: '{stage}' is not a stage{nearest(str(stage), STAGES)}")
+    for key, text in device_faults(name, plain(given) | stages):
+        where = ("settings", *key) if key[0] in STAGES else key
+        path = for_reader(".".join(map(str, where)))
+        raise ImuloopError(f"{path}: {for_reader(text)}")
+
+
+def plain(value):
+    """Return a value with the types that YAML has: of NumPy's, of tuples and of paths."""
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(each) for each in value]
+    if isinstance(value, PathLike):
+        return fspath(value)
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def gravity_of(gravity):
+    """Return local gravity, m/s^2, of a number or of ``{"latitude": …, "height": …}``."""
+    place = isinstance(gravity, Mapping)
+    if place and {*gravity} != {"latitude", "height"}:
+        raise ImuloopError(
+            f"gravity: {dict(gravity)} is no place: give {{'latitude': degrees, 'height': m}}"
+        )
+    limits = {"latitude": LATITUDES, "height": HEIGHTS} if place else {"": (WEAKEST, STRONGEST)}
+    for name, (low, high) in limits.items():
+        value = gravity[name] if place else gravity
+        if not (isinstance(value, Real) and low <= value <= high):
+            what = name or "local gravity in m/s^2"
+            raise ImuloopError(
+                f"gravity: {value!r} is no {what}, {low:g} to {high:g}; for a place give "
+                "{'latitude': degrees, 'height': m}"
+            )
+    return normal_gravity(gravity["latitude"], gravity["height"]) if place else float(gravity)

@@ -1,0 +1,124 @@
+"""A log in memory, or files of one, as what `imuloop.calibrate` takes: its table."""
+
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
+from imuloop.ingest.formats import PAIR
+
+# types of a path
+FILE = (str, PathLike)
+# the arrays of a log in their order, and the columns that they become
+ARRAYS = {
+    "t": TIME,
+    "acceleration": ACCELERATION,
+    "angular_rate": ANGULAR_RATE,
+    "temperature": TEMPERATURE,
+}
+
+
+def log_of(log, columns=None, name="log"):
+    """Return a log as a path or a DataFrame, or as a mapping of the two sensors to one each.
+
+    `columns` are those that are declared, `name` is what the log is called in messages. Raises an
+    ImuloopError for what is no log.
+    """
+    if isinstance(log, FILE):
+        if not Path(log).exists():
+            raise ImuloopError(f"{log}: there is no such file")
+        return log if isinstance(log, str) else Path(log)
+    if isinstance(log, pd.DataFrame):
+        return _storable(_with_index(log), name)
+    if isinstance(log, Mapping):
+        parts = [k for k, v in log.items() if isinstance(v, (*FILE, pd.DataFrame, Mapping))]
+        if parts and {*log} != {*PAIR}:
+            raise ImuloopError(
+                f"{name}: a table or file each under {', '.join(map(str, log))}; name them "
+                f"{' and '.join(PAIR)}"
+            )
+        if parts:
+            for quantity in {*PAIR} - {*parts}:
+                raise ImuloopError(
+                    f"{quantity}: without t it is a path or a DataFrame with its own stamps"
+                )
+            return {quantity: log_of(log[quantity], columns, quantity) for quantity in PAIR}
+        if not {*PAIR} <= {*log} <= {*ARRAYS}:
+            try:
+                return _storable(pd.DataFrame(dict(log)), name)
+            except ValueError as error:
+                raise ImuloopError(f"{name}: {error}") from error
+        log = tuple(map(log.get, ARRAYS))
+    if isinstance(log, (tuple, list)) and len(log) in (3, 4) and not isinstance(log[0], FILE):
+        return _storable(_of_arrays(*log), name)
+    if isinstance(log, np.ndarray) and log.ndim == 2 and columns:
+        return _storable(pd.DataFrame(log), name)
+    what, remedy = f"a {type(log).__name__}", ""
+    if isinstance(log, (tuple, list)):
+        what += f" of {len(log)}"
+    elif isinstance(log, np.ndarray):
+        what = f"an array of shape {log.shape}"
+        if log.ndim == 2:
+            remedy = " without columns by number, {'time': 0, 'acceleration': [1, 2, 3], …}"
+    raise ImuloopError(
+        f"{name}: {what} is no log{remedy}; a log is a path, a DataFrame or (t, acceleration, "
+        "angular_rate[, temperature]) of arrays; of two files {'acceleration': path, "
+        "'angular_rate': path}"
+    )
+
+
+def _of_arrays(*arrays):
+    """Return a log of arrays as a table; an ImuloopError for an array of another shape."""
+    given = {k: _array(k, v) for k, v in zip(ARRAYS, arrays, strict=False) if v is not None}
+    for quantity in PAIR:
+        if quantity not in given:
+            raise ImuloopError(f"{quantity}: none is given")
+    first, table = next(iter(given)), {}
+    n = len(np.atleast_1d(given[first]))
+    for name, values in given.items():
+        shape = (n, 3) if name in PAIR else (n,)
+        if values.shape != shape:
+            raise ImuloopError(
+                f"{name}: an array of shape {values.shape}; as many rows as {first} has, {shape}, "
+                "are needed"
+            )
+        named = ARRAYS[name] if name in PAIR else (ARRAYS[name],)
+        table |= dict(zip(named, np.atleast_2d(values.T), strict=True))
+    return pd.DataFrame(table)
+
+
+def _array(name, values):
+    """Return array_like values as an array, masked ones as nan."""
+    if isinstance(values, np.ma.MaskedArray):
+        return values.astype(float).filled(np.nan)
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise ImuloopError(f"{name}: its rows differ in length") from error
+
+
+def _with_index(table):
+    """Return a table with its index, if that has times or a name, as a column."""
+    name = table.index.name
+    if name is None and isinstance(table.index, pd.DatetimeIndex):
+        name = TIME
+    return table if name is None or name in table else table.rename_axis(name).reset_index()
+
+
+def _storable(table, name):
+    """Return a table that a Parquet file can hold: other columns become float64, or else text."""
+    if not table.columns.is_unique:
+        [twice, *_] = table.columns[table.columns.duplicated()]
+        raise ImuloopError(f"{name}: two columns are named {twice}")
+    kinds = {}
+    for column in table:
+        try:
+            pa.array(table[column])
+        except pa.ArrowException:
+            kinds[column] = float if table[column].dtype.kind in "iuf" else str
+    return table.astype(kinds)
