@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from imuloop.calibrate.calibrate import calibrate_sensors
-from imuloop.calibrate.poses import Poses, Rotations
+from imuloop.calibrate.poses import Poses
 from imuloop.calibrate.recording import Recording, record
+from imuloop.calibrate.rotations import Rotations
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS

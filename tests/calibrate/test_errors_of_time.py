@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from calibrate.devices import calibrated, known_noise, recorded, scores
-from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.recording import record
+from imuloop.calibrate.sessions import read_recording
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_metadata, read_samples
 from imuloop.core.tables import write_table
 from imuloop.diagnose.records.motion import knocks

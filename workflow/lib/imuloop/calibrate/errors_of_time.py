@@ -11,12 +11,9 @@ Time stamps with jitter, of samples that were taken at even steps, add an error 
 (`core.stamps`).
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from imuloop.calibrate.undersampling import outer_products
-from imuloop.core.errors import plural
 from imuloop.core.gaps import gap_limit, lost_samples
 from imuloop.core.rotation import mean_rates
 from imuloop.core.stamps import JitterTest, bend
@@ -27,45 +24,6 @@ FEWEST = 10
 LARGEST_ERROR = 0.05
 # standard deviation of the jitter, share of a step, below which it is neglected
 LEAST_JITTER = 0.02
-
-
-@dataclass(frozen=True)
-class Lost:
-    """Numbers of the rotations and rests that are not used, and why."""
-
-    rotations: int = 0  # all rotations that are short enough to be used
-    left_out: int = 0  # those with a gap that is too long, or whose error is unknown or too large
-    longest: int = 0  # largest number of samples dropped in a row in one of these
-    clipped: int = 0  # rotations whose angular rate is clipped
-    railed: int = 0  # rests whose specific force is clipped
-    # rotations that contradict all others: session, start and end, s, and contradiction, rad, of
-    # each
-    contradicting: tuple = ()
-
-    @property
-    def reason(self):
-        """Why rotations were left out, text; empty if none was."""
-        reasons = ""
-        if self.left_out:
-            samples = f"{self.longest} sample{'s' * (self.longest != 1)} in a row"
-            reasons = f"; {self.left_out} of {self.rotations} turns lost up to {samples} and are "
-            reasons += "left out"
-        if self.clipped:
-            reasons += (
-                f"; {self.clipped} of {self.rotations} turns reached the end of the gyroscope's "
-                "range and are left out: choose a wider range or turn more slowly"
-            )
-        return reasons
-
-    @property
-    def rests_reason(self):
-        """Why rests were left out, text; empty if none was."""
-        if not self.railed:
-            return ""
-        return (
-            f"; {plural(self.railed, 'rest')} at the end of the accelerometer's range left out: "
-            "choose a wider range"
-        )
 
 
 def errors_of_time(t, w, begin, last, bias, variance):
@@ -84,9 +42,9 @@ def errors_of_time(t, w, begin, last, bias, variance):
     -------
     errors : list
         For each rotation, the steps in which an error arises, (g,), and the covariance of each
-        error as a rotation vector, rad², (g, 3, 3); the errors of gaps come first. None if
-        `gap_covariance` gives none, or if the standard deviation of the angle by all gaps is larger
-        than both that by the noise and `LARGEST_ERROR` of the angle.
+        error as a rotation vector, rad², (g, 3, 3); the errors of gaps come first. None if the
+        standard deviation of the angle by all gaps is larger than both that by the noise and
+        `LARGEST_ERROR` of the angle.
     longest : ndarray of int, shape (m,)
         Largest number of samples dropped in a row.
     """
@@ -101,12 +59,10 @@ def errors_of_time(t, w, begin, last, bias, variance):
         gaps = gap_covariance(rates, lost_here, usual)
         angle = np.linalg.norm(rates[1:] - rest, axis=1) @ steps[i:j]
         limit = max(noise.sum() * usual * steps[i:j].sum(), (LARGEST_ERROR * angle) ** 2)
-        if gaps is None or np.trace(gaps.sum(axis=0)) > limit:
-            errors.append(None)
-        else:
-            parts, by_jitter = _jitter_covariance(rates, jitter)
-            places = np.append(np.flatnonzero(lost_here), parts)
-            errors.append((places, np.concatenate([gaps, by_jitter])))
+        parts, by_jitter = _jitter_covariance(rates, jitter)
+        places = np.append(np.flatnonzero(lost_here), parts)
+        accurate = np.trace(gaps.sum(axis=0)) <= limit
+        errors.append((places, np.concatenate([gaps, by_jitter])) if accurate else None)
     return errors, np.array(longest, dtype=int)
 
 
@@ -143,25 +99,25 @@ def _jitter_covariance(w, jitter):
 def gap_covariance(w, lost, usual):
     """Return the covariance of the rotation over each gap by interpolation, rad², (g, 3, 3).
 
-    None if too little of the rotation has all samples. Takes angular rate, rad/s, (k, 3), the
-    number of samples missing in each step, (k - 1,), and the usual step, s.
+    Takes angular rate, rad/s, (k, 3), the number of samples missing in each step, (k - 1,), and the
+    usual step, s.
     """
-    sizes = {n: _mean_square(w, lost, n, usual) for n in np.unique(lost[lost > 0]).tolist()}
-    if any(size is None for size in sizes.values()):
-        return None
-    return np.array([sizes[n] for n in lost[lost > 0].tolist()]).reshape(-1, 3, 3)
+    gaps = lost[lost > 0].tolist()
+    by_length = {n: _mean_square(w, lost, n, usual) for n in set(gaps)}
+    return np.array([by_length[n] for n in gaps]).reshape(-1, 3, 3)
 
 
 def _mean_square(w, lost, n, usual):
     """Return the mean square error of interpolation over gaps of n samples, rad², (3, 3).
 
-    None if fewer than `FEWEST` windows have all samples. Arguments as for `gap_covariance`, and n.
+    It is infinite if fewer than `FEWEST` windows have all samples. Other arguments as for
+    `gap_covariance`.
     """
     # a window has the step before the gap, the n + 1 steps of the gap, and the step after it
     complete = np.convolve(lost == 0, np.ones(n + 3), "valid") > n + 2.5
     first = np.flatnonzero(complete) + 1
     if len(first) < FEWEST:
-        return None
+        return np.full((3, 3), np.inf)
     turned = usual * np.cumsum(mean_rates(w, np.full(len(w) - 1, usual)), axis=0)
     around = np.stack([w[first + i] for i in (-1, 0, n + 1, n + 2)], axis=1)
     steps = np.tile(usual * np.array([1.0, n + 1, 1.0]), (len(first), 1))

@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.calibrate.recording import Log
-from imuloop.core.samples import ANGULAR_RATE, at_rail, read_columns, read_metadata
+from imuloop.core.samples import ANGULAR_RATE, read_columns, read_metadata
 from imuloop.core.segments import STATIC
 from imuloop.core.units import DEGREE
 from imuloop.factors.known_turns import KnownTurns
@@ -28,12 +28,10 @@ def read_turns(sessions, force):
         known = metadata.get("known_rotation")
         if session["kind"] != "known_rotation" or not known:
             continue
-        samples = read_columns(session["samples"])
-        log = Log.of(samples)
+        log = Log.of(read_columns(session["samples"]), metadata.get("rails"))
         t = log.t
         if not len(t):
             continue
-        clipped = at_rail(samples, metadata.get("rails", {}), ANGULAR_RATE)
         table = read_columns(session["segments"])
         still = np.asarray(table["kind"]) == STATIC
         means = np.column_stack([table[f"{c}_mean"][still] for c in ANGULAR_RATE])
@@ -41,7 +39,7 @@ def read_turns(sessions, force):
         for turn in known:
             first, last = np.searchsorted(t, [turn.get("start", t[0]), turn.get("end", t[-1])])
             rows = slice(first, last + 1)
-            if len(t[rows]) < 3 or clipped[rows].any():
+            if len(t[rows]) < 3 or log.clipped[0, rows].any():
                 continue
             length = np.ptp(t[rows])
             turned = np.trapezoid(log.w[rows], t[rows], axis=0)

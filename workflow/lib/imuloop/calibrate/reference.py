@@ -38,9 +38,12 @@ SESSION_STD = np.repeat([0.5, 2.0, 0.3, 0.3], 3)
 
 
 @dataclass(frozen=True)
-class ReferenceLog(Log):
-    """A session of N samples beside a reference; `f` and `w` are calibrated, SI."""
+class ReferenceLog:
+    """A session of N samples beside a reference."""
 
+    t: np.ndarray  # (N,): time, s
+    f: np.ndarray  # (N, 3): calibrated specific force, m/s^2
+    w: np.ndarray  # (N, 3): calibrated angular rate, rad/s
     # (N, 3, 3): rotation from axes near the body's to the world's axes, not-a-number where the
     # reference was lost. It is the attitude that the reference gives times `frame`
     attitude: np.ndarray
@@ -69,7 +72,7 @@ def read_reference(sessions, calibration):
             attitude, valid = np.full((len(q), 3, 3), np.nan), np.isfinite(q[:, 0])
             attitude[valid] = Rotation.from_quat(q[valid], scalar_first=True).as_matrix() @ frame
             noise = metadata["noise"]["orientation"], metadata["noise"]["position"] or 0.0
-            logs[name] = ReferenceLog(log.t, f, w, None, attitude, place, frame, noise)
+            logs[name] = ReferenceLog(log.t, f, w, attitude, place, frame, noise)
     return logs
 
 

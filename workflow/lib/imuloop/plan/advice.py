@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
-from imuloop.calibrate.poses import Rotations
 from imuloop.calibrate.recording import Recording
+from imuloop.calibrate.rotations import Rotations
 from imuloop.core.rotation import exponential, matrix, shortest_turn
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.sphere import direction_words

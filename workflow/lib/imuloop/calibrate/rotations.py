@@ -1,0 +1,191 @@
+"""Rotations from one pose to the next, gathered from the logs of all sessions."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from imuloop.calibrate.errors_of_time import errors_of_time
+from imuloop.calibrate.poses import Table
+from imuloop.calibrate.undersampling import PARTS, aliased_turns
+from imuloop.core.errors import plural
+from imuloop.core.gaps import lost_samples
+from imuloop.core.segments import GAP
+
+# share of a rotation at either end that is too slow to be told from a rest, and the part of it, s,
+# that the segmentation does not count as rest
+ONSET, SEEN = 0.03, 0.1
+
+
+@dataclass(frozen=True)
+class Rotations(Table):
+    """The samples of m rotations between consecutive poses.
+
+    All rotations are padded to the same number k of samples: the last sample is repeated, so that
+    the time steps of the padding are zero.
+    """
+
+    first: np.ndarray  # index of the pose that the rotation starts from, (m,); it ends at the next
+    start_s: np.ndarray  # time of the first sample, s, (m,)
+    end_s: np.ndarray  # time of the last sample, s, (m,)
+    t: np.ndarray  # time of the samples, s, (m, k)
+    w: np.ndarray  # angular rate, rad/s, (m, k, 3), nominal SI
+    f: np.ndarray  # specific force, m/s^2, (m, k, 3), nominal SI
+    temperature: np.ndarray | None  # degC, (m, k)
+    # whether samples are missing in each step, (m, k - 1)
+    uneven: np.ndarray | None = None
+    # additional errors of a rotation: the steps in which they arise, (m, g), and the covariance of
+    # each as a rotation vector, rad², (m, g, 3, 3). The first `PARTS` of the g errors are due to
+    # undersampling (`undersampling.aliased_turns`), the others to missing samples and jitter
+    extra_at: np.ndarray | None = None
+    extra_covariance: np.ndarray | None = None
+    # variance of each axis due to undersampling, rad², (m,)
+    aliased: np.ndarray | None = None
+    # exponent p of the power law f⁻ᵖ of the spectrum from which `aliased` is predicted, (m,)
+    fall: np.ndarray | None = None
+    # whether the specific force reached the end of its range, (m,)
+    force_clipped: np.ndarray | None = None
+
+    @cached_property
+    def steps(self):
+        """Time steps, s, (m, k - 1); zero in the padding."""
+        return np.diff(self.t, axis=1)
+
+    def errors(self, aliasing=True, others=True):
+        """Return the additional errors of the rotations.
+
+        `aliasing` includes the errors due to undersampling, `others` those due to missing samples
+        and jitter.
+
+        Returns
+        -------
+        steps : ndarray of int, shape (m, g)
+            Index of the step in which each error arises.
+        covariance : ndarray, shape (m, g, 3, 3)
+            Covariance of each error as a rotation vector, rad².
+        """
+        part = slice(0 if aliasing else PARTS, None if others else PARTS)
+        return self.extra_at[:, part], self.extra_covariance[:, part]
+
+
+@dataclass(frozen=True)
+class Lost:
+    """Numbers of the rotations and rests that are not used, and why."""
+
+    rotations: int = 0  # all rotations that are short enough to be used
+    left_out: int = 0  # those with a gap that is too long, or whose error is unknown or too large
+    longest: int = 0  # largest number of samples dropped in a row in one of these
+    clipped: int = 0  # rotations whose angular rate is clipped
+    railed: int = 0  # rests whose specific force is clipped
+    # rotations that contradict all others: session, start and end, s, and contradiction, rad, of
+    # each
+    contradicting: tuple = ()
+
+    @property
+    def reason(self):
+        """Why rotations were left out, text; empty if none was."""
+        left_out = (
+            f"; {self.left_out} of {self.rotations} turns lost up to "
+            f"{plural(self.longest, 'sample')} in a row and are left out"
+        )
+        clipped = (
+            f"; {self.clipped} of {self.rotations} turns reached the end of the gyroscope's range "
+            "and are left out: choose a wider range or turn more slowly"
+        )
+        return left_out * bool(self.left_out) + clipped * bool(self.clipped)
+
+    @property
+    def rests_reason(self):
+        """Why rests were left out, text; empty if none was."""
+        rests = plural(self.railed, "rest")
+        reason = f"; {rests} at the end of the accelerometer's range left out: choose a wider range"
+        return reason * bool(self.railed)
+
+
+def gather_rotations(poses, logs, segments, longest_s):
+    """Return the Rotations between consecutive poses of the same session, and the Lost.
+
+    A rotation lasts from the last sample of a pose to the first sample of the next pose. A slow
+    rotation also takes the nearest part of both poses: it starts and ends too slowly to be told
+    from a rest, and the angle of these parts is larger than the noise of the added time.
+
+    A rotation is left out if it lasts longer than `longest_s`, crosses a gap of the segments, has
+    a clipped angular rate, or if missing samples make its angle too uncertain (`errors_of_time`).
+
+    Parameters
+    ----------
+    poses : Poses
+        The poses of all sessions.
+    logs, segments : sequence
+        The Log and the segments, a DataFrame or a dict of arrays, of each session.
+    longest_s : float
+        Longest rotation, s.
+    """
+    turns, candidates, lost_runs, clipped_turns = [], 0, [], 0
+    # part of each pose that a slow rotation may take, s; poses that tilt have their turns already
+    room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
+    for session in np.unique(poses.session):
+        log, table = logs[session], segments[session]
+        pose = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
+        pose = pose[poses.start_s[pose + 1] - poses.end_s[pose] <= longest_s]
+        start, end = poses.end_s[pose], poses.start_s[pose + 1]
+        onset = np.maximum(ONSET * (end - start) - SEEN, 0.0)
+        start, end = start - np.minimum(onset, room[pose]), end + np.minimum(onset, room[pose + 1])
+        is_gap = np.asarray(table["kind"]) == GAP
+        gap_start, gap_end = (np.asarray(table[c])[is_gap] for c in ("start_s", "end_s"))
+        crosses_gap = ((gap_start < end[:, None]) & (gap_end > start[:, None])).any(axis=1)
+        # `end_s` is exclusive: the last sample of the pose is the one before it
+        first, last = np.searchsorted(log.t, start) - 1, np.searchsorted(log.t, end)
+        bias, variance = poses.w[pose], poses.variance[pose, 3:]
+        errors, lost = errors_of_time(log.t, log.w, first, last, bias, variance)
+        accurate = np.array([e is not None for e in errors], dtype=bool) & ~crosses_gap
+        # a rotation is clipped if the number of clipped samples rises between its ends
+        count = np.pad(np.cumsum(log.clipped, axis=1), ((0, 0), (1, 0)))
+        rate_clipped, force_clipped = count[:, last + 1] > count[:, first]
+        kept = np.flatnonzero(accurate & ~rate_clipped)
+        candidates += len(pose)
+        lost_runs += lost[~accurate].tolist()
+        clipped_turns += np.count_nonzero(accurate & rate_clipped)
+        of_kept = (values[kept] for values in (first, last, bias, variance))
+        aliasing = aliased_turns(log.t, log.w, *of_kept)
+        for i, aliased, fall, steps, covariance in zip(kept, *aliasing, strict=True):
+            more_steps, more = errors[i]
+            steps, covariance = np.append(steps, more_steps), np.concatenate([covariance, more])
+            rows = log, slice(first[i], last[i] + 1)
+            turns.append((pose[i], rows, steps, covariance, aliased, fall, force_clipped[i]))
+    pose, rows, steps, covariance, *others = zip(*turns, strict=True) if turns else [()] * 7
+
+    def stack(name, *shape):
+        """Return the samples of a field of the logs along all rotations, (m, k, ...)."""
+        return pad_and_stack([getattr(log, name)[samples] for log, samples in rows], shape)
+
+    t = stack("t")
+    usual = np.array([np.median(np.diff(log.t)) for log, _ in rows])
+    rotations = Rotations(
+        np.array(pose, int),
+        t[:, 0],
+        t[:, -1],
+        t,
+        stack("w", 3),
+        stack("f", 3),
+        stack("temperature") if poses.temperature is not None else None,
+        lost_samples(np.diff(t), usual[:, None]) > 0,
+        pad_and_stack(steps).astype(int),
+        pad_and_stack(covariance, (3, 3), repeat=False),
+        *map(np.array, others),
+    )
+    return rotations, Lost(candidates, len(lost_runs), max(lost_runs, default=0), clipped_turns)
+
+
+def pad_and_stack(arrays, shape=(), repeat=True):
+    """Return arrays of different lengths as one array, (m, k, ...).
+
+    k is the length of the longest array and `shape` the shape of one row. Shorter arrays are padded
+    with their last row if `repeat` is true, otherwise with zeros.
+    """
+    stacked = np.zeros((len(arrays), max(map(len, arrays), default=2), *shape))
+    for row, values in zip(stacked, arrays, strict=True):
+        row[: len(values)] = values
+        if repeat:
+            row[len(values) :] = values[-1]
+    return stacked
