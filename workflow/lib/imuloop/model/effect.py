@@ -244,8 +244,7 @@ class FittedEffect:
         ranges = dict(self.ranges)
         for k, name in enumerate(self.effect.parameters):
             design = np.concatenate([np.zeros(0), *(part[:, :, k].ravel() for part in parts)])
-            if design.any():
-                design = design[design != 0]
+            if (design := design[design != 0]).size:
                 ranges[name] = float(design.min()), float(design.max())
         return replace(self, ranges=ranges)
 
@@ -261,26 +260,23 @@ class FittedEffect:
 
         Raises an ImuloopError if the library has no such effect.
         """
-        name = content["name"]
+        name, values = content["name"], content["parameters"]
+        std, ranges = content.get("std", {}), content.get("range", {})
+        # lists of the file become tuples, as an effect is hashed
+        constants = content.get("constants", {}).items()
+        constants = {k: tuple(v) if isinstance(v, list) else v for k, v in constants}
         try:
-            constants = content.get("constants", {}).items()
-            # lists of the file become tuples, as an effect is hashed
-            constants = {k: tuple(v) if isinstance(v, list) else v for k, v in constants}
             effect = find_effect(name)(**constants)
             _check_constants(effect)
         except (TypeError, ValueError) as error:
             raise ImuloopError(f"effect {name}: its constants do not fit: {error}") from error
-        if set(content["parameters"]) != set(effect.parameters):
+        if set(values) != set(effect.parameters) or not {*std, *ranges} <= set(values):
             raise ImuloopError(f"effect {name}: its parameters are {', '.join(effect.parameters)}")
-        values = {key: float(content["parameters"][key]) for key in effect.parameters}
-        std = dict(content.get("std", {}))
-        ranges = {key: tuple(map(float, ends)) for key, ends in content.get("range", {}).items()}
-        if not {*ranges, *std} <= {*values}:
-            raise ImuloopError(f"effect {name}: range or std of what is no parameter of it")
-        for ends in ranges.values():
-            if not (len(ends) == 2 and -np.inf < ends[0] <= ends[1] < np.inf):
-                raise ImuloopError(f"effect {name}: range is no least and largest value")
-        return cls(effect, values, std, ranges)
+        values = {key: float(values[key]) for key in effect.parameters}
+        ranges = {key: (float(low), float(high)) for key, (low, high) in ranges.items()}
+        if not all(low <= high for low, high in ranges.values()):
+            raise ImuloopError(f"effect {name}: range is no least and largest value")
+        return cls(effect, values, dict(std), ranges)
 
 
 def _check_constants(effect):
