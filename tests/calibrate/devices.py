@@ -77,7 +77,7 @@ def at_rest(f, error=1e-5):
     none, t, along = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, 3))
     rotations = Rotations(
         none.astype(int), none, none, t, along, along, None, t[:, 1:] > 0,
-        t[:, :0].astype(int), np.zeros((0, 0, 3, 3)), none, none, none > 0,
+        t[:, :0].astype(int), np.zeros((0, 0, 3, 3)), np.zeros((0, 0, 3, 3)), none, none, none > 0,
     )  # fmt: skip
     return Recording(poses, rotations)
 

@@ -53,7 +53,7 @@ def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
         force, turn, made = of_log(HARMS[harm](log, np.random.default_rng(seed)))
         assert force.not_testable is None and turn.not_testable is None
         assert made.lost.rotations - made.lost.left_out == len(made.rotations) >= 37
-        assert made.rotations.extra_covariance.any() == (harm != "none")
+        assert made.rotations.time_covariance.any() == (harm != "none")
         sensors = (
             scores(force, TRUTH.accelerometer, NAMES["accelerometer"]),
             scores(turn, TRUTH.gyroscope, NAMES["gyroscope"]),

@@ -29,6 +29,11 @@ LONG = 1 / 3
 # contradicts: share of gravity, rad
 CHANGED, MOST = 3, 0.5
 LEAST = {"accelerometer": 5e-3, "gyroscope": 0.015}
+# name of what is compared, and of what may have changed
+WORDS = {
+    "accelerometer": ("poses", "the accelerometer"),
+    "gyroscope": ("turns", "the gyroscope, or an axis of the accelerometer,"),
+}
 # parameters of both sensors without errors
 NOMINAL = np.repeat([0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [3, 3, 3, 6, 3, 3])
 # prior standard deviation of misalignment, rad, scale factor, 1, and bias, share of gravity
@@ -144,7 +149,8 @@ def odd_turns(recording):
         return np.zeros(len(rotations), dtype=bool), np.zeros(len(rotations))
     turns = sensor_errors("gyroscope", recording)
     errors = turns.sizes()
-    variance = np.einsum("mcc->m", turns.spread) + np.einsum("mgii->m", rotations.extra_covariance)
+    extra = rotations.aliasing_covariance + rotations.time_covariance
+    variance = np.einsum("mcc->m", turns.spread) + np.einsum("mgii->m", extra)
     odd = errors > np.maximum(TIMES * np.maximum(np.median(errors), np.sqrt(variance)), TURN)
     return odd & (odd.sum() <= max(1, SHARE * len(odd))), errors
 
@@ -194,12 +200,8 @@ def first_changed(errors, fewest, least):
 
 def changed_at(sensor, recording):
     """Return when a sensor changed during a Recording, s, and a sentence; None if it did not."""
-    poses, rotations = recording.poses, recording.rotations
-    if sensor == "accelerometer":
-        table, what, name = poses, "poses", "the accelerometer"
-    else:
-        table, what = rotations, "turns"
-        name = "the gyroscope, or an axis of the accelerometer,"
+    poses, (what, name) = recording.poses, WORDS[sensor]
+    table = poses if sensor == "accelerometer" else recording.rotations
     # the clocks of two sessions cannot be compared
     if len(table) < PARTS[sensor] + CHANGED or not sensors_work(poses) or np.ptp(poses.session):
         return None

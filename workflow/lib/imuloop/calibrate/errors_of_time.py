@@ -8,12 +8,14 @@ the gap. It includes both the curvature of the motion and the noise of fewer sam
 that samples are dropped independently of the motion.
 
 Time stamps with jitter, of samples that were taken at even steps, add an error of their own
-(`core.stamps`).
+(`core.stamps`). A time stamp that is late by e makes the step before it longer by e and the step
+after it shorter by e. The angle is then wrong by e times half the change of the rate over both
+steps.
 """
 
 import numpy as np
 
-from imuloop.calibrate.undersampling import outer_products
+from imuloop.calibrate.undersampling import PARTS, outer_products, sum_parts
 from imuloop.core.gaps import gap_limit, lost_samples
 from imuloop.core.rotation import mean_rates
 from imuloop.core.stamps import JitterTest, bend
@@ -40,30 +42,27 @@ def errors_of_time(t, w, begin, last, bias, variance):
 
     Returns
     -------
-    errors : list
-        For each rotation, the steps in which an error arises, (g,), and the covariance of each
-        error as a rotation vector, rad², (g, 3, 3); the errors of gaps come first. None if the
-        standard deviation of the angle by all gaps is larger than both that by the noise and
+    covariance : ndarray, shape (m, PARTS, 3, 3)
+        Covariance of the error that arises in each part of a rotation, on body axes, rad².
+    accurate : ndarray of bool, shape (m,)
+        Whether the standard deviation of the angle by all gaps is below that by the noise, or below
         `LARGEST_ERROR` of the angle.
     longest : ndarray of int, shape (m,)
         Largest number of samples dropped in a row.
     """
     steps = np.diff(t)
     usual = np.median(steps)
-    lost = lost_samples(steps, usual)
-    jitter = _estimate_jitter(t, w, usual)
-    errors, longest = [], []
-    for i, j, rest, noise in zip(begin, last, bias, variance, strict=True):
-        lost_here, rates = lost[i:j], w[i : j + 1]
-        longest.append(lost_here.max(initial=0))
-        gaps = gap_covariance(rates, lost_here, usual)
-        angle = np.linalg.norm(rates[1:] - rest, axis=1) @ steps[i:j]
-        limit = max(noise.sum() * usual * steps[i:j].sum(), (LARGEST_ERROR * angle) ** 2)
-        parts, by_jitter = _jitter_covariance(rates, jitter)
-        places = np.append(np.flatnonzero(lost_here), parts)
-        accurate = np.trace(gaps.sum(axis=0)) <= limit
-        errors.append((places, np.concatenate([gaps, by_jitter])) if accurate else None)
-    return errors, np.array(longest, dtype=int)
+    lost, jitter = lost_samples(steps, usual), _estimate_jitter(t, w, usual)
+    covariance = np.zeros((len(begin), PARTS, 3, 3))
+    accurate, longest = np.zeros(len(begin), bool), np.zeros(len(begin), int)
+    for k, (i, j) in enumerate(zip(begin, last, strict=True)):
+        rates, missing = w[i : j + 1], lost[i:j]
+        gaps, slopes = gap_covariance(rates, missing, usual), (rates[2:] - rates[:-2]) / 2
+        angle = np.linalg.norm(rates[1:] - bias[k], axis=1) @ steps[i:j]
+        limit = max(variance[k].sum() * usual * steps[i:j].sum(), (LARGEST_ERROR * angle) ** 2)
+        accurate[k], longest[k] = np.trace(gaps.sum(axis=0)) <= limit, missing.max(initial=0)
+        covariance[k] = sum_parts(gaps) + jitter**2 * sum_parts(outer_products(slopes))
+    return covariance, accurate, longest
 
 
 def _estimate_jitter(t, w, usual):
@@ -82,29 +81,16 @@ def _estimate_jitter(t, w, usual):
     return 0.0 if test.followed else std
 
 
-def _jitter_covariance(w, jitter):
-    """Return the steps, (p,), and the covariance, rad², (p, 3, 3), of the errors by jitter.
-
-    A time stamp that is late by e makes the step before it longer by e and the step after it
-    shorter by e. The angle is then wrong by e times half the change of the rate over both steps.
-    The errors are summed over p parts of the rotation. Takes angular rate, rad/s, (k, 3), and the
-    standard deviation of the jitter, s.
-    """
-    if not jitter:
-        return np.zeros(0, int), np.zeros((0, 3, 3))
-    middles, squares = outer_products((w[2:] - w[:-2]) / 2)
-    return middles, jitter**2 * squares
-
-
 def gap_covariance(w, lost, usual):
-    """Return the covariance of the rotation over each gap by interpolation, rad², (g, 3, 3).
+    """Return the covariance of the rotation over each step by interpolation, rad², (k - 1, 3, 3).
 
-    Takes angular rate, rad/s, (k, 3), the number of samples missing in each step, (k - 1,), and the
-    usual step, s.
+    It is zero for a step without missing samples. Takes angular rate, rad/s, (k, 3), the number of
+    samples missing in each step, (k - 1,), and the usual step, s.
     """
-    gaps = lost[lost > 0].tolist()
-    by_length = {n: _mean_square(w, lost, n, usual) for n in set(gaps)}
-    return np.array([by_length[n] for n in gaps]).reshape(-1, 3, 3)
+    covariance = np.zeros((len(lost), 3, 3))
+    for n in set(lost[lost > 0].tolist()):
+        covariance[lost == n] = _mean_square(w, lost, n, usual)
+    return covariance
 
 
 def _mean_square(w, lost, n, usual):

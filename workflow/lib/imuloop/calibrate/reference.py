@@ -55,7 +55,7 @@ class ReferenceLog:
 def read_reference(sessions, calibration):
     """Return the ReferenceLog of each session with a reference, a dict by name.
 
-    `sessions` are dicts by name, as for `calibrate.usable_sessions`. The Calibration of the device
+    `sessions` are dicts by name, as in `imuloop.calibrate.sessions`. The Calibration of the device
     is applied without the effects that depend on time, or on channels that not every log has.
     """
     steady, logs = {}, {}

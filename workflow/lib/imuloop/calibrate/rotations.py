@@ -7,7 +7,7 @@ import numpy as np
 
 from imuloop.calibrate.errors_of_time import errors_of_time
 from imuloop.calibrate.poses import Table
-from imuloop.calibrate.undersampling import PARTS, aliased_turns
+from imuloop.calibrate.undersampling import PARTS, aliased_turns, middle_steps
 from imuloop.core.errors import plural
 from imuloop.core.gaps import lost_samples
 from imuloop.core.segments import GAP
@@ -34,11 +34,12 @@ class Rotations(Table):
     temperature: np.ndarray | None  # degC, (m, k)
     # whether samples are missing in each step, (m, k - 1)
     uneven: np.ndarray | None = None
-    # additional errors of a rotation: the steps in which they arise, (m, g), and the covariance of
-    # each as a rotation vector, rad², (m, g, 3, 3). The first `PARTS` of the g errors are due to
-    # undersampling (`undersampling.aliased_turns`), the others to missing samples and jitter
+    # additional errors of a rotation: the step in the middle of each of the g parts in which they
+    # arise, (m, g), and their covariance as a rotation vector, rad², (m, g, 3, 3), due to
+    # undersampling (`undersampling.aliased_turns`), and due to missing samples and jitter
     extra_at: np.ndarray | None = None
-    extra_covariance: np.ndarray | None = None
+    aliasing_covariance: np.ndarray | None = None
+    time_covariance: np.ndarray | None = None
     # variance of each axis due to undersampling, rad², (m,)
     aliased: np.ndarray | None = None
     # exponent p of the power law f⁻ᵖ of the spectrum from which `aliased` is predicted, (m,)
@@ -50,22 +51,6 @@ class Rotations(Table):
     def steps(self):
         """Time steps, s, (m, k - 1); zero in the padding."""
         return np.diff(self.t, axis=1)
-
-    def errors(self, aliasing=True, others=True):
-        """Return the additional errors of the rotations.
-
-        `aliasing` includes the errors due to undersampling, `others` those due to missing samples
-        and jitter.
-
-        Returns
-        -------
-        steps : ndarray of int, shape (m, g)
-            Index of the step in which each error arises.
-        covariance : ndarray, shape (m, g, 3, 3)
-            Covariance of each error as a rotation vector, rad².
-        """
-        part = slice(0 if aliasing else PARTS, None if others else PARTS)
-        return self.extra_at[:, part], self.extra_covariance[:, part]
 
 
 @dataclass(frozen=True)
@@ -121,7 +106,9 @@ def gather_rotations(poses, logs, segments, longest_s):
     longest_s : float
         Longest rotation, s.
     """
-    turns, candidates, lost_runs, clipped_turns = [], 0, [], 0
+    # columns of each session; the first are empty, for a device without sessions
+    columns = [(*np.zeros((6, 0)), np.zeros((0, PARTS, 3, 3)), *aliased_turns(*[()] * 6))]
+    candidates, lost_runs, clipped_turns = 0, [], 0
     # part of each pose that a slow rotation may take, s; poses that tilt have their turns already
     room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
     for session in np.unique(poses.session):
@@ -137,8 +124,8 @@ def gather_rotations(poses, logs, segments, longest_s):
         # `end_s` is exclusive: the last sample of the pose is the one before it
         first, last = np.searchsorted(log.t, start) - 1, np.searchsorted(log.t, end)
         bias, variance = poses.w[pose], poses.variance[pose, 3:]
-        errors, lost = errors_of_time(log.t, log.w, first, last, bias, variance)
-        accurate = np.array([e is not None for e in errors], dtype=bool) & ~crosses_gap
+        covariance, accurate, lost = errors_of_time(log.t, log.w, first, last, bias, variance)
+        accurate &= ~crosses_gap
         # a rotation is clipped if the number of clipped samples rises between its ends
         count = np.pad(np.cumsum(log.clipped, axis=1), ((0, 0), (1, 0)))
         rate_clipped, force_clipped = count[:, last + 1] > count[:, first]
@@ -146,46 +133,38 @@ def gather_rotations(poses, logs, segments, longest_s):
         candidates += len(pose)
         lost_runs += lost[~accurate].tolist()
         clipped_turns += np.count_nonzero(accurate & rate_clipped)
-        of_kept = (values[kept] for values in (first, last, bias, variance))
-        aliasing = aliased_turns(log.t, log.w, *of_kept)
-        for i, aliased, fall, steps, covariance in zip(kept, *aliasing, strict=True):
-            more_steps, more = errors[i]
-            steps, covariance = np.append(steps, more_steps), np.concatenate([covariance, more])
-            rows = log, slice(first[i], last[i] + 1)
-            turns.append((pose[i], rows, steps, covariance, aliased, fall, force_clipped[i]))
-    pose, rows, steps, covariance, *others = zip(*turns, strict=True) if turns else [()] * 7
+        pose, first, last, bias, variance = (x[kept] for x in (pose, first, last, bias, variance))
+        same = (np.full(len(kept), value) for value in (session, np.median(np.diff(log.t))))
+        aliasing = aliased_turns(log.t, log.w, first, last, bias, variance)
+        own = pose, first, last, *same, force_clipped[kept], covariance[kept], *aliasing
+        columns.append(own)
+    *columns, time_covariance, aliased, fall, aliasing_covariance = map(
+        np.concatenate, zip(*columns, strict=True)
+    )
+    pose, first, last, session = (column.astype(int) for column in columns[:4])
+    length = np.max(last - first, initial=1) + 1
+    rows = np.minimum(first[:, None] + np.arange(length), last[:, None])
 
-    def stack(name, *shape):
+    def along(name, *shape):
         """Return the samples of a field of the logs along all rotations, (m, k, ...)."""
-        return pad_and_stack([getattr(log, name)[samples] for log, samples in rows], shape)
+        values = [getattr(logs[s], name)[i] for s, i in zip(session, rows, strict=True)]
+        return np.reshape(values, (*rows.shape, *shape))
 
-    t = stack("t")
-    usual = np.array([np.median(np.diff(log.t)) for log, _ in rows])
+    t = along("t")
     rotations = Rotations(
-        np.array(pose, int),
-        t[:, 0],
-        t[:, -1],
-        t,
-        stack("w", 3),
-        stack("f", 3),
-        stack("temperature") if poses.temperature is not None else None,
-        lost_samples(np.diff(t), usual[:, None]) > 0,
-        pad_and_stack(steps).astype(int),
-        pad_and_stack(covariance, (3, 3), repeat=False),
-        *map(np.array, others),
+        first=pose,
+        start_s=t[:, 0],
+        end_s=t[:, -1],
+        t=t,
+        w=along("w", 3),
+        f=along("f", 3),
+        temperature=None if poses.temperature is None else along("temperature"),
+        uneven=lost_samples(np.diff(t), columns[4][:, None]) > 0,
+        extra_at=middle_steps(last - first + 1),
+        aliasing_covariance=aliasing_covariance,
+        time_covariance=time_covariance,
+        aliased=aliased,
+        fall=fall,
+        force_clipped=columns[5] > 0,
     )
     return rotations, Lost(candidates, len(lost_runs), max(lost_runs, default=0), clipped_turns)
-
-
-def pad_and_stack(arrays, shape=(), repeat=True):
-    """Return arrays of different lengths as one array, (m, k, ...).
-
-    k is the length of the longest array and `shape` the shape of one row. Shorter arrays are padded
-    with their last row if `repeat` is true, otherwise with zeros.
-    """
-    stacked = np.zeros((len(arrays), max(map(len, arrays), default=2), *shape))
-    for row, values in zip(stacked, arrays, strict=True):
-        row[: len(values)] = values
-        if repeat:
-            row[len(values) :] = values[-1]
-    return stacked

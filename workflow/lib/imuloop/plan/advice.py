@@ -175,7 +175,8 @@ def recorded(steps, now, calibration, recording):
     rotations = Rotations(
         *(2 * np.arange(m), t[:, 0], t[:, -1], *values),
         extra_at=np.zeros((m, 1), int),
-        extra_covariance=np.tile(np.eye(3) * (lost.mean() if len(lost) else 0.0), (m, 1, 1, 1)),
+        time_covariance=np.zeros((m, 1, 3, 3)),
+        aliasing_covariance=np.tile(np.eye(3) * (lost.mean() if len(lost) else 0.0), (m, 1, 1, 1)),
     )
     return Recording(rest, rotations)
 
