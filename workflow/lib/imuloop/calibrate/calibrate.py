@@ -96,8 +96,9 @@ def known_rows(prior, turns, bias):
     x is the state without effects. `turns` may be None. `bias`, if not None, is the gyroscope's
     bias and its variance, nominal SI, which replace those of the prior.
     """
-    parts = [prior.rows() if bias is None else prior.with_bias(*bias).rows()]
-    parts += [turns.rows()] if turns else []
+    if bias is not None:
+        prior = prior.with_part(BIAS, bias[0], np.diag(bias[1]))
+    parts = [prior.rows(), *([turns.rows()] if turns else [])]
     return tuple(map(np.concatenate, zip(*parts, strict=True)))
 
 

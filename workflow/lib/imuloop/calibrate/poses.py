@@ -178,16 +178,15 @@ def rounding_variance(samples, variance):
 
 
 def add_rounding(poses, logs):
-    """Return the Poses with the variance of quantization added to `extra_variance`.
+    """Add the variance of quantization to the `extra_variance` of Poses, in place.
 
     Takes the Poses and the Log of each session.
     """
-    extra = np.zeros((len(poses), len(CHANNELS)))
     for session in np.unique(poses.session):
         rows, log = poses.session == session, logs[session]
         for axis, values in enumerate(np.hstack([log.f, log.w]).T):
-            extra[rows, axis] = rounding_variance(values, poses.variance[rows, axis])
-    return replace(poses, extra_variance=poses.extra_variance + extra)
+            rounding = rounding_variance(values, poses.variance[rows, axis])
+            poses.extra_variance[rows, axis] += rounding
 
 
 def _taper_weights(n, share):
@@ -197,9 +196,9 @@ def _taper_weights(n, share):
 
 
 def add_tilt_turns(poses, logs):
-    r"""Return the Poses with the turns within those that tilt, and with corrected means.
+    r"""Set the turns within the poses that tilt, and correct their means, in place.
 
-    Only poses with a tilt change, in these fields:
+    These fields of such poses change:
 
     - `to_start` and `to_end`. The mean specific force of a pose is the specific force at the
       attitude where the rotation since the start equals its mean over the pose. From there, the
@@ -216,14 +215,10 @@ def add_tilt_turns(poses, logs):
 
     Takes the Poses and the Log of each session.
     """
-    tilted = np.flatnonzero(poses.tilt)
-    if not len(tilted):
-        return poses
-    still = poses.tilt == 0
-    bias = np.average(poses.w[still], axis=0, weights=poses.n[still]) if still.any() else 0.0
-    f, w, duration_s = poses.f.copy(), poses.w.copy(), poses.duration_s.copy()
-    to_start, to_end = np.zeros((2, len(poses), 3))
-    for k in tilted:
+    poses.extra_variance[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
+    f, w, still = poses.f, poses.w, poses.tilt == 0
+    bias = np.average(w[still], axis=0, weights=poses.n[still]) if still.any() else 0.0
+    for k in np.flatnonzero(~still):
         log = logs[poses.session[k]]
         rows = slice(*np.searchsorted(log.t, [poses.start_s[k], poses.end_s[k]]))
         t, force, rate = log.t[rows], log.f[rows], log.w[rows]
@@ -232,16 +227,12 @@ def add_tilt_turns(poses, logs):
         mean = turned.mean(axis=0)
         # a pose that was interrupted keeps the means of its parts
         if len(t) == poses.n[k]:
-            weights = _taper_weights(len(t), min(FADE / duration_s[k], 0.5))
+            weights = _taper_weights(len(t), min(FADE / poses.duration_s[k], 0.5))
             mean, f[k], w[k] = (
                 np.average(x, axis=0, weights=weights) for x in (turned, force, rate)
             )
             across = np.cross(turned - mean, f[k] / np.linalg.norm(f[k]))
             f[k] *= 1 + np.average((across**2).sum(axis=1), weights=weights) / 2
             # duration of an unweighted mean with the same variance of white noise
-            duration_s[k] *= weights.mean() ** 2 / np.mean(weights**2)
-        to_start[k], to_end[k] = -mean, turned[-1] - mean
-    extra = poses.extra_variance.copy()
-    extra[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
-    ends = {"to_start": to_start, "to_end": to_end}
-    return replace(poses, f=f, w=w, duration_s=duration_s, extra_variance=extra, **ends)
+            poses.duration_s[k] *= weights.mean() ** 2 / np.mean(weights**2)
+        poses.to_start[k], poses.to_end[k] = -mean, turned[-1] - mean

@@ -67,10 +67,10 @@ class Log:
 
 @dataclass(frozen=True)
 class Recording:
-    """The poses and rotations of all usable sessions of one kind."""
+    """The poses of all usable sessions of one kind, and the rotations between them."""
 
     poses: Poses
-    rotations: Rotations | None = None  # None if only poses are needed
+    rotations: Rotations
     logs: tuple[Log, ...] = ()  # the Log of each session, for effects with a memory
     lost: Lost = field(default_factory=Lost)  # rotations and rests that were left out
     # whether an accelerometer is slower than its gyroscope, so that its samples are interpolated
@@ -197,7 +197,9 @@ def record(samples, segments, longest_rotation, rails=None):
     """
     rails = rails or [{}] * len(samples)
     logs = tuple(map(Log.of, map(on_gyroscope_clock, samples), rails))
-    poses = add_tilt_turns(add_rounding(gather_poses(segments), logs), logs)
+    poses = gather_poses(segments)
+    add_rounding(poses, logs)
+    add_tilt_turns(poses, logs)
     if len(poses) and all(log.temperature is not None for log in logs):
         temperature = pose_means(poses, logs, [log.temperature for log in logs])
         poses = replace(poses, temperature=temperature)

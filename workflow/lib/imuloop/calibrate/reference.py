@@ -58,16 +58,17 @@ def read_reference(sessions, calibration):
     `sessions` are dicts by name, as in `imuloop.calibrate.sessions`. The Calibration of the device
     is applied without the effects that depend on time, or on channels that not every log has.
     """
-    steady, logs = {}, {}
-    for name, own in ((name, getattr(calibration, name)) for name in SENSORS):
-        kept = [e for e in own.effects if not (e.effect.timed or e.effect.needs)]
-        steady[name] = replace(own, effects=tuple(kept))
+    logs = {}
+    for sensor in SENSORS:
+        own = getattr(calibration, sensor)
+        steady = tuple(e for e in own.effects if not (e.effect.timed or e.effect.needs))
+        calibration = replace(calibration, **{sensor: replace(own, effects=steady)})
     for name, session in sessions.items():
         metadata = read_metadata(session["samples"]).get("reference") or {}
         if session["kind"] == "reference_motion" and "noise" in metadata:
             samples = read_columns(session["samples"])
             log, frame = Log.of(samples), np.array(metadata["frame"])
-            f, w = replace(calibration, **steady).calibrated(log.f, log.w, log.t, None)
+            f, w = calibration.calibrated(log.f, log.w, log.t, None)
             q, place = (np.column_stack([samples[c] for c in n]) for n in (ORIENTATION, POSITION))
             attitude, valid = np.full((len(q), 3, 3), np.nan), np.isfinite(q[:, 0])
             attitude[valid] = Rotation.from_quat(q[valid], scalar_first=True).as_matrix() @ frame
