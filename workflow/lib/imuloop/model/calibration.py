@@ -114,8 +114,8 @@ class Calibration:
             if sensor.unexplained:
                 lines.append(f"{name}: unexplained ({UNEXPLAINED})")
             lines += [f"{name}: {remark}" for remark in remarks(name, sensor)]
-            lasts = {e.name: e.effect.lasting for e in sensor.effects}
-            lines += [f"{name}: {effect} {OF_ONE_LOG}" for effect in lasts if not lasts[effect]]
+            short_lived = [e.name for e in sensor.effects if not e.effect.lasting]
+            lines += [f"{name}: {effect} {OF_ONE_LOG}" for effect in short_lived]
         return lines
 
     def refuse_nominal(self, where=None):

@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 
@@ -95,8 +95,8 @@ def _base_faults(calibration, sensor):
         known = raw_unit(_QUANTITIES[sensor], unit.name, asdict(unit))
     except ImuloopError as error:
         yield str(error)
-    same = math.isclose(known.scale, unit.scale, rel_tol=1e-9) and known.offset == unit.offset
-    if not (same and unit.scale > 0):
+    same = replace(known, scale=unit.scale) == unit and unit.scale > 0
+    if not (same and math.isclose(known.scale, unit.scale, rel_tol=1e-9)):
         yield f"raw_unit {unit.name} has not the scale {unit.scale} and the offset {unit.offset}"
     # these comparisons are false for not-a-number, which is refused
     if not np.all(np.abs(b - unit.offset) * unit.scale <= _LARGEST):
