@@ -91,10 +91,11 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
 
 
 def known_rows(prior, turns, bias):
-    """Return rows R, (k, 21), and z, (k,), of a Prior and KnownTurns: R x - z has variance one.
+    """Return the knowledge before the fit as rows R, (k, 21), and z, (k,).
 
-    x is the state without effects. `turns` may be None. `bias`, if not None, is the gyroscope's
-    bias and its variance, nominal SI, which replace those of the prior.
+    ``R x - z`` has mean zero and independent components of variance one. It comes from a Prior and
+    from KnownTurns. x is the state without effects. `turns` may be None. `bias`, if not None, is
+    the gyroscope's bias and its variance, nominal SI, (3,) each; it replaces the bias of the prior.
     """
     if bias is not None:
         prior = prior.with_part(BIAS, bias[0], np.diag(bias[1]))
@@ -148,7 +149,7 @@ def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, tu
 
 
 def contradictions(joint, solution, recording):
-    """Return why the data of a sensor contradict each other.
+    """Return the sensors whose data contradict each other, with the reason.
 
     The data of a sensor contradict each other in three cases: the sensor changed during the
     recording; the fit gives values that no sensor has; or the residuals are larger than the prior

@@ -29,7 +29,7 @@ LONG = 1 / 3
 # contradicts: share of gravity, rad
 CHANGED, MOST = 3, 0.5
 LEAST = {"accelerometer": 5e-3, "gyroscope": 0.015}
-# name of what is compared, and of what may have changed
+# by sensor, the word for its measurements in a recording, and the part that may have changed
 WORDS = {
     "accelerometer": ("poses", "the accelerometer"),
     "gyroscope": ("turns", "the gyroscope, or an axis of the accelerometer,"),
@@ -185,7 +185,7 @@ def first_changed(errors, fewest, least):
             root = inverse_root(rows)
             p = -root @ (root.T @ (rows.T @ y))
             usual = np.sqrt(np.sum((y + rows @ p) ** 2) / (len(y) - len(p)))
-            # the errors of the other part, and their covariance by noise and by that of p
+            # the errors of the other part, and their covariance by noise and by the error of p
             design, leverage = errors.design[~part], errors.design[~part] @ root
             predicted = errors.values[~part] + design @ p
             noise = usual**2 * (np.eye(design.shape[1]) + leverage @ leverage.swapaxes(1, 2))

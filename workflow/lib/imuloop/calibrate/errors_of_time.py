@@ -7,7 +7,7 @@ with the angle of all samples. The mean square difference over all such windows 
 the gap. It includes both the curvature of the motion and the noise of fewer samples, and assumes
 that samples are dropped independently of the motion.
 
-Time stamps with jitter, of samples that were taken at even steps, add an error of their own
+Time stamps with jitter, of samples that were taken at even steps, add another error
 (`core.stamps`). A time stamp that is late by e makes the step before it longer by e and the step
 after it shorter by e. The angle is then wrong by e times half the change of the rate over both
 steps.

@@ -81,7 +81,7 @@ class Poses(Table):
         return covariances
 
     def unknown_noise(self, noise, channels):
-        """Return why the pose means of some channels have no weight, text; None if all have one.
+        """Return the reason why a pose mean of some channels has no weight; None if all have one.
 
         Takes a NoiseModel and the names of the channels.
         """
@@ -107,7 +107,7 @@ def gather_poses(segments):
     chosen = [(np.asarray(t["kind"]) == STATIC) & (np.asarray(t["pose"]) >= 0) for t in segments]
 
     def join(columns):
-        """Return values of all r rests, (r,), given those of all segments for each session."""
+        """Return a column of all r rests, (r,), given the whole column of each session."""
         parts = zip(columns, chosen, strict=True)
         return np.concatenate([np.zeros(0), *(np.asarray(x)[is_rest] for x, is_rest in parts)])
 

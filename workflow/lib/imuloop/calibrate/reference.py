@@ -1,4 +1,4 @@
-"""The set-up of a device beside a reference, such as motion capture, estimated in one fit.
+"""The set-up of a device with a reference, such as motion capture, estimated in one fit.
 
 The set-up is the offset of the clock, the mounting, the place of the marker and the biases.
 """
@@ -39,7 +39,7 @@ SESSION_STD = np.repeat([0.5, 2.0, 0.3, 0.3], 3)
 
 @dataclass(frozen=True)
 class ReferenceLog:
-    """A session of N samples beside a reference."""
+    """A session of N samples with a reference."""
 
     t: np.ndarray  # (N,): time, s
     f: np.ndarray  # (N, 3): calibrated specific force, m/s^2
@@ -116,7 +116,7 @@ class Windows:
         length = np.max(self.last - self.first, initial=-1) + 1
         self.rows = np.minimum(self.first[:, None] + np.arange(length), self.last[:, None])
         self.t = self.read_logs("t", self.rows)
-        # the standard deviations of A are those of T and of K, the latter relative to K
+        # A has the standard deviations of T and of K, the latter relative to K
         sensor, sheet = getattr(calibration, self.sensor), data_sheet().std[BASE[self.sensor]]
         names = [f"K{i}" if i == j else f"T{i}{j}" for i, j in zip(*self.entries, strict=True)]
         scale = [sensor.K[int(n[1])] if n[0] == "K" else 1.0 for n in names]
@@ -290,7 +290,7 @@ class SetUp:
     x: np.ndarray
     covariance: np.ndarray  # (p, p): of x
     # (n + p, p + 1): Jacobian at x, and in the last column the residuals; all rows are scaled to
-    # variance one, and the last p rows are those of the prior
+    # variance one, and the prior has the last p rows
     white: np.ndarray
     floor: np.ndarray  # (n,): variance of the residuals by the noise alone
     variance: np.ndarray  # (n,): variance of the residuals that the fit estimates
@@ -308,8 +308,8 @@ class SetUp:
         Parameters
         ----------
         parts : ndarray of int, shape (n,)
-            Fold of each residual. The shared parameters are fitted to the other folds, those of the
-            sessions to all residuals. Residuals with the fold -1 are part of every fit.
+            Fold of each residual. The shared parameters are fitted to the other folds, and the
+            parameters of the sessions to all residuals. Every fit has the residuals of fold -1.
         without : sequence of int, optional
             Indices of parameters that are set to zero.
         """
@@ -317,7 +317,7 @@ class SetUp:
         r = self.white[:, -1] - self.white[:, without] @ self.x[without]
         by_session = np.linalg.qr(self.white[:, :first])[0]
         rows = np.column_stack([np.delete(self.white[:, :-1], without, axis=1)[:, first:], r])
-        # what the parameters of the sessions can explain is removed
+        # remove the part of each row that the parameters of the sessions can explain
         rows -= by_session @ (by_session.T @ rows)
         folds, residual = np.append(parts, np.full(len(self.x), -1)), np.zeros(len(rows))
         for fold in np.unique(parts):

@@ -15,7 +15,7 @@ from imuloop.core.gaps import lost_samples
 
 # number of bands of the spectrum between a quarter and half the sampling rate
 BANDS = 32
-# limits of the exponent p of the power law: steps, as of knocks, have 2; 8 adds next to nothing
+# limits of the exponent p of the power law: steps, such as knocks, have 2; 8 adds next to nothing
 FALLS = 2.0, 8.0
 # distance of p from the lower limit below which the spectrum does not fall
 FLAT = 0.01

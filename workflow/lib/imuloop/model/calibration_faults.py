@@ -47,7 +47,10 @@ def _validator():
 
 
 def content_fault(content):
-    """Return how the JSON content of a calibration, a dict, violates its schema, text or None."""
+    """Return the first fault of the JSON content of a calibration by its schema; None if valid.
+
+    Takes the content as a dict. The fault is one line of text.
+    """
     if error := next(_validator().iter_errors(content), None):
         key, text = ".".join(map(str, error.absolute_path)), error.message
         if len(text) > _SHOWN:
@@ -62,16 +65,25 @@ def content_fault(content):
 
 
 def sensor_fault(calibration, sensor):
-    """Return why no sensor can have a SensorCalibration, one line of text; None if one can.
+    """Return the first reason why a SensorCalibration is impossible; None if it is possible.
 
-    `sensor` is the name of the sensor.
+    Parameters
+    ----------
+    calibration : SensorCalibration
+    sensor : str
+        Name of the sensor.
+
+    Returns
+    -------
+    str or None
+        One line of text.
     """
     checks = _base_faults, _effect_faults, _covariance_faults
     return next((fault for check in checks for fault in check(calibration, sensor)), None)
 
 
 def implausible_values(calibration, sensor):
-    """Return a text that names the values of K and b that no data sheet allows; None without any.
+    """Return a text that names the values of K and b that no data sheet allows, or None.
 
     Such a SensorCalibration is valid, but the log that it comes from must be faulty. `sensor` is
     the name of the sensor.

@@ -10,7 +10,7 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, did_you_mean
 
-# constants that are fitted to values between those of the shapes
+# constants that a fit refines between the values that the shapes have
 FINE = ("tau", "half_width", "lag")
 # SI unit of each sensor's output
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -111,7 +111,7 @@ class Effect:
     lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
     # whether it is one of many formulas without a known cause: it is tested after all others
     is_formula: ClassVar[bool] = False
-    # amount by which the logarithm of the p-value has to be below that of shapes with fewer
+    # amount by which the logarithm of the p-value has to be lower than for shapes with fewer
     # constants
     price: ClassVar[float] = 0.0
     # least and largest value of constants that have limits
@@ -156,7 +156,10 @@ class Effect:
 
     @classmethod
     def shapes(cls, channels):
-        """Return the shapes to test in data with these Channels; none without a design."""
+        """Return the shapes to test in data with these Channels, a tuple.
+
+        It is empty for an effect without a design.
+        """
         return () if cls.design is Effect.design else (cls(),)
 
     def units(self, sensor):

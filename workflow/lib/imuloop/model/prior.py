@@ -54,7 +54,7 @@ class Prior:
         return prior
 
     def widened(self, x):
-        """Return the Prior, wider for those of the parameters x, (21,), that contradict it.
+        """Return the Prior, widened for each parameter of the state x, (21,), that contradicts it.
 
         If a parameter is more than `FAR_OFF` standard deviations from the mean, its distance from
         the mean becomes the standard deviation. Such data are of another unit, range or board than

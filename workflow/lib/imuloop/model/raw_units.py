@@ -68,7 +68,7 @@ def state_of(calibration, effects=None):
     """Return the State of a Calibration in nominal SI, with p parameters, and its covariance.
 
     Parameters of different sensors have no covariance, and parameters that were not estimated have
-    no variance. `effects` is a sequence of SensorEffect, some of those of the calibration; by
+    no variance. `effects` is a sequence of SensorEffect, some effects of the calibration; by
     default the state has all of them.
 
     Returns

@@ -26,7 +26,7 @@ class SensorCalibration:
     T: np.ndarray  # (3, 3): misalignment, unit diagonal; upper triangular for an accelerometer
     K: np.ndarray  # (3,): scale factor, SI per raw unit
     b: np.ndarray  # (3,): bias, raw units
-    # names of the p estimated parameters: ``T01``, …, ``K0``, …, ``b0``, … and those of effects
+    # names of the p estimated parameters: ``T01``, …, ``K0``, …, ``b0``, …, then of its effects
     names: tuple[str, ...] = ()
     covariance: np.ndarray | None = None  # (p, p): in the units of the parameters
     effects: tuple[FittedEffect, ...] = ()  # their sum is e, SI, on the sensor's own axes
@@ -36,7 +36,7 @@ class SensorCalibration:
     # worst verdict, in diagnosis.json, of the records that the parameters and effects come from;
     # None if there was no diagnosis
     verdict: str | None = None
-    # ``source`` of the prior, and ``mean`` and ``std`` by name of the parameter; None without prior
+    # ``source`` of the prior, and ``mean`` and ``std`` by name of the parameter; None if absent
     prior: dict | None = None
 
     @classmethod
@@ -62,7 +62,7 @@ class SensorCalibration:
 
     @property
     def excess(self):
-        """Reduced χ² of its fit where above one: so many times its noise is that of the data."""
+        """Ratio of the variance of the residuals to that of the noise model, at least one."""
         return max(1.0, self.reduced_chi2 or 1.0)
 
     def output(self, values):
