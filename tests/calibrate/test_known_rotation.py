@@ -65,6 +65,8 @@ def test_turntable_gives_scale_and_axes(turntable):
     np.testing.assert_allclose(found.K, K, atol=3e-4)
     np.testing.assert_allclose(found.T, T, atol=3e-4)
     np.testing.assert_allclose(found.b, BIAS, atol=2e-4)
+    six = Calibration.from_json(turntable.file("six_position.json")).accelerometer
+    assert six.not_testable == "no six_position session with a pose"
 
 
 def fit(device, turns, chosen):
