@@ -10,7 +10,8 @@ import numpy as np
 
 from bench.study.physics import PRODUCTS
 from imuloop import chain
-from imuloop.calibrate.calibrate import raw_units, read_recording, start_fit
+from imuloop.calibrate.calibrate import start_fit
+from imuloop.calibrate.sessions import raw_units, read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
 from imuloop.core.files import read_json

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from imuloop.calibrate.calibrate import calibrate_sensors
-from imuloop.calibrate.poses import Poses, Rotations
+from imuloop.calibrate.poses import Poses
 from imuloop.calibrate.recording import Recording, record
+from imuloop.calibrate.rotations import Rotations
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel
 from imuloop.core.samples import CHANNELS
@@ -76,7 +77,7 @@ def at_rest(f, error=1e-5):
     none, t, along = np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2, 3))
     rotations = Rotations(
         none.astype(int), none, none, t, along, along, None, t[:, 1:] > 0,
-        t[:, :0].astype(int), np.zeros((0, 0, 3, 3)), none, none, none > 0,
+        t[:, :0].astype(int), np.zeros((0, 0, 3, 3)), np.zeros((0, 0, 3, 3)), none, none, none > 0,
     )  # fmt: skip
     return Recording(poses, rotations)
 

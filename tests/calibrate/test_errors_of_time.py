@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from calibrate.devices import calibrated, known_noise, recorded, scores
-from imuloop.calibrate.calibrate import read_recording
 from imuloop.calibrate.recording import record
+from imuloop.calibrate.sessions import read_recording
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TIME, read_metadata, read_samples
 from imuloop.core.tables import write_table
 from imuloop.diagnose.records.motion import knocks
@@ -53,7 +53,7 @@ def test_parameters_are_unbiased_and_intervals_cover_the_truth(harm):
         force, turn, made = of_log(HARMS[harm](log, np.random.default_rng(seed)))
         assert force.not_testable is None and turn.not_testable is None
         assert made.lost.rotations - made.lost.left_out == len(made.rotations) >= 37
-        assert made.rotations.extra_covariance.any() == (harm != "none")
+        assert made.rotations.time_covariance.any() == (harm != "none")
         sensors = (
             scores(force, TRUTH.accelerometer, NAMES["accelerometer"]),
             scores(turn, TRUTH.gyroscope, NAMES["gyroscope"]),

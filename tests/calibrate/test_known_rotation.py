@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 import imuloop.effects  # noqa: F401
 from bench.study.chain import through
 from imuloop import chain
-from imuloop.calibrate.calibrate import calibrate_sensors, raw_units, read_recording
+from imuloop.calibrate.calibrate import calibrate_sensors
 from imuloop.calibrate.known_rotation import read_turns
+from imuloop.calibrate.sessions import raw_units, read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.chain import Device
 from imuloop.core.noise_model import NoiseModel
@@ -64,11 +65,13 @@ def test_turntable_gives_scale_and_axes(turntable):
     np.testing.assert_allclose(found.K, K, atol=3e-4)
     np.testing.assert_allclose(found.T, T, atol=3e-4)
     np.testing.assert_allclose(found.b, BIAS, atol=2e-4)
+    six = Calibration.from_json(turntable.file("six_position.json")).accelerometer
+    assert six.not_testable == "no six_position session with a pose"
 
 
 def fit(device, turns, chosen):
     """Return the gyroscope's calibration by some of the turns and the rests between them."""
-    recording = read_recording(device.sessions, 30.0, ("known_rotation",))
+    recording = read_recording(device.sessions, 30.0, "known_rotation")
     recording = replace(recording, rotations=recording.rotations.select([]))
     noise = NoiseModel.from_json(device.file("noise.json"))
     units = dict(zip(SENSORS, raw_units(device.sessions), strict=True))

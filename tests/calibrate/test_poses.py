@@ -8,9 +8,10 @@ import pytest
 from scipy.stats import t as student
 
 from calibrate.devices import RATE_UNIT, calibrated, known_noise, recording
-from imuloop.calibrate.calibrate import rest_bias, with_sessions, without_pose
+from imuloop.calibrate.nominal import rest_bias
 from imuloop.calibrate.poses import gather_poses, rounding_variance
 from imuloop.calibrate.recording import record
+from imuloop.calibrate.sessions import why_no_pose
 from imuloop.core.noise_model import AxisNoise, Coefficient, NoiseModel, SinusoidTerm
 from imuloop.core.samples import CHANNELS
 from imuloop.core.segments import segment_table
@@ -123,10 +124,6 @@ def test_missing_poses_are_explained_by_what_became_of_the_sessions(tmp_path):
     write_table(tmp_path / "swing", segment_table(moving, [0.0], [2.0], ["motion"], [-1]), {})
     kind = "multi_position"
     sessions = {n: {"kind": kind, "segments": tmp_path / n} for n in ("turns", "swing")}
-    reason = "no multi_position session with a pose"
-    assert without_pose({}, kind) == reason
-    assert without_pose(sessions, "six_position") == "no six_position session with a pose"
-    explained = f"{reason}: turns was rejected, swing has no rest that is a pose"
-    assert with_sessions(f"{reason}; bias only", sessions) == f"{explained}; bias only"
-    assert with_sessions("9 poses found", sessions) == "9 poses found"
-    assert with_sessions(None, sessions) is None
+    assert why_no_pose(sessions, "six_position") == "no six_position session with a pose"
+    fates = "turns was rejected, swing has no rest that is a pose"
+    assert why_no_pose(sessions, kind) == f"no multi_position session with a pose: {fates}"

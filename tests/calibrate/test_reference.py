@@ -11,7 +11,7 @@ from imuloop.calibrate.reference import Places, ReferenceLog, Turns
 def test_windows_end_within_the_log_whatever_its_rate_and_length(rate):
     for count in range(round(3 * rate), round(3 * rate) + 40):
         attitude, still = np.tile(np.eye(3), (count, 1, 1)), np.zeros((count, 3))
-        log = np.arange(count) / rate, still, still, None, attitude, still, np.eye(3), (1, 1)
+        log = np.arange(count) / rate, still, still, attitude, still, np.eye(3), (1, 1)
         for kind in (Turns, Places):
             windows = kind([ReferenceLog(*log)], 9.81, NOMINAL)
             assert len(windows.session) > 0 and windows.last.max() < count

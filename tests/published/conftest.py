@@ -8,7 +8,7 @@ from unittest.mock import patch
 import pytest
 
 from bench.study.chain import LIMITS, through
-from imuloop.calibrate.calibrate import read_recording
+from imuloop.calibrate.sessions import read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.noise_model import NoiseModel
 from imuloop.model.calibration import Calibration

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from imuloop import chain
-from imuloop.calibrate.calibrate import read_recording
+from imuloop.calibrate.sessions import read_recording
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.calibrate.undersampling import aliased_turns
 from imuloop.core.rotation import exponential, matrix, prefix_product, step_vectors

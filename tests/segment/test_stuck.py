@@ -6,7 +6,7 @@ import pytest
 
 from bench.realistic.device import CHANNELS, record
 from imuloop import chain
-from imuloop.calibrate.calibrate import read_recording
+from imuloop.calibrate.sessions import read_recording
 from imuloop.core.samples import read_columns, read_metadata
 
 

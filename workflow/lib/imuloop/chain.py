@@ -149,7 +149,6 @@ def _prior(device):
 
 def diagnose(device):
     """Write diagnosis, calibration, attitude, poses, moves, windows, corrected Allan curves."""
-    from imuloop.calibrate.calibrate import with_sessions
     from imuloop.calibrate.settings import CalibrateSettings
     from imuloop.core.files import write_json
     from imuloop.core.tables import write_sessions, write_table
@@ -176,8 +175,6 @@ def diagnose(device):
     step = next_step(found.calibration, found.noise, found.recording)
     diagnosis = found.content | {"next_step": step}
     attitude, series = validate_attitude(device.name, found, settings)
-    if "why" in attitude:
-        attitude["why"] = with_sessions(attitude["why"], device.sessions)
     write_json(device.file("diagnosis.json"), diagnosis)
     found.calibration.to_json(device.file("calibration.json"))
     write_sessions(device.file("allan_corrected.parquet"), {"": no_curves(), **found.allan})

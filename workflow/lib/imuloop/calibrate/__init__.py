@@ -9,25 +9,21 @@ from importlib import import_module
 from types import ModuleType
 
 
-def _load_function():
-    # imported late and by name, so that a stage does not depend on all others
-    return import_module("imuloop.calibrate_logs").calibrate
-
-
 class _CallableModule(ModuleType):
     """The package as a function: its call, signature and help are those of `calibrate`."""
 
+    @property
+    def _function(self):
+        # imported late and by name, so that a stage does not depend on all others
+        return import_module("imuloop.calibrate_logs").calibrate
+
     def __call__(self, *logs, **how):
-        return _load_function()(*logs, **how)
+        return self._function(*logs, **how)
 
-    @property
-    def __signature__(self):
-        return inspect.signature(_load_function())
-
-    @property
-    def __doc__(self):
-        function = _load_function()
-        return f"{function.__name__}{self.__signature__}\n\n{inspect.getdoc(function)}"
+    __signature__ = property(lambda self: inspect.signature(self._function))
+    __doc__ = property(
+        lambda self: f"calibrate{self.__signature__}\n\n{inspect.getdoc(self._function)}"
+    )
 
 
 sys.modules[__name__].__class__ = _CallableModule

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import least_squares
 
-from imuloop.estimate.least_squares import keep_last_result
 from imuloop.factors.factors import Factors
 from imuloop.factors.gravity_norm import gravity_norm
 from imuloop.model.state import BASE, COUNT, State
@@ -30,6 +29,13 @@ LONG = 1 / 3
 # contradicts: share of gravity, rad
 CHANGED, MOST = 3, 0.5
 LEAST = {"accelerometer": 5e-3, "gyroscope": 0.015}
+# by sensor, the word for its measurements in a recording, and the part that may have changed
+WORDS = {
+    "accelerometer": ("poses", "the accelerometer"),
+    "gyroscope": ("turns", "the gyroscope, or an axis of the accelerometer,"),
+}
+# parameters of both sensors without errors
+NOMINAL = np.repeat([0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [3, 3, 3, 6, 3, 3])
 # prior standard deviation of misalignment, rad, scale factor, 1, and bias, share of gravity
 LOOSE = 0.1
 # ratio of a singular value to the largest below which it is set to this ratio
@@ -47,22 +53,20 @@ class Errors:
     # (m, c, c): covariance of the errors by the uncertain direction of gravity; zero for poses
     spread: np.ndarray
 
-    def fit_robustly(self):
-        """Return the residuals of a soft-L1 fit of the nine parameters to the errors, (m, c)."""
+    def sizes(self):
+        """Return the size of each error after a soft-L1 fit of the nine parameters, (m,)."""
         y, rows = self.values.ravel(), self.design.reshape(-1, 9)
         p = fit_robustly(lambda p: y + rows @ p, lambda p: rows, np.zeros(9))
-        return self.values + self.design @ p
+        return np.linalg.norm(self.values + self.design @ p, axis=1)
 
-    def scores(self, usual, leverage):
-        """Return the size of each error in standard deviations, (m,).
 
-        Takes the standard deviation `usual` of one component, and `leverage`, (m, c, 9): the
-        derivative with respect to the parameters, times a root of their covariance for
-        components of variance one.
-        """
-        unit = np.eye(self.values.shape[1])
-        spread = usual**2 * (unit + leverage @ leverage.swapaxes(1, 2)) + self.spread
-        return np.sqrt(np.einsum("mc,mcd,md->m", self.values, np.linalg.pinv(spread), self.values))
+def fit_robustly(residuals, derivative, start):
+    """Return the parameters of a least-squares fit with soft-L1 loss, (p,).
+
+    Takes functions of the parameters that return the residuals, (n,), and their Jacobian, (n, p).
+    """
+    options = {"loss": "soft_l1", "f_scale": SOFT_L1_SCALE, "x_scale": "jac"}
+    return least_squares(residuals, start, derivative, **options).x
 
 
 def inverse_root(rows):
@@ -77,75 +81,60 @@ def inverse_root(rows):
     return axes.T / np.maximum(values, UNSEEN * (values[0] or 1.0)) / size[:, None]
 
 
-def fit_gravity_norm(poses):
-    """Fit the norm of gravity at Poses with soft-L1 loss and a wide prior about the data sheet.
+def fit_gravity_norm(f):
+    """Fit the norm of gravity at poses with soft-L1 loss and a wide prior about the data sheet.
 
-    Returns the parameters of the accelerometer, (9,), that give specific force in shares of
-    gravity, a root of their covariance, (9, 9), and the RestRows. Parameters that the poses do not
-    determine stay at the data sheet.
+    Takes the specific force f of n poses in shares of gravity, (n, 3). Returns the parameters of
+    the accelerometer, (9,), and a root of their covariance, (9, 9). Parameters that the poses do
+    not determine stay at the data sheet.
     """
-    K = np.full(3, 1 / np.median(np.linalg.norm(poses.f, axis=1)))
-    start, no_effects = np.concatenate([np.zeros(3), K, np.zeros(3)]), np.zeros((len(poses), 3, 0))
-    loose = np.diag(1 / (LOOSE * np.concatenate([np.ones(3), K, 1 / K])))
+    n, loose, start = len(f), np.eye(9) / LOOSE, NOMINAL[:9]
 
     def linearise(x):
-        sensor = State(np.append(x, np.zeros(COUNT - 9))).sensor("accelerometer")
-        return gravity_norm(sensor, poses.f, 1.0, no_effects)
+        sensor = State(np.append(x, NOMINAL[9:])).sensor("accelerometer")
+        return gravity_norm(sensor, f, 1.0, np.zeros((n, 3, 0)))
 
-    rows = keep_last_result(linearise)
     x = fit_robustly(
-        lambda x: np.append(rows(x).residual, SOFT_L1_SCALE * loose @ (x - start)),
-        lambda x: np.concatenate([rows(x).jacobian[:, 0], SOFT_L1_SCALE * loose]),
+        lambda x: np.append(linearise(x).residual, SOFT_L1_SCALE * loose @ (x - start)),
+        lambda x: np.concatenate([linearise(x).jacobian[:, 0], SOFT_L1_SCALE * loose]),
         start,
     )
-    best = rows(x)
-    usual = np.median(np.abs(best.residual)) / 0.67
-    usual *= np.sqrt(len(poses) / max(len(poses) - 9, 1))
-    root = inverse_root(np.concatenate([best.jacobian[:, 0], usual * loose]))
-    return x, usual * root, best
+    rows = linearise(x)
+    usual = np.median(np.abs(rows.residual)) / 0.67 * np.sqrt(n / max(n - 9, 1))
+    return x, usual * inverse_root(np.concatenate([rows.jacobian[:, 0], usual * loose]))
 
 
-def pose_errors(poses):
-    """Return the Errors of the norm of gravity at Poses by a soft-L1 fit, share of gravity."""
-    *_, rows = fit_gravity_norm(poses)
-    return Errors(rows.residual, rows.jacobian, np.zeros((len(poses), 1, 1)))
+def sensor_errors(sensor, recording):
+    """Return the Errors of a sensor in a Recording.
 
-
-def turn_errors(recording):
-    """Return the Errors of the rotations of a Recording, rad, for a nominal gyroscope.
-
-    A rotation carries the direction of gravity from one pose to the next. The error has two
-    components, across the direction that the accelerometer measures there. The directions come from
-    a soft-L1 fit of the accelerometer, in units of gravity. The bias of a rotation is the mean rate
-    of both poses, as the bias may drift.
+    Those of the accelerometer are errors of the norm of gravity at the poses, in shares of gravity,
+    by a soft-L1 fit. Those of the gyroscope are errors of the rotations, rad, with nominal
+    parameters. A rotation carries the direction of gravity from one pose to the next. Its error has
+    two components, across the direction that the accelerometer measures there. The bias of a
+    rotation is the mean rate of both poses, as the bias may drift.
     """
-    poses, moves = recording.poses, recording.rotations
+    poses, moves, n = recording.poses, recording.rotations, len(recording.poses)
+    f = poses.f / np.median(np.linalg.norm(poses.f, axis=1))
+    x, root = fit_gravity_norm(f)
     bias = (poses.w[moves.first] + poses.w[moves.first + 1]) / 2
-    recording = replace(recording, rotations=replace(moves, w=moves.w - bias[:, None]))
-    x, root, _ = fit_gravity_norm(poses)
-    state = State(np.concatenate([x, np.repeat([0.0, 1.0, 0.0], [6, 3, 3])]))
+    moves = replace(moves, w=moves.w - bias[:, None])
+    recording = replace(recording, poses=replace(poses, f=f), rotations=moves)
+    state = State(np.append(x, NOMINAL[9:]))
     linearised = Factors(1.0).about(recording, state).at(state.x)
-    values, design = (rows[4 * len(poses) :] for rows in (linearised.residual, linearised.jacobian))
-    design = design.reshape(len(moves), 2, COUNT)
+    residual, jacobian = linearised.residual, linearised.jacobian
+    if sensor == "accelerometer":
+        return Errors(residual[:n, None], jacobian[:n, None, :9], np.zeros((n, 1, 1)))
+    design = jacobian[4 * n :].reshape(len(moves), 2, COUNT)
     # root of the covariance by the uncertain directions of gravity
     by_force = design[..., BASE["accelerometer"]] @ root
     by_turn = design[..., BASE["gyroscope"]][..., :9]
-    return Errors(values.reshape(-1, 2), by_turn, by_force @ by_force.swapaxes(1, 2))
+    return Errors(residual[4 * n :].reshape(-1, 2), by_turn, by_force @ by_force.swapaxes(1, 2))
 
 
 def sensors_work(poses):
     """Return whether all Poses have a specific force above zero and a finite angular rate."""
     norm = np.linalg.norm(poses.f, axis=1)
     return len(norm) > 0 and bool(np.all(norm > 0) and np.isfinite(poses.w).all())
-
-
-def fit_robustly(residuals, derivative, start):
-    """Return the parameters of a least-squares fit with soft-L1 loss, (p,).
-
-    Takes functions of the parameters that return the residuals, (n,), and their Jacobian, (n, p).
-    """
-    options = {"loss": "soft_l1", "f_scale": SOFT_L1_SCALE, "x_scale": "jac"}
-    return least_squares(residuals, start, derivative, **options).x
 
 
 def odd_turns(recording):
@@ -158,9 +147,10 @@ def odd_turns(recording):
     rotations = recording.rotations
     if len(rotations) < FEWEST or not sensors_work(recording.poses):
         return np.zeros(len(rotations), dtype=bool), np.zeros(len(rotations))
-    turns = turn_errors(recording)
-    errors = np.linalg.norm(turns.fit_robustly(), axis=1)
-    variance = np.einsum("mcc->m", turns.spread) + np.einsum("mgii->m", rotations.extra_covariance)
+    turns = sensor_errors("gyroscope", recording)
+    errors = turns.sizes()
+    extra = rotations.aliasing_covariance + rotations.time_covariance
+    variance = np.einsum("mcc->m", turns.spread) + np.einsum("mgii->m", extra)
     odd = errors > np.maximum(TIMES * np.maximum(np.median(errors), np.sqrt(variance)), TURN)
     return odd & (odd.sum() <= max(1, SHARE * len(odd))), errors
 
@@ -183,42 +173,39 @@ def first_changed(errors, fewest, least):
     least : float
         Least error that contradicts.
     """
-    n, splits, sizes = len(errors.values), [], np.linalg.norm(errors.fit_robustly(), axis=1)
-    if np.sum(sizes > least) < CHANGED * MOST:
+    n, splits = len(errors.values), []
+    if np.sum(errors.sizes() > least) < CHANGED * MOST:
         return None
     for k in range(CHANGED, n - CHANGED + 1):
-        before, after = np.arange(k), np.arange(k, n)
-        for part, other in ((before, after), (after, before)):
-            if len(part) < max(fewest, LONG * n):
+        before = np.arange(n) < k
+        for part in (before, ~before):
+            if part.sum() < max(fewest, LONG * n):
                 continue
             rows, y = errors.design[part].reshape(-1, 9), errors.values[part].ravel()
             root = inverse_root(rows)
             p = -root @ (root.T @ (rows.T @ y))
             usual = np.sqrt(np.sum((y + rows @ p) ** 2) / (len(y) - len(p)))
-            design = errors.design[other]
-            predicted = Errors(errors.values[other] + design @ p, design, errors.spread[other])
-            far = predicted.scores(usual, design @ root) > TIMES
-            if np.mean(far & (np.linalg.norm(predicted.values, axis=1) > least)) >= MOST:
-                splits.append((len(part), usual, k))
-    if not splits:
-        return None
-    smallest = min(usual for _, usual, _ in splits)
-    return max((count, k) for count, usual, k in splits if usual <= UNEVEN * smallest)[1]
+            # the errors of the other part, and their covariance by noise and by the error of p
+            design, leverage = errors.design[~part], errors.design[~part] @ root
+            predicted = errors.values[~part] + design @ p
+            noise = usual**2 * (np.eye(design.shape[1]) + leverage @ leverage.swapaxes(1, 2))
+            inverse = np.linalg.pinv(noise + errors.spread[~part])
+            far = np.einsum("mc,mcd,md->m", predicted, inverse, predicted) > TIMES**2
+            if np.mean(far & (np.linalg.norm(predicted, axis=1) > least)) >= MOST:
+                splits.append((usual, part.sum(), k))
+    smallest = min(splits, default=[0.0])[0]
+    chosen = [(count, k) for usual, count, k in splits if usual <= UNEVEN * smallest]
+    return max(chosen)[1] if chosen else None
 
 
 def changed_at(sensor, recording):
     """Return when a sensor changed during a Recording, s, and a sentence; None if it did not."""
-    poses, rotations = recording.poses, recording.rotations
-    if sensor == "accelerometer":
-        table, what, name = poses, "poses", "the accelerometer"
-    else:
-        table, what = rotations, "turns"
-        name = "the gyroscope, or an axis of the accelerometer,"
+    poses, (what, name) = recording.poses, WORDS[sensor]
+    table = poses if sensor == "accelerometer" else recording.rotations
     # the clocks of two sessions cannot be compared
     if len(table) < PARTS[sensor] + CHANGED or not sensors_work(poses) or np.ptp(poses.session):
         return None
-    errors = pose_errors(poses) if table is poses else turn_errors(recording)
-    k = first_changed(errors, PARTS[sensor], LEAST[sensor])
+    k = first_changed(sensor_errors(sensor, recording), PARTS[sensor], LEAST[sensor])
     if k is None:
         return None
     time = (table.end_s[k - 1] + table.start_s[k]) / 2

@@ -3,7 +3,8 @@
 import numpy as np
 
 from imuloop.calibrate.recording import Log
-from imuloop.core.samples import ANGULAR_RATE, at_rail, read_columns, read_metadata
+from imuloop.calibrate.sessions import usable_sessions
+from imuloop.core.samples import ANGULAR_RATE, read_columns, read_metadata
 from imuloop.core.segments import STATIC
 from imuloop.core.units import DEGREE
 from imuloop.factors.known_turns import KnownTurns
@@ -19,35 +20,27 @@ def read_turns(sessions, force):
     within 20 degrees of it, the axis is the direction of gravity instead, as the accelerometer
     measures it.
 
-    Takes the sessions by name, dicts with ``kind`` and the paths ``samples`` and ``segments``, and
-    `force`, the SensorCalibration of the accelerometer.
+    Takes the sessions by name, as in `imuloop.calibrate.sessions`, and `force`, the
+    SensorCalibration of the accelerometer.
     """
     turns, rests = [], []
-    for session in sessions.values():
+    for session, table in usable_sessions(sessions, "known_rotation"):
         metadata = read_metadata(session["samples"])
-        known = metadata.get("known_rotation")
-        if session["kind"] != "known_rotation" or not known:
+        if not (known := metadata.get("known_rotation")):
             continue
-        samples = read_columns(session["samples"])
-        log = Log.of(samples)
-        t = log.t
-        if not len(t):
-            continue
-        clipped = at_rail(samples, metadata.get("rails", {}), ANGULAR_RATE)
-        table = read_columns(session["segments"])
-        still = np.asarray(table["kind"]) == STATIC
+        log = Log.of(read_columns(session["samples"]), metadata.get("rails"))
+        t, still = log.t, table["kind"] == STATIC
         means = np.column_stack([table[f"{c}_mean"][still] for c in ANGULAR_RATE])
         rests.append((means, table["n"][still]))
         for turn in known:
             first, last = np.searchsorted(t, [turn.get("start", t[0]), turn.get("end", t[-1])])
             rows = slice(first, last + 1)
-            if len(t[rows]) < 3 or clipped[rows].any():
+            if len(t[rows]) < 3 or log.clipped[0, rows].any():
                 continue
             length = np.ptp(t[rows])
             turned = np.trapezoid(log.w[rows], t[rows], axis=0)
             angle = turn["angle"] if "angle" in turn else turn["rate"] * length
-            axis = np.eye(3)["xyz".index(turn["axis"][-1])]
-            axis = -axis if turn["axis"][0] == "-" else axis
+            axis = np.eye(3)["xyz".index(turn["axis"][-1])] * (-1) ** (turn["axis"][0] == "-")
             up = force.aligned(log.f[max(first - 10, 0) : first + 10]).mean(axis=0)
             up /= np.linalg.norm(up)
             if abs(up @ axis) > LEVEL:

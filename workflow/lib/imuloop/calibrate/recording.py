@@ -6,15 +6,8 @@ from functools import cache, cached_property, partial
 import numpy as np
 
 from imuloop.calibrate.contradictions import odd_turns
-from imuloop.calibrate.errors_of_time import Lost
-from imuloop.calibrate.poses import (
-    Poses,
-    Rotations,
-    add_rounding,
-    add_tilt_turns,
-    gather_poses,
-    gather_rotations,
-)
+from imuloop.calibrate.poses import Poses, add_rounding, add_tilt_turns, gather_poses
+from imuloop.calibrate.rotations import Lost, Rotations, gather_rotations
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
@@ -44,16 +37,21 @@ class Log:
     f: np.ndarray  # (N, 3): specific force, m/s^2, nominal SI
     w: np.ndarray  # (N, 3): angular rate, rad/s, nominal SI
     temperature: np.ndarray | None  # (N,): degC, missing values interpolated; None if not logged
+    clipped: np.ndarray  # (2, N): whether w, and whether f, is at the end of its range
 
     @classmethod
-    def of(cls, samples):
-        """Return the Log of samples, a DataFrame or a dict of arrays."""
+    def of(cls, samples, rails=None):
+        """Return the Log of samples, a DataFrame or a dict of arrays.
+
+        `rails` are the ends of the range of each channel, as in `core.samples.at_rail`.
+        """
         t, temperature = np.asarray(samples[TIME]), None
         if TEMPERATURE in samples and np.isfinite(samples[TEMPERATURE]).any():
             temperature = filled(t, np.asarray(samples[TEMPERATURE]))
-        sensors = (ACCELERATION, ANGULAR_RATE)
-        f, w = (np.column_stack([samples[c] for c in axes]) for axes in sensors)
-        return cls(t, f, w, temperature)
+        sensors = ANGULAR_RATE, ACCELERATION
+        w, f = (np.column_stack([samples[c] for c in axes]) for axes in sensors)
+        clipped = np.array([at_rail(samples, rails or {}, axes) for axes in sensors])
+        return cls(t, f, w, temperature, clipped)
 
     def evaluate(self, sensor, function, *constants, output=identity, see=identity):
         """Return the values of a function of a sensor's channels at all samples, (N, …).
@@ -69,14 +67,18 @@ class Log:
 
 @dataclass(frozen=True)
 class Recording:
-    """The poses and rotations of all usable sessions of one kind."""
+    """The poses of all usable sessions of one kind, and the rotations between them."""
 
     poses: Poses
-    rotations: Rotations | None = None  # None if only poses are needed
+    rotations: Rotations
     logs: tuple[Log, ...] = ()  # the Log of each session, for effects with a memory
     lost: Lost = field(default_factory=Lost)  # rotations and rests that were left out
     # whether an accelerometer is slower than its gyroscope, so that its samples are interpolated
     slow_force: bool = False
+    # kind of the sessions, which names the method of the calibration
+    kind: str = "multi_position"
+    # what became of the sessions if there is no pose, text
+    why_no_pose: str = "no multi_position session with a pose"
 
     @cached_property
     def means(self):
@@ -91,10 +93,6 @@ class Recording:
         # two poses with a rotation between them remain consecutive
         renumbered = replace(rotations, first=(np.cumsum(keep) - 1)[rotations.first])
         return replace(self, poses=self.poses.select(keep), rotations=renumbered)
-
-    def without_aliasing(self):
-        """Return a copy of the Recording without the errors of rotations by undersampling."""
-        return replace(self, rotations=self.rotations.without_aliasing())
 
     def of_new_power_cycles(self):
         """Return a copy of the Recording with negative numbers of power cycles.
@@ -121,8 +119,7 @@ class Recording:
         poses = self.poses
         history = self._history(sensor, output, see, partial(pose_means, poses, self.logs))
         values = output(getattr(poses, OWN[sensor][0]))
-        cycle = poses.power_cycle
-        return Channels(poses.mid_s, values, other, poses.temperature, history, power_cycle=cycle)
+        return Channels(poses.mid_s, values, other, poses.temperature, history, poses.power_cycle)
 
     def rotation_channels(self, sensor, output, other, see=identity):
         """Return the Channels that an effect of a sensor depends on, along the rotations.
@@ -130,7 +127,7 @@ class Recording:
         They have m k points: the k samples of the first rotation, then of the next. `other` has the
         shape (m, k, 3); all arguments have the same meaning as for `pose_channels`.
         """
-        rotations, temperature = self.rotations, self.rotations.temperature
+        rotations, warmth = self.rotations, self.rotations.temperature
         session = self.poses.session[rotations.first]
 
         def select_samples(logged):
@@ -138,14 +135,11 @@ class Recording:
             rows = zip(session, rotations.t, strict=True)
             return np.concatenate([logged[s][np.searchsorted(self.logs[s].t, t)] for s, t in rows])
 
-        return Channels(
-            rotations.t.ravel(),
-            output(getattr(rotations, OWN[sensor][0]).reshape(-1, 3)),
-            other.reshape(-1, 3),
-            None if temperature is None else temperature.ravel(),
-            self._history(sensor, output, see, select_samples),
-            power_cycle=np.repeat(self.poses.power_cycle[rotations.first], rotations.t.shape[1]),
-        )
+        history = self._history(sensor, output, see, select_samples)
+        values = output(getattr(rotations, OWN[sensor][0]).reshape(-1, 3))
+        warmth = None if warmth is None else warmth.ravel()
+        cycle = self.poses.power_cycle[rotations.first].repeat(rotations.t.shape[1])
+        return Channels(rotations.t.ravel(), values, other.reshape(-1, 3), warmth, history, cycle)
 
     def calibrated_force(self, calibration):
         """Return the specific force, m/s^2, at the poses, (n, 3), and along rotations, (m, k, 3).
@@ -201,26 +195,22 @@ def record(samples, segments, longest_rotation, rails=None):
     rails : sequence of dict, optional
         Ends of the range of each channel, by session, as for `core.samples.at_rail`.
     """
-    samples = [on_gyroscope_clock(s) for s in samples]
-    logs = tuple(Log.of(s) for s in samples)
-    poses = add_tilt_turns(add_rounding(gather_poses(segments), logs), logs)
+    rails = rails or [{}] * len(samples)
+    logs = tuple(map(Log.of, map(on_gyroscope_clock, samples), rails))
+    poses = gather_poses(segments)
+    add_rounding(poses, logs)
+    add_tilt_turns(poses, logs)
     if len(poses) and all(log.temperature is not None for log in logs):
         temperature = pose_means(poses, logs, [log.temperature for log in logs])
         poses = replace(poses, temperature=temperature)
-    rails = rails or [{}] * len(logs)
-    clipped = [
-        np.array([at_rail(log, ends, axes) for axes in (ANGULAR_RATE, ACCELERATION)])
-        for log, ends in zip(samples, rails, strict=True)
-    ]
-    rotations, lost = gather_rotations(poses, logs, segments, longest_rotation, clipped)
-    recording = Recording(poses, rotations, logs)
+    rotations, lost = gather_rotations(poses, logs, segments, longest_rotation)
+    recording = Recording(poses, rotations, logs, lost, any(map(_has_slow_force, samples)))
     odd, errors = odd_turns(recording)
     left_out = poses.session[rotations.first], rotations.start_s, rotations.end_s, errors
     contradicting = tuple(zip(*(values[odd].tolist() for values in left_out), strict=True))
     railed = sum(int(np.sum(np.asarray(table["kind"]) == DISTURBED)) for table in segments)
-    slow_force = any(map(_has_slow_force, samples))
     lost = replace(lost, railed=railed, contradicting=contradicting)
-    return Recording(poses, rotations.select(~odd), logs, lost, slow_force)
+    return replace(recording, rotations=rotations.select(~odd), lost=lost)
 
 
 def _has_slow_force(samples):

@@ -1,4 +1,4 @@
-"""The set-up of a device beside a reference, such as motion capture, estimated in one fit.
+"""The set-up of a device with a reference, such as motion capture, estimated in one fit.
 
 The set-up is the offset of the clock, the mounting, the place of the marker and the biases.
 """
@@ -38,9 +38,12 @@ SESSION_STD = np.repeat([0.5, 2.0, 0.3, 0.3], 3)
 
 
 @dataclass(frozen=True)
-class ReferenceLog(Log):
-    """A session of N samples beside a reference; `f` and `w` are calibrated, SI."""
+class ReferenceLog:
+    """A session of N samples with a reference."""
 
+    t: np.ndarray  # (N,): time, s
+    f: np.ndarray  # (N, 3): calibrated specific force, m/s^2
+    w: np.ndarray  # (N, 3): calibrated angular rate, rad/s
     # (N, 3, 3): rotation from axes near the body's to the world's axes, not-a-number where the
     # reference was lost. It is the attitude that the reference gives times `frame`
     attitude: np.ndarray
@@ -52,24 +55,25 @@ class ReferenceLog(Log):
 def read_reference(sessions, calibration):
     """Return the ReferenceLog of each session with a reference, a dict by name.
 
-    `sessions` are dicts by name, as for `calibrate.usable_sessions`. The Calibration of the device
+    `sessions` are dicts by name, as in `imuloop.calibrate.sessions`. The Calibration of the device
     is applied without the effects that depend on time, or on channels that not every log has.
     """
-    steady, logs = {}, {}
-    for name, own in ((name, getattr(calibration, name)) for name in SENSORS):
-        kept = [e for e in own.effects if not (e.effect.timed or e.effect.needs)]
-        steady[name] = replace(own, effects=tuple(kept))
+    logs = {}
+    for sensor in SENSORS:
+        own = getattr(calibration, sensor)
+        steady = tuple(e for e in own.effects if not (e.effect.timed or e.effect.needs))
+        calibration = replace(calibration, **{sensor: replace(own, effects=steady)})
     for name, session in sessions.items():
         metadata = read_metadata(session["samples"]).get("reference") or {}
         if session["kind"] == "reference_motion" and "noise" in metadata:
             samples = read_columns(session["samples"])
             log, frame = Log.of(samples), np.array(metadata["frame"])
-            f, w = replace(calibration, **steady).calibrated(log.f, log.w, log.t, None)
+            f, w = calibration.calibrated(log.f, log.w, log.t, None)
             q, place = (np.column_stack([samples[c] for c in n]) for n in (ORIENTATION, POSITION))
             attitude, valid = np.full((len(q), 3, 3), np.nan), np.isfinite(q[:, 0])
             attitude[valid] = Rotation.from_quat(q[valid], scalar_first=True).as_matrix() @ frame
             noise = metadata["noise"]["orientation"], metadata["noise"]["position"] or 0.0
-            logs[name] = ReferenceLog(log.t, f, w, None, attitude, place, frame, noise)
+            logs[name] = ReferenceLog(log.t, f, w, attitude, place, frame, noise)
     return logs
 
 
@@ -112,7 +116,7 @@ class Windows:
         length = np.max(self.last - self.first, initial=-1) + 1
         self.rows = np.minimum(self.first[:, None] + np.arange(length), self.last[:, None])
         self.t = self.read_logs("t", self.rows)
-        # the standard deviations of A are those of T and of K, the latter relative to K
+        # A has the standard deviations of T and of K, the latter relative to K
         sensor, sheet = getattr(calibration, self.sensor), data_sheet().std[BASE[self.sensor]]
         names = [f"K{i}" if i == j else f"T{i}{j}" for i, j in zip(*self.entries, strict=True)]
         scale = [sensor.K[int(n[1])] if n[0] == "K" else 1.0 for n in names]
@@ -286,7 +290,7 @@ class SetUp:
     x: np.ndarray
     covariance: np.ndarray  # (p, p): of x
     # (n + p, p + 1): Jacobian at x, and in the last column the residuals; all rows are scaled to
-    # variance one, and the last p rows are those of the prior
+    # variance one, and the prior has the last p rows
     white: np.ndarray
     floor: np.ndarray  # (n,): variance of the residuals by the noise alone
     variance: np.ndarray  # (n,): variance of the residuals that the fit estimates
@@ -304,8 +308,8 @@ class SetUp:
         Parameters
         ----------
         parts : ndarray of int, shape (n,)
-            Fold of each residual. The shared parameters are fitted to the other folds, those of the
-            sessions to all residuals. Residuals with the fold -1 are part of every fit.
+            Fold of each residual. The shared parameters are fitted to the other folds, and the
+            parameters of the sessions to all residuals. Every fit has the residuals of fold -1.
         without : sequence of int, optional
             Indices of parameters that are set to zero.
         """
@@ -313,7 +317,7 @@ class SetUp:
         r = self.white[:, -1] - self.white[:, without] @ self.x[without]
         by_session = np.linalg.qr(self.white[:, :first])[0]
         rows = np.column_stack([np.delete(self.white[:, :-1], without, axis=1)[:, first:], r])
-        # what the parameters of the sessions can explain is removed
+        # remove the part of each row that the parameters of the sessions can explain
         rows -= by_session @ (by_session.T @ rows)
         folds, residual = np.append(parts, np.full(len(self.x), -1)), np.zeros(len(rows))
         for fold in np.unique(parts):

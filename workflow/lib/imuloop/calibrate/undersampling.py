@@ -15,14 +15,16 @@ from imuloop.core.gaps import lost_samples
 
 # number of bands of the spectrum between a quarter and half the sampling rate
 BANDS = 32
-# limits of the exponent p of the power law: steps, as of knocks, have 2; 8 adds next to nothing
+# limits of the exponent p of the power law: steps, such as knocks, have 2; 8 adds next to nothing
 FALLS = 2.0, 8.0
 # distance of p from the lower limit below which the spectrum does not fall
 FLAT = 0.01
 # share of the variance by white noise of the rotations below which undersampling is neglected
 NEGLIGIBLE = 0.01
-# number of parts of a rotation, each with an error, and the share of its variance without direction
-PARTS, ANY_WAY = 16, 0.5
+# number of parts of a rotation, each with an error
+PARTS = 16
+# share of the variance of an error that has no direction
+ANY_WAY = 0.5
 # variance by the number format of a log without noise, (rad/s)²
 EXACT = 1e-20
 
@@ -59,33 +61,32 @@ def aliased_turns(t, w, begin, last, bias, variance):
     -------
     variance, fall : ndarray, shape (m,)
         Variance of the rotation vector on each axis, rad², zero if it is negligible; and p.
-    steps, covariance : ndarray, shape (m, PARTS) and (m, PARTS, 3, 3)
-        Index of the middle step of each part of a rotation, and the covariance of the error that
-        arises there, on body axes, rad². The traces of a rotation add up to three times its
-        variance.
+    covariance : ndarray, shape (m, PARTS, 3, 3)
+        Covariance of the error that arises in each part of a rotation, on body axes, rad². The
+        traces of a rotation add up to three times its variance.
 
     References
     ----------
     Whittle, "Estimation and information in stationary time series", Arkiv för Matematik 2 (1953).
     """
     if not len(begin):
-        return np.zeros(0), np.zeros(0), np.zeros((0, PARTS), int), np.zeros((0, PARTS, 3, 3))
+        return np.zeros(0), np.zeros(0), np.zeros((0, PARTS, 3, 3))
     steps = np.diff(t)
     usual = np.median(steps)
     # index of each sample in its rotation, dropped samples counted
     lost = lost_samples(steps, usual)
     numbers = [np.append(0, np.cumsum(1 + lost[i:j])) for i, j in zip(begin, last, strict=True)]
     n = np.array([number[-1] + 1 for number in numbers])
-    length, energy, places = 4 * BANDS * -(-n.max() // (4 * BANDS)), [], []
+    length, energy, shares = 4 * BANDS * -(-n.max() // (4 * BANDS)), [], []
     for i, j, number, rest in zip(begin, last, numbers, bias, strict=True):
         turn = w[i : j + 1] - rest
         even = CubicSpline(number, turn.T, axis=1)(np.arange(number[-1] + 1))
         power = np.abs(rfft(even, length)[:, length // 4 : length // 2]) ** 2
         energy.append(power.mean(axis=0).reshape(BANDS, -1).mean(axis=1))
-        middles, squares = outer_products(np.diff(turn, 2, axis=0))
+        squares = sum_parts(outer_products(np.diff(turn, 2, axis=0)))
         squares /= max(np.trace(squares.sum(axis=0)), np.finfo(float).tiny)
-        shares = np.trace(squares, axis1=1, axis2=2)[:, None, None]
-        places.append((middles, ANY_WAY * shares * np.eye(3) + 3 * (1 - ANY_WAY) * squares))
+        traces = np.trace(squares, axis1=1, axis2=2)[:, None, None]
+        shares.append(ANY_WAY * traces * np.eye(3) + 3 * (1 - ANY_WAY) * squares)
     energy, noise = np.array(energy), n[:, None] * (np.median(variance.mean(axis=1)) + EXACT)
     x = 0.25 + (np.arange(BANDS) + 0.5) / (4 * BANDS)
 
@@ -105,16 +106,24 @@ def aliased_turns(t, w, begin, last, bias, variance):
     # a tremor or a line near half the sampling rate cannot be extrapolated by a power law
     valid = aliased.sum() > NEGLIGIBLE * noise.sum() and p > FALLS[0] + FLAT
     aliased *= usual**2 * valid
-    middles, shares = map(np.array, zip(*places, strict=True))
-    return aliased, np.full(len(n), p), middles, shares * aliased[:, None, None, None]
+    return aliased, np.full(len(n), p), np.array(shares) * aliased[:, None, None, None]
 
 
-def outer_products(changes):
-    """Return the sums of v vᵀ over `PARTS` consecutive parts of some vectors v, (n, 3).
+def outer_products(vectors):
+    """Return the matrices v vᵀ, (n, 3, 3), of vectors v, (n, 3)."""
+    return vectors[:, :, None] * vectors[:, None, :]
 
-    Returns the index of the middle vector of each part, (PARTS,), and the sums, (PARTS, 3, 3).
+
+def sum_parts(matrices):
+    """Return sums over `PARTS` consecutive parts, (PARTS, 3, 3), of n matrices, (n, 3, 3)."""
+    n, sums = len(matrices), np.zeros((PARTS, 3, 3))
+    np.add.at(sums, np.arange(n) * PARTS // max(n, 1), matrices)
+    return sums
+
+
+def middle_steps(count):
+    """Return the step in the middle of each part of a rotation, (m, PARTS), counted from its start.
+
+    `count` is the number of samples of each rotation, (m,).
     """
-    n, sums = len(changes), np.zeros((PARTS, 3, 3))
-    products = changes[:, :, None] * changes[:, None, :]
-    np.add.at(sums, np.arange(n) * PARTS // max(n, 1), products)
-    return (2 * np.arange(PARTS) + 1) * n // (2 * PARTS), sums
+    return (2 * np.arange(PARTS) + 1) * (count[:, None] - 2) // (2 * PARTS)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from imuloop.calibrate.calibrate import raw_units
+from imuloop.calibrate.sessions import raw_units
 from imuloop.commands.gravity import add_gravity, gravity_line, local_gravity
 from imuloop.commands.lines import say
 from imuloop.commands.logs import log_samples

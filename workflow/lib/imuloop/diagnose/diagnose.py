@@ -6,17 +6,11 @@ import numpy as np
 
 # this import registers the library of effects
 import imuloop.effects  # noqa: F401
-from imuloop.calibrate.calibrate import (
-    GROUPS,
-    largest_recording,
-    nominal_sensors,
-    read_poses,
-    start_fit,
-    usable_sessions,
-    with_sessions,
-)
+from imuloop.calibrate.calibrate import start_fit
 from imuloop.calibrate.known_rotation import read_turns
+from imuloop.calibrate.nominal import nominal_sensors
 from imuloop.calibrate.recording import Recording
+from imuloop.calibrate.sessions import GROUPS, largest_recording, read_poses, usable_sessions
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
@@ -107,8 +101,7 @@ def diagnose_device(
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
     turns = read_turns(sessions, base.accelerometer)
     how = recording, noise, gravity, units, prior, turns
-    pair, reasons = start_fit(*how, method=method)
-    reasons = {sensor: with_sessions(reason, sessions) for sensor, reason in reasons.items()}
+    pair, reasons = start_fit(*how)
     how = recording, settings, tests
     poses = diagnose_poses(pair, reasons, *how, found, information)
     refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())

@@ -35,12 +35,12 @@ class ResidualCovariance:
 
         It includes the errors by undersampling if `aliasing` is true.
         """
-        covariance, places = 0.0, self.places
+        covariance, places, moves = 0.0, self.places, self.moves
         for gain, channel in zip(self.gains, range(6), strict=True):
             covariance = covariance + _propagate(gain, self.means.covariance(noise, channel))
         white = [noise.axes[name].N.square for name in CHANNELS]
         within = np.tensordot(white, self._within, 1)
-        within += self._extra(self.moves.errors(aliasing=aliasing))
+        within += self._extra(moves.time_covariance + aliasing * moves.aliasing_covariance)
         covariance[places[:, :, None], places[:, None]] += within
         for axis, columns in zip(ANGULAR_RATE, self._tilt_columns, strict=True):
             covariance += noise.axes[axis].N.square * (columns @ columns.T)
@@ -57,7 +57,7 @@ class ResidualCovariance:
     def of_aliasing(self):
         """Return the covariance of the residuals that count by undersampling, (N, N)."""
         total, places = np.zeros((len(self.counted),) * 2), self.places
-        total[places[:, :, None], places[:, None]] = self._extra(self.moves.errors(others=False))
+        total[places[:, :, None], places[:, None]] = self._extra(self.moves.aliasing_covariance)
         return self._select_counted(total)
 
     def _select_counted(self, covariance):
@@ -76,12 +76,12 @@ class ResidualCovariance:
             made[:3, :, 2:, 2:] = (pushed * self.weights[..., None]).swapaxes(2, 3) @ pushed
         return made
 
-    def _extra(self, errors):
+    def _extra(self, covariance):
         """Return the covariance of a move's residuals by errors of its rotation, (m, a, a).
 
-        Takes the steps in which the errors arise, (m, g), and their covariances, (m, g, 3, 3).
+        Takes the covariance of the errors that arise in each part of a rotation, (m, g, 3, 3).
         """
-        steps, covariance = errors
+        steps = self.moves.extra_at
         gain = self.rows.by_turn[np.arange(len(steps))[:, None], steps]
         return (gain @ covariance @ gain.swapaxes(2, 3)).sum(axis=1)
 

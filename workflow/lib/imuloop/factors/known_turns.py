@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.model.sensor import Sensor
-from imuloop.model.state import ENTRIES
+from imuloop.model.state import BASE, ENTRIES
 
 # standard deviation of each component of a turn that is made by hand against an edge, rad
 BY_HAND = 0.005
@@ -51,15 +51,16 @@ class KnownTurns:
     def rows(self):
         """Return the linear equations R x = z that the turns give the fit, scaled to variance one.
 
-        R, (3 m, 12), is the Jacobian of the residuals T K (a - b L) - θ u with respect to the
-        parameters x of the gyroscope, T, K and b, over the standard deviation `BY_HAND`. z is
-        (3 m,). The equations are linearised about the result of `estimate_sensor`.
+        R, (3 m, 21), is the Jacobian of the residuals T K (a - b L) - θ u with respect to the state
+        x without effects, over the standard deviation `BY_HAND`. z is (3 m,). The equations are
+        linearised about the result of `estimate_sensor`.
         """
         sensor, m = self.estimate_sensor(), len(self)
         x = np.concatenate([sensor.T[sensor.entries], sensor.K, sensor.b])
         weights = self.seconds[:, None, None, None] * np.eye(3)
         J = sensor.jacobian(weights, self.rate[:, None], np.zeros((m, 1, 3, 0))).reshape(-1, 12)
-        return J / BY_HAND, (J @ x - self.errors(sensor).ravel()) / BY_HAND
+        z = J @ x - self.errors(sensor).ravel()
+        return np.pad(J, ((0, 0), (BASE["gyroscope"].start, 0))) / BY_HAND, z / BY_HAND
 
     def errors(self, calibration):
         """Return the residual T K (a - b L) - θ u of each turn, rad, (m, 3).

@@ -4,7 +4,7 @@ import numpy as np
 
 # a calibration may hold any effect of the library
 import imuloop.effects  # noqa: F401
-from imuloop.calibrate.calibrate import hashes, layout
+from imuloop.calibrate.sessions import hashes, layout
 from imuloop.core.errors import ImuloopError, nearest
 from imuloop.core.files import read_json
 from imuloop.effects.turn_on_bias import turn_on_std
@@ -33,7 +33,7 @@ def read_prior(sheet, file, device, sessions, type=None):
     device : str
         Name of the device. A family counts without the device of that name.
     sessions : dict
-        Sessions that are calibrated, as in `imuloop.calibrate.calibrate.usable_sessions`.
+        Sessions that are calibrated, as in `imuloop.calibrate.sessions.usable_sessions`.
     type : str, optional
         Type of the device; needed where the family.json holds several.
 

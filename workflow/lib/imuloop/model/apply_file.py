@@ -30,7 +30,7 @@ from imuloop.core.tables import text_cell, text_cells
 
 
 def apply_file(calibration, source, target, shift=0.0):
-    """Write the calibrated samples of a file, the same as those of `Calibration.apply`.
+    """Write the calibrated samples of a file; the values equal the result of `Calibration.apply`.
 
     Other columns of the file are kept.
 

@@ -114,8 +114,8 @@ class Calibration:
             if sensor.unexplained:
                 lines.append(f"{name}: unexplained ({UNEXPLAINED})")
             lines += [f"{name}: {remark}" for remark in remarks(name, sensor)]
-            for effect in (e for e in sensor.effects if not e.effect.lasting):
-                lines.append(f"{name}: {effect.name} {OF_ONE_LOG}")
+            short_lived = [e.name for e in sensor.effects if not e.effect.lasting]
+            lines += [f"{name}: {effect} {OF_ONE_LOG}" for effect in short_lived]
         return lines
 
     def refuse_nominal(self, where=None):
@@ -270,13 +270,8 @@ class Calibration:
         Raises an ImuloopError for an impossible one, see `imuloop.model.calibration_faults`.
         """
         self._refuse(path)
-        content = {
-            "format": FORMAT,
-            "device": self.device,
-            "gravity": self.gravity,
-            "log": self.log,
-            **{sensor: getattr(self, sensor).to_dict() for sensor in SENSORS},
-        }
+        content = {"format": FORMAT, "device": self.device, "gravity": self.gravity}
+        content |= {"log": self.log} | {s: getattr(self, s).to_dict() for s in SENSORS}
         more = {"sha256": list(self.sha256), "updated": self.updated}
         write_json(path, content | {key: value for key, value in more.items() if value})
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import asdict, replace
 from functools import cache
 from pathlib import Path
 
@@ -31,7 +32,8 @@ _LARGEST = 1e9
 _LARGEST_VARIANCE = 1e60
 # largest relative error of a scale factor, and largest bias, SI, of a correct log. Data sheets
 # allow 10 %, 0.3 g and 75 °/s at most; above, the scale is wrong or rows were not read
-_SCALE_ERROR, _BIAS = 0.2, {"accelerometer": 5.0, "gyroscope": 1.5}
+_SCALE_ERROR = 0.2
+_BIAS = {"accelerometer": (5.0, "m/s²"), "gyroscope": (1.5, "rad/s")}
 # largest asymmetry of a covariance by rounding, in units of the standard errors
 _ROUNDING = 1e-6
 
@@ -45,7 +47,10 @@ def _validator():
 
 
 def content_fault(content):
-    """Return how the JSON content of a calibration, a dict, violates its schema, text or None."""
+    """Return the first fault of the JSON content of a calibration by its schema; None if valid.
+
+    Takes the content as a dict. The fault is one line of text.
+    """
     if error := next(_validator().iter_errors(content), None):
         key, text = ".".join(map(str, error.absolute_path)), error.message
         if len(text) > _SHOWN:
@@ -60,27 +65,35 @@ def content_fault(content):
 
 
 def sensor_fault(calibration, sensor):
-    """Return why no sensor can have a SensorCalibration, one line of text; None if one can.
+    """Return the first reason why a SensorCalibration is impossible; None if it is possible.
 
-    `sensor` is the name of the sensor.
+    Parameters
+    ----------
+    calibration : SensorCalibration
+    sensor : str
+        Name of the sensor.
+
+    Returns
+    -------
+    str or None
+        One line of text.
     """
     checks = _base_faults, _effect_faults, _covariance_faults
     return next((fault for check in checks for fault in check(calibration, sensor)), None)
 
 
 def implausible_values(calibration, sensor):
-    """Return a text that names the values of K and b that no data sheet allows; None without any.
+    """Return a text that names the values of K and b that no data sheet allows, or None.
 
     Such a SensorCalibration is valid, but the log that it comes from must be faulty. `sensor` is
     the name of the sensor.
     """
     unit, values = calibration.raw_unit, []
-    for i, axis in enumerate("xyz"):
-        scale, bias = calibration.K[i] / unit.scale, (calibration.b[i] - unit.offset) * unit.scale
-        if abs(scale - 1) > _SCALE_ERROR:
-            values.append(f"K of {axis} is {scale:.3g} times nominal")
-        if abs(bias) > _BIAS[sensor]:
-            si = {"accelerometer": "m/s²", "gyroscope": "rad/s"}[sensor]
+    largest, si = _BIAS[sensor]
+    for axis, K, bias in zip("xyz", calibration.K, unit.to_si(calibration.b), strict=True):
+        if abs(K / unit.scale - 1) > _SCALE_ERROR:
+            values.append(f"K of {axis} is {K / unit.scale:.3g} times nominal")
+        if abs(bias) > largest:
             values.append(f"the bias of {axis} is {bias:.3g} {si}")
     quantity = _QUANTITIES[sensor]
     where = f"nominal.{quantity}" if unit.name == "count" else f"units.{quantity}"
@@ -91,23 +104,19 @@ def _base_faults(calibration, sensor):
     """Yield the faults of the raw unit, T, K and b, text."""
     T, K, b, unit = calibration.T, calibration.K, calibration.b, calibration.raw_unit
     try:
-        known = raw_unit(
-            _QUANTITIES[sensor], unit.name, {"scale": unit.scale, "offset": unit.offset}
-        )
+        known = raw_unit(_QUANTITIES[sensor], unit.name, asdict(unit))
     except ImuloopError as error:
         yield str(error)
-    same = (known.name, known.offset) == (unit.name, unit.offset)
-    if not (same and math.isclose(known.scale, unit.scale, rel_tol=1e-9) and unit.scale > 0):
+    same = replace(known, scale=unit.scale) == unit and unit.scale > 0
+    if not (same and math.isclose(known.scale, unit.scale, rel_tol=1e-9)):
         yield f"raw_unit {unit.name} has not the scale {unit.scale} and the offset {unit.offset}"
     # these comparisons are false for not-a-number, which is refused
     if not np.all(np.abs(b - unit.offset) * unit.scale <= _LARGEST):
         yield f"b is {b.tolist()}: no sensor has such a bias"
     ratio = K / unit.scale
     for i in np.flatnonzero(~((1 / _FURTHEST <= ratio) & (ratio <= _FURTHEST))):
-        yield (
-            f"K{i} is {ratio[i]:.4g} times what the unit promises, not {1 / _FURTHEST:g} to "
-            f"{_FURTHEST:g} times"
-        )
+        limits = f"{1 / _FURTHEST:g} to {_FURTHEST:g} times"
+        yield f"K{i} is {ratio[i]:.4g} times what the unit promises, not {limits}"
     if not np.all(np.abs(np.diag(T) - 1) <= _ROUNDING):
         yield "the diagonal of T is not 1"
     if sensor == "accelerometer" and np.tril(T, -1).any():
@@ -133,8 +142,9 @@ def _effect_faults(calibration, sensor):
 
 def _covariance_faults(calibration, sensor):
     """Yield the faults of the covariance, text."""
-    names = calibration.names
-    matrix = np.zeros((0, 0)) if calibration.covariance is None else calibration.covariance
+    names, matrix = calibration.names, calibration.covariance
+    if matrix is None:
+        matrix = np.zeros((0, 0))
     known = {f"{effect.name}.{key}" for effect in calibration.effects for key in effect.values}
     known |= _SCALES | (_UPPER if sensor == "accelerometer" else _ANGLES)
     if unknown := set(names) - known:

@@ -10,7 +10,7 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, did_you_mean
 
-# constants that are fitted to values between those of the shapes
+# constants that a fit refines between the values that the shapes have
 FINE = ("tau", "half_width", "lag")
 # SI unit of each sensor's output
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -111,7 +111,7 @@ class Effect:
     lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
     # whether it is one of many formulas without a known cause: it is tested after all others
     is_formula: ClassVar[bool] = False
-    # amount by which the logarithm of the p-value has to be below that of shapes with fewer
+    # amount by which the logarithm of the p-value has to be lower than for shapes with fewer
     # constants
     price: ClassVar[float] = 0.0
     # least and largest value of constants that have limits
@@ -156,7 +156,10 @@ class Effect:
 
     @classmethod
     def shapes(cls, channels):
-        """Return the shapes to test in data with these Channels; none without a design."""
+        """Return the shapes to test in data with these Channels, a tuple.
+
+        It is empty for an effect without a design.
+        """
         return () if cls.design is Effect.design else (cls(),)
 
     def units(self, sensor):
@@ -244,8 +247,7 @@ class FittedEffect:
         ranges = dict(self.ranges)
         for k, name in enumerate(self.effect.parameters):
             design = np.concatenate([np.zeros(0), *(part[:, :, k].ravel() for part in parts)])
-            if design.any():
-                design = design[design != 0]
+            if (design := design[design != 0]).size:
                 ranges[name] = float(design.min()), float(design.max())
         return replace(self, ranges=ranges)
 
@@ -261,26 +263,23 @@ class FittedEffect:
 
         Raises an ImuloopError if the library has no such effect.
         """
-        name = content["name"]
+        name, values = content["name"], content["parameters"]
+        std, ranges = content.get("std", {}), content.get("range", {})
+        # lists of the file become tuples, as an effect is hashed
+        constants = content.get("constants", {}).items()
+        constants = {k: tuple(v) if isinstance(v, list) else v for k, v in constants}
         try:
-            constants = content.get("constants", {}).items()
-            # lists of the file become tuples, as an effect is hashed
-            constants = {k: tuple(v) if isinstance(v, list) else v for k, v in constants}
             effect = find_effect(name)(**constants)
             _check_constants(effect)
         except (TypeError, ValueError) as error:
             raise ImuloopError(f"effect {name}: its constants do not fit: {error}") from error
-        if set(content["parameters"]) != set(effect.parameters):
+        if set(values) != set(effect.parameters) or not {*std, *ranges} <= set(values):
             raise ImuloopError(f"effect {name}: its parameters are {', '.join(effect.parameters)}")
-        values = {key: float(content["parameters"][key]) for key in effect.parameters}
-        std = dict(content.get("std", {}))
-        ranges = {key: tuple(map(float, ends)) for key, ends in content.get("range", {}).items()}
-        if not {*ranges, *std} <= {*values}:
-            raise ImuloopError(f"effect {name}: range or std of what is no parameter of it")
-        for ends in ranges.values():
-            if not (len(ends) == 2 and -np.inf < ends[0] <= ends[1] < np.inf):
-                raise ImuloopError(f"effect {name}: range is no least and largest value")
-        return cls(effect, values, std, ranges)
+        values = {key: float(values[key]) for key in effect.parameters}
+        ranges = {key: (float(low), float(high)) for key, (low, high) in ranges.items()}
+        if not all(low <= high for low, high in ranges.values()):
+            raise ImuloopError(f"effect {name}: range is no least and largest value")
+        return cls(effect, values, dict(std), ranges)
 
 
 def _check_constants(effect):

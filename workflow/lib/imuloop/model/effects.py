@@ -8,7 +8,7 @@ from imuloop.model.effect import Effect
 
 @dataclass(frozen=True)
 class EffectKind:
-    """A class of the library of effects with a sensor; the properties are those of the class."""
+    """A class of the library of effects, with a sensor; it has the same properties as the class."""
 
     cls: type
     sensor: str
@@ -20,7 +20,7 @@ class EffectKind:
 
 @dataclass(frozen=True)
 class SensorEffect:
-    """An effect with its constants and its sensor; the properties are those of the effect."""
+    """An effect with its constants and its sensor; it has the same properties as the effect."""
 
     effect: Effect
     sensor: str

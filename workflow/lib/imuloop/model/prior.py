@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.model.sensor_calibration import FAR_OFF
-from imuloop.model.state import BASE, BIAS, NAMES
+from imuloop.model.state import BASE, NAMES
 from imuloop.sensors import GENERIC, Tolerance
 
 DATA_SHEET = "data sheet"
@@ -40,20 +40,21 @@ class Prior:
 
     def with_sensor(self, sensor, source, mean, covariance):
         """Return the Prior with another source, mean, (p,), and covariance, (p, p), of a sensor."""
-        prior = replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
-        prior.mean[BASE[sensor]] = mean
-        prior.covariance[BASE[sensor], BASE[sensor]] = covariance
+        prior = self.with_part(BASE[sensor], mean, covariance)
         return replace(prior, sources=self.sources | {sensor: source})
 
-    def with_bias(self, mean, variance):
-        """Return the Prior with another mean, (3,), and variance, (3,), of the gyroscope's bias."""
+    def with_part(self, places, mean, covariance):
+        """Return the Prior with another mean, (p,), and covariance, (p, p), of p parameters.
+
+        `places` is the slice of their indices in x. They become independent of the others.
+        """
         prior = replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
-        prior.mean[BIAS], prior.covariance[BIAS], prior.covariance[:, BIAS] = mean, 0.0, 0.0
-        prior.covariance[BIAS, BIAS] = np.diag(variance)
+        prior.mean[places], prior.covariance[places], prior.covariance[:, places] = mean, 0.0, 0.0
+        prior.covariance[places, places] = covariance
         return prior
 
     def widened(self, x):
-        """Return the Prior, wider for those of the parameters x, (21,), that contradict it.
+        """Return the Prior, widened for each parameter of the state x, (21,), that contradicts it.
 
         If a parameter is more than `FAR_OFF` standard deviations from the mean, its distance from
         the mean becomes the standard deviation. Such data are of another unit, range or board than

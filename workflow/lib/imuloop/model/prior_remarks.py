@@ -53,20 +53,16 @@ def advice_on_unimproved(sensor, names):
             f"Too few poses: {subject}. Add poses until each axis was up, down and halfway between "
             "each other axis: twelve or more in all."
         )
-    sentences = []
     between = [f"{AXES[int(n[1])]} and {AXES[int(n[2])]}" for n in names if n[0] == "T"]
     upright = sorted({AXES[int(n[1])] for n in names if n[0] != "T"})
-    if between:
-        sentences.append(f"No pose lies between {joined(between)}")
-    if upright:
-        sentences.append(f"No two poses have {joined(upright)} up and down")
+    sentences = [f"No pose lies between {joined(between)}"] * bool(between)
+    sentences += [f"No two poses have {joined(upright)} up and down"] * bool(upright)
     return f"{'; '.join(sentences)}: {subject}. Add two poses there."
 
 
 def _words(names):
     """Return parameters in words, such as "misalignment xy and xz, scale factor x and bias x"."""
-    axes = {
-        kind: ["".join(AXES[int(i)] for i in n[1:]) for n in names if n[0] == kind]
-        for kind in WORDS
-    }
-    return joined([f"{word} {joined(axes[kind])}" for kind, word in WORDS.items() if axes[kind]])
+    axes = {}
+    for name in sorted(names, key=lambda name: [*WORDS].index(name[0])):
+        axes.setdefault(WORDS[name[0]], []).append("".join(AXES[int(i)] for i in name[1:]))
+    return joined([f"{word} {joined(of_word)}" for word, of_word in axes.items()])

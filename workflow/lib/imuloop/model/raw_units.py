@@ -27,26 +27,20 @@ def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **how):
     **how
         Other fields of the SensorCalibration.
     """
-    names, T = NAMES[sensor], np.eye(3)
-    elements, K, b, of_effects = np.split(x, np.cumsum([len(names) - 6, 3, 3]))
+    names, T, fitted = NAMES[sensor], np.eye(3), []
+    elements, K, b, _ = np.split(x, np.cumsum([len(names) - 6, 3, 3]))
     T[ENTRIES[sensor]] = elements
-    std = iter(np.sqrt(np.diag(covariance))[len(names) :].tolist())
-    names += tuple(f"{effect.name}.{p}" for effect in effects for p in effect.parameters)
-    factor, values, fitted = si_factor(names, unit), iter(of_effects.tolist()), []
+    std = np.sqrt(np.diag(covariance))
     for effect in effects:
-        by_name = ({p: next(numbers) for p in effect.parameters} for numbers in (values, std))
-        fitted.append(FittedEffect(effect, *by_name))
-    return SensorCalibration(
-        raw_unit=unit,
-        T=T,
-        K=K * unit.scale,
-        b=unit.from_si(b),
-        names=names,
-        covariance=covariance / np.outer(factor, factor),
-        effects=tuple(fitted),
-        prior=prior and prior_content(sensor, prior, unit),
-        **how,
-    )
+        own = slice(len(names), len(names) + len(effect.parameters))
+        pairs = (zip(effect.parameters, v[own].tolist(), strict=True) for v in (x, std))
+        fitted.append(FittedEffect(effect, *map(dict, pairs)))
+        names += tuple(f"{effect.name}.{p}" for p in effect.parameters)
+    factor = si_factor(names, unit)
+    prior = prior and prior_content(sensor, prior, unit)
+    how |= {"covariance": covariance / np.outer(factor, factor), "prior": prior}
+    K, b = K * unit.scale, unit.from_si(b)
+    return SensorCalibration(unit, T, K, b, names=names, effects=tuple(fitted), **how)
 
 
 def prior_content(sensor, prior, unit):
@@ -74,7 +68,7 @@ def state_of(calibration, effects=None):
     """Return the State of a Calibration in nominal SI, with p parameters, and its covariance.
 
     Parameters of different sensors have no covariance, and parameters that were not estimated have
-    no variance. `effects` is a sequence of SensorEffect, some of those of the calibration; by
+    no variance. `effects` is a sequence of SensorEffect, some effects of the calibration; by
     default the state has all of them.
 
     Returns
@@ -86,23 +80,21 @@ def state_of(calibration, effects=None):
     """
     sensors = {name: getattr(calibration, name) for name in NAMES}
     fitted = {SensorEffect(e.effect, s): e for s, made in sensors.items() for e in made.effects}
-    base = np.concatenate([as_logged(sensor, made) for sensor, made in sensors.items()])
-    state = State(np.concatenate([base, *(e.vector for e in fitted.values())]), tuple(fitted))
-    index = {name: k for k, name in enumerate(state.names)}
-    covariance = np.zeros((len(index),) * 2)
+    effects = tuple(fitted if effects is None else effects)
+    parts = [as_logged(sensor, made) for sensor, made in sensors.items()]
+    state = State(np.concatenate([*parts, *(fitted[e].vector for e in effects)]), effects)
     # effects from another record than the other parameters have standard errors only
-    for effect, estimate in fitted.items():
-        for name, size in estimate.std.items():
-            covariance[(index[f"{effect.sensor}.{effect.name}.{name}"],) * 2] = size**2
+    std = {f"{e.sensor}.{e.name}.{name}": s for e in effects for name, s in fitted[e].std.items()}
+    covariance = np.diag([std.get(name, 0.0) ** 2 for name in state.names])
     for sensor, made in sensors.items():
-        if made.names:
-            places = [index[f"{sensor}.{name}"] for name in made.names]
+        names = [f"{sensor}.{name}" for name in made.names]
+        places = [k for k, name in enumerate(state.names) if name in names]
+        if places:
+            rows = [names.index(state.names[k]) for k in places]
             factor = si_factor(made.names, made.raw_unit)
-            covariance[np.ix_(places, places)] = made.covariance * np.outer(factor, factor)
-    if effects is None:
-        return state, covariance
-    places = [index[name] for name in State(base, tuple(effects)).names]
-    return State(state.x[places], tuple(effects)), covariance[np.ix_(places, places)]
+            block = made.covariance * np.outer(factor, factor)
+            covariance[np.ix_(places, places)] = block[np.ix_(rows, rows)]
+    return state, covariance
 
 
 def si_factor(names, unit):

@@ -7,6 +7,7 @@ import numpy as np
 from imuloop.core.errors import ImuloopError
 from imuloop.core.units import RawUnit
 from imuloop.model.effect import OUTPUT, FittedEffect
+from imuloop.model.state import NAMES
 
 # fields that a file holds without conversion
 _WORDS = ("method", "not_testable", "reduced_chi2", "verdict")
@@ -25,7 +26,7 @@ class SensorCalibration:
     T: np.ndarray  # (3, 3): misalignment, unit diagonal; upper triangular for an accelerometer
     K: np.ndarray  # (3,): scale factor, SI per raw unit
     b: np.ndarray  # (3,): bias, raw units
-    # names of the p estimated parameters: ``T01``, …, ``K0``, …, ``b0``, … and those of effects
+    # names of the p estimated parameters: ``T01``, …, ``K0``, …, ``b0``, …, then of its effects
     names: tuple[str, ...] = ()
     covariance: np.ndarray | None = None  # (p, p): in the units of the parameters
     effects: tuple[FittedEffect, ...] = ()  # their sum is e, SI, on the sensor's own axes
@@ -35,7 +36,7 @@ class SensorCalibration:
     # worst verdict, in diagnosis.json, of the records that the parameters and effects come from;
     # None if there was no diagnosis
     verdict: str | None = None
-    # ``source`` of the prior, and ``mean`` and ``std`` by name of the parameter; None without prior
+    # ``source`` of the prior, and ``mean`` and ``std`` by name of the parameter; None if absent
     prior: dict | None = None
 
     @classmethod
@@ -61,7 +62,7 @@ class SensorCalibration:
 
     @property
     def excess(self):
-        """Reduced χ² of its fit where above one: so many times its noise is that of the data."""
+        """Ratio of the variance of the residuals to that of the noise model, at least one."""
         return max(1.0, self.reduced_chi2 or 1.0)
 
     def output(self, values):
@@ -89,6 +90,10 @@ class SensorCalibration:
             return {}
         return dict(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True))
 
+    def value(self, name):
+        """Return the parameter with a name such as ``T01``, ``K0`` or ``b0``, raw units."""
+        return float(getattr(self, name[0])[tuple(map(int, name[1:]))])
+
     def parameters(self, sensor):
         """Return a list of (name, value, standard error, unit, source) of all parameters.
 
@@ -97,17 +102,12 @@ class SensorCalibration:
         of the sensor.
         """
         si, raw, std = OUTPUT[sensor], self.raw_unit.name, self.std
-        scale = "1" if raw == si else f"{si} per {raw}"
-        angles = [(i, j) for i, j in np.ndindex(3, 3) if i < j or (i > j and sensor == "gyroscope")]
-        rows = [(f"T{i}{j}", self.T[i, j], "rad") for i, j in angles]
-        rows += [(f"K{i}", k, scale) for i, k in enumerate(self.K)]
-        rows += [(f"b{i}", b, raw) for i, b in enumerate(self.b)]
+        units = {"T": "rad", "K": "1" if raw == si else f"{si} per {raw}", "b": raw}
         prior = (self.prior or {}).get("source", "data sheet")
-        sources = {name: "data" for name in std} | dict.fromkeys(self.unimproved, prior)
-        rows = [
-            (name, float(value), std.get(name, np.nan), unit, sources.get(name, prior))
-            for name, value, unit in rows
-        ]
+        rows = []
+        for name in NAMES[sensor]:
+            source = "data" if name in std and name not in self.unimproved else prior
+            rows.append((name, self.value(name), std.get(name, np.nan), units[name[0]], source))
         for fitted in self.effects:
             units = fitted.effect.units(sensor)
             rows += [
@@ -138,11 +138,8 @@ class SensorCalibration:
 
         It holds only distances above `FAR_OFF`.
         """
-        if not self.prior:
-            return {}
-        std, mean = self.prior["std"], self.prior["mean"]
-        values = {n: getattr(self, n[0])[tuple(int(i) for i in n[1:])] for n in std}
-        sizes = {name: float(abs(values[name] - mean[name]) / std[name]) for name in std}
+        prior = self.prior or {"std": {}}
+        sizes = {n: abs(self.value(n) - prior["mean"][n]) / s for n, s in prior["std"].items()}
         return {name: size for name, size in sizes.items() if size > FAR_OFF}
 
     def to_dict(self):

@@ -28,7 +28,7 @@ COUNT, BIAS = 21, slice(18, 21)
 
 @dataclass(frozen=True)
 class State:
-    """Values x of all parameters, (21 + q,): the last q are those of `effects`, of SensorEffect."""
+    """Values x of all parameters, (21 + q,); the last q belong to `effects`, of SensorEffect."""
 
     x: np.ndarray
     effects: tuple = ()
@@ -44,7 +44,7 @@ class State:
         return tuple(unit for *_, unit in parameters(self.effects))
 
     def places(self, sensor):
-        """Return the indices of the parameters of one sensor in x, those of its effects last."""
+        """Return the indices of the parameters of one sensor in x; its effects come last."""
         return np.flatnonzero([owner == sensor for owner, *_ in parameters(self.effects)])
 
     def sensor(self, sensor):

@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
-from imuloop.calibrate.poses import Rotations
 from imuloop.calibrate.recording import Recording
+from imuloop.calibrate.rotations import Rotations
 from imuloop.core.rotation import exponential, matrix, shortest_turn
 from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.sphere import direction_words
@@ -175,7 +175,8 @@ def recorded(steps, now, calibration, recording):
     rotations = Rotations(
         *(2 * np.arange(m), t[:, 0], t[:, -1], *values),
         extra_at=np.zeros((m, 1), int),
-        extra_covariance=np.tile(np.eye(3) * (lost.mean() if len(lost) else 0.0), (m, 1, 1, 1)),
+        time_covariance=np.zeros((m, 1, 3, 3)),
+        aliasing_covariance=np.tile(np.eye(3) * (lost.mean() if len(lost) else 0.0), (m, 1, 1, 1)),
     )
     return Recording(rest, rotations)
 

@@ -333,10 +333,8 @@ def undersampled(problem, solution, floor):
     sensor, recording, rotations = problem.sensor, problem.recording, problem.recording.rotations
     if not rotations.aliased.any():
         return {}
-    covariances = [
-        sensor.linearise(solution, variant).noise.by(sensor.noise)
-        for variant in (recording, recording.without_aliasing())
-    ]
+    noise = sensor.linearise(solution, recording).noise
+    covariances = [noise.by(sensor.noise, aliasing) for aliasing in (True, False)]
     sums = (np.diag(covariance)[-2 * len(rotations) :].sum() for covariance in covariances)
     whole, others = (total / len(rotations) for total in sums)
     own, rate = min(whole, floor**2) - others, 1 / np.median(rotations.steps[rotations.steps > 0])

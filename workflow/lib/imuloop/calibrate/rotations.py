@@ -1,0 +1,170 @@
+"""Rotations from one pose to the next, gathered from the logs of all sessions."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from imuloop.calibrate.errors_of_time import errors_of_time
+from imuloop.calibrate.poses import Table
+from imuloop.calibrate.undersampling import PARTS, aliased_turns, middle_steps
+from imuloop.core.errors import plural
+from imuloop.core.gaps import lost_samples
+from imuloop.core.segments import GAP
+
+# share of a rotation at either end that is too slow to be told from a rest, and the part of it, s,
+# that the segmentation does not count as rest
+ONSET, SEEN = 0.03, 0.1
+
+
+@dataclass(frozen=True)
+class Rotations(Table):
+    """The samples of m rotations between consecutive poses.
+
+    All rotations are padded to the same number k of samples: the last sample is repeated, so that
+    the time steps of the padding are zero.
+    """
+
+    first: np.ndarray  # index of the pose that the rotation starts from, (m,); it ends at the next
+    start_s: np.ndarray  # time of the first sample, s, (m,)
+    end_s: np.ndarray  # time of the last sample, s, (m,)
+    t: np.ndarray  # time of the samples, s, (m, k)
+    w: np.ndarray  # angular rate, rad/s, (m, k, 3), nominal SI
+    f: np.ndarray  # specific force, m/s^2, (m, k, 3), nominal SI
+    temperature: np.ndarray | None  # degC, (m, k)
+    # whether samples are missing in each step, (m, k - 1)
+    uneven: np.ndarray | None = None
+    # additional errors of a rotation: the step in the middle of each of the g parts in which they
+    # arise, (m, g), and their covariance as a rotation vector, rad², (m, g, 3, 3), due to
+    # undersampling (`undersampling.aliased_turns`), and due to missing samples and jitter
+    extra_at: np.ndarray | None = None
+    aliasing_covariance: np.ndarray | None = None
+    time_covariance: np.ndarray | None = None
+    # variance of each axis due to undersampling, rad², (m,)
+    aliased: np.ndarray | None = None
+    # exponent p of the power law f⁻ᵖ of the spectrum from which `aliased` is predicted, (m,)
+    fall: np.ndarray | None = None
+    # whether the specific force reached the end of its range, (m,)
+    force_clipped: np.ndarray | None = None
+
+    @cached_property
+    def steps(self):
+        """Time steps, s, (m, k - 1); zero in the padding."""
+        return np.diff(self.t, axis=1)
+
+
+@dataclass(frozen=True)
+class Lost:
+    """Numbers of the rotations and rests that are not used, and why."""
+
+    rotations: int = 0  # all rotations that are short enough to be used
+    left_out: int = 0  # those with a gap that is too long, or whose error is unknown or too large
+    longest: int = 0  # largest number of samples dropped in a row in one of these
+    clipped: int = 0  # rotations whose angular rate is clipped
+    railed: int = 0  # rests whose specific force is clipped
+    # rotations that contradict all others: session, start and end, s, and contradiction, rad, of
+    # each
+    contradicting: tuple = ()
+
+    @property
+    def reason(self):
+        """Why rotations were left out, text; empty if none was."""
+        left_out = (
+            f"; {self.left_out} of {self.rotations} turns lost up to "
+            f"{plural(self.longest, 'sample')} in a row and are left out"
+        )
+        clipped = (
+            f"; {self.clipped} of {self.rotations} turns reached the end of the gyroscope's range "
+            "and are left out: choose a wider range or turn more slowly"
+        )
+        return left_out * bool(self.left_out) + clipped * bool(self.clipped)
+
+    @property
+    def rests_reason(self):
+        """Why rests were left out, text; empty if none was."""
+        rests = plural(self.railed, "rest")
+        reason = f"; {rests} at the end of the accelerometer's range left out: choose a wider range"
+        return reason * bool(self.railed)
+
+
+def gather_rotations(poses, logs, segments, longest_s):
+    """Return the Rotations between consecutive poses of the same session, and the Lost.
+
+    A rotation lasts from the last sample of a pose to the first sample of the next pose. A slow
+    rotation also takes the nearest part of both poses: it starts and ends too slowly to be told
+    from a rest, and the angle of these parts is larger than the noise of the added time.
+
+    A rotation is left out if it lasts longer than `longest_s`, crosses a gap of the segments, has
+    a clipped angular rate, or if missing samples make its angle too uncertain (`errors_of_time`).
+
+    Parameters
+    ----------
+    poses : Poses
+        The poses of all sessions.
+    logs, segments : sequence
+        The Log and the segments, a DataFrame or a dict of arrays, of each session.
+    longest_s : float
+        Longest rotation, s.
+    """
+    # columns of each session; the first are empty, for a device without sessions
+    columns = [(*np.zeros((6, 0)), np.zeros((0, PARTS, 3, 3)), *aliased_turns(*[()] * 6))]
+    candidates, lost_runs, clipped_turns = 0, [], 0
+    # part of each pose that a slow rotation may take, s; poses that tilt have their turns already
+    room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
+    for session in np.unique(poses.session):
+        log, table = logs[session], segments[session]
+        pose = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
+        pose = pose[poses.start_s[pose + 1] - poses.end_s[pose] <= longest_s]
+        start, end = poses.end_s[pose], poses.start_s[pose + 1]
+        onset = np.maximum(ONSET * (end - start) - SEEN, 0.0)
+        start, end = start - np.minimum(onset, room[pose]), end + np.minimum(onset, room[pose + 1])
+        is_gap = np.asarray(table["kind"]) == GAP
+        gap_start, gap_end = (np.asarray(table[c])[is_gap] for c in ("start_s", "end_s"))
+        crosses_gap = ((gap_start < end[:, None]) & (gap_end > start[:, None])).any(axis=1)
+        # `end_s` is exclusive: the last sample of the pose is the one before it
+        first, last = np.searchsorted(log.t, start) - 1, np.searchsorted(log.t, end)
+        bias, variance = poses.w[pose], poses.variance[pose, 3:]
+        covariance, accurate, lost = errors_of_time(log.t, log.w, first, last, bias, variance)
+        accurate &= ~crosses_gap
+        # a rotation is clipped if the number of clipped samples rises between its ends
+        count = np.pad(np.cumsum(log.clipped, axis=1), ((0, 0), (1, 0)))
+        rate_clipped, force_clipped = count[:, last + 1] > count[:, first]
+        kept = np.flatnonzero(accurate & ~rate_clipped)
+        candidates += len(pose)
+        lost_runs += lost[~accurate].tolist()
+        clipped_turns += np.count_nonzero(accurate & rate_clipped)
+        pose, first, last, bias, variance = (x[kept] for x in (pose, first, last, bias, variance))
+        same = (np.full(len(kept), value) for value in (session, np.median(np.diff(log.t))))
+        aliasing = aliased_turns(log.t, log.w, first, last, bias, variance)
+        own = pose, first, last, *same, force_clipped[kept], covariance[kept], *aliasing
+        columns.append(own)
+    *columns, time_covariance, aliased, fall, aliasing_covariance = map(
+        np.concatenate, zip(*columns, strict=True)
+    )
+    pose, first, last, session = (column.astype(int) for column in columns[:4])
+    length = np.max(last - first, initial=1) + 1
+    rows = np.minimum(first[:, None] + np.arange(length), last[:, None])
+
+    def along(name, *shape):
+        """Return the samples of a field of the logs along all rotations, (m, k, ...)."""
+        values = [getattr(logs[s], name)[i] for s, i in zip(session, rows, strict=True)]
+        return np.reshape(values, (*rows.shape, *shape))
+
+    t = along("t")
+    rotations = Rotations(
+        first=pose,
+        start_s=t[:, 0],
+        end_s=t[:, -1],
+        t=t,
+        w=along("w", 3),
+        f=along("f", 3),
+        temperature=None if poses.temperature is None else along("temperature"),
+        uneven=lost_samples(np.diff(t), columns[4][:, None]) > 0,
+        extra_at=middle_steps(last - first + 1),
+        aliasing_covariance=aliasing_covariance,
+        time_covariance=time_covariance,
+        aliased=aliased,
+        fall=fall,
+        force_clipped=columns[5] > 0,
+    )
+    return rotations, Lost(candidates, len(lost_runs), max(lost_runs, default=0), clipped_turns)

@@ -1,0 +1,126 @@
+"""The sessions of a device: which of them a fit uses, and what their files hold.
+
+All functions take the sessions as a dict by name. Each session is a dict with its ``kind`` and the
+paths of its files, ``samples`` and ``segments``.
+"""
+
+from dataclasses import replace
+
+from imuloop.calibrate.poses import gather_poses
+from imuloop.calibrate.recording import record
+from imuloop.core.samples import (
+    CHANNELS,
+    OWN_TIME,
+    TEMPERATURE,
+    TIME,
+    Samples,
+    read_columns,
+    read_metadata,
+)
+from imuloop.core.units import RawUnit
+
+KINDS = ("multi_position", "six_position", "static", "known_rotation", "reference_motion")
+# kinds of the sessions that are fitted together; the first one names the method of the calibration
+GROUPS = {
+    "multi_position": ("multi_position", "reference_motion"),
+    "six_position": ("six_position",),
+    "known_rotation": ("known_rotation",),
+}
+
+
+def usable_sessions(sessions, *kinds):
+    """Return the sessions of some kinds that were not rejected.
+
+    Returns
+    -------
+    list of (dict, dict)
+        Each session and its segments, a dict of arrays.
+    """
+    chosen = [(s, read_columns(s["segments"])) for s in sessions.values() if s["kind"] in kinds]
+    return [(session, table) for session, table in chosen if len(table["kind"])]
+
+
+def why_no_pose(sessions, kind):
+    """Return a text that says what became of the sessions of a kind without a pose."""
+    fates = []
+    for name, session in sessions.items():
+        if session["kind"] == kind:
+            rejected = not len(read_columns(session["segments"], ["kind"])["kind"])
+            fates.append(f"{name} {'was rejected' if rejected else 'has no rest that is a pose'}")
+    return f"no {kind} session with a pose" + (f": {', '.join(fates)}" if fates else "")
+
+
+def read_poses(sessions, kind):
+    """Return the Poses of the sessions of one kind."""
+    return gather_poses([table for _, table in usable_sessions(sessions, kind)])
+
+
+def read_recording(sessions, longest_rotation, kind="multi_position"):
+    """Return the Recording of the sessions that are fitted together.
+
+    Parameters
+    ----------
+    sessions : dict of str to dict
+        Sessions by name.
+    longest_rotation : float
+        Longest rotation between two poses, s.
+    kind : str, optional
+        The method, a key of `GROUPS`.
+
+    Returns
+    -------
+    Recording
+        It has no poses if no session has one.
+    """
+    chosen = usable_sessions(sessions, *GROUPS[kind])
+    columns = (TIME, *CHANNELS, TEMPERATURE, *OWN_TIME.values())
+    samples = [read_columns(session["samples"], columns) for session, _ in chosen]
+    rails = [read_metadata(session["samples"]).get("rails", {}) for session, _ in chosen]
+    recording = record(samples, [table for _, table in chosen], longest_rotation, rails)
+    return replace(recording, kind=kind, why_no_pose=why_no_pose(sessions, kind))
+
+
+def largest_recording(sessions, longest_rotation):
+    """Return the method in `GROUPS` whose sessions have the most poses, and their Recording.
+
+    `longest_rotation` is the longest rotation between two poses, s.
+    """
+    made = [read_recording(sessions, longest_rotation, kind) for kind in GROUPS]
+    recording = max(made, key=lambda made: len(made.poses))
+    return recording.kind, recording
+
+
+def first_log(sessions):
+    """Return the metadata of the samples of the first session in the order of `KINDS`, a dict.
+
+    A session without samples comes last, because the units of a log that was not read are not
+    known.
+    """
+
+    def order(session):
+        return not len(Samples(session["samples"])), KINDS.index(session["kind"])
+
+    return read_metadata(min(sessions.values(), key=order)["samples"])
+
+
+def raw_units(sessions):
+    """Return the RawUnit of the accelerometer and of the gyroscope in the log of `first_log`."""
+    units = first_log(sessions)["raw_units"]
+    chosen = (units[quantity] for quantity in ("acceleration", "angular_rate"))
+    return tuple(RawUnit(unit["name"], unit["scale"], unit["offset"]) for unit in chosen)
+
+
+def layout(sessions):
+    """Return the settings that were declared for the log of `first_log`, a dict.
+
+    If the log holds an autopilot's numbers of its sensors, they have the key ``sensor_ids``.
+    """
+    first = first_log(sessions)
+    ids = first.get("sensor_ids")
+    return first.get("declared", {}) | ({"sensor_ids": ids} if ids else {})
+
+
+def hashes(sessions):
+    """Return the SHA-256 of each file of the sessions' logs, a tuple of str without duplicates."""
+    files = [read_metadata(session["samples"]).get("sha256", {}) for session in sessions.values()]
+    return tuple(dict.fromkeys(value for by_file in files for value in by_file.values()))
