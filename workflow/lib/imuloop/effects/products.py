@@ -38,7 +38,6 @@ class Product(Effect):
     reference_temperature: float = ROOM
 
     name = "product"
-    equation = "e_i = c_i Π_k x_k^p_k"
     reference = "a search of this device's residual; no cause is known"
     # the class has no records, as `products` gives the shapes after all other effects
     records = ()

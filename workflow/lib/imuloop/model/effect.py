@@ -92,7 +92,7 @@ class Effect:
     sensors: ClassVar[tuple[str, ...]] = ("accelerometer", "gyroscope")
     # names of the parameters and their SI units; ``output`` in a unit stands for the sensor's unit
     parameters: ClassVar[dict[str, str]]
-    equation: ClassVar[str]  # equation of e
+    equation: ClassVar[str]  # equation of e, with which the docstring of the class begins
     reference: ClassVar[str]  # publication that describes it
     # channels that it needs: ``temperature``, ``power_cycle`` (more than one)
     needs: ClassVar[tuple[str, ...]] = ()
@@ -152,6 +152,7 @@ class Effect:
 
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
+        cls.equation = (cls.__doc__ or "").removeprefix("``").partition("``")[0]
         Effect.library[cls.name] = cls
 
     @classmethod
