@@ -82,6 +82,12 @@ class LowPassTerm:
         return LowPass(self.kind, self.corner.value / rate, self.floor).gain(f / rate)
 
 
+def _term(kind, content):
+    """Return a term of the class `kind` from its JSON form, in which coefficients are dicts."""
+    read = {k: Coefficient.from_dict(v) if isinstance(v, dict) else v for k, v in content.items()}
+    return kind(**read)
+
+
 @dataclass(frozen=True)
 class AxisNoise:
     r"""Noise processes of one axis, which are independent, so that their Allan variances add.
@@ -109,16 +115,13 @@ class AxisNoise:
     @classmethod
     def from_dict(cls, content):
         """Return the processes from their JSON form."""
-        read, humps, lines = Coefficient.from_dict, content["gauss_markov"], content["sinusoid"]
-        found = [
-            SinusoidTerm(read(line["amplitude"]), read(line["frequency"]), line.get("origin"))
-            for line in lines
-        ]
-        processes = tuple(GaussMarkovTerm(read(p["q"]), read(p["tc"])) for p in humps)
-        if low_pass := content.get("low_pass"):
-            low_pass = LowPassTerm(**low_pass | {"corner": read(low_pass["corner"])})
-        terms = (read(content[name]) for name in "QNBKR")
-        return cls(*terms, processes, tuple(found), low_pass)
+        low_pass = content.get("low_pass")
+        return cls(
+            *(Coefficient.from_dict(content[name]) for name in "QNBKR"),
+            tuple(_term(GaussMarkovTerm, term) for term in content["gauss_markov"]),
+            tuple(_term(SinusoidTerm, term) for term in content["sinusoid"]),
+            low_pass and _term(LowPassTerm, low_pass),
+        )
 
     def allan_variance(self, tau):
         """Return the Allan variance, unit of the axis squared, at `tau` in s (array_like)."""
@@ -165,32 +168,23 @@ class AxisNoise:
             density = density * self.low_pass.gain(f, rate)
         return density + 8 * self.Q.square * rate * np.sin(np.pi * f / rate) ** 2
 
-    def kernel(self, t, span, shared=None):
+    def kernel(self, lags):
         r"""Return the covariance of the integral X of the output at all pairs of times, (m, m).
 
-        Terms that vanish in the covariance of increments of X are left out. For a lag d the
-        processes give
+        Terms that vanish in the covariance of increments of X are left out. For a lag d of times
+        within a span of the length L the processes give
 
         - quantisation: :math:`Q^2` at d = 0;
         - white: :math:`-N^2 |d|/2`;
-        - flicker: :math:`(B^2/2\pi)\, d^2 \ln(|d|/e^{3/2}\,\mathrm{span})`, that is an output of
-          covariance :math:`(B^2/\pi) \ln(\mathrm{span}/|d|)`;
+        - flicker: :math:`(B^2/2\pi)\, d^2 \ln(|d|/e^{3/2} L)`, that is an output of covariance
+          :math:`(B^2/\pi) \ln(L/|d|)`;
         - Gauss-Markov: :math:`-(q^2 T^3/2)(d/T - 1 + e^{-d/T})`;
         - sinusoid: :math:`\Omega^2 \cos(\omega d)/2\omega^2`;
         - walk from t = 0 on: :math:`K^2 (s^2 t/2 - s^3/6)`, s the earlier time.
 
-        The ramp is deterministic and adds nothing.
-
-        Parameters
-        ----------
-        t : ndarray, shape (m,)
-            Times since the start of the walk, s.
-        span : float
-            Length, s, that contains all times; the level of the flicker refers to it.
-        shared : tuple, optional
-            The `lags` of t and span, if they are computed once for several axes.
+        The ramp is deterministic and adds nothing. Takes the result of the function `lags`.
         """
-        d, d2, logarithm, early2, late = shared or lags(t, span)
+        d, d2, logarithm, early2, late = lags
         total = (
             self.Q.square * (d == 0)
             - self.N.square * d / 2
@@ -222,8 +216,8 @@ class AxisNoise:
             power cycles.
         """
         covariance = np.zeros((len(windows),) * 2)
-        for index, times, start, end, common in edges(windows) if shared is None else shared:
-            k = self.kernel(times, times[-1], common)
+        for index, start, end, common in edges(windows) if shared is None else shared:
+            k = self.kernel(common)
             k = k[end] - k[start]
             k = k[:, end] - k[:, start]
             length = windows[index, 1] - windows[index, 0]
@@ -247,32 +241,30 @@ def edges(windows, power_cycle=None):
 
     Takes start and end of each window, s, (n, 2), and its power cycle, (n,); by default all windows
     lie in one. Returns a list with a tuple for each power cycle: the indices of its windows; the
-    times at which they start or end, s, relative to the first; the indices of the starts and of the
-    ends among these times; and the `lags` of the times.
+    indices of their starts, and of their ends, among the m times at which a window starts or ends;
+    and the `lags` of these times, which are relative to the first.
     """
     if power_cycle is None:
         power_cycle = np.zeros(len(windows), dtype=int)
     shared = []
     for cycle in np.unique(power_cycle):
         index = np.flatnonzero(power_cycle == cycle)
-        times = np.unique(windows[index])
-        start, end = np.searchsorted(times, windows[index]).T
-        times = times - times[0]
-        shared.append((index, times, start, end, lags(times, times[-1])))
+        times, places = np.unique(windows[index], return_inverse=True)
+        start, end = places.reshape(-1, 2).T
+        shared.append((index, start, end, lags(times - times[0])))
     return shared
 
 
-def lags(t, span):
-    """Return the functions of times t, s, (m,), in `AxisNoise.kernel`, (m, m) each.
+def lags(t):
+    """Return functions of pairs of increasing times t, s, (m,), from 0, (m, m) each.
 
-    They are the lag d, d², ln(d / span) - 3/2, s² and t/2 - s/6, where s is the earlier and t the
-    later time of a pair.
+    They are the lag d, d², ln(d/L) - 3/2, s² and t/2 - s/6, where L is the last time, and s is the
+    earlier and t the later time of a pair.
     """
-    t = np.asarray(t, float)
     d = np.abs(t[:, None] - t)
     early, late = np.minimum(t[:, None], t), np.maximum(t[:, None], t)
     # the logarithm is 0 at lag 0, where the factor d^2 removes the term
-    logarithm = np.log(np.where(d > 0, d, span) / span) - 1.5
+    logarithm = np.log(np.where(d > 0, d, t[-1]) / t[-1]) - 1.5
     return d, d**2, logarithm, early**2, late / 2 - early / 6
 
 
