@@ -23,10 +23,10 @@ from imuloop.arguments import (
 )
 from imuloop.core.errors import ImuloopError, ImuloopWarning
 from imuloop.core.files import read_json, refuse_overwriting
-from imuloop.core.places import PYTHON, read_in
 from imuloop.core.samples import read_samples
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest.formats import PAIR
+from imuloop.ingest.places import PYTHON, read_in
 from imuloop.result import IN_MEMORY, Result, TemporaryFolder, log_remarks
 from imuloop.sensors import device_figures
 

@@ -8,7 +8,7 @@ the gap. It includes both the curvature of the motion and the noise of fewer sam
 that samples are dropped independently of the motion.
 
 Time stamps with jitter, of samples that were taken at even steps, add an error of their own
-(`core.stamps`).
+(`ingest.jitter`).
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from imuloop.calibrate.undersampling import outer_products
 from imuloop.core.errors import plural
 from imuloop.core.gaps import gap_limit, lost_samples
 from imuloop.core.rotation import mean_rates
-from imuloop.core.stamps import JitterTest, bend
+from imuloop.ingest.jitter import JitterTest, bend
 
 # fewest windows of a rotation that determine the error of a gap
 FEWEST = 10

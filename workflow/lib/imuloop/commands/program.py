@@ -13,7 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 from imuloop import __version__
 from imuloop.commands import apply, calibrate, check, coach, info, noise, report, sensors
 from imuloop.core.errors import ImuloopError, one_line
-from imuloop.core.places import COMMAND_LINE, for_reader, read_in
+from imuloop.ingest.places import COMMAND_LINE, for_reader, read_in
 
 COMMANDS = (apply, calibrate, check, coach, info, noise, report, sensors)
 
