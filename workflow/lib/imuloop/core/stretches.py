@@ -31,11 +31,11 @@ def lengths(ranges):
 
 
 def merged(ranges):
-    """Return ranges, (k, 2) with k > 0, in order, with overlapping and touching ones merged."""
+    """Return ranges, (k, 2), in order, with overlapping and touching ones merged."""
     first, last = ranges[np.argsort(ranges[:, 0])].T
     reached = np.maximum.accumulate(last)
-    apart = first[1:] > reached[:-1]
-    return np.column_stack([first[np.append(True, apart)], reached[np.append(apart, True)]])
+    apart = np.append(True, first[1:] > reached[:-1])[: len(first)]
+    return np.column_stack([first[apart], reached[np.roll(apart, -1)]])
 
 
 def without(ranges, cuts):

@@ -88,22 +88,21 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     """
     rows = Samples(samples)
     whole, step = unbroken(rows)
-    stretches = whole
-    if len(stuck):
-        first, last = np.searchsorted(rows[TIME], np.transpose(stuck))
-        stretches = without(whole, merged(np.column_stack([first, last + 1])))
+    t, hung = rows[TIME], np.searchsorted(rows[TIME], np.reshape(stuck, (-1, 2))) + [0, 1]
+    stretches = without(whole, merged(hung))
     # a log without specific force has no attitudes: rests are ranges without a disturbance
-    posed = kind != "static" and holds(rows, "accelerometer")
-    moving = not posed and moves(rows, stretches, step, settings)
-    # disturbances cannot be told from motion: rests are found as in other sessions
-    posed = posed or (moving and holds(rows, "accelerometer"))
+    has_force = holds(rows, "accelerometer")
+    at_rest = kind == "static" or not has_force
+    moving = at_rest and moves(rows, stretches, step, settings)
+    # of a moving device, disturbances cannot be told from motion
+    posed = has_force and (moving or not at_rest)
     if posed:
         rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
         if moving:
             # only rests on a support count, which do not tilt; they must not move either
-            rests = rests[tilt == 0]
-            rests = rests[: 0 if moves(rows, rests, step, settings) else None]
-            tilt = np.zeros(len(rests))
+            rests, tilt = rests[tilt == 0], tilt[tilt == 0]
+            if moves(rows, rests, step, settings):
+                rests, tilt = rests[:0], tilt[:0]
     else:
         rests = _between_disturbances(rows, stretches[: 0 if moving else None], step, settings)
         tilted = tilts(rows, rests, step)
@@ -116,14 +115,11 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         railed = _at_rail(rows, rests, rails)
         metadata["railed_rests"] = int(railed.sum())
 
-    t, edges = rows[TIME], np.union1d(np.concatenate([whole, stretches]), rests)
-    between = MOTION if posed else DISTURBED
-    kinds = np.where(np.isin(edges[:-1], rests[:, 0]), STATIC, between)
-    kinds = np.where(np.isin(edges[:-1], rests[railed, 0]), DISTURBED, kinds)
+    edges = np.union1d(np.concatenate([whole, stretches]), rests)
+    kinds = np.full(len(edges[1:]), MOTION if posed else DISTURBED, object)
+    kinds[np.searchsorted(edges, rests[:, 0])] = np.where(railed, DISTURBED, STATIC)
+    kinds[np.searchsorted(edges, without(whole, merged(stretches))[:, 0])] = GAP
     rests, tilt = rests[~railed], tilt[~railed]
-    if len(stuck):
-        hung = without(whole, merged(stretches)) if len(stretches) else whole
-        kinds = np.where(np.isin(edges[:-1], hung[:, 0]), GAP, kinds)
     # a stretch ends one step after its last sample
     first, last = edges[:-1], np.isin(edges[1:], whole[:, 1])
     end = np.where(last, t[edges[1:] - 1] + step, t[np.minimum(edges[1:], len(t) - 1)])
@@ -178,16 +174,8 @@ def _find_rests(rows, stretches, step, settings):
     if shorter and shorter["taken"]:
         changed = {key: shorter[key] for key in ("window_s", "shortest_rest_s")}
         rests, tilt, held, short = _choose_rests(log, replace(settings, **changed))
-    return (
-        rests,
-        tilt,
-        {
-            "short_rests": short,
-            "hand_held": held,
-            "tilted_rests": int((tilt > 0).sum()),
-            "shorter": shorter,
-        },
-    )
+    counts = {"short_rests": short, "hand_held": held, "tilted_rests": int((tilt > 0).sum())}
+    return rests, tilt, counts | {"shorter": shorter}
 
 
 def _choose_rests(log, settings):

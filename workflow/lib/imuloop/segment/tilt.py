@@ -94,7 +94,7 @@ def _find_windows(u, turned):
         # a window that contains a shorter one is left out
         inside = (chosen[:, 0] >= windows[:, :1]) & (chosen[:, 1] <= windows[:, 1:])
         windows = windows[~inside.any(axis=1)]
-        chosen = merged(np.concatenate([chosen, windows])) if len(windows) else chosen
+        chosen = merged(np.concatenate([chosen, windows]))
         length *= 2
     return chosen
 
