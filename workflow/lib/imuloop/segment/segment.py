@@ -32,11 +32,8 @@ from imuloop.segment.static_detector import (
 from imuloop.segment.steady import unsteady_samples
 from imuloop.segment.tilt import tilts, without_tilts
 
-# fewest rests that are dropped as too short, and least ratio of them to those kept, for which
-# shorter settings are tried
-LEAST_SHORT, SHORT_SHARE = 5, 0.25
-# least ratio of the numbers of attitudes with shorter settings and without
-WORTHWHILE = 1.2
+# fewest rests that are dropped as too short for which shorter settings are tried, and by how much
+LEAST_SHORT, SHORTER = 5, {"window_s": 2, "shortest_rest_s": 4}
 # number of attitudes that determine an accelerometer's nine parameters and check them
 ENOUGH = 12
 # largest ratio of the expected errors of a calibration with steady rests only and with all rests
@@ -82,14 +79,14 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         The table of `core.segments.segment_table`.
     dict
         The number of ``poses``. For a static session, the number of ``slow_tilts``. For others, the
-        numbers of rests that were dropped as too short, ``short_rests``, are clipped,
+        numbers of rests that are too short for the settings, ``short_rests``, are clipped,
         ``railed_rests``, or tilt, ``tilted_rests``; whether some are ``hand_held``; and the
-        ``shorter`` settings with the number of attitudes that they give.
+        ``shorter`` settings that were used instead, None without.
     """
     rows = Samples(samples)
     whole, step = unbroken(rows)
-    t, hung = rows[TIME], np.searchsorted(rows[TIME], np.reshape(stuck, (-1, 2))) + [0, 1]
-    stretches = without(whole, merged(hung))
+    t, hung = rows[TIME], np.searchsorted(rows[TIME], np.reshape(stuck, (-1, 2)))
+    stretches = without(whole, merged(hung + np.array([0, 1])))
     # a log without specific force has no attitudes: rests are ranges without a disturbance
     has_force = holds(rows, "accelerometer")
     at_rest = kind == "static" or not has_force
@@ -169,11 +166,11 @@ def _find_rests(rows, stretches, step, settings):
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
     log, shorter = (f, w, stretches, step), None
     rests, tilt, held, short = _choose_rests(log, settings)
-    if short >= LEAST_SHORT and short > SHORT_SHARE * len(rests):
-        shorter = _try_shorter(log, rests, settings)
-    if shorter and shorter["taken"]:
-        changed = {key: shorter[key] for key in ("window_s", "shortest_rest_s")}
-        rests, tilt, held, short = _choose_rests(log, replace(settings, **changed))
+    if short >= LEAST_SHORT and len(attitudes(f, rests)) < ENOUGH:
+        changed = {key: getattr(settings, key) / ratio for key, ratio in SHORTER.items()}
+        more, *others = _choose_rests(log, replace(settings, **changed))
+        if len(attitudes(f, more)) >= ENOUGH:
+            rests, (tilt, held, _), shorter = more, others, changed
     counts = {"short_rests": short, "hand_held": held, "tilted_rests": int((tilt > 0).sum())}
     return rests, tilt, counts | {"shorter": shorter}
 
@@ -226,16 +223,3 @@ def _detect(log, settings):
     rests, short = detect_rests(still, stretches, step, settings)
     still &= ~unsteady_samples(w, rests, step, settings)
     return rests, detect_rests(still, stretches, step, settings)[0], biases[0], short
-
-
-def _try_shorter(log, rests, settings):
-    """Return settings of shorter rests, and the numbers of attitudes with them and now, a dict.
-
-    The key ``taken`` says whether they are used. None if they give hardly more attitudes.
-    """
-    shorter = {"window_s": settings.window_s / 2, "shortest_rest_s": settings.shortest_rest_s / 4}
-    _, steady, *_ = _detect(log, replace(settings, **shorter))
-    now, then = (len(attitudes(log[0], x)) for x in (rests, steady))
-    if then < WORTHWHILE * max(now, 1):
-        return None
-    return {**shorter, "attitudes": then, "now": now, "taken": now < ENOUGH <= then}
