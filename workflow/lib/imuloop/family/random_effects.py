@@ -90,19 +90,18 @@ def spread_interval(y, squares):
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
 
-    def q(variance):
-        w = 1 / (variance + squares)
-        return (w * (y - w @ y / w.sum()) ** 2).sum()
-
-    ends, reach = [], len(y) * y.var() + np.finfo(float).tiny
+    reach = len(y) * y.var() + np.finfo(float).tiny
     least = np.finfo(float).eps * reach
-    for level in _ENDS:
+
+    def excess(variance, wanted):
+        w = 1 / (variance + squares)
+        return (w * (y - w @ y / w.sum()) ** 2).sum() - wanted
+
+    def crossing(level):
         wanted = 2 * gammaincinv((len(y) - 1) / 2, level)
-        if q(least) <= wanted:
-            ends.append(0.0)
-            continue
-        high = reach
-        while q(high) > wanted:
-            high *= 10
-        ends.append(float(np.sqrt(brentq(lambda v, c=wanted: q(v) - c, least, high, xtol=least))))
-    return tuple(ends)
+        if excess(least, wanted) <= 0:
+            return 0.0
+        # Q is at most reach/τ²
+        return brentq(excess, least, reach / wanted + 2 * least, args=(wanted,), xtol=least)
+
+    return tuple(float(np.sqrt(crossing(level))) for level in _ENDS)

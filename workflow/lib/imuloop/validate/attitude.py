@@ -118,16 +118,11 @@ def held_out_models(diagnosed, problem):
     return models
 
 
-def _directions(calibration, recording):
-    """Return gravity's direction at all poses by a Calibration, (n, 3)."""
-    f, _ = recording.calibrated_force(calibration.accelerometer)
-    return f / np.linalg.norm(f, axis=1, keepdims=True)
-
-
 def _errors(recording, block, models, names):
-    """Return the table of errors: of each stretch, those of all methods and models.
+    """Return the errors of all stretches, methods and models, a table with the `COLUMNS`.
 
-    Takes the block of each pose, the models of each block and the names of the sessions.
+    `block` is the block of each pose, (n,), `models` the models of each block as
+    `held_out_models` returns them, and `names` the names of the sessions.
     """
     tables, last = [], None
     for number, stretch in enumerate(stretches(recording, block)):
@@ -137,20 +132,18 @@ def _errors(recording, block, models, names):
             log, last = recording.logs[session], place
             whole = log.f, log.w, log.t, log.temperature
             calibrated = {model: models[k][model].calibrated(*whole) for model in MODELS}
-            directions = _directions(models[k]["final"], recording)
-        arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
-        both = np.column_stack([arrive, leave])[1:]
-        # since the rest before, or since the stretch's first
-        after = {"rotation": arrive[1:] - leave[:-1], "filter": both - leave[0]}
+            up, _ = recording.calibrated_force(models[k]["final"].accelerometer)
+            up = up / np.linalg.norm(up, axis=1, keepdims=True)
+        ends = stretch.t[np.column_stack([stretch.arrive, stretch.leave])]
+        # since the rest before, or since the first rest of the stretch
+        after = {"rotation": ends[1:, :1] - ends[:-1, 1:], "filter": ends[1:] - ends[0, 1]}
         for model, (f, w) in calibrated.items():
             turns = step_vectors(w[stretch.piece], np.diff(stretch.t))
             for method, errors in METHODS.items():
-                error = errors(turns, f[stretch.piece], stretch, directions[stretch.poses])
-                ends = error.shape[1]
-                at = ["arrival", "departure"][:ends] * len(error)
-                times = both[:, :ends].ravel(), after[method].ravel()
-                of = names[session], number, k, method, model
-                row = *of, *times, at, np.degrees(error).ravel()
+                error = errors(turns, f[stretch.piece], stretch, up[stretch.poses])
+                at = np.broadcast_to(["arrival", "departure"][: error.shape[1]], error.shape)
+                columns = ends[1:, : error.shape[1]], after[method], at, np.degrees(error)
+                row = names[session], number, k, method, model, *map(np.ravel, columns)
                 tables.append(pd.DataFrame(dict(zip(COLUMNS, row, strict=True))))
     return pd.concat(tables, ignore_index=True)
 

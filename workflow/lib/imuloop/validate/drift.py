@@ -142,7 +142,7 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     if turn_on:
         allowed = {name: (float(std),) * 3 for name, std in zip(SENSORS, turn_on, strict=True)}
     try:
-        log = NewLog.of(calibration, recording, noise, gravity)
+        log = NewLog(calibration, recording, noise, gravity)
         if not log.factors.sensors:
             why = "; ".join(f"{name}: {why}" for name, why in log.untestable.items())
             raise ImuloopError(f"nothing can be tested: {why}")

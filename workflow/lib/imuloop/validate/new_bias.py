@@ -38,7 +38,7 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
     ImuloopError
         If the log determines the bias of neither sensor.
     """
-    log = NewLog.of(calibration, recording, noise, gravity, turns=False)
+    log = NewLog(calibration, recording, noise, gravity, turns=False)
     kept = dict(log.untestable)
     for name in log.factors.sensors:
         if not set(BIASES) <= set(log.testable(name).names):

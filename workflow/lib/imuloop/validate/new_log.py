@@ -8,13 +8,10 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.special import chdtrc
 
-from imuloop.calibrate.recording import Recording
-from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
 from imuloop.estimate.least_squares import chi_square, covariance_of, fit
 from imuloop.factors.factors import KINDS, OF_SENSOR, Factors
-from imuloop.model.calibration import Calibration
 from imuloop.model.raw_units import state_of
 
 # condition number, each parameter in units of what the log shows of it, beyond which a set of
@@ -46,69 +43,56 @@ class Testable:
     why: str | None
 
 
-@dataclass(frozen=True)
 class NewLog:
-    """A new log of a device, and its residuals as a function of the old parameters.
+    """A new log of a device, and its n residuals as a function of the p old parameters.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The old calibration of both sensors.
+    recording : Recording
+        Rests, and turns between them, of other power cycles than those of the calibration.
+    noise : NoiseModel
+        Noise of the device.
+    gravity : float, optional
+        Where the log was recorded, m/s^2; that of the calibration by default.
+    turns : bool
+        Whether turns count. They do not where misalignment and scale factor of a sensor were not
+        estimated, as there is no direction of gravity.
 
     Attributes
     ----------
-    calibration : Calibration
-        The old calibration, p parameters of both sensors.
-    recording : Recording
-        Rests, and turns between them, of other power cycles than those of the calibration.
-    model : NoiseModel
-        Noise of the device.
-    gravity : float
-        Where the log was recorded, m/s^2.
+    prior : State, ndarray
+        State of the old calibration, and its covariance, (p, p).
+    untestable : dict of str to str
+        By sensor, why it has no residuals.
+    factors : Factors
+        The residuals of the other sensors.
+    kinds : ndarray, ndarray
+        Kind of each residual, and its sensor, (n,) of str.
     """
 
-    calibration: Calibration
-    recording: Recording
-    model: NoiseModel
-    gravity: float
-
-    @classmethod
-    def of(cls, calibration, recording, noise, gravity=None, turns=True):
-        """Return that of a Calibration, a Recording, a NoiseModel, and gravity, m/s^2.
-
-        Turns count where asked for, but not where misalignment and scale factor of a sensor were
-        not estimated: there is no direction of gravity.
-        """
+    def __init__(self, calibration, recording, noise, gravity=None, turns=True):
         if not (turns and all("K0" in getattr(calibration, sensor).names for sensor in SENSORS)):
             none = np.zeros(len(recording.rotations), dtype=bool)
             recording = replace(recording, rotations=recording.rotations.select(none))
-        recording = recording.of_new_power_cycles()
-        return cls(calibration, recording, noise, gravity or calibration.gravity)
-
-    @cached_property
-    def untestable(self):
-        """Why a sensor has no residuals, by its name."""
-        found = {s: self.recording.poses.unknown_noise(self.model, SENSORS[s]) for s in SENSORS}
-        for sensor in found:
-            if not getattr(self.calibration, sensor).names:
+        self.recording, self.model = recording.of_new_power_cycles(), noise
+        self.calibration, self.prior = calibration, state_of(calibration)
+        found = {s: recording.poses.unknown_noise(noise, SENSORS[s]) for s in SENSORS}
+        for sensor in SENSORS:
+            if not getattr(calibration, sensor).names:
                 found[sensor] = "the calibration estimated nothing of it"
-        return {sensor: why for sensor, why in found.items() if why}
-
-    @cached_property
-    def factors(self):
-        """The Factors of the sensors that have residuals."""
-        return Factors(self.gravity, tuple(s for s in SENSORS if s not in self.untestable))
-
-    @cached_property
-    def prior(self):
-        """State of the old calibration, and its covariance, (p, p)."""
-        return state_of(self.calibration)
+        self.untestable = {sensor: why for sensor, why in found.items() if why}
+        tested = tuple(sensor for sensor in SENSORS if sensor not in self.untestable)
+        self.factors = Factors(gravity or calibration.gravity, tested)
+        owners = self.factors.owners(self.recording)
+        self.kinds = self.factors.rows(self.recording)[1], owners
 
     @cached_property
     def noise(self):
-        """Covariance of the n residuals, grown with the reduced χ² that the calibration had."""
+        """Covariance of the residuals, (n, n), with the reduced χ² that the calibration had."""
         size = np.sqrt([getattr(self.calibration, owner).excess for owner in self.kinds[1]])
         return self.unchanged.noise.by(self.model) * np.outer(size, size)
-
-    @cached_property
-    def kinds(self):
-        """Kind of each residual, and its sensor, (n,) of str."""
-        return self.factors.rows(self.recording)[1], self.factors.owners(self.recording)
 
     @cached_property
     def unchanged(self):
