@@ -5,11 +5,14 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from imuloop.core.files import read_json
-from imuloop.core.low_pass import DEGREES, HALF_POWER, LowPass
 from imuloop.core.samples import CHANNELS
 
 # version of the JSON file
 FORMAT = 1
+# degree of the B-spline that is the autocorrelation of white noise, by kind of resampling
+DEGREES = {"held or averaged": 1, "interpolated": 3, "averaged three times": 5}
+# frequency at which the power is a half, share of the sensor's rate, by degree
+HALF_POWER = {1: 0.442946, 3: 0.318917, 5: 0.261938}
 # least eigenvalue of a correlation matrix that is inverted: far above rounding, far below that of
 # white noise next to a slow random walk
 _LEAST_EIGENVALUE = 1e-11
@@ -67,7 +70,7 @@ class SinusoidTerm:
 class LowPassTerm:
     """Low-pass filter before the output, which all random processes but quantisation pass."""
 
-    kind: str  # key of `core.low_pass.GAINS`
+    kind: str  # key of `noise.gains.GAINS`
     corner: Coefficient  # frequency at which the power is a half, Hz
     floor: float = 0.0  # share of the power of white noise that enters behind the filter
 
@@ -76,10 +79,6 @@ class LowPassTerm:
         """Rate, Hz, of a sensor whose values were held, interpolated or averaged; else None."""
         half = HALF_POWER.get(DEGREES.get(self.kind))
         return self.corner.value / half if half else None
-
-    def gain(self, f, rate):
-        """Return the power gain at frequencies in Hz of an output sampled at `rate`, Hz."""
-        return LowPass(self.kind, self.corner.value / rate, self.floor).gain(f / rate)
 
 
 def _term(kind, content):
@@ -144,30 +143,6 @@ class AxisNoise:
             variance = variance + line.amplitude.square * (np.sin(u) ** 2 / u) ** 2
         return variance
 
-    def density(self, f, rate):
-        r"""Return the one-sided power spectral density of the output sampled at r = `rate`, Hz.
-
-        .. math::
-            S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
-            + 2 q^2/(1/T^2 + (2 \pi f)^2)
-
-        If there is a low-pass, its gain multiplies all terms but the first. Sinusoids have no
-        density: each has the power :math:`\Omega^2/2` at its frequency. The ramp is deterministic
-        and adds nothing. Takes frequencies f, Hz, above 0 and up to half the rate.
-
-        References
-        ----------
-        IEEE Std 952-1997 (R2008), annex C, which gives the two-sided densities.
-        """
-        f = np.asarray(f, float)
-        omega = 2 * np.pi * f
-        density = 2 * self.N.square + self.B.square / (np.pi * f) + 2 * self.K.square / omega**2
-        for process in self.gauss_markov:
-            density = density + 2 * process.q.square / (process.tc.value**-2 + omega**2)
-        if self.low_pass:
-            density = density * self.low_pass.gain(f, rate)
-        return density + 8 * self.Q.square * rate * np.sin(np.pi * f / rate) ** 2
-
     def kernel(self, lags):
         r"""Return the covariance of the integral X of the output at all pairs of times, (m, m).
 
@@ -223,17 +198,6 @@ class AxisNoise:
             length = windows[index, 1] - windows[index, 0]
             covariance[np.ix_(index, index)] = (k + k.T) / (2 * length[:, None] * length)
         return covariance
-
-    def wander(self, interval, length):
-        """Return the standard deviation of the change of the bias between two times, SI.
-
-        It is the difference of two means of the output by flicker, random walk and Gauss-Markov
-        processes, without other noise. Takes the interval between the starts of the two means, and
-        the length of each, s.
-        """
-        slow = AxisNoise(B=self.B, K=self.K, gauss_markov=self.gauss_markov)
-        covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
-        return float(np.sqrt(covariance[0, 0] + covariance[1, 1] - 2 * covariance[0, 1]))
 
 
 def edges(windows, power_cycle=None):
