@@ -14,11 +14,11 @@ import pyarrow as pa
 
 from imuloop.calibrate.settings import CalibrateSettings
 from imuloop.core.errors import ImuloopError, nearest
-from imuloop.core.gravity import HEIGHTS, LATITUDES, STRONGEST, WEAKEST, normal_gravity
 from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, TEMPERATURE, TIME
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.ingest.formats import PAIR
 from imuloop.ingest.spellings import UNITS
+from imuloop.local_gravity import HEIGHTS, LATITUDES, STRONGEST, WEAKEST, normal_gravity
 from imuloop.noise.settings import NoiseSettings
 from imuloop.segment.settings import SegmentSettings
 from imuloop.sensors import LARGEST

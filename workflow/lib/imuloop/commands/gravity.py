@@ -5,7 +5,7 @@ import argparse
 from imuloop.arguments import gravity_of
 from imuloop.commands.raw_log import between
 from imuloop.core.errors import ImuloopError
-from imuloop.core.gravity import HEIGHTS, LATITUDES
+from imuloop.local_gravity import HEIGHTS, LATITUDES
 
 
 def add_gravity(command, default):

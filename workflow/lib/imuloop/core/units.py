@@ -10,6 +10,8 @@ from imuloop.core.errors import ImuloopError
 STANDARD_GRAVITY = 9.80665
 # one degree, rad
 DEGREE = np.pi / 180
+# angular rate of the Earth, rad/s, WGS 84
+EARTH_RATE = 7.292115e-5
 # one hour, s
 HOUR = 3600.0
 # 0 degC, K

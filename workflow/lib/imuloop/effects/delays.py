@@ -32,7 +32,6 @@ class TimeOffset(Effect):
     parameters = {"dt": "s"}
     reference = "Furgale et al., IROS 2013, temporal calibration"
     records = ("motion",)
-    unobservable = "a shift in time changes nothing at rest, nor the angle from rest to rest"
     limit = LATEST
     rate_of_change = True
 
@@ -58,7 +57,6 @@ class GyroAxisDelay(TimeOffset):
     sensors = ("gyroscope",)
     parameters = {"dtx": "s", "dty": "s"}
     reference = "Savage, Strapdown Analytics, sensor lag and pseudo-coning"
-    unobservable = "at rest nothing changes; what turns leave of it shows in the motion between"
 
     def design(self, channels, values=(0.0, 0.0)):
         """Return the derivative with respect to both delays, shape (n, 3, 2)."""

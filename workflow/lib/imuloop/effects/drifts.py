@@ -37,7 +37,7 @@ class WarmUp(Effect):
     name = "warm_up"
     parameters = per_axis({"A": "output"})
     reference = "IEEE Std 528-2001, warm-up time"
-    timed = True
+    records = ("poses", "static_record")
     after_temperature = True
 
     @classmethod
@@ -63,9 +63,7 @@ class BiasDrift(Effect):
     name = "bias_drift"
     parameters = per_axis({"d": "output per s"})
     reference = "IEEE Std 952-1997, annex C, rate ramp"
-    timed = True
     after_temperature = True
-    records = ("poses",)
 
     def design(self, channels):
         """Return the time on each axis, shape (n, 3, 3)."""

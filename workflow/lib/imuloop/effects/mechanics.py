@@ -35,7 +35,6 @@ class Reorientation(Effect):
     parameters = per_axis({"k": "1"})
     reference = "Zhou et al., Materials 10 (2017) 1077, viscoelastic die attach"
     timed = True
-    records = ("poses",)
 
     @classmethod
     def shapes(cls, channels):
@@ -83,6 +82,7 @@ class VibrationRectification(Effect):
     sensors = ("accelerometer",)
     parameters = per_axis({"v": "m/s^2 per (m/s^2)^2"})
     reference = "Analog Devices, Vibration Rectification in MEMS Accelerometers"
+    records = ("poses", "static_record")
     # ten times what MEMS sensors show, up to 2 mg per g² of mean square
     limit = 2e-3
     timed = True

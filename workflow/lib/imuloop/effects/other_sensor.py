@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.gravity import EARTH_RATE
+from imuloop.core.units import EARTH_RATE
 from imuloop.effects.axes import AXES, row_by_row
 from imuloop.effects.delays import other_slope
 from imuloop.model.effect import Effect
@@ -23,7 +23,6 @@ class GSensitivity(Effect):
     sensors = ("gyroscope",)
     parameters = {f"G{i}{j}": "rad/s per m/s^2" for i in range(3) for j in range(3)}
     reference = "IEEE Std 1431-2004, acceleration-sensitive drift rate"
-    records = ("poses",)
 
     def design(self, channels):
         """Return the derivative with respect to G, row by row, (n, 3, 9)."""
@@ -43,7 +42,6 @@ class G2Sensitivity(Effect):
     sensors = ("gyroscope",)
     parameters = {f"D{i}{jk}": "rad/s per (m/s^2)^2" for i in AXES for jk in PRODUCTS}
     reference = "IEEE Std 528-2001, 2.4, acceleration-squared-sensitive drift rate"
-    records = ("poses",)
 
     def design(self, channels):
         """Return the products of specific force on each axis, (n, 3, 15)."""
@@ -66,7 +64,6 @@ class EarthRate(Effect):
     sensors = ("gyroscope",)
     parameters = {"w_up": "rad/s"}
     reference = "WGS 84, NIMA TR8350.2, table 3.1"
-    records = ("poses",)
     limit = EARTH_RATE
 
     def design(self, channels):
@@ -88,7 +85,6 @@ class RateSensitivity(Effect):
     parameters = {f"M{i}{j}": "m/s^2 per rad/s" for i in range(3) for j in range(3)}
     reference = "Xsens MTi user manual, cross coupling of acceleration and angular rate"
     records = ("motion",)
-    unobservable = "it acts only while the device turns, and residuals are taken at rest"
     limit = 0.1  # 10 mg at 1 rad/s
 
     def design(self, channels):
@@ -111,7 +107,6 @@ class LeverArm(Effect):
     parameters = {f"r{i}{j}": "m" for i in "xy" for j in AXES}
     reference = "Titterton and Weston, Strapdown Inertial Navigation Technology, size effect"
     records = ("motion",)
-    unobservable = "it acts only while the device turns, and residuals are taken at rest"
     limit = 0.1  # largest size of a sensor
     rate_of_change = True
 

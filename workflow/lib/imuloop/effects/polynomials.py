@@ -22,7 +22,6 @@ class Quadratic(Effect):
     sensors = ("accelerometer",)
     parameters = per_axis({"K2": "m/s^2 per (m/s^2)^2"})
     reference = "IEEE Std 1293-1998, 8.3, model equation: K2"
-    records = ("poses",)
 
     def design(self, channels):
         """Return the square of each axis' output, shape (n, 3, 3)."""
@@ -41,7 +40,6 @@ class Cubic(Effect):
     sensors = ("accelerometer",)
     parameters = per_axis({"K3": "m/s^2 per (m/s^2)^3"})
     reference = "IEEE Std 1293-1998, 8.3, model equation: K3"
-    records = ("poses",)
 
     def design(self, channels):
         """Return the cube of each axis' output, shape (n, 3, 3)."""
@@ -60,7 +58,6 @@ class Asymmetry(Effect):
     sensors = ("accelerometer",)
     parameters = per_axis({"Ka": "1"})
     reference = "IEEE Std 1293-1998, 8.3, model equation: K1' (here Ka)"
-    records = ("poses",)
 
     def design(self, channels):
         """Return half the size of each axis' output, shape (n, 3, 3)."""
@@ -83,7 +80,6 @@ class CrossCoupling(Effect):
         [*(f"K{AXES[i]}{AXES[j]}" for i, j in PAIRS), "Kxyz"], "m/s^2 per (m/s^2)^2"
     )
     reference = "IEEE Std 1293-1998, 8.3, model equation: Kip, Kio, Kpo"
-    records = ("poses",)
 
     def design(self, channels):
         """Return the products of outputs, shape (n, 3, 7)."""
@@ -144,7 +140,6 @@ class Anisoinertia(Effect):
     parameters = per_axis({"a": "rad/s per (rad/s)^2"})
     reference = "Titterton and Weston, Strapdown Inertial Navigation Technology, anisoinertia"
     records = ("motion",)
-    unobservable = "it acts only while the device turns; the motion between the rests shows it"
     limit = 0.05
 
     def design(self, channels):

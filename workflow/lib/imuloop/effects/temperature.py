@@ -91,6 +91,7 @@ class BiasTemperature(Effect):
 
     name = "bias_temperature"
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
+    records = ("poses", "static_record")
     bounds = {"order": (1, 3), "reference_temperature": CELSIUS, "lag": (0.0, 1e5)}
     needs = ("temperature",)
 
@@ -147,6 +148,7 @@ class ScaleTemperature(Effect):
     name = "scale_temperature"
     parameters = per_axis({"sT": "1 per K"})
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
+    records = ("poses", "static_record")
     bounds = {"reference_temperature": CELSIUS}
     needs = ("temperature",)
     # ten times what data sheets of MEMS sensors state, some 300 ppm/K
@@ -192,7 +194,7 @@ class BiasTemperatureRate(Effect):
     name = "bias_temperature_rate"
     parameters = per_axis({"r": "output per K/s"})
     reference = "Kim and Jung, Sensors 25 (2025) 6131, bias against the rate of temperature"
-    timed = True
+    records = ("poses", "static_record")
     after_temperature = True
     needs = ("temperature",)
 
@@ -236,8 +238,8 @@ class ThermalHysteresis(Effect):
     name = "thermal_hysteresis"
     parameters = per_axis({"h": "output"})
     reference = "Brokate and Sprekels, Hysteresis and Phase Transitions, 1996, play operator"
+    records = ("poses", "static_record")
     bounds = {"half_width": (1e-3, 1e3)}
-    timed = True
     after_temperature = True
     needs = ("temperature",)
 

@@ -30,7 +30,6 @@ class TurnOnBias(Effect):
     name = "turn_on_bias"
     reference = "IEEE Std 1554-2005, bias repeatability"
     needs = ("power_cycle",)
-    records = ("poses",)
     bounds = {"runs": (2, 50)}
 
     @property

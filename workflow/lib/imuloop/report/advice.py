@@ -5,9 +5,8 @@ import re
 import numpy as np
 
 from imuloop.core.errors import joined, plural
-from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.core.units import DEGREE
+from imuloop.core.units import DEGREE, EARTH_RATE
 from imuloop.report.numbers import number
 from imuloop.report.recording import (
     enough,
