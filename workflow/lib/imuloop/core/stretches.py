@@ -17,12 +17,10 @@ def unbroken(rows):
 
     The step is 1 s if there are fewer than two samples.
     """
-    step = rows.interval
-    if step is None:
-        return np.array([[0, len(rows)]])[: len(rows)], 1.0
+    step = 1.0 if rows.interval is None else rows.interval
     cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, LONG_GAP_STEPS))
     edges = np.concatenate([[0], cuts, [len(rows)]])
-    return np.column_stack([edges[:-1], edges[1:]]), step
+    return np.column_stack([edges[:-1], edges[1:]])[: len(rows)], step
 
 
 def lengths(ranges):

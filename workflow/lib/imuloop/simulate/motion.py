@@ -119,11 +119,9 @@ def chain(pieces, up, gravity, rate):
         n = len(piece.rate)
         attitudes.append(multiply(attitude, piece.attitude))
         acceleration = piece.acceleration + np.array([0, 0, gravity])
+        forces.append(np.einsum("nji,nj->ni", matrix(attitudes[-1]), acceleration))
         if piece.pose >= 0:
-            forces.append(acceleration @ matrix(attitude))
             rests.append((first / rate, (first + n) / rate, piece.pose))
-        else:
-            forces.append(np.einsum("nji,nj->ni", matrix(attitudes[-1]), acceleration))
         attitude, first = multiply(attitude, piece.after), first + n
     return Motion(
         np.arange(first) / rate,

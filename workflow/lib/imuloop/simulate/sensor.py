@@ -54,9 +54,7 @@ def lagged(x, dt, tc):
 
 
 def logged_temperature(thermometer, temperature, dt, seed):
-    """Return the temperature that a Thermometer logs of a device's, shape (n,), degC."""
-    shown = lagged(temperature, dt, thermometer.lag_s)
-    if thermometer.noise:
-        noise = np.random.default_rng(seed).standard_normal(len(shown))
-        shown = shown + thermometer.noise * noise
+    """Return the temperature that a Thermometer logs, (n,), by that of the device, (n,), degC."""
+    noise = np.random.default_rng(seed).standard_normal(len(temperature))
+    shown = lagged(temperature, dt, thermometer.lag_s) + thermometer.noise * noise
     return rounded(shown, thermometer.step)
