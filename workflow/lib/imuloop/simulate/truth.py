@@ -1,4 +1,4 @@
-"""The truth of a simulated device: what a good estimator has to find."""
+"""The truth of a simulated device, which a good estimator has to find."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -58,7 +58,7 @@ class SensorTruth:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Something that happens to a static session."""
+    """A disturbance of a static session."""
 
     # 'knock', a burst of acceleration; 'tilt', a lasting turn; 'handling', some seconds of motion
     # that ends where it began
@@ -84,7 +84,7 @@ class Vibration:
 
 @dataclass(frozen=True)
 class Thermometer:
-    """What the logged temperature lacks."""
+    """Errors of the logged temperature."""
 
     # time constant with which it follows the temperature of the device, s
     lag_s: float = 0.0
@@ -95,7 +95,7 @@ class Thermometer:
 
 @dataclass(frozen=True)
 class SessionTruth:
-    """One log to be made."""
+    """The plan of one log."""
 
     # 'static', 'six_position' or 'multi_position'
     kind: str
@@ -142,12 +142,9 @@ class Truth:
 
 
 def read_truth(path):
-    """Return the truth that a YAML file holds, as those of data/replicas.
+    """Return the Truth of a YAML file, such as the files of data/replicas.
 
-    Raises
-    ------
-    ImuloopError
-        If the file is no such truth.
+    Raises an ImuloopError if the file does not hold a truth.
     """
     content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     try:
