@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from imuloop.core.rotation import exponential, matrix, shortest_turn
-from imuloop.core.sphere import largest_hole
 from imuloop.plan.advice import FULL_TURN_S, INITIAL_REST_S, MOVE_S, POSES, REST_S
+from imuloop.plan.directions import largest_hole
 
 STYLE = """
   .ground { fill: #f6f8fa; stroke: #d0d7de }

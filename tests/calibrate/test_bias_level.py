@@ -5,6 +5,7 @@ import numpy as np
 from calibrate.devices import calibrated, known, noiseless, planned, recorded
 from imuloop.core.noise_model import AxisNoise, NoiseModel
 from imuloop.core.samples import CHANNELS
+from imuloop.report.tables.calibration import wander
 from imuloop.simulate.noise import flicker, walk, white
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
@@ -31,10 +32,10 @@ def test_the_interval_of_a_bias_covers_its_level_over_the_rests(seeds):
     for seed in range(100, 100 + seeds):
         log, rng = simulate_session(QUIET, "multi_position", seed), np.random.default_rng([seed, 9])
         slow, how = np.zeros((6, len(log))), (len(log), 1 / RATE)
-        for channel, wander in zip(CHANNELS, slow, strict=True):
+        for channel, course in zip(CHANNELS, slow, strict=True):
             N, B, K = NOISE[channel[0]]
-            wander += flicker(*how, B, rng) + walk(*how, K, rng)
-            log[channel] += wander + white(*how, N, rng)
+            course += flicker(*how, B, rng) + walk(*how, K, rng)
+            log[channel] += course + white(*how, N, rng)
         made = recorded(log)
         found = calibrated(made, NoiseModel("d", axes), TRUTH.gravity)
         ends = np.searchsorted(made.logs[0].t, [made.poses.start_s, made.poses.end_s]).T
@@ -51,7 +52,7 @@ def test_the_interval_of_a_bias_covers_its_level_over_the_rests(seeds):
 def test_an_hour_later_a_minute_differs_by_what_flicker_and_walk_predict():
     rng, dt, n = np.random.default_rng(1), 5.0, 732
     B, K = 3e-5, 1e-6
-    predicted, pulls = AxisNoise(B=known(B), K=known(K)).wander(3600.0, 60.0), []
+    predicted, pulls = wander(AxisNoise(B=known(B), K=known(K)), 3600.0, 60.0), []
     for _ in range(1000):
         record = flicker(n, dt, B, rng) + walk(n, dt, K, rng)
         pulls.append((record[-12:].mean() - record[:12].mean()) / predicted)

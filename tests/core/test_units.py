@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import RawUnit
+from imuloop.local_gravity import normal_gravity
 
 
 def test_counts_go_through_the_nominal_scale_and_back_exactly():

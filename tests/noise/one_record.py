@@ -2,6 +2,7 @@
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.signal import lfilter
 from scipy.special import betaincinv, chndtrinc
 
 from imuloop.noise.axis import estimate_axis
@@ -39,3 +40,11 @@ def line_limit(sampling, density, frequency, level=LEVEL):
     share = betaincinv(half, half, 0.5 ** (1 / 3)) * m / (m - 3)
     noncentrality = chndtrinc(-2 * ratio * np.log1p(-share), 2, 1 - PROBABILITY)
     return np.sqrt(noncentrality * noise.rate * density(np.array([frequency]))[0] / n)
+
+
+def gauss_markov(n, dt, q, tc, rng):
+    """Return a stationary first-order Gauss–Markov process, ``dx/dt = -x/tc + q·white``, (n,)."""
+    phi, std = np.exp(-dt / tc), q * np.sqrt(tc / 2)
+    drive = rng.standard_normal(n) * std * np.sqrt(1 - phi**2)
+    drive[0] /= np.sqrt(1 - phi**2)
+    return lfilter([1.0], [1.0, -phi], drive)

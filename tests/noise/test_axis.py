@@ -9,8 +9,8 @@ from imuloop.noise.modes import modes
 from imuloop.noise.processes import densities, gauss_markov_density
 from imuloop.noise.sampling import Sampling, Signal
 from imuloop.noise.settings import NoiseSettings
-from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
-from noise.one_record import estimate_record, line_limit
+from imuloop.simulate.noise import flicker, quantisation, ramp, walk, white
+from noise.one_record import estimate_record, gauss_markov, line_limit
 from seeds import least, seeds
 
 SETTINGS = NoiseSettings()
@@ -25,7 +25,8 @@ def record(seed, Q=0.0, W=0.01, B=0.0, K=0.0, R=0.0, hump=None, line=None, n=N):
     if hump:
         x += gauss_markov(n, DT, *hump, rng)
     if line:
-        x += sinusoid(n, DT, *line, rng)
+        amplitude, frequency = line
+        x += amplitude * np.sin(2 * np.pi * (frequency * DT * np.arange(n) + rng.random()))
     return x
 
 

@@ -14,10 +14,10 @@ from imuloop.noise.settings import NoiseSettings
 from imuloop.report.figures.allan import taken_by_filter
 from imuloop.segment.segment import segment_session
 from imuloop.segment.settings import SegmentSettings
-from imuloop.simulate.noise import gauss_markov, quantisation
+from imuloop.simulate.noise import quantisation
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
-from noise.one_record import estimate_record
+from noise.one_record import estimate_record, gauss_markov
 from seeds import least, seeds
 
 SETTINGS = NoiseSettings()

@@ -9,9 +9,9 @@ from imuloop import chain
 from imuloop.__main__ import main
 from imuloop.core.rotation import shortest_turn
 from imuloop.core.samples import SENSORS
-from imuloop.core.sphere import largest_hole
 from imuloop.model.calibration import Calibration
 from imuloop.plan.coach import progress, rest_noise
+from imuloop.plan.directions import largest_hole
 from imuloop.simulate.simulate import simulate_session
 from imuloop.simulate.truth import example_truth
 from plan.planned_log import simulate_plan

@@ -199,19 +199,13 @@ def test_values_at_the_end_of_the_range_come_first(good, first):
     assert "range. 7 rests, and turns and moves with one are left out" in first(more=[railed])
 
 
-@pytest.mark.parametrize("then", [3, 30])
-def test_short_rests_are_taken_only_where_they_are_enough(good, then):
+def test_short_rests_are_told_with_the_settings_that_were_used_for_them(good):
     hasty = good().sessions[0]
-    found = {"now": 0, "attitudes": then, "window_s": 1.0, "shortest_rest_s": 0.5}
-    for taken in (False, True):
-        segmentation = {"shorter": found | {"taken": taken}}
-        hasty = replace(hasty, segmentation=segmentation)
+    for shorter in (None, {"window_s": 1.0, "shortest_rest_s": 0.5}):
+        hasty = replace(hasty, segmentation={"short_rests": 60, "shorter": shorter})
         [step] = [s for s in next_steps(good(sessions=(hasty,))) if "too short" in s]
-        assert step.endswith("old each for 4 s or more.")
-        if taken:
-            assert f"{then} were found with window_s 1 and shortest_rest_s 0.5" in step
-        else:
-            assert ("shortest_rest_s: 0.5} there are 30" in step) == (then == 30)
+        assert step.endswith("hold each for 4 s or more.")
+        assert ("window_s 1 and shortest_rest_s 0.5 were used" in step) == bool(shorter)
 
 
 def test_rests_in_the_hand_come_before_poses_and_hours_at_rest_come_last(good):

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from imuloop.core.sphere import direction_words, largest_hole
+from imuloop.plan.directions import direction_words, largest_hole
 from imuloop.report.figures.allan import allan_pictures
 from imuloop.report.figures.poses import pose_picture
 from imuloop.report.figures.residuals import residual_pictures

@@ -15,12 +15,12 @@ from tqdm import tqdm
 from imuloop import chain
 from imuloop.core.errors import ImuloopError, ImuloopWarning, nearest
 from imuloop.core.files import read_json, refuse_overwriting
-from imuloop.core.places import PYTHON, read_in
 from imuloop.core.samples import read_samples
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.declaration import KEYS, check_declared, gravity_of, plain
 from imuloop.in_memory import FILE, log_of
 from imuloop.ingest.formats import PAIR
+from imuloop.ingest.places import PYTHON, read_in
 from imuloop.result import IN_MEMORY, Result, TemporaryFolder, log_remarks
 from imuloop.sensors import device_figures
 

@@ -6,9 +6,9 @@ from glob import glob
 from pathlib import Path
 
 from imuloop.core.errors import ImuloopError
-from imuloop.core.gravity import normal_gravity
 from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest.sources import file_name
+from imuloop.local_gravity import normal_gravity
 from imuloop.sensors import device_figures
 
 # of all logs of a device, where a session does not say otherwise

@@ -7,8 +7,8 @@ from os import PathLike, fspath
 import numpy as np
 
 from imuloop.core.errors import ImuloopError, nearest
-from imuloop.core.gravity import HEIGHTS, LATITUDES, STRONGEST, WEAKEST, normal_gravity
-from imuloop.core.places import for_reader
+from imuloop.ingest.places import for_reader
+from imuloop.local_gravity import HEIGHTS, LATITUDES, STRONGEST, WEAKEST, normal_gravity
 
 # keys of a device that say something of its logs and its sensor
 KEYS = ("format", "columns", "units", "rate", "sensor", "range", "nominal")

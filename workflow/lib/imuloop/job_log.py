@@ -4,7 +4,7 @@ import logging
 import sys
 from pathlib import Path
 
-from imuloop.core.errors import failure_line, one_line, printable
+from imuloop.core.errors import ImuloopError, one_line, printable
 
 
 class Printable(logging.Formatter):
@@ -13,6 +13,19 @@ class Printable(logging.Formatter):
     def format(self, record):
         """Return the text of a record."""
         return printable(super().format(record))
+
+
+def failure_line(error):
+    """Return one line of text about an exception for the user.
+
+    It is the text of the exception if this is an `ImuloopError` or an error of a file, of the
+    machine or of a missing package. The text of other exceptions, such as those of numerical
+    libraries, is about code and is not shown.
+    """
+    kind = type(error).__name__
+    if isinstance(error, (ImuloopError, OSError, ImportError, MemoryError)):
+        return one_line(error) or kind
+    return f"an error in the code of imuloop ({kind})"
 
 
 def open_log(path, job):

@@ -8,7 +8,7 @@ the gap. It includes both the curvature of the motion and the noise of fewer sam
 that samples are dropped independently of the motion.
 
 Time stamps with jitter, of samples that were taken at even steps, add another error
-(`core.stamps`). A time stamp that is late by e makes the step before it longer by e and the step
+(`ingest.jitter`). A time stamp that is late by e makes the step before it longer by e and the step
 after it shorter by e. The angle is then wrong by e times half the change of the rate over both
 steps.
 """
@@ -18,7 +18,7 @@ import numpy as np
 from imuloop.calibrate.undersampling import PARTS, outer_products, sum_parts
 from imuloop.core.gaps import gap_limit, lost_samples
 from imuloop.core.rotation import mean_rates
-from imuloop.core.stamps import JitterTest, bend
+from imuloop.ingest.jitter import JitterTest, bend
 
 # fewest windows of a rotation that determine the error of a gap
 FEWEST = 10

@@ -4,8 +4,8 @@ import argparse
 
 from imuloop.commands.options import between
 from imuloop.core.errors import ImuloopError
-from imuloop.core.gravity import HEIGHTS, LATITUDES
 from imuloop.declaration import gravity_of
+from imuloop.local_gravity import HEIGHTS, LATITUDES
 
 
 def add_gravity(command, default):

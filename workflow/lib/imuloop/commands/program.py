@@ -14,8 +14,8 @@ from imuloop import __version__
 from imuloop.commands import apply, calibrate, check, coach, info, noise, report, sensors
 from imuloop.commands.options import declared_keys
 from imuloop.core.errors import ImuloopError, one_line
-from imuloop.core.places import COMMAND_LINE, for_reader, read_in
 from imuloop.declaration import check_declared
+from imuloop.ingest.places import COMMAND_LINE, for_reader, read_in
 
 COMMANDS = (apply, calibrate, check, coach, info, noise, report, sensors)
 

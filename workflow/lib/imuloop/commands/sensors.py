@@ -2,7 +2,7 @@
 
 from imuloop.commands.lines import aligned, say
 from imuloop.report.units import MILLIRADIAN, PERCENT, data_sheet, quantities
-from imuloop.sensors import PARTS, find_sensor, listing
+from imuloop.sensors import PARTS, find_sensor, sensor_names
 
 EXAMPLE = """examples:
   imuloop sensors
@@ -21,7 +21,17 @@ def add(commands, **how):
 def run(arguments):
     """Print the table of sensors, or the figures of one."""
     name = arguments.name
-    say(*(sheet_lines(find_sensor(name)) if name else listing().splitlines()))
+    say(*(sheet_lines(find_sensor(name)) if name else map(listing_line, sensor_names())))
+
+
+def listing_line(name):
+    """Return one line of text for a sensor: key, manufacturer, kind of evidence and ranges."""
+    sheet = find_sensor(name)
+    both = [each for each in (sheet.accelerometer, sheet.gyroscope) if each]
+    ranges = ["/".join(r.name.partition(" ")[0] for r in each.ranges) for each in both]
+    units = [each.ranges[0].name.partition(" ")[2] for each in both]
+    spans = ", ".join(map(" ".join, zip(ranges, units, strict=True)))
+    return f"{sheet.key:<12}{sheet.manufacturer:<20}{both[0].evidence:<12}{spans}"
 
 
 def sheet_lines(sheet):

@@ -37,19 +37,6 @@ def one_line(text):
     return printable(" ".join(str(text).split())) + cure
 
 
-def failure_line(error):
-    """Return one line of text about an exception for the user.
-
-    It is the text of the exception if this is an `ImuloopError` or an error of a file, of the
-    machine or of a missing package. The text of other exceptions, such as those of numerical
-    libraries, is about code and is not shown.
-    """
-    kind = type(error).__name__
-    if isinstance(error, (ImuloopError, OSError, ImportError, MemoryError)):
-        return one_line(error) or kind
-    return f"an error in the code of imuloop ({kind})"
-
-
 def plural(count, noun, ending="s"):
     """Return a count with its noun, which gets the ending unless the count is one."""
     return f"{count} {noun}{'' if count == 1 else ending}"

@@ -5,11 +5,14 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 from imuloop.core.files import read_json
-from imuloop.core.low_pass import DEGREES, HALF_POWER, LowPass
 from imuloop.core.samples import CHANNELS
 
 # version of the JSON file
 FORMAT = 1
+# degree of the B-spline that is the autocorrelation of white noise, by kind of resampling
+DEGREES = {"held or averaged": 1, "interpolated": 3, "averaged three times": 5}
+# frequency at which the power is a half, share of the sensor's rate, by degree
+HALF_POWER = {1: 0.442946, 3: 0.318917, 5: 0.261938}
 # least eigenvalue of a correlation matrix that is inverted: far above rounding, far below that of
 # white noise next to a slow random walk
 _LEAST_EIGENVALUE = 1e-11
@@ -67,7 +70,7 @@ class SinusoidTerm:
 class LowPassTerm:
     """Low-pass filter before the output, which all random processes but quantisation pass."""
 
-    kind: str  # key of `core.low_pass.GAINS`
+    kind: str  # key of `noise.gains.GAINS`
     corner: Coefficient  # frequency at which the power is a half, Hz
     floor: float = 0.0  # share of the power of white noise that enters behind the filter
 
@@ -77,9 +80,11 @@ class LowPassTerm:
         half = HALF_POWER.get(DEGREES.get(self.kind))
         return self.corner.value / half if half else None
 
-    def gain(self, f, rate):
-        """Return the power gain at frequencies in Hz of an output sampled at `rate`, Hz."""
-        return LowPass(self.kind, self.corner.value / rate, self.floor).gain(f / rate)
+
+def _term(kind, content):
+    """Return a term of the class `kind` from its JSON form, in which coefficients are dicts."""
+    read = {k: Coefficient.from_dict(v) if isinstance(v, dict) else v for k, v in content.items()}
+    return kind(**read)
 
 
 @dataclass(frozen=True)
@@ -109,16 +114,13 @@ class AxisNoise:
     @classmethod
     def from_dict(cls, content):
         """Return the processes from their JSON form."""
-        read, humps, lines = Coefficient.from_dict, content["gauss_markov"], content["sinusoid"]
-        found = [
-            SinusoidTerm(read(line["amplitude"]), read(line["frequency"]), line.get("origin"))
-            for line in lines
-        ]
-        processes = tuple(GaussMarkovTerm(read(p["q"]), read(p["tc"])) for p in humps)
-        if low_pass := content.get("low_pass"):
-            low_pass = LowPassTerm(**low_pass | {"corner": read(low_pass["corner"])})
-        terms = (read(content[name]) for name in "QNBKR")
-        return cls(*terms, processes, tuple(found), low_pass)
+        low_pass = content.get("low_pass")
+        return cls(
+            *(Coefficient.from_dict(content[name]) for name in "QNBKR"),
+            tuple(_term(GaussMarkovTerm, term) for term in content["gauss_markov"]),
+            tuple(_term(SinusoidTerm, term) for term in content["sinusoid"]),
+            low_pass and _term(LowPassTerm, low_pass),
+        )
 
     def allan_variance(self, tau):
         """Return the Allan variance, unit of the axis squared, at `tau` in s (array_like)."""
@@ -141,56 +143,23 @@ class AxisNoise:
             variance = variance + line.amplitude.square * (np.sin(u) ** 2 / u) ** 2
         return variance
 
-    def density(self, f, rate):
-        r"""Return the one-sided power spectral density of the output sampled at r = `rate`, Hz.
-
-        .. math::
-            S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
-            + 2 q^2/(1/T^2 + (2 \pi f)^2)
-
-        If there is a low-pass, its gain multiplies all terms but the first. Sinusoids have no
-        density: each has the power :math:`\Omega^2/2` at its frequency. The ramp is deterministic
-        and adds nothing. Takes frequencies f, Hz, above 0 and up to half the rate.
-
-        References
-        ----------
-        IEEE Std 952-1997 (R2008), annex C, which gives the two-sided densities.
-        """
-        f = np.asarray(f, float)
-        omega = 2 * np.pi * f
-        density = 2 * self.N.square + self.B.square / (np.pi * f) + 2 * self.K.square / omega**2
-        for process in self.gauss_markov:
-            density = density + 2 * process.q.square / (process.tc.value**-2 + omega**2)
-        if self.low_pass:
-            density = density * self.low_pass.gain(f, rate)
-        return density + 8 * self.Q.square * rate * np.sin(np.pi * f / rate) ** 2
-
-    def kernel(self, t, span, shared=None):
+    def kernel(self, lags):
         r"""Return the covariance of the integral X of the output at all pairs of times, (m, m).
 
-        Terms that vanish in the covariance of increments of X are left out. For a lag d the
-        processes give
+        Terms that vanish in the covariance of increments of X are left out. For a lag d of times
+        within a span of the length L the processes give
 
         - quantisation: :math:`Q^2` at d = 0;
         - white: :math:`-N^2 |d|/2`;
-        - flicker: :math:`(B^2/2\pi)\, d^2 \ln(|d|/e^{3/2}\,\mathrm{span})`, that is an output of
-          covariance :math:`(B^2/\pi) \ln(\mathrm{span}/|d|)`;
+        - flicker: :math:`(B^2/2\pi)\, d^2 \ln(|d|/e^{3/2} L)`, that is an output of covariance
+          :math:`(B^2/\pi) \ln(L/|d|)`;
         - Gauss-Markov: :math:`-(q^2 T^3/2)(d/T - 1 + e^{-d/T})`;
         - sinusoid: :math:`\Omega^2 \cos(\omega d)/2\omega^2`;
         - walk from t = 0 on: :math:`K^2 (s^2 t/2 - s^3/6)`, s the earlier time.
 
-        The ramp is deterministic and adds nothing.
-
-        Parameters
-        ----------
-        t : ndarray, shape (m,)
-            Times since the start of the walk, s.
-        span : float
-            Length, s, that contains all times; the level of the flicker refers to it.
-        shared : tuple, optional
-            The `lags` of t and span, if they are computed once for several axes.
+        The ramp is deterministic and adds nothing. Takes the result of the function `lags`.
         """
-        d, d2, logarithm, early2, late = shared or lags(t, span)
+        d, d2, logarithm, early2, late = lags
         total = (
             self.Q.square * (d == 0)
             - self.N.square * d / 2
@@ -222,24 +191,13 @@ class AxisNoise:
             power cycles.
         """
         covariance = np.zeros((len(windows),) * 2)
-        for index, times, start, end, common in edges(windows) if shared is None else shared:
-            k = self.kernel(times, times[-1], common)
+        for index, start, end, common in edges(windows) if shared is None else shared:
+            k = self.kernel(common)
             k = k[end] - k[start]
             k = k[:, end] - k[:, start]
             length = windows[index, 1] - windows[index, 0]
             covariance[np.ix_(index, index)] = (k + k.T) / (2 * length[:, None] * length)
         return covariance
-
-    def wander(self, interval, length):
-        """Return the standard deviation of the change of the bias between two times, SI.
-
-        It is the difference of two means of the output by flicker, random walk and Gauss-Markov
-        processes, without other noise. Takes the interval between the starts of the two means, and
-        the length of each, s.
-        """
-        slow = AxisNoise(B=self.B, K=self.K, gauss_markov=self.gauss_markov)
-        covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
-        return float(np.sqrt(covariance[0, 0] + covariance[1, 1] - 2 * covariance[0, 1]))
 
 
 def edges(windows, power_cycle=None):
@@ -247,32 +205,30 @@ def edges(windows, power_cycle=None):
 
     Takes start and end of each window, s, (n, 2), and its power cycle, (n,); by default all windows
     lie in one. Returns a list with a tuple for each power cycle: the indices of its windows; the
-    times at which they start or end, s, relative to the first; the indices of the starts and of the
-    ends among these times; and the `lags` of the times.
+    indices of their starts, and of their ends, among the m times at which a window starts or ends;
+    and the `lags` of these times, which are relative to the first.
     """
     if power_cycle is None:
         power_cycle = np.zeros(len(windows), dtype=int)
     shared = []
     for cycle in np.unique(power_cycle):
         index = np.flatnonzero(power_cycle == cycle)
-        times = np.unique(windows[index])
-        start, end = np.searchsorted(times, windows[index]).T
-        times = times - times[0]
-        shared.append((index, times, start, end, lags(times, times[-1])))
+        times, places = np.unique(windows[index], return_inverse=True)
+        start, end = places.reshape(-1, 2).T
+        shared.append((index, start, end, lags(times - times[0])))
     return shared
 
 
-def lags(t, span):
-    """Return the functions of times t, s, (m,), in `AxisNoise.kernel`, (m, m) each.
+def lags(t):
+    """Return functions of pairs of increasing times t, s, (m,), from 0, (m, m) each.
 
-    They are the lag d, d², ln(d / span) - 3/2, s² and t/2 - s/6, where s is the earlier and t the
-    later time of a pair.
+    They are the lag d, d², ln(d/L) - 3/2, s² and t/2 - s/6, where L is the last time, and s is the
+    earlier and t the later time of a pair.
     """
-    t = np.asarray(t, float)
     d = np.abs(t[:, None] - t)
     early, late = np.minimum(t[:, None], t), np.maximum(t[:, None], t)
     # the logarithm is 0 at lag 0, where the factor d^2 removes the term
-    logarithm = np.log(np.where(d > 0, d, span) / span) - 1.5
+    logarithm = np.log(np.where(d > 0, d, t[-1]) / t[-1]) - 1.5
     return d, d**2, logarithm, early**2, late / 2 - early / 6
 
 

@@ -39,19 +39,13 @@ def segment_table(samples, start_s, end_s, kinds, poses):
         "tilt_rad": np.zeros(len(ranges)),
     }
     for name in (*CHANNELS, *[TEMPERATURE] * (TEMPERATURE in rows)):
-        statistics = np.array([_statistics(rows, name, i, j) for i, j in ranges], float)
-        mean, deviation = statistics.reshape(-1, 2).T
+        # missing temperatures do not count
+        parts = (x[np.isfinite(x)] for x in (rows[name][i:j] for i, j in ranges))
+        statistics = [(x.mean(), x.std()) if len(x) else (np.nan, np.nan) for x in parts]
+        mean, deviation = np.array(statistics, float).reshape(-1, 2).T
         deviation[deviation <= _ROUNDING * np.abs(mean)] = 0.0
         columns |= {f"{name}_mean": mean, f"{name}_std": deviation}
     return pd.DataFrame(columns)
-
-
-def _statistics(rows, name, first, last):
-    """Return mean and standard deviation of a channel over a range of rows."""
-    x = rows[name][first:last]
-    # missing values do not count
-    valid = x[np.isfinite(x)] if name == TEMPERATURE else x
-    return (valid.mean(), valid.std()) if len(valid) else (np.nan, np.nan)
 
 
 def power_cycles(segments):

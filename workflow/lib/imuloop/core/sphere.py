@@ -1,11 +1,6 @@
-"""Directions on the sphere: an even lattice, the largest hole between some, and their names."""
+"""Directions on the sphere: an even lattice, and the number of distinct ones."""
 
 import numpy as np
-
-# least angle from the nearest attitude at which another pose is worthwhile, degrees
-WIDE_HOLE = 50.0
-# least component of a direction that is part of its name
-LEANS = 0.35
 
 
 def fibonacci_lattice(n):
@@ -25,15 +20,6 @@ def fibonacci_lattice(n):
     return np.stack([radius * np.cos(longitude), radius * np.sin(longitude), z], axis=1)
 
 
-def largest_hole(directions):
-    """Return the direction farthest from unit vectors, (n, 3), and its angle to them, rad."""
-    # directions about 4 degrees apart
-    grid = fibonacci_lattice(2000)
-    nearest = (grid @ np.asarray(directions).T).max(axis=1)
-    worst = nearest.argmin()
-    return grid[worst], float(np.arccos(np.clip(nearest[worst], -1, 1)))
-
-
 def count_attitudes(vectors, apart):
     """Return the number of distinct directions of vectors, (n, 3), an int.
 
@@ -45,9 +31,3 @@ def count_attitudes(vectors, apart):
         if not np.any(counted @ u >= np.cos(apart)):
             counted = np.vstack([counted, u])
     return len(counted)
-
-
-def direction_words(vector):
-    """Return the name of a direction, (3,): the axes with a large component, such as ``+x −z``."""
-    signs = zip(vector, "xyz", strict=True)
-    return "\u202f".join(f"{'+' if v > 0 else '−'}{axis}" for v, axis in signs if abs(v) > LEANS)

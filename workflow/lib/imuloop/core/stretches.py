@@ -17,12 +17,10 @@ def unbroken(rows):
 
     The step is 1 s if there are fewer than two samples.
     """
-    step = rows.interval
-    if step is None:
-        return np.array([[0, len(rows)]])[: len(rows)], 1.0
+    step = 1.0 if rows.interval is None else rows.interval
     cuts = 1 + np.flatnonzero(np.diff(rows[TIME]) > gap_limit(step, LONG_GAP_STEPS))
     edges = np.concatenate([[0], cuts, [len(rows)]])
-    return np.column_stack([edges[:-1], edges[1:]]), step
+    return np.column_stack([edges[:-1], edges[1:]])[: len(rows)], step
 
 
 def lengths(ranges):
@@ -31,11 +29,11 @@ def lengths(ranges):
 
 
 def merged(ranges):
-    """Return ranges, (k, 2) with k > 0, in order, with overlapping and touching ones merged."""
+    """Return ranges, (k, 2), in order, with overlapping and touching ones merged."""
     first, last = ranges[np.argsort(ranges[:, 0])].T
     reached = np.maximum.accumulate(last)
-    apart = first[1:] > reached[:-1]
-    return np.column_stack([first[np.append(True, apart)], reached[np.append(apart, True)]])
+    apart = np.append(True, first[1:] > reached[:-1])[: len(first)]
+    return np.column_stack([first[apart], reached[np.roll(apart, -1)]])
 
 
 def without(ranges, cuts):

@@ -10,6 +10,8 @@ from imuloop.core.errors import ImuloopError
 STANDARD_GRAVITY = 9.80665
 # one degree, rad
 DEGREE = np.pi / 180
+# angular rate of the Earth, rad/s, WGS 84
+EARTH_RATE = 7.292115e-5
 # one hour, s
 HOUR = 3600.0
 # 0 degC, K
@@ -33,7 +35,7 @@ INCREMENTS = {
 # degC per unit, and the value in the unit at 0 degC
 TEMPERATURE = {"degC": (1.0, 0.0), "K": (1.0, ZERO_CELSIUS), "degF": (5 / 9, 32.0)}
 
-_FACTORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
+FACTORS = {"acceleration": ACCELERATION, "angular_rate": ANGULAR_RATE}
 _SI = {"acceleration": "m/s^2", "angular_rate": "rad/s"}
 
 
@@ -79,7 +81,7 @@ def raw_unit(quantity, name, nominal=None):
         return RawUnit("count", float(nominal["scale"]), float(nominal.get("offset", 0.0)))
     if name in INCREMENTS[quantity]:
         return RawUnit(_SI[quantity], 1.0)
-    if name not in _FACTORS[quantity]:
-        known = ", ".join([*_FACTORS[quantity], "count", *INCREMENTS[quantity]])
+    if name not in FACTORS[quantity]:
+        known = ", ".join([*FACTORS[quantity], "count", *INCREMENTS[quantity]])
         raise ImuloopError(f"'{name}' is not a unit of {quantity}; use one of {known}")
-    return RawUnit(name, _FACTORS[quantity][name])
+    return RawUnit(name, FACTORS[quantity][name])

@@ -19,11 +19,6 @@ def other_slope(channels):
     return slope(channels.t, channels.other)
 
 
-def unclamped(self, design, low, high):
-    """Return the derivative as it is: a delay is valid for any rate of change."""
-    return design
-
-
 class TimeOffset(Effect):
     """``e = y(t) - y(t - Δt)``: the output y of the sensor is early by Δt, or late by -Δt.
 
@@ -35,14 +30,14 @@ class TimeOffset(Effect):
 
     name = "time_offset"
     parameters = {"dt": "s"}
-    equation = "e = y(t) - y(t - Δt)"
     reference = "Furgale et al., IROS 2013, temporal calibration"
     records = ("motion",)
-    unobservable = "a shift in time changes nothing at rest, nor the angle from rest to rest"
     limit = LATEST
     rate_of_change = True
 
-    clamped = unclamped
+    def clamped(self, design, low, high):
+        """Return the derivative as it is: a delay is valid for any rate of change."""
+        return design
 
     def design(self, channels, values=(0.0,)):
         """Return the mean rate of change of the output over the delay, (n, 3, 1)."""
@@ -51,24 +46,17 @@ class TimeOffset(Effect):
     design_at = design
 
 
-class GyroAxisDelay(Effect):
-    """``e_i = y_i(t) - y_i(t + Δt_i)``: the output y of axis i is late by Δt_i relative to z.
+class GyroAxisDelay(TimeOffset):
+    """``e_i = y_i(t) - y_i(t + Δt_i), Δt_z = 0``: the output y of axis i is late by Δt_i.
 
-    A delay of all three axes is a `time_offset`. Leaves: errors of rotations whose axis changes,
-    and velocity at the end of a move.
+    The delays are relative to axis z. A delay of all three axes is a `time_offset`. Leaves: errors
+    of rotations whose axis changes, and velocity at the end of a move.
     """
 
     name = "gyro_axis_delay"
     sensors = ("gyroscope",)
     parameters = {"dtx": "s", "dty": "s"}
-    equation = "e_i = y_i(t) - y_i(t + Δt_i), Δt_z = 0"
     reference = "Savage, Strapdown Analytics, sensor lag and pseudo-coning"
-    records = ("motion",)
-    unobservable = "at rest nothing changes; what turns leave of it shows in the motion between"
-    limit = LATEST
-    rate_of_change = True
-
-    clamped = unclamped
 
     def design(self, channels, values=(0.0, 0.0)):
         """Return the derivative with respect to both delays, shape (n, 3, 2)."""

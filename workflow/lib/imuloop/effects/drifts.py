@@ -36,9 +36,8 @@ class WarmUp(Effect):
 
     name = "warm_up"
     parameters = per_axis({"A": "output"})
-    equation = "e_i = A_i exp(-t/τ)"
     reference = "IEEE Std 528-2001, warm-up time"
-    timed = True
+    records = ("poses", "static_record")
     after_temperature = True
 
     @classmethod
@@ -63,11 +62,8 @@ class BiasDrift(Effect):
 
     name = "bias_drift"
     parameters = per_axis({"d": "output per s"})
-    equation = "e_i = d_i t"
     reference = "IEEE Std 952-1997, annex C, rate ramp"
-    timed = True
     after_temperature = True
-    records = ("poses",)
 
     def design(self, channels):
         """Return the time on each axis, shape (n, 3, 3)."""

@@ -33,10 +33,8 @@ class Reorientation(Effect):
     name = "reorientation"
     sensors = ("accelerometer",)
     parameters = per_axis({"k": "1"})
-    equation = "e_i = k_i (y_i,lag - y_i)"
     reference = "Zhou et al., Materials 10 (2017) 1077, viscoelastic die attach"
     timed = True
-    records = ("poses",)
 
     @classmethod
     def shapes(cls, channels):
@@ -83,8 +81,8 @@ class VibrationRectification(Effect):
     name = "vibration_rectification"
     sensors = ("accelerometer",)
     parameters = per_axis({"v": "m/s^2 per (m/s^2)^2"})
-    equation = "e_i = v_i σ_i²"
     reference = "Analog Devices, Vibration Rectification in MEMS Accelerometers"
+    records = ("poses", "static_record")
     # ten times what MEMS sensors show, up to 2 mg per g² of mean square
     limit = 2e-3
     timed = True

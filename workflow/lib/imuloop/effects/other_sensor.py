@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from imuloop.core.gravity import EARTH_RATE
+from imuloop.core.units import EARTH_RATE
 from imuloop.effects.axes import AXES, row_by_row
 from imuloop.effects.delays import other_slope
 from imuloop.model.effect import Effect
@@ -22,9 +22,7 @@ class GSensitivity(Effect):
     name = "g_sensitivity"
     sensors = ("gyroscope",)
     parameters = {f"G{i}{j}": "rad/s per m/s^2" for i in range(3) for j in range(3)}
-    equation = "e = G f"
     reference = "IEEE Std 1431-2004, acceleration-sensitive drift rate"
-    records = ("poses",)
 
     def design(self, channels):
         """Return the derivative with respect to G, row by row, (n, 3, 9)."""
@@ -43,9 +41,7 @@ class G2Sensitivity(Effect):
     name = "g2_sensitivity"
     sensors = ("gyroscope",)
     parameters = {f"D{i}{jk}": "rad/s per (m/s^2)^2" for i in AXES for jk in PRODUCTS}
-    equation = "e_i = Σ_jk D_ijk f_j f_k"
     reference = "IEEE Std 528-2001, 2.4, acceleration-squared-sensitive drift rate"
-    records = ("poses",)
 
     def design(self, channels):
         """Return the products of specific force on each axis, (n, 3, 15)."""
@@ -54,10 +50,11 @@ class G2Sensitivity(Effect):
 
 
 class EarthRate(Effect):
-    """``e = w_up f/|f|``: the vertical part of the Earth's rate, along the specific force f.
+    """``e = w_up u, u the direction of f``: the vertical part of the Earth's rate.
 
-    w_up is 7.292115e-5 rad/s · sin(latitude). The horizontal part depends on the heading, which is
-    not measured, and stays in the residual. While the device accelerates, f is not vertical.
+    f is the specific force. w_up is 7.292115e-5 rad/s · sin(latitude). The horizontal part depends
+    on the heading, which is not measured, and stays in the residual. While the device accelerates,
+    f is not vertical.
     Leaves: a mean rate that turns with the attitude, 15 °/h at the pole, and an angle that grows
     with the duration of a rotation. Imitated by: a `g_sensitivity` that is a multiple of the unit
     matrix, exactly.
@@ -66,9 +63,7 @@ class EarthRate(Effect):
     name = "earth_rate"
     sensors = ("gyroscope",)
     parameters = {"w_up": "rad/s"}
-    equation = "e = w_up u, u the direction of f"
     reference = "WGS 84, NIMA TR8350.2, table 3.1"
-    records = ("poses",)
     limit = EARTH_RATE
 
     def design(self, channels):
@@ -88,10 +83,8 @@ class RateSensitivity(Effect):
     name = "rate_sensitivity"
     sensors = ("accelerometer",)
     parameters = {f"M{i}{j}": "m/s^2 per rad/s" for i in range(3) for j in range(3)}
-    equation = "e = M w"
     reference = "Xsens MTi user manual, cross coupling of acceleration and angular rate"
     records = ("motion",)
-    unobservable = "it acts only while the device turns, and residuals are taken at rest"
     limit = 0.1  # 10 mg at 1 rad/s
 
     def design(self, channels):
@@ -100,7 +93,7 @@ class RateSensitivity(Effect):
 
 
 class LeverArm(Effect):
-    """``e_i = (dw/dt × r_i + w × (w × r_i))_i``: axis i of the accelerometer lies at r_i.
+    """``e_i = (dw/dt × r_i + w × (w × r_i))_i, r_z = 0``: axis i of the accelerometer is at r_i.
 
     w is the angular rate. The centre of rotation is not known, so that an arm common to all axes
     cannot be determined: the origin is the place of the z axis, and r_x and r_y are relative to it.
@@ -112,10 +105,8 @@ class LeverArm(Effect):
     name = "lever_arm"
     sensors = ("accelerometer",)
     parameters = {f"r{i}{j}": "m" for i in "xy" for j in AXES}
-    equation = "e_i = (dw/dt × r_i + w × (w × r_i))_i, r_z = 0"
     reference = "Titterton and Weston, Strapdown Inertial Navigation Technology, size effect"
     records = ("motion",)
-    unobservable = "it acts only while the device turns, and residuals are taken at rest"
     limit = 0.1  # largest size of a sensor
     rate_of_change = True
 

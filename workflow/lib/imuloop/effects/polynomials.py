@@ -21,9 +21,7 @@ class Quadratic(Effect):
     name = "quadratic"
     sensors = ("accelerometer",)
     parameters = per_axis({"K2": "m/s^2 per (m/s^2)^2"})
-    equation = "e_i = K2_i y_i²"
     reference = "IEEE Std 1293-1998, 8.3, model equation: K2"
-    records = ("poses",)
 
     def design(self, channels):
         """Return the square of each axis' output, shape (n, 3, 3)."""
@@ -41,9 +39,7 @@ class Cubic(Effect):
     name = "cubic"
     sensors = ("accelerometer",)
     parameters = per_axis({"K3": "m/s^2 per (m/s^2)^3"})
-    equation = "e_i = K3_i y_i³"
     reference = "IEEE Std 1293-1998, 8.3, model equation: K3"
-    records = ("poses",)
 
     def design(self, channels):
         """Return the cube of each axis' output, shape (n, 3, 3)."""
@@ -51,9 +47,9 @@ class Cubic(Effect):
 
 
 class Asymmetry(Effect):
-    """``e_i = (K1'_i/2) |y_i|``: the scale factor of an axis differs with the sign of its output.
+    """``e_i = (Ka_i/2) abs(y_i)``: the scale factor of an axis differs with the sign of its output.
 
-    Leaves at rest, with the output y and the direction u of gravity: ``(K1'/2) g u_i |u_i|``, which
+    Leaves at rest, with the output y and the direction u of gravity: ``(Ka/2) g u_i |u_i|``, which
     is a bias (3/4 P1) and odd patterns of degree 3 and more. Imitated by: `quadratic`, which lacks
     only degree 5 and a kink at u_i = 0; more than 30 poses show them.
     """
@@ -61,9 +57,7 @@ class Asymmetry(Effect):
     name = "asymmetry"
     sensors = ("accelerometer",)
     parameters = per_axis({"Ka": "1"})
-    equation = "e_i = (Ka_i/2) abs(y_i)"
     reference = "IEEE Std 1293-1998, 8.3, model equation: K1' (here Ka)"
-    records = ("poses",)
 
     def design(self, channels):
         """Return half the size of each axis' output, shape (n, 3, 3)."""
@@ -71,7 +65,7 @@ class Asymmetry(Effect):
 
 
 class CrossCoupling(Effect):
-    """``e_i = Σ_j K_ij y_i y_j, j ≠ i``, and ``e_i = Kxyz y_j y_k`` alike on all axes.
+    """``e_i = Σ_j K_ij y_i y_j + Kxyz y_j y_k, j, k ≠ i``: products of the outputs of two axes.
 
     Of the 15 products of two outputs beside K2, the norm of gravity at rest shows 7: y_i y_j on
     axis i and y_i² on axis j both leave u_i² u_j, and y_j y_k leaves u_x u_y u_z on any axis. A
@@ -85,9 +79,7 @@ class CrossCoupling(Effect):
     parameters = dict.fromkeys(
         [*(f"K{AXES[i]}{AXES[j]}" for i, j in PAIRS), "Kxyz"], "m/s^2 per (m/s^2)^2"
     )
-    equation = "e_i = Σ_j K_ij y_i y_j + Kxyz y_j y_k, j, k ≠ i"
     reference = "IEEE Std 1293-1998, 8.3, model equation: Kip, Kio, Kpo"
-    records = ("poses",)
 
     def design(self, channels):
         """Return the products of outputs, shape (n, 3, 7)."""
@@ -110,7 +102,6 @@ class ScaleNonlinearity(Effect):
     name = "scale_nonlinearity"
     sensors = ("gyroscope",)
     parameters = per_axis({"s2": "rad/s per (rad/s)^2", "s3": "rad/s per (rad/s)^3"})
-    equation = "e_i = s2_i y_i² + s3_i y_i³"
     reference = "IEEE Std 528-2001, nonlinearity"
     records = ("poses", "motion")
 
@@ -120,7 +111,7 @@ class ScaleNonlinearity(Effect):
 
 
 class ScaleAsymmetry(Effect):
-    """``e_i = sa_i |y_i|``: the scale factor of an axis differs between left and right turns.
+    """``e_i = sa_i abs(y_i)``: the scale factor of an axis differs between left and right turns.
 
     The asymmetry of the standard, one side less the other, is 2 sa. Leaves: errors of rotations
     that keep their sign when the turn is reversed; nothing at rest. Imitated by: the scale factor
@@ -130,7 +121,6 @@ class ScaleAsymmetry(Effect):
     name = "scale_asymmetry"
     sensors = ("gyroscope",)
     parameters = per_axis({"sa": "1"})
-    equation = "e_i = sa_i abs(y_i)"
     reference = "IEEE Std 528-2001, asymmetry error"
     records = ("poses", "motion")
 
@@ -148,7 +138,6 @@ class Anisoinertia(Effect):
     name = "anisoinertia"
     sensors = ("gyroscope",)
     parameters = per_axis({"a": "rad/s per (rad/s)^2"})
-    equation = "e_i = a_i w_j w_k"
     reference = "Titterton and Weston, Strapdown Inertial Navigation Technology, anisoinertia"
     records = ("poses", "motion")
     limit = 0.05

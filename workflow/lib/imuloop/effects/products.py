@@ -1,6 +1,7 @@
 """Products of powers of outputs, which are tested if known effects leave more than noise."""
 
 import re
+from collections import Counter
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations_with_replacement
@@ -38,7 +39,6 @@ class Product(Effect):
     reference_temperature: float = ROOM
 
     name = "product"
-    equation = "e_i = c_i Π_k x_k^p_k"
     reference = "a search of this device's residual; no cause is known"
     # the class has no records, as `products` gives the shapes after all other effects
     records = ()
@@ -68,9 +68,7 @@ class Product(Effect):
     @property
     def parameters(self):
         """Name and unit of the coefficient."""
-        powers = {}
-        for factor in self.factors:
-            powers[UNITS[factor[0]]] = powers.get(UNITS[factor[0]], 0) + 1
+        powers = Counter(UNITS[factor[0]] for factor in self.factors)
         units = " ".join(f"({unit})^{p}" if p > 1 else unit for unit, p in powers.items())
         return {f"c{self.axis}": f"output per {f'({units})' if len(powers) > 1 else units}"}
 

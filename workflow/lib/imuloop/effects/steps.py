@@ -36,7 +36,6 @@ class Steps(Effect):
     spans: tuple[float, ...] = (0.0,)
 
     name = "steps"
-    equation = "e_i = Σ_k h_ki H(t - t_k)"
     reference = "IEEE Std 1293-2018, burst noise (telegraph noise)"
     timed = True
     records = ("poses", "static_record")

@@ -90,8 +90,8 @@ class BiasTemperature(Effect):
     lag: float = 0.0
 
     name = "bias_temperature"
-    equation = "e_i = Σ_k c_ki (θ - θ0)^k"
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
+    records = ("poses", "static_record")
     bounds = {"order": (1, 3), "reference_temperature": CELSIUS, "lag": (0.0, 1e5)}
     needs = ("temperature",)
 
@@ -117,8 +117,6 @@ class BiasTemperature(Effect):
 
         They are without lag, and with each lag that is shorter than the data.
         """
-        if not span(channels):
-            return (cls(),)
         orders = 1 + min(2, int(span(channels) / SPAN_OF_AN_ORDER))
         about = whole_degrees(channels)
         lags = (0.0, *(lag for lag in THERMOMETER_LAGS if lag <= np.ptp(channels.t)))
@@ -149,8 +147,8 @@ class ScaleTemperature(Effect):
 
     name = "scale_temperature"
     parameters = per_axis({"sT": "1 per K"})
-    equation = "e_i = sT_i (θ - θ0) y_i"
     reference = "Niu et al., Sensors 13 (2013) 12192, thermal calibration"
+    records = ("poses", "static_record")
     bounds = {"reference_temperature": CELSIUS}
     needs = ("temperature",)
     # ten times what data sheets of MEMS sensors state, some 300 ppm/K
@@ -159,7 +157,7 @@ class ScaleTemperature(Effect):
     @classmethod
     def shapes(cls, channels):
         """Return the one shape, about the mean temperature."""
-        return (cls(whole_degrees(channels)),) if span(channels) else (cls(),)
+        return (cls(whole_degrees(channels)),)
 
     def design(self, channels):
         """Return the output of each axis times θ - θ0, (n, 3, 3)."""
@@ -195,9 +193,8 @@ class BiasTemperatureRate(Effect):
 
     name = "bias_temperature_rate"
     parameters = per_axis({"r": "output per K/s"})
-    equation = "e_i = r_i (θ - θ_lag)/τ"
     reference = "Kim and Jung, Sensors 25 (2025) 6131, bias against the rate of temperature"
-    timed = True
+    records = ("poses", "static_record")
     after_temperature = True
     needs = ("temperature",)
 
@@ -240,10 +237,9 @@ class ThermalHysteresis(Effect):
 
     name = "thermal_hysteresis"
     parameters = per_axis({"h": "output"})
-    equation = "e_i = h_i (θ - play_w θ)/w"
     reference = "Brokate and Sprekels, Hysteresis and Phase Transitions, 1996, play operator"
+    records = ("poses", "static_record")
     bounds = {"half_width": (1e-3, 1e3)}
-    timed = True
     after_temperature = True
     needs = ("temperature",)
 
@@ -251,7 +247,7 @@ class ThermalHysteresis(Effect):
     def shapes(cls, channels):
         """Return shapes whose half-widths are shares of the span of the temperature."""
         widths = {max(round(share * span(channels), 2), 0.01) for share in SHARES}
-        return tuple(cls(w) for w in sorted(widths)) if span(channels) else (cls(),)
+        return tuple(cls(width) for width in sorted(widths))
 
     def design(self, channels):
         """Return ``(θ - play θ)/w`` on each axis, (n, 3, 3)."""

@@ -17,7 +17,7 @@ TURN_ON = {"accelerometer": 20e-3 * STANDARD_GRAVITY, "gyroscope": 0.5 * DEGREE}
 
 @dataclass(frozen=True)
 class TurnOnBias(Effect):
-    """``e_i = s_ki`` in power cycle k, ``Σ_k s_ki = 0``: each power cycle has its own bias.
+    """``e_i = s_ki in power cycle k, Σ_k s_ki = 0``: each power cycle has its own bias.
 
     A power cycle is a session, or the part of it after a gap longer than all its recorded time. The
     bias of the calibration is the mean over the power cycles. In a log of another power cycle the
@@ -28,10 +28,8 @@ class TurnOnBias(Effect):
     runs: int = 2  # number of power cycles, with its name in calibration.json
 
     name = "turn_on_bias"
-    equation = "e_i = s_ki in power cycle k, Σ_k s_ki = 0"
     reference = "IEEE Std 1554-2005, bias repeatability"
     needs = ("power_cycle",)
-    records = ("poses",)
     bounds = {"runs": (2, 50)}
 
     @property

@@ -1,6 +1,6 @@
-"""Devices of one type together: what they share, how they spread, which stand out."""
+"""Devices of one type together: their common values, their spread, and odd devices."""
 
-# devices that are compared
+# fewest devices that are compared
 LEAST = 3
-# other devices that a prior needs: the variance of Student's t with fewer is not finite
+# fewest other devices for a prior: with fewer the variance of Student's t is not finite
 LEAST_OTHERS = 4

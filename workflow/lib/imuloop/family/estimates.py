@@ -1,4 +1,4 @@
-"""What is compared between devices: each parameter with its standard error, of all of them."""
+"""Estimates of each parameter by all devices of a type, with standard errors."""
 
 from dataclasses import dataclass
 
@@ -19,9 +19,10 @@ _REACH = 1.959964
 
 @dataclass(frozen=True)
 class Estimates:
-    """One parameter of n devices; not-a-number where a device did not determine it.
+    """Estimates of one parameter by n devices; nan for a device that did not determine it.
 
-    Of a noise coefficient, which is positive, the natural logarithm, whose spread is relative.
+    For a noise coefficient, which is positive, they are natural logarithms, so that its spread is
+    relative.
     """
 
     name: str  # ``accelerometer.K0``, ``gx.N``
@@ -32,14 +33,14 @@ class Estimates:
 
     @property
     def known(self):
-        """Which devices determined it, (n,)."""
+        """Whether each device determined the parameter, (n,) of bool."""
         return np.isfinite(self.values) & np.isfinite(self.std) & (self.std > 0)
 
 
 def of_calibrations(calibrations):
     """Return the Estimates of misalignment, scale factor error and bias, of n Calibrations.
 
-    SI as logged; a scale factor is relative to the nominal one, less 1.
+    They are in nominal SI; a scale factor is relative to the nominal one, minus 1.
     """
     names, values, std = parameters(), [], []
     for calibration in calibrations:
@@ -55,7 +56,7 @@ def of_calibrations(calibrations):
 
 
 def of_noise(noises):
-    """Return the Estimates of the noise coefficients that a NoiseModel of n devices has."""
+    """Return the Estimates of the noise coefficients N, B and K of n NoiseModels."""
     found = []
     for sensor, channels in SENSORS.items():
         for term, unit in TERMS[sensor].items():
@@ -66,11 +67,11 @@ def of_noise(noises):
 
 
 def logarithm(coefficient):
-    """Return the logarithm of a noise coefficient and its standard error; nan where not known."""
+    """Return the logarithm of a Coefficient and its standard error; nan if it is not known."""
     value, interval = coefficient.value, coefficient.ci95
     if not value or not interval or interval[1] <= value:
         return np.nan, np.nan
     low, high = interval
     above = np.log(high / value)
-    # one that may be nothing has no lower end
+    # an interval from zero has no lower end in logarithms
     return np.log(value), (above if low <= 0 else (above + np.log(value / low)) / 2) / _REACH

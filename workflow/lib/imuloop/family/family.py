@@ -1,4 +1,4 @@
-"""results/family.json: what devices of one type say together."""
+"""The comparison of the devices of each type, results/family.json."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,11 +31,11 @@ class Member:
     name: str
     calibration: Calibration
     noise: NoiseModel
-    tried: dict  # p-value of each effect that was, and whether it was added; see `tried_effects`
+    tried: dict  # the effects that its diagnosis tested, as `tried_effects` returns them
 
 
 def read_member(folder):
-    """Return the Member that lies in a folder of results."""
+    """Return the Member of a folder of results."""
     folder = Path(folder)
     return Member(
         folder.name,
@@ -48,7 +48,7 @@ def read_member(folder):
 def tried_effects(diagnosis):
     """Return p-value, and whether it was added, of each effect that a diagnosis tested.
 
-    By sensor, kind of data and name: all that counts of a file that is large.
+    The result is a dict by sensor, kind of data and name of the effect.
     """
     return {
         (sensor, record, each["name"]): (each["p_value"], each["status"] == "added")
@@ -60,14 +60,15 @@ def tried_effects(diagnosis):
 
 
 def write_family(path, types):
-    """Write what the devices of each type, Members by its name, say together."""
+    """Write family.json; `types` holds the Members of each type by its name."""
     write_json(path, {"format": FORMAT, "types": {t: of_type(m) for t, m in types.items()}})
 
 
 def of_type(members):
     """Return the content of family.json on one type.
 
-    All tests of a type, each device in each parameter, are one family, after Holm.
+    Each device is tested in each parameter. The p-values of all these tests are adjusted together
+    by Holm's method.
     """
     every = of_calibrations([m.calibration for m in members])
     every += of_noise([m.noise for m in members])
@@ -92,10 +93,11 @@ def of_type(members):
 
 
 def of_parameter(each, members):
-    """Return the content on one parameter, and the p-value of each device's standing out.
+    """Return the content on one parameter, a dict, and the p-value of each known device, (k,).
 
-    Those p-values are not adjusted yet. Mean and values of a noise coefficient are those of
-    logarithms taken back; its spread and its errors are relative.
+    The p-value is the probability that a device which is not odd is as far from the others; it is
+    not adjusted. Mean and values of a noise coefficient are in its unit, its spread and standard
+    errors are relative.
     """
     own = each.known
     y, std = each.values[own], each.std[own]
@@ -118,11 +120,12 @@ def of_parameter(each, members):
 
 
 def effects(members):
-    """Return the effects that were tried in several devices, those that most have first.
+    """Return a list of the effects that several devices tested, the smallest p-value first.
 
-    The p-value is that of fewer than half of the devices having the effect: Fisher's of the larger
-    half of theirs (partial conjunction), after Holm over the effects. So one device cannot give its
-    effect to the type, and all together show one that none shows by itself.
+    The hypothesis is that fewer than half of the devices have the effect. Its p-value is Fisher's
+    combination of the larger half of the p-values of the devices (partial conjunction), adjusted
+    for all effects by Holm's method. So a single device cannot give an effect to the type, and all
+    devices together can show an effect that no device shows by itself.
 
     References
     ----------

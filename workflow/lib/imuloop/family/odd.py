@@ -1,23 +1,24 @@
-"""Devices that stand out from those of their type."""
+"""Odd devices, which differ from the other devices of their type."""
 
 import numpy as np
 from scipy.special import ndtri
 
 from imuloop.family.random_effects import fit
 
-# robust standard deviations from the median beyond which a device is no measure for others, and the
-# share of the devices that may be so: two odd ones would hide each other
+# number of robust standard deviations from the median above which a device does not count for the
+# spread of others, and largest share of such devices: two odd devices would hide each other
 FAR, AT_MOST = 4.0, 0.1
-# the farthest devices, which are tried; none of the others is farther
+# number of devices, the farthest ones, that are tested
 TRIED = 50
 
 
 def deviations(y, squares):
-    """Return how far each device lies from what the others predict, and the p-value of that, (n,).
+    """Return the deviation of each of n devices from the others, and its p-value, (n,) each.
 
-    The deviation is in standard deviations of the prediction: spread of the others, error of their
-    mean, own error. Its p-value is of Student's t, with their degrees of freedom; one where a
-    device was not tried.
+    `y` are the values of the devices and `squares` their variances, (n,). The deviation is in
+    standard deviations of the prediction by the other devices, which include their spread, the
+    error of their mean and the error of the device itself. The p-value is by Student's t; it is
+    one for a device that was not tested.
     """
     count = len(y)
     distance = np.abs(y - np.median(y))

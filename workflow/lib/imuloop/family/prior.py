@@ -20,18 +20,18 @@ _SMALLEST = 1e-13
 
 
 def read_prior(sheet, file, device, sessions, type=None):
-    """Return the Prior that a file gives.
+    """Return the Prior of a file.
 
-    A parameter that the file does not know keeps the data sheet's tolerance.
+    A parameter that the file does not hold keeps the tolerance of the data sheet.
 
     Parameters
     ----------
     sheet : Prior
-        The data sheet's.
+        Prior by the data sheet.
     file : path-like
-        calibration.json of the device by earlier logs, or family.json of its type.
+        An earlier calibration.json of the device, or the family.json of its type.
     device : str
-        Name of the device. A family counts without the device of that name.
+        Name of the device, which is left out of the family.
     sessions : dict
         Sessions that are calibrated, as in `imuloop.calibrate.sessions.usable_sessions`.
     type : str, optional
@@ -63,8 +63,8 @@ def read_prior(sheet, file, device, sessions, type=None):
 def of_calibration(prior, calibration, source):
     """Return the Prior by a Calibration from earlier logs of the device.
 
-    Mean and covariance of its base parameters; others as in `prior`. The variance of a bias also
-    has the scatter from one switching on to the next.
+    It has the mean and covariance of the base parameters that the calibration estimated; the others
+    are as in `prior`. The variance of a bias includes the scatter between power cycles.
     """
     if not calibration.measured:
         raise ImuloopError("nothing was measured there")
@@ -89,7 +89,7 @@ def of_calibration(prior, calibration, source):
 def _refuse_other_logs(calibration, sessions):
     """Raise an ImuloopError if a calibration is from these logs themselves, or from other axes.
 
-    Of a static session only the noise counts, not the parameters: it may be in both.
+    A static session may be in both, because only its noise is used.
     """
     turned = {name: each for name, each in sessions.items() if each["kind"] != "static"}
     if {*hashes(turned)} & {*calibration.sha256}:
@@ -110,7 +110,7 @@ def _refuse_other_logs(calibration, sessions):
 
 
 def _members(content, type):
-    """Return the parameters of a type, content of family.json."""
+    """Return the part of the content of family.json on a type, a dict."""
     types = content["types"] if isinstance(content["types"], dict) else {}
     if type is None and len(types) == 1:
         (type,) = types
@@ -122,10 +122,11 @@ def _members(content, type):
 
 
 def _of_family(prior, found, device, source):
-    """Return the Prior by the other devices of a type; what they do not tell is as in `prior`.
+    """Return the Prior by the n other devices of a type; parameters that they lack are kept.
 
-    Normal with the mean μ and the variance of a new device, ``τ² + var(μ)``, as wide as Student's t
-    with n - 1 degrees of freedom is: times ``(n - 1)/(n - 3)``.
+    `found` is the part of family.json on the type. The prior of a parameter is normal with the mean
+    μ of the devices. Its variance is the variance of a new device, ``τ² + var(μ)``, times
+    ``(n - 1)/(n - 3)``, the variance of Student's t with n - 1 degrees of freedom.
 
     References
     ----------
@@ -150,7 +151,7 @@ def _of_family(prior, found, device, source):
 
 
 def _others(found, name, device):
-    """Return value and standard error of a parameter of each other device, (n,) each."""
+    """Return values and standard errors of a parameter by all other devices, (n,) each."""
     try:
         one = found["parameters"].get(name, {"devices": (), "values": (), "std": ()})
         pairs = zip(one["devices"], one["values"], one["std"], strict=True)

@@ -29,18 +29,18 @@ class RandomEffects:
     """The fit of m models to values of the same n devices; each array has the shape (m,)."""
 
     mean: np.ndarray  # μ
-    mean_variance: np.ndarray  # of μ, with τ as estimated
+    mean_variance: np.ndarray  # variance of μ if τ is the estimate
     variance: np.ndarray  # τ²
     dof: np.ndarray  # degrees of freedom
-    information: np.ndarray  # of the restricted likelihood on τ², half of it left out
+    information: np.ndarray  # twice the Fisher information of the restricted likelihood on τ²
 
     def deviation(self, y, squares):
-        """Return how far other values lie from the mean of each model, (m,), and the p-value.
+        """Return the deviation of other values from the mean of each model, and its p-value, (m,).
 
-        In standard deviations of a prediction: τ, the error of the mean, the value's own error.
-        Student's t has the degrees of freedom of ``τ² + s²`` after Satterthwaite, by the error of
-        τ²: as many as the devices have where the s_i are small. Takes one value and its variance
-        per model.
+        Takes a value and its variance s² for each model, (m,). The deviation is in standard
+        deviations of a prediction, which include τ, the error of the mean and s. The p-value is by
+        Student's t, whose degrees of freedom follow from the error of ``τ² + s²`` (Satterthwaite);
+        they are n - 1 if all s_i are small.
         """
         foreseen = self.variance + squares
         found = (y - self.mean) / np.sqrt(foreseen + self.mean_variance)
@@ -63,7 +63,7 @@ def fit(y, squares, counted=None):
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
     counted = np.ones((1, len(y)), bool) if counted is None else np.asarray(counted)
-    # τ² as if all errors were equal, in the middle of what is possible
+    # start of τ²: the variance of the values
     size = np.maximum(np.array([y[own].var() for own in counted]), np.finfo(float).tiny)
     variance = size.copy()
     for step in range(_STEPS):
@@ -74,7 +74,7 @@ def fit(y, squares, counted=None):
         trace = total - second / total
         information = second - 2 * third / total + (second / total) ** 2
         change = (((w * left) ** 2).sum(axis=1) - trace) / information
-        # one that goes to and fro is halved
+        # smaller steps if the search oscillates
         moved = np.maximum(variance + change * (1.0 if step < 50 else 0.5), 0.0)
         if (np.abs(moved - variance) <= _CLOSE * size).all():
             break
@@ -83,26 +83,25 @@ def fit(y, squares, counted=None):
 
 
 def spread_interval(y, squares):
-    """Return the 95 % interval of τ by the Q-profile; of values without a spread it begins at zero.
+    """Return the 95 % interval of τ by the Q-profile; its lower end may be zero.
 
     ``Q(τ²) = Σ (y_i - μ)²/(τ² + s_i²)``, with the weighted mean μ, is χ² with n - 1 degrees of
     freedom at the true τ, and falls with τ.
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
 
-    def q(variance):
-        w = 1 / (variance + squares)
-        return (w * (y - w @ y / w.sum()) ** 2).sum()
-
-    ends, reach = [], len(y) * y.var() + np.finfo(float).tiny
+    reach = len(y) * y.var() + np.finfo(float).tiny
     least = np.finfo(float).eps * reach
-    for level in _ENDS:
+
+    def excess(variance, wanted):
+        w = 1 / (variance + squares)
+        return (w * (y - w @ y / w.sum()) ** 2).sum() - wanted
+
+    def crossing(level):
         wanted = 2 * gammaincinv((len(y) - 1) / 2, level)
-        if q(least) <= wanted:
-            ends.append(0.0)
-            continue
-        high = reach
-        while q(high) > wanted:
-            high *= 10
-        ends.append(float(np.sqrt(brentq(lambda v, c=wanted: q(v) - c, least, high, xtol=least))))
-    return tuple(ends)
+        if excess(least, wanted) <= 0:
+            return 0.0
+        # Q is at most reach/τ²
+        return brentq(excess, least, reach / wanted + 2 * least, args=(wanted,), xtol=least)
+
+    return tuple(float(np.sqrt(crossing(level))) for level in _ENDS)

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field
 
 from imuloop.core.errors import ImuloopError, Lacking, did_you_mean
-from imuloop.core.places import PAIR
 from imuloop.core.samples import TEMPERATURE
 from imuloop.core.units import INCREMENTS
+from imuloop.ingest.places import PAIR
 from imuloop.ingest.spellings import (
     AXES,
     PARTS,

@@ -10,7 +10,7 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from imuloop.core.errors import plural
 from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import ANGULAR_RATE, TIME
-from imuloop.core.stamps import JitterTest
+from imuloop.ingest.jitter import JitterTest
 
 # stamps come in bursts where the median step is less than this share of the sensor's step
 BURST = 0.5

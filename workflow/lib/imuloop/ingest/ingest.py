@@ -11,13 +11,13 @@ import pyarrow.parquet as pq
 
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
-from imuloop.core.places import PAIR, for_reader, in_config
 from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME, schema
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
 from imuloop.ingest import clocks, even_stamps, increments, quality, reference, slower_sensor
 from imuloop.ingest import pps as marks
 from imuloop.ingest.convert import Counts, all_rows, no_samples, si_samples
 from imuloop.ingest.formats import find_format
+from imuloop.ingest.places import PAIR, for_reader, in_config
 from imuloop.ingest.plausible import judged, milliseconds
 from imuloop.ingest.raw_log import RawLog, absent_sensor
 from imuloop.ingest.sources import sha256

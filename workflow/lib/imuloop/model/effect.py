@@ -92,16 +92,17 @@ class Effect:
     sensors: ClassVar[tuple[str, ...]] = ("accelerometer", "gyroscope")
     # names of the parameters and their SI units; ``output`` in a unit stands for the sensor's unit
     parameters: ClassVar[dict[str, str]]
-    equation: ClassVar[str]  # equation of e
+    equation: ClassVar[str]  # equation of e, with which the docstring of the class begins
     reference: ClassVar[str]  # publication that describes it
     # channels that it needs: ``temperature``, ``power_cycle`` (more than one)
     needs: ClassVar[tuple[str, ...]] = ()
     # data in which the diagnosis tests it: ``poses``, ``static_record``, ``motion``
-    records: ClassVar[tuple[str, ...]] = ("poses", "static_record")
-    # why poses and static records cannot show it; None if they can. Only its `records` are tested
+    records: ClassVar[tuple[str, ...]] = ("poses",)
+    # why poses and static records cannot show it; None if they can
     unobservable: ClassVar[str | None] = None
     limit: ClassVar[float] = np.inf  # largest size of a parameter that is physically possible, SI
-    # whether it depends on the time since the start of the log, or on earlier samples
+    # whether it depends on the time since the start of the log, or on earlier samples; true of all
+    # with `after_temperature`
     timed: ClassVar[bool] = False
     # whether it depends on time or on earlier temperatures: it is tested after the effects of the
     # temperature itself
@@ -152,6 +153,12 @@ class Effect:
 
     def __init_subclass__(cls, **kwargs):
         super().__init_subclass__(**kwargs)
+        cls.equation = (cls.__doc__ or "").removeprefix("``").partition("``")[0]
+        cls.timed = cls.timed or cls.after_temperature
+        if cls.records == ("motion",):
+            cls.unobservable = (
+                "it acts while the device turns: the motion between the rests shows it"
+            )
         Effect.library[cls.name] = cls
 
     @classmethod

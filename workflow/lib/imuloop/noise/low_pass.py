@@ -11,7 +11,7 @@ from operator import itemgetter
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from imuloop.core.low_pass import DEGREES, LowPass
+from imuloop.noise.gains import DEGREES, LowPass
 from imuloop.noise.processes import NAMES, density
 
 # corners that are tried, share of the rate

@@ -9,12 +9,12 @@ from imuloop.calibrate.recording import Recording
 from imuloop.calibrate.rotations import Rotations
 from imuloop.core.rotation import exponential, matrix, shortest_turn
 from imuloop.core.samples import CHANNELS, SENSORS
-from imuloop.core.sphere import direction_words
 from imuloop.core.units import DEGREE
 from imuloop.factors.factors import Factors
 from imuloop.model.effects import SensorEffect
 from imuloop.model.raw_units import si_factor, state_of
 from imuloop.model.state import NAMES
+from imuloop.plan.directions import direction_words
 
 # what a first session should hold: seconds at rest before all, poses, seconds of a rest, of a move
 # and of a turn of 360 degrees by hand

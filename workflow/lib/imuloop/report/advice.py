@@ -5,10 +5,8 @@ import re
 import numpy as np
 
 from imuloop.core.errors import joined, plural
-from imuloop.core.gravity import EARTH_RATE
 from imuloop.core.samples import TEMPERATURE, TIME
-from imuloop.core.units import DEGREE
-from imuloop.diagnose.records.pose_diagnosis import TESTABLE
+from imuloop.core.units import DEGREE, EARTH_RATE
 from imuloop.report.numbers import number
 from imuloop.report.recording import (
     enough,
@@ -30,6 +28,8 @@ from imuloop.report.verdict import (
 
 # share of the moves that a knock has to spoil for the others to be under suspicion
 MANY = 0.1
+# share of the rests above which those that are too short are worth a step
+MANY_SHORT = 0.2
 # the most sentences per device
 MOST = 5
 # span of a temperature that says anything, K, and the correlation with time from which on it and
@@ -111,23 +111,14 @@ def _doubted(device):
 
 def _short_rests(device):
     for s in device.used:
-        found = s.segmentation.get("shorter")
-        if found:
-            now, then = found["now"], found["attitudes"]
-            text = f"Most rests of session {s.name} are too short: {plural(now, 'attitude')} left."
-            if found["taken"]:
-                text += (
-                    f" {then} were found with window_s {found['window_s']:g} and shortest_rest_s "
-                    f"{found['shortest_rest_s']:g}; better, hold"
-                )
-            elif then >= TESTABLE:
-                text += (
-                    f" With segment: {{window_s: {found['window_s']:g}, shortest_rest_s: "
-                    f"{found['shortest_rest_s']:g}}} there are {then}; better, hold"
-                )
-            else:
-                text += " Hold"
-            yield 1 - now / then, f"{text} each for 4 s or more."
+        short, rests = s.segmentation.get("short_rests", 0), (s.segments["pose"] >= 0).sum()
+        used = s.segmentation.get("shorter")
+        if used or short > MANY_SHORT * (short + rests):
+            text = f"{plural(short, 'rest')} of session {s.name} are too short"
+            if used:
+                settings = " and ".join(f"{key} {value:g}" for key, value in used.items())
+                text += f", so {settings} were used"
+            yield short / (short + rests), f"{text}: hold each for 4 s or more."
 
 
 def _tilted_rests(device):

@@ -48,10 +48,8 @@ def unite(still, held):
     Takes ranges of samples of both kinds, (k, 2) and (l, 2); returns ranges, (m, 2), and a mask,
     (m,).
     """
-    ends, starts = (
-        pick(still[:, None, k], held[:, k]) for pick, k in ((np.minimum, 1), (np.maximum, 0))
-    )
-    shared = np.maximum(ends - starts, 0)
+    ends = np.minimum(still[:, None, 1], held[:, 1])
+    shared = np.maximum(ends - np.maximum(still[:, None, 0], held[:, 0]), 0)
     reaches_out = (shared > 0) & (2 * shared < lengths(still)[:, None])
     used = (shared.sum(axis=0) < MOST * lengths(held)) & ~reaches_out.any(axis=0)
     kept = ~shared[:, used].any(axis=1)

@@ -16,7 +16,7 @@ from imuloop.core.samples import (
     own_rows,
 )
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
-from imuloop.core.stretches import lengths, merged, unbroken, without
+from imuloop.core.stretches import merged, unbroken, without
 from imuloop.segment.attitudes import attitudes, expected_error
 from imuloop.segment.disturbance import undisturbed_ranges
 from imuloop.segment.held import held_rests, sways, unite
@@ -30,13 +30,10 @@ from imuloop.segment.static_detector import (
     widen_rests,
 )
 from imuloop.segment.steady import unsteady_samples
-from imuloop.segment.tilt import tilts, without_tilts
+from imuloop.segment.tilt import without_tilts
 
-# fewest rests that are dropped as too short, and least ratio of them to those kept, for which
-# shorter settings are tried
-LEAST_SHORT, SHORT_SHARE = 5, 0.25
-# least ratio of the numbers of attitudes with shorter settings and without
-WORTHWHILE = 1.2
+# fewest rests that are dropped as too short for which shorter settings are tried, and by how much
+LEAST_SHORT, SHORTER = 5, {"window_s": 2, "shortest_rest_s": 4}
 # number of attitudes that determine an accelerometer's nine parameters and check them
 ENOUGH = 12
 # largest ratio of the expected errors of a calibration with steady rests only and with all rests
@@ -56,8 +53,8 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     The segments are static, motion, disturbed or gap. Every instant from the first sample to one
     step after the last belongs to exactly one of them.
 
-    - In a static session, a rest is a range without a disturbance and without a slow tilt. If the
-      device moves most of the time, rests are found as in other sessions.
+    - In a static session, a rest is a range without a disturbance. If the device moves most of the
+      time, rests are found as in other sessions.
     - In other sessions, rests are found by the static detector; ranges that turn slowly or tremble
       are removed. Rests in the hand are added if they improve the calibration.
     - A rest with a clipped specific force is disturbed.
@@ -81,49 +78,41 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     DataFrame
         The table of `core.segments.segment_table`.
     dict
-        The number of ``poses``. For a static session, the number of ``slow_tilts``. For others, the
-        numbers of rests that were dropped as too short, ``short_rests``, are clipped,
-        ``railed_rests``, or tilt, ``tilted_rests``; whether some are ``hand_held``; and the
-        ``shorter`` settings with the number of attitudes that they give.
+        The number of ``poses``. For other than static sessions, the numbers of rests that are too
+        short for the settings, ``short_rests``, are clipped, ``railed_rests``, or tilt,
+        ``tilted_rests``; whether some are ``hand_held``; and the ``shorter`` settings that were
+        used instead, None without.
     """
     rows = Samples(samples)
     whole, step = unbroken(rows)
-    stretches = whole
-    if len(stuck):
-        first, last = np.searchsorted(rows[TIME], np.transpose(stuck))
-        stretches = without(whole, merged(np.column_stack([first, last + 1])))
+    t, hung = rows[TIME], np.searchsorted(rows[TIME], np.reshape(stuck, (-1, 2)))
+    stretches = without(whole, merged(hung + np.array([0, 1])))
     # a log without specific force has no attitudes: rests are ranges without a disturbance
-    posed = kind != "static" and holds(rows, "accelerometer")
-    moving = not posed and moves(rows, stretches, step, settings)
-    # disturbances cannot be told from motion: rests are found as in other sessions
-    posed = posed or (moving and holds(rows, "accelerometer"))
+    has_force = holds(rows, "accelerometer")
+    at_rest = kind == "static" or not has_force
+    moving = at_rest and moves(rows, stretches, step, settings)
+    # of a moving device, disturbances cannot be told from motion
+    posed = has_force and (moving or not at_rest)
     if posed:
         rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
         if moving:
             # only rests on a support count, which do not tilt; they must not move either
-            rests = rests[tilt == 0]
-            rests = rests[: 0 if moves(rows, rests, step, settings) else None]
-            tilt = np.zeros(len(rests))
+            rests, tilt = rests[tilt == 0], tilt[tilt == 0]
+            if moves(rows, rests, step, settings):
+                rests, tilt = rests[:0], tilt[:0]
     else:
         rests = _between_disturbances(rows, stretches[: 0 if moving else None], step, settings)
-        tilted = tilts(rows, rests, step)
-        if len(tilted):
-            rests = without(rests, tilted)
-            rests = rests[lengths(rests) * step >= settings.shortest_static_s - step / 2]
-        tilt, metadata = np.zeros(len(rests)), {"slow_tilts": len(tilted)}
+        tilt, metadata = np.zeros(len(rests)), {}
     railed = np.zeros(len(rests), dtype=bool)
     if rails and kind in ATTITUDES:
         railed = _at_rail(rows, rests, rails)
         metadata["railed_rests"] = int(railed.sum())
 
-    t, edges = rows[TIME], np.union1d(np.concatenate([whole, stretches]), rests)
-    between = MOTION if posed else DISTURBED
-    kinds = np.where(np.isin(edges[:-1], rests[:, 0]), STATIC, between)
-    kinds = np.where(np.isin(edges[:-1], rests[railed, 0]), DISTURBED, kinds)
+    edges = np.union1d(np.concatenate([whole, stretches]), rests)
+    kinds = np.full(len(edges[1:]), MOTION if posed else DISTURBED, object)
+    kinds[np.searchsorted(edges, rests[:, 0])] = np.where(railed, DISTURBED, STATIC)
+    kinds[np.searchsorted(edges, without(whole, merged(stretches))[:, 0])] = GAP
     rests, tilt = rests[~railed], tilt[~railed]
-    if len(stuck):
-        hung = without(whole, merged(stretches)) if len(stretches) else whole
-        kinds = np.where(np.isin(edges[:-1], hung[:, 0]), GAP, kinds)
     # a stretch ends one step after its last sample
     first, last = edges[:-1], np.isin(edges[1:], whole[:, 1])
     end = np.where(last, t[edges[1:] - 1] + step, t[np.minimum(edges[1:], len(t) - 1)])
@@ -173,21 +162,13 @@ def _find_rests(rows, stretches, step, settings):
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
     log, shorter = (f, w, stretches, step), None
     rests, tilt, held, short = _choose_rests(log, settings)
-    if short >= LEAST_SHORT and short > SHORT_SHARE * len(rests):
-        shorter = _try_shorter(log, rests, settings)
-    if shorter and shorter["taken"]:
-        changed = {key: shorter[key] for key in ("window_s", "shortest_rest_s")}
-        rests, tilt, held, short = _choose_rests(log, replace(settings, **changed))
-    return (
-        rests,
-        tilt,
-        {
-            "short_rests": short,
-            "hand_held": held,
-            "tilted_rests": int((tilt > 0).sum()),
-            "shorter": shorter,
-        },
-    )
+    if short >= LEAST_SHORT and len(attitudes(f, rests)) < ENOUGH:
+        changed = {key: getattr(settings, key) / ratio for key, ratio in SHORTER.items()}
+        more, *others = _choose_rests(log, replace(settings, **changed))
+        if len(attitudes(f, more)) >= ENOUGH:
+            rests, (tilt, held, _), shorter = more, others, changed
+    counts = {"short_rests": short, "hand_held": held, "tilted_rests": int((tilt > 0).sum())}
+    return rests, tilt, counts | {"shorter": shorter}
 
 
 def _choose_rests(log, settings):
@@ -238,16 +219,3 @@ def _detect(log, settings):
     rests, short = detect_rests(still, stretches, step, settings)
     still &= ~unsteady_samples(w, rests, step, settings)
     return rests, detect_rests(still, stretches, step, settings)[0], biases[0], short
-
-
-def _try_shorter(log, rests, settings):
-    """Return settings of shorter rests, and the numbers of attitudes with them and now, a dict.
-
-    The key ``taken`` says whether they are used. None if they give hardly more attitudes.
-    """
-    shorter = {"window_s": settings.window_s / 2, "shortest_rest_s": settings.shortest_rest_s / 4}
-    _, steady, *_ = _detect(log, replace(settings, **shorter))
-    now, then = (len(attitudes(log[0], x)) for x in (rests, steady))
-    if then < WORTHWHILE * max(now, 1):
-        return None
-    return {**shorter, "attitudes": then, "now": now, "taken": now < ENOUGH <= then}

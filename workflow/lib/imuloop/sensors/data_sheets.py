@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from imuloop.core.errors import ImuloopError, did_you_mean
-from imuloop.core.units import ACCELERATION, ANGULAR_RATE, DEGREE, STANDARD_GRAVITY
+from imuloop.core.units import DEGREE, FACTORS, STANDARD_GRAVITY
 
 # sensor of each quantity
 PARTS = {"acceleration": "accelerometer", "angular_rate": "gyroscope"}
@@ -97,8 +97,6 @@ class SensorFigures:
 
     Attributes
     ----------
-    name : str
-        The sensor in messages, such as ``accelerometer of ICM-42688-P``.
     source, evidence : str
         Document that gives the figures; ``data sheet`` or ``driver``.
     ranges : tuple of Range
@@ -107,7 +105,6 @@ class SensorFigures:
         See `find_sensor`.
     """
 
-    name: str
     source: str
     evidence: str
     ranges: tuple[Range, ...]
@@ -116,37 +113,8 @@ class SensorFigures:
     @property
     def noise_density(self):
         """Typical white noise, SI per √Hz; None if not known, or if ranges differ."""
-        found = {each.noise_density for each in self.ranges}
-        return found.pop() if len(found) == 1 else None
-
-    def choose_range(self, full_scale=None):
-        """Return one range.
-
-        Parameters
-        ----------
-        full_scale : str or float, optional
-            With a unit, such as ``16 g`` or ``2000 deg/s``, or a number in SI. A sensor with a
-            single range needs none.
-
-        Returns
-        -------
-        Range
-
-        Raises
-        ------
-        ImuloopError
-            If the sensor has no such range, or several and none is given.
-        """
-        if full_scale is None and len(self.ranges) == 1:
-            return self.ranges[0]
-        unit = self.ranges[0].name.partition(" ")[2]
-        wanted = _si(full_scale, ACCELERATION if unit in ACCELERATION else ANGULAR_RATE)
-        for each in self.ranges:
-            if isclose(wanted, each.full_scale, rel_tol=_SAME_RANGE):
-                return each
-        what = "range not given" if full_scale is None else f"'{full_scale}' is not a range"
-        known = ", ".join(each.name for each in self.ranges)
-        raise ImuloopError(f"{self.name}: {what}; use one of {known}")
+        densities = {each.noise_density for each in self.ranges}
+        return densities.pop() if len(densities) == 1 else None
 
 
 @dataclass(frozen=True)
@@ -160,11 +128,35 @@ class DataSheet:
     gyroscope: SensorFigures | None
 
     def choose_range(self, quantity, full_scale=None):
-        """Return the `Range` of acceleration or angular_rate, as `SensorFigures.choose_range`."""
-        figures = getattr(self, PARTS[quantity])
+        """Return one `Range`.
+
+        Parameters
+        ----------
+        quantity : str
+            ``acceleration`` or ``angular_rate``.
+        full_scale : str or float, optional
+            With a unit, such as ``16 g`` or ``2000 deg/s``, or a number in SI. A sensor with a
+            single range needs none.
+
+        Raises
+        ------
+        ImuloopError
+            If the sensor has no such range, or several and none is given.
+        """
+        part = PARTS[quantity]
+        figures = getattr(self, part)
         if figures is None:
-            raise ImuloopError(f"{self.label} has no {PARTS[quantity]}")
-        return figures.choose_range(full_scale)
+            raise ImuloopError(f"{self.label} has no {part}")
+        if full_scale is None and len(figures.ranges) == 1:
+            return figures.ranges[0]
+        match = re.fullmatch(r"±?(\d+\.?\d*) *(\S*)", str(full_scale).strip())
+        unit = ({"": 1.0} | FACTORS[quantity]).get(match[2], nan) if match else nan
+        for each in figures.ranges:
+            if match and isclose(float(match[1]) * unit, each.full_scale, rel_tol=_SAME_RANGE):
+                return each
+        what = "range not given" if full_scale is None else f"'{full_scale}' is not a range"
+        known = ", ".join(each.name for each in figures.ranges)
+        raise ImuloopError(f"{part} of {self.label}: {what}; use one of {known}")
 
 
 def sensor_names():
@@ -210,20 +202,8 @@ def find_sensor(name):
         hint = did_you_mean(_plain(name), table) or "; imuloop sensors lists them"
         raise ImuloopError(f"'{name}' is not a sensor of the table{hint}")
     row = table[key]
-    parts = [_figures(sensor, row) if sensor in row else None for sensor in GENERIC]
+    parts = [_figures(sensor, row[sensor]) if sensor in row else None for sensor in GENERIC]
     return DataSheet(key, row["label"], row["manufacturer"], *parts)
-
-
-def listing():
-    """Return one line of text for each sensor: key, manufacturer, ranges and kind of evidence."""
-    lines = []
-    for sheet in map(find_sensor, sensor_names()):
-        both = [each for each in (sheet.accelerometer, sheet.gyroscope) if each]
-        ranges = ["/".join(r.name.partition(" ")[0] for r in each.ranges) for each in both]
-        units = [each.ranges[0].name.partition(" ")[2] for each in both]
-        spans = ", ".join(map(" ".join, zip(ranges, units, strict=True)))
-        lines.append(f"{sheet.key:<12}{sheet.manufacturer:<20}{both[0].evidence:<12}{spans}")
-    return "\n".join(lines)
 
 
 @cache
@@ -237,35 +217,22 @@ def _plain(name):
     return re.sub(r"[\W_]", "", str(name)).lower()
 
 
-def _si(full_scale, units):
-    """Return a full scale in SI, or nan if it is not a number alone or with one of the units."""
-    found = re.fullmatch(r"±?(\d+\.?\d*) *(\S*)", str(full_scale).strip())
-    return float(found[1]) * ({"": 1.0} | units).get(found[2], nan) if found else nan
-
-
-def _figures(sensor, row):
-    """Return the SensorFigures of the accelerometer or gyroscope in a row of the table."""
-    part = row[sensor]
+def _figures(sensor, part):
+    """Return the SensorFigures of one accelerometer or gyroscope, a dict of the table."""
     full_scales, to_si, unit = _find(part, "full_scale_{}")
     counts, per_count, _ = _find(part, "counts_per_{}")
     steps, step, _ = _find(part, "{}_per_count")
     scales = np.divide(per_count, counts) if counts else np.multiply(step, steps)
     density, per_unit, _ = _find(part, "noise_density_{}")
-    noise = None if density is None else np.multiply(density, per_unit)
-    columns = (
-        [f"{each:g} {_WRITTEN[unit]}" for each in full_scales],
-        np.multiply(full_scales, to_si).tolist(),
-        scales.tolist(),
-        np.broadcast_to(noise, len(full_scales)).tolist(),
-    )
+    noise = np.broadcast_to(density and np.multiply(density, per_unit), len(full_scales))
+    rows = zip(full_scales, scales.tolist(), noise.tolist(), strict=True)
+    ranges = tuple(Range(f"{size:g} {_WRITTEN[unit]}", size * to_si, *row) for size, *row in rows)
     tolerance = Tolerance(
         _deviation(part, "cross_axis_{}", sensor, "misalignment"),
         _deviation(part, "scale_factor_{}", sensor, "scale_factor"),
         _deviation(part, "zero_offset_{}", sensor, "bias"),
     )
-    ranges = tuple(Range(*each) for each in zip(*columns, strict=True))
-    name = f"{sensor} of {row['label']}"
-    return SensorFigures(name, part["source"], part["evidence"], ranges, tolerance)
+    return SensorFigures(part["source"], part["evidence"], ranges, tolerance)
 
 
 def _deviation(part, pattern, sensor, parameter):

@@ -1,4 +1,4 @@
-"""What is known of a device before its logs: the data sheet of its sensor, and what is stated."""
+"""Figures of a device that are known before its logs, by data sheet and declaration."""
 
 from dataclasses import asdict
 

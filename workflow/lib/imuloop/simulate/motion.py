@@ -46,7 +46,7 @@ class Piece:
 
 
 def rest(n, pose, acceleration=None):
-    """Return `n` samples without a turn; `acceleration` (n, 3), m/s^2, is that of a vibration."""
+    """Return a rest of `n` samples; `acceleration`, (n, 3), m/s^2, is due to a vibration."""
     still = np.array([1.0, 0, 0, 0])
     acceleration = np.zeros((n, 3)) if acceleration is None else acceleration
     return Piece(np.broadcast_to(still, (n, 4)), np.zeros((n, 3)), acceleration, still, pose)
@@ -112,18 +112,19 @@ def hum(n, dt, rms, frequency, rng):
 
 
 def chain(pieces, up, gravity, rate):
-    """Return the Motion of pieces one after the other; `up` is that on body axes at the start."""
+    """Return the Motion of consecutive pieces; `up` is the upward body axis at the start, (3,).
+
+    Takes local gravity, m/s^2, and the rate, Hz.
+    """
     attitude = exponential(shortest_turn([0, 0, 1.0], up))
     attitudes, forces, rests, first = [], [], [], 0
     for piece in pieces:
         n = len(piece.rate)
         attitudes.append(multiply(attitude, piece.attitude))
         acceleration = piece.acceleration + np.array([0, 0, gravity])
+        forces.append(np.einsum("nji,nj->ni", matrix(attitudes[-1]), acceleration))
         if piece.pose >= 0:
-            forces.append(acceleration @ matrix(attitude))
             rests.append((first / rate, (first + n) / rate, piece.pose))
-        else:
-            forces.append(np.einsum("nji,nj->ni", matrix(attitudes[-1]), acceleration))
         attitude, first = multiply(attitude, piece.after), first + n
     return Motion(
         np.arange(first) / rate,

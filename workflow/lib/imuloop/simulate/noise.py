@@ -5,7 +5,6 @@ Each function makes `n` samples, `dt` s apart.
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len
-from scipy.signal import lfilter
 
 
 def white(n, dt, N, rng):
@@ -52,43 +51,25 @@ def ramp(n, dt, R):
     return R * dt * np.arange(n)
 
 
-def gauss_markov(n, dt, q, tc, rng):
-    """Return a stationary first-order Gauss–Markov process, ``dx/dt = -x/tc + q·white``.
-
-    `q` is in SI/√s, the correlation time `tc` in s; the variance of x is ``q² tc/2``.
-    """
-    phi, std = np.exp(-dt / tc), q * np.sqrt(tc / 2)
-    drive = rng.standard_normal(n) * std * np.sqrt(1 - phi**2)
-    drive[0] /= np.sqrt(1 - phi**2)
-    return lfilter([1.0], [1.0, -phi], drive)
-
-
-def sinusoid(n, dt, amplitude, frequency, rng):
-    """Return a sinusoid of `amplitude` (SI) and `frequency` (Hz) with a random phase."""
-    return amplitude * np.sin(2 * np.pi * (frequency * dt * np.arange(n) + rng.random()))
-
-
 def steps(n, dt, size, times):
     """Return a bias that jumps from zero to `size` (SI) and back, at each of `times` (s)."""
     return size * (np.searchsorted(np.sort(times), dt * np.arange(n), side="right") % 2)
 
 
-def axis_noise(n, dt, noise, axis, seed):
-    """Return the sum of one axis' processes, shape (n,), SI.
+# process of each coefficient of a `Noise` that has a random stream
+PROCESSES = {"N": white, "Q": quantisation, "B": flicker, "K": walk}
 
-    Each draws from a child of the SeedSequence `seed`, so that one does not move another.
+
+def axis_noise(n, dt, noise, axis, seed):
+    """Return the sum of all processes of one axis, SI, (n,).
+
+    `noise` is the `Noise` of a sensor, `axis` the number of the axis. Each process draws from its
+    own child of the SeedSequence `seed`, so that one process does not change another.
     """
-    children = seed.spawn(4 + len(noise.gauss_markov) + len(noise.sinusoid))
-    rngs = iter([np.random.default_rng(child) for child in children])
     total = ramp(n, dt, noise.R[axis])
-    for process, name in zip((white, quantisation, flicker, walk), "NQBK", strict=True):
-        value, rng = getattr(noise, name)[axis], next(rngs)
-        if value:
-            total += process(n, dt, value, rng)
-    for term in noise.gauss_markov:
-        total += gauss_markov(n, dt, term.q[axis], term.tc, next(rngs))
-    for term in noise.sinusoid:
-        total += sinusoid(n, dt, term.amplitude[axis], term.frequency, next(rngs))
+    for (name, process), child in zip(PROCESSES.items(), seed.spawn(4), strict=True):
+        if value := getattr(noise, name)[axis]:
+            total += process(n, dt, value, np.random.default_rng(child))
     for term in noise.steps:
         total += steps(n, dt, term.size[axis], term.times)
     return total

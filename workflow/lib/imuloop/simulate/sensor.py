@@ -1,4 +1,4 @@
-"""A sensor and a thermometer: from what is true to what is logged."""
+"""The sensors and the thermometer of a simulated device: from true values to logged ones."""
 
 import numpy as np
 from scipy.signal import lfilter
@@ -9,9 +9,10 @@ from imuloop.simulate.noise import axis_noise
 def output(truth, x, channels):
     """Return the sensor's output before noise, ``u = K (raw - b) = T⁻¹ x + e(u)``, (n, 3), SI.
 
-    e depends on the output itself: solved by repeated substitution, whose error falls by the
-    size of de/du, a few per cent at most, in each of four rounds. Takes a SensorTruth, the true
-    vectors on body axes, and what gives `Channels` of an output.
+    Takes a SensorTruth, the true vectors x on body axes, (n, 3), SI, and a function that returns
+    the `Channels` for an output. The effects e depend on the output u itself, so the equation is
+    solved by repeated substitution. Each of four rounds reduces the error by the factor de/du, a
+    few per cent at most.
     """
     ideal = x @ np.linalg.inv(truth.T).T
     effects = [effect.output for effect in truth.effects]
@@ -25,9 +26,10 @@ def output(truth, x, channels):
 
 
 def logged(truth, u, bias, dt, seed):
-    """Return what is logged: ``raw = (u + noise)/K + b``, rounded to the step, (n, 3).
+    """Return the logged values ``raw = (u + noise)/K + b``, rounded to the step, (n, 3).
 
-    Takes the output before noise, SI, and the bias of this power cycle, raw units.
+    Takes a SensorTruth, the output u before noise, SI, (n, 3), the bias of this power cycle, raw
+    units, (3,), the time step dt, s, and a SeedSequence.
     """
     raw = np.empty_like(u)
     for axis, child in enumerate(seed.spawn(3)):
@@ -37,14 +39,15 @@ def logged(truth, u, bias, dt, seed):
 
 
 def rounded(x, step):
-    """Return values as multiples of a step; 0 leaves them."""
+    """Return values rounded to multiples of a step, or unchanged if the step is 0."""
     return np.round(x / step) * step if step else x
 
 
 def lagged(x, dt, tc):
-    """Return the first-order lag ``tc dy/dt = x - y`` of a signal, shape (n,), from ``y = x`` on.
+    """Return the response y of a first-order lag, ``tc dy/dt = x - y``, to a signal x, (n,).
 
-    Exact for a signal that is linear between its samples, `dt` s apart; `tc` 0 leaves it.
+    y starts at the first value of x. The result is exact if x is linear between its samples, which
+    are `dt` s apart. If `tc` is 0, it is x.
     """
     if not tc:
         return x
@@ -54,9 +57,7 @@ def lagged(x, dt, tc):
 
 
 def logged_temperature(thermometer, temperature, dt, seed):
-    """Return the temperature that a Thermometer logs of a device's, shape (n,), degC."""
-    shown = lagged(temperature, dt, thermometer.lag_s)
-    if thermometer.noise:
-        noise = np.random.default_rng(seed).standard_normal(len(shown))
-        shown = shown + thermometer.noise * noise
+    """Return the temperature that a Thermometer logs, (n,), by that of the device, (n,), degC."""
+    noise = np.random.default_rng(seed).standard_normal(len(temperature))
+    shown = lagged(temperature, dt, thermometer.lag_s) + thermometer.noise * noise
     return rounded(shown, thermometer.step)

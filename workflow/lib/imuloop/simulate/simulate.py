@@ -19,14 +19,17 @@ from imuloop.simulate.sensor import lagged, logged, logged_temperature, output
 
 
 def _seeds(truth, session, seed):
-    """Return seeds of motion, sensors, thermometer; sessions, devices of one number differ."""
+    """Return the seeds of the motion, both sensors and the thermometer, a list of SeedSequence.
+
+    They differ between sessions, and between devices, that have the same number `seed`.
+    """
     number = truth.sessions[session].seed if seed is None else seed
     place = zlib.crc32(f"{truth.name}/{session}".encode())
     return np.random.SeedSequence([number, place]).spawn(4)
 
 
 def true_motion(truth, session, seed=None):
-    """Return the Motion behind `simulate_session` of the same arguments."""
+    """Return the Motion of the log that `simulate_session` makes of the same arguments."""
     plan = truth.sessions[session]
     rng = np.random.default_rng(_seeds(truth, session, seed)[0])
     course = at_rest if plan.kind == "static" else poses
@@ -44,7 +47,7 @@ def simulate_session(truth, session, seed=None):
     session : str
         Name of one of its sessions.
     seed : int, optional
-        In place of the session's own number.
+        Replaces the seed of the session.
 
     Returns
     -------
@@ -85,9 +88,9 @@ def simulate_session(truth, session, seed=None):
 
 
 def write_log(path, log, metadata):
-    """Write a raw log as CSV or, for any other ending, as Parquet that says it is simulated.
+    """Write a raw log as CSV or, for any other ending of the path, as Parquet.
 
-    The Parquet file keeps the metadata beside ``"simulated": true``.
+    The Parquet file holds the metadata and ``"simulated": true``.
     """
     with replaced(path) as temporary:
         if Path(path).suffix == ".csv":
@@ -99,7 +102,7 @@ def write_log(path, log, metadata):
 
 
 def log_metadata(truth, session):
-    """Return what a log says of itself: its truth's name and units, never its effects."""
+    """Return the metadata of a log, a dict: names, kind and units, but no effects."""
     force, turn = truth.accelerometer.raw_unit, truth.gyroscope.raw_unit
     of = {"truth": truth.name, "session": session, "kind": truth.sessions[session].kind}
     return of | {"units": {"acceleration": force, "angular_rate": turn}}

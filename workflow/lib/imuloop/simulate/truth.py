@@ -1,4 +1,4 @@
-"""The truth of a simulated device: what a good estimator has to find."""
+"""The truth of a simulated device, which a good estimator has to find."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -14,22 +14,6 @@ from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.model.effect import FittedEffect
 
 ZERO = (0.0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class GaussMarkovProcess:
-    """First-order Gauss–Markov process: density `q` per axis, SI/√s; correlation time `tc`, s."""
-
-    q: tuple
-    tc: float
-
-
-@dataclass(frozen=True)
-class SpectralLine:
-    """Sinusoid of random phase: `amplitude` per axis, SI; `frequency`, Hz."""
-
-    amplitude: tuple
-    frequency: float
 
 
 @dataclass(frozen=True)
@@ -50,8 +34,6 @@ class Noise:
     B: tuple = ZERO
     K: tuple = ZERO
     R: tuple = ZERO
-    gauss_markov: tuple[GaussMarkovProcess, ...] = ()
-    sinusoid: tuple[SpectralLine, ...] = ()
     steps: tuple[Popcorn, ...] = ()
 
 
@@ -76,7 +58,7 @@ class SensorTruth:
 
 @dataclass(frozen=True)
 class Disturbance:
-    """Something that happens to a static session."""
+    """A disturbance of a static session."""
 
     # 'knock', a burst of acceleration; 'tilt', a lasting turn; 'handling', some seconds of motion
     # that ends where it began
@@ -102,7 +84,7 @@ class Vibration:
 
 @dataclass(frozen=True)
 class Thermometer:
-    """What the logged temperature lacks."""
+    """Errors of the logged temperature."""
 
     # time constant with which it follows the temperature of the device, s
     lag_s: float = 0.0
@@ -113,7 +95,7 @@ class Thermometer:
 
 @dataclass(frozen=True)
 class SessionTruth:
-    """One log to be made."""
+    """The plan of one log."""
 
     # 'static', 'six_position' or 'multi_position'
     kind: str
@@ -160,12 +142,9 @@ class Truth:
 
 
 def read_truth(path):
-    """Return the truth that a YAML file holds, as those of data/replicas.
+    """Return the Truth of a YAML file, such as the files of data/replicas.
 
-    Raises
-    ------
-    ImuloopError
-        If the file is no such truth.
+    Raises an ImuloopError if the file does not hold a truth.
     """
     content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     try:
@@ -179,7 +158,7 @@ def read_truth(path):
 def _sensor(noise, effects=(), **more):
     """Return a SensorTruth of the keys of a mapping."""
     floats = {key: np.asarray(more.pop(key), dtype=float) for key in "TKb"}
-    coefficients = {key: np.asarray(value, dtype=float) for key, value in noise.items()}
+    coefficients = {key: tuple(map(float, value)) for key, value in noise.items()}
     effects = tuple(FittedEffect.from_dict(effect) for effect in effects)
     return SensorTruth(noise=Noise(**coefficients), effects=effects, **floats, **more)
 
@@ -190,28 +169,10 @@ def _session(disturbances=(), **plan):
 
 
 def example_truth(**changes):
-    """Return a plain middle-grade MEMS device for tests, with any attribute of it changed.
+    """Return the Truth of ``example.yaml``, a middle-grade MEMS device, with `changes` to it.
 
-    100 Hz, misalignments and scale factor errors of some 0.5 %, white and flicker noise only; a
-    static session of half an hour, a six-position and a multi-position one.
+    The keys of `changes` are attributes of the Truth. The device has a rate of 100 Hz,
+    misalignments and scale factor errors of some 0.5 %, and white and flicker noise only. Its
+    sessions are half an hour at rest, six positions and many positions.
     """
-    accelerometer = SensorTruth(
-        raw_unit="m/s^2",
-        T=np.array([[1, -0.004, 0.006], [0, 1, 0.003], [0, 0, 1]]),
-        K=np.array([1.006, 0.996, 1.009]),
-        b=np.array([0.12, -0.09, 0.2]),
-        noise=Noise(N=(1.5e-3, 1.4e-3, 1.9e-3), B=(3e-4, 2.5e-4, 4e-4)),
-    )
-    gyroscope = SensorTruth(
-        raw_unit="rad/s",
-        T=np.array([[1, 0.005, -0.003], [0.004, 1, 0.006], [-0.002, 0.007, 1]]),
-        K=np.array([0.994, 1.005, 1.008]),
-        b=np.array([0.011, -0.017, 0.006]),
-        noise=Noise(N=(1.7e-4, 1.6e-4, 1.5e-4), B=(3e-5, 4e-5, 2.5e-5)),
-    )
-    sessions = {
-        "static": SessionTruth("static", seed=1, duration_s=1800.0),
-        "six_position": SessionTruth("six_position", seed=2),
-        "multi_position": SessionTruth("multi_position", seed=3),
-    }
-    return replace(Truth("example", accelerometer, gyroscope, sessions), **changes)
+    return replace(read_truth(Path(__file__).with_name("example.yaml")), **changes)

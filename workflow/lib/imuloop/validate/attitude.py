@@ -36,9 +36,9 @@ COLUMNS |= dict.fromkeys(("t_s", "after_s", "error_deg"), float)
 def validate_attitude(device, diagnosed, settings):
     """Compare models of a device by the error of gravity's direction on held-out stretches.
 
-    The mean of the accelerometer at the rests, with the final model that never saw them, is
-    gravity's direction for all models. The gyroscope alone starts from it; the filter from what
-    the model's own accelerometer says.
+    The direction of gravity at a rest is the mean of the accelerometer there, calibrated by the
+    final model that did not see this rest. It is the same for all models. The gyroscope alone
+    starts from this direction; the filter starts from the accelerometer of each model.
 
     Parameters
     ----------
@@ -79,13 +79,13 @@ def validate_attitude(device, diagnosed, settings):
 
 
 def no_attitude(device, why):
-    """Return what `validate_attitude` does where nothing can be validated, with the reason."""
+    """Return the content of attitude.json with the reason `why`, and an empty table."""
     nothing = pd.DataFrame({name: np.zeros(0, dtype=kind) for name, kind in COLUMNS.items()})
     return {"format": FORMAT, "device": device, "status": "not_testable", "why": why}, nothing
 
 
 def blocks(count, settings):
-    """Return the block of each pose: parts that follow each other in time."""
+    """Return the block of each of `count` poses, (count,): parts in order of time."""
     parts = min(count, settings.folds, max(FEWEST, count // BLOCK))
     return np.arange(count) * parts // max(count, 1)
 
@@ -93,10 +93,10 @@ def blocks(count, settings):
 def held_out_models(diagnosed, problem):
     """Return the models of a device that do not see one block of poses, block by block.
 
-    As in the diagnosis, effects are looked for only where all poses together show one. An
-    accelerometer that the poses do not determine is given. Takes the Diagnosed, and the PoseProblem
-    whose folds are the blocks; gives a dict of Calibration by name in `MODELS` per block, whose
-    final one is the base model where no effect was added.
+    Takes the Diagnosed, and the PoseProblem whose folds are the blocks. Returns, for each block, a
+    dict of Calibration by the names in `MODELS`. The final model is the base model if no effect was
+    added. Effects are searched only if all poses together show one, as in the diagnosis. If the
+    poses do not determine the accelerometer, its calibration is given.
     """
     pair, searched = problem.sensor, bool(diagnosed.poses.choices.choice().base)
     given = diagnosed.calibration
@@ -118,45 +118,38 @@ def held_out_models(diagnosed, problem):
     return models
 
 
-def _directions(calibration, recording):
-    """Return gravity's direction at all poses by a Calibration, (n, 3)."""
-    f, _ = recording.calibrated_force(calibration.accelerometer)
-    return f / np.linalg.norm(f, axis=1, keepdims=True)
-
-
 def _errors(recording, block, models, names):
-    """Return the table of errors: of each stretch, those of all methods and models.
+    """Return the errors of all stretches, methods and models, a table with the `COLUMNS`.
 
-    Takes the block of each pose, the models of each block and the names of the sessions.
+    `block` is the block of each pose, (n,), `models` the models of each block as
+    `held_out_models` returns them, and `names` the names of the sessions.
     """
     tables, last = [], None
     for number, stretch in enumerate(stretches(recording, block)):
         k, session = place = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
         if place != last:
-            # of the whole log: effects may depend on what was before
+            # the whole log is calibrated, because effects may depend on earlier samples
             log, last = recording.logs[session], place
             whole = log.f, log.w, log.t, log.temperature
             calibrated = {model: models[k][model].calibrated(*whole) for model in MODELS}
-            directions = _directions(models[k]["final"], recording)
-        arrive, leave = stretch.t[stretch.arrive], stretch.t[stretch.leave]
-        both = np.column_stack([arrive, leave])[1:]
-        # since the rest before, or since the stretch's first
-        after = {"rotation": arrive[1:] - leave[:-1], "filter": both - leave[0]}
+            up, _ = recording.calibrated_force(models[k]["final"].accelerometer)
+            up = up / np.linalg.norm(up, axis=1, keepdims=True)
+        ends = stretch.t[np.column_stack([stretch.arrive, stretch.leave])]
+        # since the rest before, or since the first rest of the stretch
+        after = {"rotation": ends[1:, :1] - ends[:-1, 1:], "filter": ends[1:] - ends[0, 1]}
         for model, (f, w) in calibrated.items():
             turns = step_vectors(w[stretch.piece], np.diff(stretch.t))
             for method, errors in METHODS.items():
-                error = errors(turns, f[stretch.piece], stretch, directions[stretch.poses])
-                ends = error.shape[1]
-                at = ["arrival", "departure"][:ends] * len(error)
-                times = both[:, :ends].ravel(), after[method].ravel()
-                of = names[session], number, k, method, model
-                row = *of, *times, at, np.degrees(error).ravel()
+                error = errors(turns, f[stretch.piece], stretch, up[stretch.poses])
+                at = np.broadcast_to(["arrival", "departure"][: error.shape[1]], error.shape)
+                columns = ends[1:, : error.shape[1]], after[method], at, np.degrees(error)
+                row = names[session], number, k, method, model, *map(np.ravel, columns)
                 tables.append(pd.DataFrame(dict(zip(COLUMNS, row, strict=True))))
     return pd.concat(tables, ignore_index=True)
 
 
 def _summary(rows, method):
-    """Return what attitude.json holds of a method: errors of each model when a turn is over."""
+    """Return the content of attitude.json on a method, a dict: errors at the end of each turn."""
     rows = rows[(rows["method"] == method) & (rows["at"] == "arrival")]
     by_model = {model: rows[rows["model"] == model] for model in MODELS}
     errors = {model: each["error_deg"].to_numpy() for model, each in by_model.items()}
@@ -176,7 +169,7 @@ def _summary(rows, method):
 
 
 def _rotation_floor(problem, solution):
-    """Return the error over a rotation that the noise alone gives the final model, rad."""
+    """Return the root mean square error of a rotation that the noise alone causes, rad."""
     at, own = problem.sensor.linearise(solution, problem.recording), slice(len(solution.white))
     noise = at.noise.by(problem.sensor.noise)
     covariance = held_out_covariance(noise, at.jacobian, problem.row_folds[own])
@@ -187,15 +180,14 @@ def _rotation_floor(problem, solution):
 class Stretch:
     """A stretch of a log from a rest, through rotations and rests, to a rest.
 
-    Its poses, (p,); the time of its samples, s, (k,), which are that piece of the log; first and
-    last sample of each pose, (p,), counted from the first of the stretch.
+    `arrive` and `leave` are counted from the first sample of the stretch.
     """
 
-    poses: np.ndarray
-    t: np.ndarray
-    piece: slice
-    arrive: np.ndarray
-    leave: np.ndarray
+    poses: np.ndarray  # (p,): indices of its poses
+    t: np.ndarray  # (k,): time of its samples, s
+    piece: slice  # its samples in the log
+    arrive: np.ndarray  # (p,): first sample of each pose
+    leave: np.ndarray  # (p,): last sample of each pose
 
 
 def stretches(recording, block):
@@ -219,15 +211,16 @@ def stretches(recording, block):
 
 
 def angle(a, b):
-    """Return the angle between directions, shape (..., 3), rad."""
+    """Return the angle between the vectors a and b, (..., 3), rad, (...)."""
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
 
 
 def rotation_errors(turns, f, stretch, u):
     """Return the error of gravity's direction that the gyroscope alone carries to the next rest.
 
-    From the last sample of a rest to the first of the next, ``u(t) = C(t)ᵀ C(t₀) u(t₀)`` with the
-    attitude C. Takes what `filter_errors` does; gives the angles, rad, (p - 1, 1).
+    From the last sample of a rest, at t₀, to the first sample of the next, at t, the direction is
+    ``u(t) = C(t)ᵀ C(t₀) u(t₀)`` with the attitude C. The arguments are the same as for
+    `filter_errors`. The result are the angles, rad, (p - 1, 1).
     """
     q = np.concatenate([[[1.0, 0, 0, 0]], prefix_product(exponential(turns))])
     leave, arrive = matrix(q[stretch.leave[:-1]]), matrix(q[stretch.arrive[1:]])
@@ -238,10 +231,10 @@ def rotation_errors(turns, f, stretch, u):
 def filter_errors(turns, f, stretch, u):
     """Return the error of gravity's direction by the filter VQF, as its users run it.
 
-    Without magnetometer, all its parameters as they come, its estimate of the gyroscope's bias on.
-    Takes the rotation vector of each step, rad, (k - 1, 3), specific force, m/s^2, (k, 3), and the
-    direction u at the p rests, (p, 3). Gives the angles at the first and the last sample of each
-    rest but the first, rad, (p - 1, 2).
+    It has no magnetometer, and its parameters have their defaults, so it estimates the bias of the
+    gyroscope. Takes the rotation vector of each step, rad, (k - 1, 3), the specific force, m/s^2,
+    (k, 3), the Stretch, and the direction u at the p rests, (p, 3). Returns the angles at the first
+    and the last sample of each rest but the first, rad, (p - 1, 2).
 
     References
     ----------

@@ -17,13 +17,26 @@ SCALES = ("K0", "K1", "K2")
 
 @dataclass(frozen=True)
 class Change:
-    """The change of one parameter: new less old, in SI, relative for a scale factor.
+    """The change of one parameter, new value minus old value.
 
-    Its name is that of the calibration's covariance, or ``b along (x, y, z)``, on the sensor axes,
-    where the log shows one direction of the bias alone. `measured_std` is its standard error by the
-    old calibration and the new log; `std` also has the scatter of a bias from one switching on to
-    the next. The p-value is that of as much without a drift, and that for the largest of all
-    parameters tested, after Holm.
+    Attributes
+    ----------
+    name : str
+        Name of the parameter, as in the covariance of the calibration. It is ``b along (x, y, z)``,
+        a direction on the sensor axes, if the log shows the bias along this direction only.
+    unit : str
+        SI unit of `change`, `measured_std` and `std`, which are relative for a scale factor.
+    change, sigmas : float
+        The change, and its ratio to `std`.
+    measured_std : float
+        Standard error of the change by the old calibration and the new log.
+    std : float
+        Standard error that also includes the scatter of a bias between power cycles.
+    p_value, p_holm : float
+        Probability of such a change without a drift, for this parameter by itself, and adjusted by
+        Holm's method for all parameters that are tested.
+    drifted : bool
+        Whether `p_holm` is below the level.
     """
 
     name: str
@@ -38,18 +51,30 @@ class Change:
 
     @property
     def is_bias(self):
-        """Whether it is of a bias."""
+        """Whether the parameter is a bias."""
         return self.name in BIASES or self.name.startswith("b along")
 
 
 @dataclass(frozen=True)
 class SensorDrift:
-    """The test of one sensor; `drifted` is None where nothing could be tested.
+    """The test of one sensor.
 
-    What was tested, the strongest first, and which parameters were not, and why. The joint test of
-    all changes, with its p-value among those of both sensors. The root mean square of each kind of
-    residual with the old calibration, with the floor that noise and the calibration's errors
-    predict. What of the bias was allowed for, SI.
+    Attributes
+    ----------
+    drifted : bool or None
+        Whether the sensor has drifted; None if nothing could be tested.
+    changes : tuple of Change
+        The changes that were tested, the smallest p-value first.
+    untested, why : tuple of str, str or None
+        The parameters that were not tested, and the reason.
+    chi2, dof, p_holm : float, int, float
+        The joint χ² test of all changes: χ², its degrees of freedom, and the p-value, adjusted by
+        Holm's method for both sensors.
+    residuals : dict
+        For each kind of residual, its root mean square with the old calibration, and the value that
+        noise and the errors of the calibration predict, SI.
+    turn_on : tuple of float
+        Standard deviations of the three biases between power cycles that were allowed for, SI.
     """
 
     drifted: bool | None
@@ -84,12 +109,12 @@ class Drift:
 
     @property
     def bias_only(self):
-        """Whether what has drifted are biases alone."""
+        """Whether biases have drifted and no other parameter has."""
         changed = [c for s in self.sensors.values() for c in s.changes if c.drifted]
         return bool(changed) and all(change.is_bias for change in changed)
 
     def to_dict(self):
-        """Return what a JSON file holds."""
+        """Return the content of the JSON file, a dict."""
         found = {"drifted": self.drifted, "bias_only": self.bias_only}
         return {"format": 1, **found, **asdict(self)}
 
@@ -97,29 +122,30 @@ class Drift:
 def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn_on=None):
     """Test whether the parameters of a calibration still hold in a new log.
 
-    With the old parameters x, r are the residuals of both sensors in the new log: ``|f| - g`` at
-    rest; angular rate at rest and the direction of gravity after each turn. Their covariance
-    without a drift is ``S = Σ + J C Jᵀ``, of the noise and of the calibration's own errors C. The
-    change of those parameters that the log determines is the δ of least
-    ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If it determines all of them, δ is the difference to a new
-    calibration, and its covariance the sum of both. The scatter of a bias from one switching on to
-    the next adds to that covariance. Two families of tests share the level: each parameter by
-    itself, and one χ² test per sensor of all together; each family after Holm.
+    r are the residuals of both sensors in the new log with the old parameters: ``|f| - g`` at rest,
+    the angular rate at rest, and the direction of gravity after each turn. J is their Jacobian.
+    Without a drift their covariance is ``S = Σ + J C Jᵀ``, where Σ is the covariance of the noise
+    and C that of the old parameters. The change δ of the parameters that the log determines
+    minimises ``(r + J δ)ᵀ S⁻¹ (r + J δ)``. If the log determines all parameters, δ is the
+    difference to a new calibration, and its covariance is the sum of both covariances. The scatter
+    of a bias between power cycles adds to this covariance. Two families of tests share the level:
+    each parameter by itself, and a χ² test per sensor of all its parameters. The p-values of each
+    family are adjusted by Holm's method.
 
-    The δ of all parameters together is the change that each has while others change, too. The
-    difference between a fit with the old calibration as prior and that calibration is not: it
-    spreads the change of one parameter over those that C or the log confuse it with.
+    δ is the change of each parameter while all others may change too. A fit with the old
+    calibration as prior would spread the change of one parameter over others that are correlated
+    with it.
 
     Parameters
     ----------
     calibration, recording, noise : Calibration, Recording, NoiseModel
         The old calibration; rests, and turns between them, of the new log; noise of the device.
     gravity : float, optional
-        Where the log was recorded, m/s^2; that of the calibration by default.
+        Gravity where the log was recorded, m/s^2; by default the gravity of the calibration.
     level : float
         Probability of a false alarm.
     turn_on : (float, float), optional
-        Standard deviation of the bias from one switching on to the next, m/s^2 and rad/s. The
+        Standard deviation of the bias between power cycles, m/s^2 and rad/s. The
         default is the standard deviation in the calibration's `turn_on_bias`, or `TURN_ON` if it
         has none.
 
@@ -142,7 +168,7 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
     if turn_on:
         allowed = {name: (float(std),) * 3 for name, std in zip(SENSORS, turn_on, strict=True)}
     try:
-        log = NewLog.of(calibration, recording, noise, gravity)
+        log = NewLog(calibration, recording, noise, gravity)
         if not log.factors.sensors:
             why = "; ".join(f"{name}: {why}" for name, why in log.untestable.items())
             raise ImuloopError(f"nothing can be tested: {why}")
@@ -157,9 +183,10 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
 
 
 def _test(log, turn_on, level):
-    """Return the SensorDrift of each sensor.
+    """Return the SensorDrift of each sensor of a NewLog, a dict by name.
 
-    Takes what of the bias is allowed for, by sensor, and the level of each family of tests.
+    `turn_on` holds, by sensor, the standard deviations of the three biases between power cycles,
+    SI. `level` is the level of each family of tests.
     """
     (old, known), tests = log.prior, {name: log.testable(name) for name in log.factors.sensors}
     basis, scatter = np.hstack([own.basis for own in tests.values()]), np.zeros(len(old.x))

@@ -1,4 +1,4 @@
-"""A calibration with the biases of a new log; all else in it stays."""
+"""Update of the biases of a calibration by a new log; all other parameters are kept."""
 
 from dataclasses import replace
 
@@ -13,11 +13,12 @@ from imuloop.validate.new_log import BIASES, NewLog
 def update_biases(calibration, recording, noise, source, *, gravity=None):
     """Replace the biases of a calibration by those that the rests of a new log show.
 
-    With p the other parameters, as they are, and r the residuals at rest, ``|f| - g`` or the
-    angular rate without effects, the bias is the b of least ``rᵀ S⁻¹ r``, where
-    ``S = Σ + J_p C_p J_pᵀ`` holds the noise of the new log and what the errors of p leave. With
-    ``G = -C_b J_bᵀ S⁻¹`` its covariance is ``C_b = (J_bᵀ S⁻¹ J_b)⁻¹``, that with p ``G J_p C_p``.
-    The old bias has no weight, and that of an effect, as `bias_temperature`, stays in its effect.
+    r are the residuals at rest, ``|f| - g`` or the angular rate without effects; J_b and J_p are
+    their derivatives with respect to the bias b and to all other parameters p, which are kept. The
+    new bias minimises ``rᵀ S⁻¹ r``. Here ``S = Σ + J_p C_p J_pᵀ``, where Σ is the covariance of the
+    noise of the new log and C_p the covariance of p. The covariance of the new bias is
+    ``C_b = (J_bᵀ S⁻¹ J_b)⁻¹``, and its covariance with p is ``-C_b J_bᵀ S⁻¹ J_p C_p``. The old bias
+    has no weight. An effect on the bias, such as `bias_temperature`, is kept as it is.
 
     Parameters
     ----------
@@ -26,19 +27,19 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
     source : str
         Name of the new log, for the calibration.
     gravity : float, optional
-        Where the log was recorded, m/s^2; that of the calibration by default.
+        Gravity where the log was recorded, m/s^2; by default the gravity of the calibration.
 
     Returns
     -------
     Calibration, dict of str to str
-        That with the new biases, and by sensor why one kept its own.
+        The calibration with new biases, and by sensor the reason why a bias was kept.
 
     Raises
     ------
     ImuloopError
         If the log determines the bias of neither sensor.
     """
-    log = NewLog.of(calibration, recording, noise, gravity, turns=False)
+    log = NewLog(calibration, recording, noise, gravity, turns=False)
     kept = dict(log.untestable)
     for name in log.factors.sensors:
         if not set(BIASES) <= set(log.testable(name).names):
@@ -56,7 +57,10 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
 
 
 def _new_biases(log, updated):
-    """Return the change of all parameters, none but biases of some sensors, and covariance."""
+    """Return the change of all p parameters, (p,), and their new covariance, (p, p).
+
+    Only the biases of the sensors `updated` change.
+    """
     (old, covariance), jacobian = log.prior, log.unchanged.jacobian
     biases = [place for name in updated for place in log.places(name, BIASES)]
     basis, rest = np.eye(len(old.x))[:, biases], np.ones(len(old.x))
@@ -69,10 +73,14 @@ def _new_biases(log, updated):
 
 
 def _with_bias(log, name, change, covariance):
-    """Return the SensorCalibration of a name with the change of its bias, and its covariance."""
+    """Return the SensorCalibration of the sensor `name` with its new bias and covariance.
+
+    `change`, (p,), and `covariance`, (p, p), are those of all parameters, as `_new_biases` returns
+    them.
+    """
     sensor = getattr(log.calibration, name)
     place, factor = log.places(name, sensor.names), si_factor(sensor.names, sensor.raw_unit)
-    # of all other parameters as it was, to the last bit
+    # the covariance of all other parameters is kept to the last bit
     its, new = np.isin(sensor.names, BIASES), covariance[np.ix_(place, place)]
     new = np.where(its | its[:, None], new / np.outer(factor, factor), sensor.covariance)
     moved = change[log.places(name, BIASES)] / sensor.raw_unit.scale

@@ -8,19 +8,16 @@ import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 from scipy.special import chdtrc
 
-from imuloop.calibrate.recording import Recording
-from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
 from imuloop.estimate.least_squares import chi_square, covariance_of, fit
 from imuloop.factors.factors import KINDS, OF_SENSOR, Factors
-from imuloop.model.calibration import Calibration
 from imuloop.model.raw_units import state_of
 
-# condition number, each parameter in units of what the log shows of it, beyond which a set of
-# parameters is called undetermined
+# condition number of the scaled Jacobian above which a set of parameters counts as undetermined
 LARGEST_CONDITION = 100.0
-# a parameter that the new log shows so many times worse than the old one is not tested
+# ratio of the standard errors of a parameter in the new and in the old log above which it is not
+# tested
 WORST = 10.0
 BIASES = ("b0", "b1", "b2")
 # angle between two attitudes, rad
@@ -33,10 +30,16 @@ LEAST_DOF = 0.5
 
 @dataclass(frozen=True)
 class Testable:
-    """The changes of one sensor that a new log determines.
+    """The q changes of the parameters of one sensor that a new log determines.
 
-    Those of all p parameters, a column each, (p, q), with names and SI units; names of the
-    parameters that the log does not determine, and why.
+    Attributes
+    ----------
+    basis : ndarray, shape (p, q)
+        Each change as a change of all p parameters.
+    names, units : tuple of str
+        Name and SI unit of each change.
+    untested, why : tuple of str, str or None
+        Names of the parameters that the log does not determine, and the reason.
     """
 
     basis: np.ndarray
@@ -46,69 +49,56 @@ class Testable:
     why: str | None
 
 
-@dataclass(frozen=True)
 class NewLog:
-    """A new log of a device, and its residuals as a function of the old parameters.
+    """A new log of a device, and its n residuals as a function of the p old parameters.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The old calibration of both sensors.
+    recording : Recording
+        Rests, and turns between them, of other power cycles than those of the calibration.
+    noise : NoiseModel
+        Noise of the device.
+    gravity : float, optional
+        Gravity where the log was recorded, m/s^2; by default the gravity of the calibration.
+    turns : bool
+        Whether turns count. They do not where misalignment and scale factor of a sensor were not
+        estimated, as there is no direction of gravity.
 
     Attributes
     ----------
-    calibration : Calibration
-        The old calibration, p parameters of both sensors.
-    recording : Recording
-        Rests, and turns between them, of other power cycles than those of the calibration.
-    model : NoiseModel
-        Noise of the device.
-    gravity : float
-        Where the log was recorded, m/s^2.
+    prior : State, ndarray
+        State of the old calibration, and its covariance, (p, p).
+    untestable : dict of str to str
+        By sensor, why it has no residuals.
+    factors : Factors
+        The residuals of the other sensors.
+    kinds : ndarray, ndarray
+        Kind of each residual, and its sensor, (n,) of str.
     """
 
-    calibration: Calibration
-    recording: Recording
-    model: NoiseModel
-    gravity: float
-
-    @classmethod
-    def of(cls, calibration, recording, noise, gravity=None, turns=True):
-        """Return that of a Calibration, a Recording, a NoiseModel, and gravity, m/s^2.
-
-        Turns count where asked for, but not where misalignment and scale factor of a sensor were
-        not estimated: there is no direction of gravity.
-        """
+    def __init__(self, calibration, recording, noise, gravity=None, turns=True):
         if not (turns and all("K0" in getattr(calibration, sensor).names for sensor in SENSORS)):
             none = np.zeros(len(recording.rotations), dtype=bool)
             recording = replace(recording, rotations=recording.rotations.select(none))
-        recording = recording.of_new_power_cycles()
-        return cls(calibration, recording, noise, gravity or calibration.gravity)
-
-    @cached_property
-    def untestable(self):
-        """Why a sensor has no residuals, by its name."""
-        found = {s: self.recording.poses.unknown_noise(self.model, SENSORS[s]) for s in SENSORS}
-        for sensor in found:
-            if not getattr(self.calibration, sensor).names:
+        self.recording, self.model = recording.of_new_power_cycles(), noise
+        self.calibration, self.prior = calibration, state_of(calibration)
+        found = {s: recording.poses.unknown_noise(noise, SENSORS[s]) for s in SENSORS}
+        for sensor in SENSORS:
+            if not getattr(calibration, sensor).names:
                 found[sensor] = "the calibration estimated nothing of it"
-        return {sensor: why for sensor, why in found.items() if why}
-
-    @cached_property
-    def factors(self):
-        """The Factors of the sensors that have residuals."""
-        return Factors(self.gravity, tuple(s for s in SENSORS if s not in self.untestable))
-
-    @cached_property
-    def prior(self):
-        """State of the old calibration, and its covariance, (p, p)."""
-        return state_of(self.calibration)
+        self.untestable = {sensor: why for sensor, why in found.items() if why}
+        tested = tuple(sensor for sensor in SENSORS if sensor not in self.untestable)
+        self.factors = Factors(gravity or calibration.gravity, tested)
+        owners = self.factors.owners(self.recording)
+        self.kinds = self.factors.rows(self.recording)[1], owners
 
     @cached_property
     def noise(self):
-        """Covariance of the n residuals, grown with the reduced χ² that the calibration had."""
+        """Covariance of the residuals, (n, n), with the reduced χ² that the calibration had."""
         size = np.sqrt([getattr(self.calibration, owner).excess for owner in self.kinds[1]])
         return self.unchanged.noise.by(self.model) * np.outer(size, size)
-
-    @cached_property
-    def kinds(self):
-        """Kind of each residual, and its sensor, (n,) of str."""
-        return self.factors.rows(self.recording)[1], self.factors.owners(self.recording)
 
     @cached_property
     def unchanged(self):
@@ -121,11 +111,11 @@ class NewLog:
         return self.factors.about(self.recording, replace(old, x=old.x + change)).at(old.x + change)
 
     def places(self, sensor, names):
-        """Return where parameters of a sensor are among all."""
+        """Return the indices of parameters of a sensor, given by name, in the state, a list."""
         return [self.prior[0].names.index(f"{sensor}.{name}") for name in names]
 
     def data(self, sensor):
-        """Return in words what the log holds for a sensor."""
+        """Return words for the rests, attitudes or turns of the log that a sensor has."""
         rests = f"{len(self.recording.poses)} rest(s)"
         if sensor == "accelerometer":
             return f"{rests} in {count_attitudes(self.recording.poses.f, APART)} attitude(s)"
@@ -135,8 +125,9 @@ class NewLog:
     def testable(self, sensor):
         """Return the Testable changes of a sensor, by its own residuals.
 
-        The bias first, then scale factors, misalignments and each effect, as long as what is taken
-        in stays determined. What is left out is as the calibration has it, with its errors.
+        Groups of parameters are added in order: the bias, the scale factors, the misalignments, and
+        each effect. A group is left out if the log does not determine it with those before it; it
+        then keeps the values and errors of the calibration.
         """
         (old, covariance), own = self.prior, self.kinds[1] == sensor
         root = cholesky(self.noise[np.ix_(own, own)], lower=True)
@@ -148,7 +139,7 @@ class NewLog:
         for group in filter(None, groups.values()):
             tried, new = (self.places(sensor, names) for names in ([*taken, *group], group))
             worst = WORST * np.sqrt(np.diag(covariance)[new]) if taken else np.inf
-            # beyond the bias a check is asked for: one residual more than parameters
+            # more than the bias needs one residual more than there are parameters
             enough = len(shown) >= len(tried) + bool(taken)
             if enough and np.all(_errors(shown[:, tried])[-len(new) :] <= worst):
                 taken += group
@@ -157,7 +148,7 @@ class NewLog:
         why = f"not determined by {self.data(sensor)}" if missed else None
         basis = np.eye(len(old.x))[:, self.places(sensor, taken or BIASES)]
         if not taken:
-            # not even the bias: the directions of it that the log does show
+            # the log does not determine the whole bias: only some directions of it
             why += ", but for its bias along gravity"
             _, size, axes = np.linalg.svd(shown @ basis)
             axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]
@@ -168,10 +159,17 @@ class NewLog:
         return Testable(basis, tuple(taken), units, tuple(missed), why)
 
     def fit_change(self, basis, prior):
-        """Return the change δ of the parameters along a basis, (p, q), that the log shows.
+        """Return the change of the parameters along the q columns of a basis, (p, q).
 
-        With its covariance, and the covariance S of the residuals before it. `prior`, (p, p), is
-        the covariance of the old parameters.
+        `prior`, (p, p), is the covariance of the old parameters.
+
+        Returns
+        -------
+        ndarray, shape (q,), and ndarray, shape (q, q)
+            The change and its covariance.
+        ndarray, shape (n, n)
+            Covariance of the residuals with the old parameters. The noise is enlarged if the new
+            log fits worse than its noise whatever the parameters are.
         """
 
         def linearise(change):
@@ -185,7 +183,6 @@ class NewLog:
         groups = [self.kinds[1] == sensor for sensor in self.factors.sensors]
         squares, _ = chi_square(at.residual, self.noise + known, at.jacobian, groups)
         for own, (square, dof) in zip(groups, squares, strict=True):
-            # the new log fits worse than its noise whatever the parameters: so do they
             if dof > LEAST_DOF and chdtrc(dof, square) < MISFIT:
                 size[own] = np.sqrt(square / dof)
         expected = self.noise * np.outer(size, size) + known
@@ -193,9 +190,9 @@ class NewLog:
         return found.x, found.covariance, expected
 
     def sizes(self, sensor, expected):
-        """Return the size of a sensor's residuals by the old calibration, for each kind.
+        """Return the root mean square of each kind of a sensor's residuals, old parameters, a dict.
 
-        With the size that is expected by their covariance, (n, n).
+        Next to it stands the value that the covariance `expected`, (n, n), predicts.
         """
         squares, found = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
         for kind in OF_SENSOR[sensor]:
@@ -207,9 +204,9 @@ class NewLog:
 
 
 def _errors(shown):
-    """Return the standard errors of q parameters, nan where data do not determine them.
+    """Return the standard errors of q parameters, (q,), nan if the data do not determine them.
 
-    Takes the derivative of whitened residuals, (n, q).
+    `shown`, (n, q), is the derivative of the whitened residuals.
     """
     size = np.linalg.norm(shown, axis=0)
     if not size.all() or np.linalg.cond(shown / size) > LARGEST_CONDITION:

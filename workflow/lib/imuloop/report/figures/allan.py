@@ -3,6 +3,7 @@
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise
+from imuloop.noise.gains import term_gain
 from imuloop.report.figures.drawing import AXES, INK, Picture, drawn, fill, write_csv
 from imuloop.report.numbers import coefficient_text, number
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
@@ -77,7 +78,7 @@ def taken_by_filter(noise, tau):
     kernel = np.sin(np.pi * f * tau[:, None]) / np.sqrt(
         tau[:, None] * rate * np.sin(np.pi * f / rate)
     )
-    taken = (1 - noise.low_pass.gain(f, rate)) * kernel**4
+    taken = (1 - term_gain(noise.low_pass, f, rate)) * kernel**4
     return 4 * noise.N.square * np.trapezoid(taken, f, axis=1)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from imuloop.core.errors import joined, plural
 from imuloop.core.samples import ACCELERATION
-from imuloop.core.sphere import direction_words, largest_hole
+from imuloop.plan.directions import direction_words, largest_hole
 from imuloop.report.figures.drawing import BLUE, GRID, ORANGE, VERMILLION, drawn, entitle
 from imuloop.report.numbers import number
 from imuloop.report.results import XYZ

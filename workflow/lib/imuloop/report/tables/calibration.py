@@ -3,6 +3,7 @@
 import numpy as np
 
 from imuloop.core.errors import joined
+from imuloop.core.noise_model import AxisNoise
 from imuloop.core.units import HOUR
 from imuloop.report.numbers import number, typeset, with_sigma
 from imuloop.report.results import SENSORS, UNITS, XYZ, base_parameters, of_axes
@@ -50,9 +51,21 @@ def parameter_table(device, sensor):
     )
 
 
+def wander(noise, interval, length):
+    """Return the standard deviation of the change of the bias between two times, SI.
+
+    It is the difference of two means of the output by flicker, random walk and Gauss-Markov
+    processes, without other noise. Takes the interval between the starts of the two means, and
+    the length of each, s.
+    """
+    slow = AxisNoise(B=noise.B, K=noise.K, gauss_markov=noise.gauss_markov)
+    covariance = slow.mean_covariance(np.add.outer([0.0, interval], [0.0, length]))
+    return float(np.sqrt(covariance[0, 0] + covariance[1, 1] - 2 * covariance[0, 1]))
+
+
 def _after_an_hour(device, sensor):
     """Return in words what to add to the standard error of a bias for the next hour, if known."""
-    sizes = [noise.wander(HOUR, OVER) for _, noise in of_axes(device.axes, sensor)]
+    sizes = [wander(noise, HOUR, OVER) for _, noise in of_axes(device.axes, sensor)]
     if not any(sizes):
         return ""
     listed = joined([BIAS[sensor].size(size or None, 2) for size in sizes])

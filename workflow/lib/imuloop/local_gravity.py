@@ -1,9 +1,7 @@
-"""Local gravity, and the rotation of the Earth."""
+"""Local gravity by latitude and height, and its limits."""
 
 import numpy as np
 
-# rad/s, WGS 84
-EARTH_RATE = 7.292115e-5
 # least and largest local gravity, on Earth or elsewhere, m/s^2
 WEAKEST, STRONGEST = 0.1, 25.0
 # limits of a place on Earth: geodetic latitude, degrees, and height above the ellipsoid, m

@@ -6,12 +6,10 @@ import numpy as np
 from scipy.fft import rfft
 from scipy.interpolate import BSpline
 
+from imuloop.core.noise_model import DEGREES, HALF_POWER
+
 # number of frequencies from 0 to half the output rate at which a gain is computed
 POINTS = 4097
-# degree of the B-spline that is the autocorrelation of white noise, by kind of resampling
-DEGREES = {"held or averaged": 1, "interpolated": 3, "averaged three times": 5}
-# frequency at which the power is a half, share of the sensor's rate, by degree
-HALF_POWER = {1: 0.442946, 3: 0.318917, 5: 0.261938}
 
 
 def _butterworth(order):
@@ -93,3 +91,8 @@ class LowPass:
         """Return the power gain, (k,), at frequencies, (k,), shares of the rate up to 0.5."""
         gain = GAINS[self.kind](np.asarray(frequency, float), self.corner)
         return self.floor + (1 - self.floor) * gain
+
+
+def term_gain(term, f, rate):
+    """Return the power gain, (k,), of a LowPassTerm at frequencies f, Hz, (k,), by the rate, Hz."""
+    return LowPass(term.kind, term.corner.value / rate, term.floor).gain(f / rate)
