@@ -73,18 +73,20 @@ def test_ferraris_faces_are_rests_and_full_turns_are_not(recordings):
 def test_thermal_ramp_stays_and_the_steps_of_the_sensor_go(recordings):
     """−17 to 74 °C: the gyroscope's x bias jumps by 2.3 mrad/s at 1019 s (−10 °C)."""
     samples = thermal_chamber(recordings)
-    segments, _ = segment_session(samples, "static", SETTINGS)
+    segments, metadata = segment_session(samples, "static", SETTINGS)
     static = rests_of(segments)
     assert (static["end_s"] - static["start_s"]).sum() > 0.95 * samples[TIME].iloc[-1]
     disturbed = segments[segments["kind"] == "disturbed"]
     assert np.any((disturbed["start_s"] < 1019.5) & (disturbed["end_s"] > 1019.5))
     assert not np.any(disturbed["start_s"] > 1600)
+    assert metadata["slow_tilts"] == 0
 
 
 def test_adis16405_record_of_a_million_samples_stays_almost_whole(recordings):
-    segments, _ = segment_session(adis16405(recordings), "static", SETTINGS)
+    segments, metadata = segment_session(adis16405(recordings), "static", SETTINGS)
     static = rests_of(segments)
     assert (static["end_s"] - static["start_s"]).sum() > 0.99 * 10_000
+    assert metadata["slow_tilts"] == 0
     # shaken in its first seconds: over 12 standard deviations at samples 328 to 700
     first = segments[segments["kind"] == "disturbed"].iloc[0]
     assert first["start_s"] < 6.9 and first["end_s"] > 3.3

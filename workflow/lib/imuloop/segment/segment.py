@@ -16,7 +16,7 @@ from imuloop.core.samples import (
     own_rows,
 )
 from imuloop.core.segments import DISTURBED, GAP, MOTION, STATIC, segment_table
-from imuloop.core.stretches import merged, unbroken, without
+from imuloop.core.stretches import lengths, merged, unbroken, without
 from imuloop.segment.attitudes import attitudes, expected_error
 from imuloop.segment.disturbance import undisturbed_ranges
 from imuloop.segment.held import held_rests, sways, unite
@@ -30,7 +30,7 @@ from imuloop.segment.static_detector import (
     widen_rests,
 )
 from imuloop.segment.steady import unsteady_samples
-from imuloop.segment.tilt import without_tilts
+from imuloop.segment.tilt import tilts, without_tilts
 
 # fewest rests that are dropped as too short for which shorter settings are tried, and by how much
 LEAST_SHORT, SHORTER = 5, {"window_s": 2, "shortest_rest_s": 4}
@@ -53,8 +53,8 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     The segments are static, motion, disturbed or gap. Every instant from the first sample to one
     step after the last belongs to exactly one of them.
 
-    - In a static session, a rest is a range without a disturbance. If the device moves most of the
-      time, rests are found as in other sessions.
+    - In a static session, a rest is a range without a disturbance and without a slow tilt. If the
+      device moves most of the time, rests are found as in other sessions.
     - In other sessions, rests are found by the static detector; ranges that turn slowly or tremble
       are removed. Rests in the hand are added if they improve the calibration.
     - A rest with a clipped specific force is disturbed.
@@ -78,10 +78,10 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     DataFrame
         The table of `core.segments.segment_table`.
     dict
-        The number of ``poses``. For other than static sessions, the numbers of rests that are too
-        short for the settings, ``short_rests``, are clipped, ``railed_rests``, or tilt,
-        ``tilted_rests``; whether some are ``hand_held``; and the ``shorter`` settings that were
-        used instead, None without.
+        The number of ``poses``. For a static session, the number of ``slow_tilts``. For others, the
+        numbers of rests that are too short for the settings, ``short_rests``, are clipped,
+        ``railed_rests``, or tilt, ``tilted_rests``; whether some are ``hand_held``; and the
+        ``shorter`` settings that were used instead, None without.
     """
     rows = Samples(samples)
     whole, step = unbroken(rows)
@@ -102,7 +102,11 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
                 rests, tilt = rests[:0], tilt[:0]
     else:
         rests = _between_disturbances(rows, stretches[: 0 if moving else None], step, settings)
-        tilt, metadata = np.zeros(len(rests)), {}
+        tilted = tilts(rows, rests, step)
+        if len(tilted):
+            rests = without(rests, tilted)
+            rests = rests[lengths(rests) * step >= settings.shortest_static_s - step / 2]
+        tilt, metadata = np.zeros(len(rests)), {"slow_tilts": len(tilted)}
     railed = np.zeros(len(rests), dtype=bool)
     if rails and kind in ATTITUDES:
         railed = _at_rail(rows, rests, rails)

@@ -91,7 +91,7 @@ def moves(rows, stretches, step, settings):
     between long gaps, (k, 2), the median time step, s, and SegmentSettings.
     """
     width = max(round(settings.window_s / step), FEWEST_SAMPLES)
-    first, means = block_means(rows, stretches, width)
+    first, _, means = block_means(rows, stretches, width)
     change = np.linalg.norm(np.diff(means, axis=0).reshape(-1, 2, 3), axis=2)
     moved = (change > [FORCE_TOLERANCE, settings.rate_tolerance]).any(axis=1)
     moved = moved[np.diff(first) == width]

@@ -1,11 +1,21 @@
-"""Tilts of a device within a rest: the direction of gravity turns as the gyroscope does."""
+"""Tilts of a device that should rest: the direction of gravity turns with the gyroscope."""
 
 import numpy as np
 
-from imuloop.core.stretches import divided, stretches_of
+from imuloop.core.stretches import divided, lengths, merged, stretches_of
+from imuloop.segment.windows import block_means
 
-# length of a block whose samples are averaged, and of the parts in which a rest is judged, s
-BLOCK, PART = 0.1, 2.0
+# length of a block whose samples are averaged, s, and most blocks of a session
+BLOCK, BLOCKS = 2.0, 1 << 14
+# shortest tilt, blocks
+FEWEST = 8
+# least turn of gravity by a tilt, rad: 5 mg
+LEAST = 0.005
+# largest ratio of the residual to the turn of gravity, root mean square, if the turn by the
+# gyroscope is subtracted
+MOST_LEFT = 1 / 3
+# length of a block of a short rest, s, and of the parts in which it is judged, s
+SHORT_BLOCK, PART = 0.1, 2.0
 # largest share of a rest that may be cut so that the remainder lies still
 CUT = 0.2
 # probability that any rest of a session that lies still is taken for tilted, and rounds in which
@@ -15,6 +25,87 @@ FALSE_ALARM, ROUNDS = 0.01, 10
 SHARE = 0.7
 # logarithm of the likelihood ratio below which a part within a rest counts as still: 20 to 1
 SURE = 3.0
+
+
+def tilts(rows, ranges, step):
+    """Return the ranges of samples in which the device tilted slowly, (k, 2).
+
+    Both sensors see a tilt. Let u be the specific force in units of its magnitude, r the angular
+    rate and b the gyroscope's bias. A tilt turns u by du/dt = u × (r - b). A drift of the
+    accelerometer's bias changes u as well, but does not change r. So u is compared with the turn of
+    the gyroscope, ∫ u × (r - b) dt, in windows of all lengths. A window shows a tilt if u changes
+    by at least `LEAST`, and if the difference of u and the turn is small compared with u.
+
+    The comparison is made in two ways. First, the best line is subtracted from both, which removes
+    any bias: this shows tilts that start or end in the window. Second, only the mean is subtracted,
+    and b is the median rate: this shows steady tilts. Tilts slower than the drift of b are not
+    seen. A ramp of the temperature that moves both biases is not taken for a tilt, because it makes
+    the turn of the gyroscope quadratic in time and u linear.
+
+    If windows of several lengths show a tilt, the shortest is used; the result is the part of it in
+    which u changes.
+
+    Parameters
+    ----------
+    rows : Samples
+        The samples of a session.
+    ranges : ndarray of int, shape (m, 2)
+        Ranges of samples at rest.
+    step : float
+        Median time step, s.
+    """
+    width = max(round(BLOCK / step), int(lengths(ranges).sum()) // BLOCKS, 1)
+    first, stretches, means = block_means(rows, ranges, width)
+    size = np.median(np.linalg.norm(means[:, :3], axis=1)) if len(first) else 0.0
+    # a specific force of zero has no direction
+    if not size > 0:
+        return np.empty((0, 2), dtype=int)
+    # one magnitude for all blocks: a change of the magnitude is no tilt and has to remain visible
+    u = means[:, :3] / size
+    change = np.cross(u, means[:, 3:] - np.median(means[:, 3:], axis=0)) * width * step
+    turned = np.cumsum(change, axis=0) - change / 2
+    windows = np.concatenate([i + _find_windows(u[i:j], turned[i:j]) for i, j in stretches])
+    if not len(windows):
+        return windows
+    cuts = merged(np.array([i + _changing_part(u[i:j]) for i, j in windows]))
+    return np.column_stack([first[cuts[:, 0]], first[cuts[:, 1] - 1] + width])
+
+
+def _find_windows(u, turned):
+    """Return the shortest windows of blocks in which u follows the gyroscope, (k, 2).
+
+    Takes u and the turn by the gyroscope, (n, 3) each. They are compared after subtracting the best
+    line, and after subtracting the mean.
+    """
+    chosen, length = np.empty((0, 2), dtype=int), FEWEST
+    while length <= len(u):
+        starts = np.arange(0, len(u) - length + 1, max(length // 4, 1))
+        blocks = starts[:, None] + np.arange(length)
+        tilted = np.zeros(len(starts), dtype=bool)
+        for degree in (1, 0):
+            basis = np.linalg.qr(np.vander(np.arange(length), degree + 1))[0]
+            power, residual = (
+                ((x - basis @ (basis.T @ x)) ** 2).sum(axis=2).mean(axis=1)
+                for x in (u[blocks], (u - turned)[blocks])
+            )
+            # the mean square of a ramp about its mean is a twelfth of the square of its span
+            tilted |= (power >= LEAST**2 / 12) & (residual <= MOST_LEFT**2 * power)
+        windows = np.column_stack([starts, starts + length])[tilted]
+        # a window that contains a shorter one is left out
+        inside = (chosen[:, 0] >= windows[:, :1]) & (chosen[:, 1] <= windows[:, 1:])
+        windows = windows[~inside.any(axis=1)]
+        chosen = merged(np.concatenate([chosen, windows]))
+        length *= 2
+    return chosen
+
+
+def _changing_part(u):
+    """Return the range of blocks, (2,), in which u, (n, 3), goes from its first to its last value.
+
+    It starts where u leaves the first value and ends where it reaches the last, by `LEAST` / 2.
+    """
+    after, before = (np.linalg.norm(u - value, axis=1) > LEAST / 2 for value in (u[0], u[-1]))
+    return np.array([max(np.argmax(after) - 1, 0), len(u) - max(np.argmax(before[::-1]) - 1, 0)])
 
 
 def without_tilts(f, w, rests, bias, step):
@@ -85,7 +176,7 @@ def rest_tilts(f, w, rests, bias, step):
     """
     if not len(rests):
         return []
-    width = max(round(BLOCK / step), 1)
+    width = max(round(SHORT_BLOCK / step), 1)
     length = max(round(PART / step), 4 * width)
     parts = [divided(i, j, (j - i) // length) for i, j in rests]
     begins = np.concatenate([np.arange(len(ranges)) == 0 for ranges in parts])

@@ -38,13 +38,17 @@ def block_means(rows, ranges, width):
     -------
     first : ndarray of int, shape (k,)
         First row of each block.
+    blocks : ndarray of int, shape (m, 2)
+        Range of the blocks of each range of rows.
     means : ndarray, shape (k, 6)
         Means, SI.
     """
     blocks = [np.arange(i, j - width + 1, width) for i, j in ranges]
+    edges = np.cumsum([0, *map(len, blocks)])
     first = np.concatenate([np.empty(0, dtype=int), *blocks])
     whole = np.column_stack([first, first + width])
-    return first, np.column_stack([sums_over(rows[name], whole) for name in CHANNELS]) / width
+    means = np.column_stack([sums_over(rows[name], whole) for name in CHANNELS]) / width
+    return first, np.column_stack([edges[:-1], edges[1:]]), means
 
 
 def rounding_variance(x):
