@@ -34,15 +34,14 @@ def density_pictures(device, session):
 
 
 def _ramp(frequency):
-    r"""Return what a ramp of 1 SI/s adds to Welch's estimate, SI^2/Hz.
+    r"""Return what a ramp of 1 SI/s adds to Welch's estimate at frequencies in Hz, SI^2/Hz.
 
-    Under a Hann window, in segments of T whose mean is off:
-    :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T. The lowest frequency is the second of the
-    longest segments; what shorter ones have of it is nothing beside that.
+    Under a Hann window, in segments of T without their mean, it is
+    :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T. The lowest frequency is 2/T.
     """
-    longest = 2 / frequency.min()
-    k = frequency * longest
-    return longest**3 / (3 * np.pi**2 * k**2 * (k**2 - 1) ** 2)
+    segment = 2 / frequency.min()
+    k = frequency * segment
+    return segment**3 / (3 * np.pi**2 * k**2 * (k**2 - 1) ** 2)
 
 
 def _density(device, session, sensor, curves, csv):
