@@ -7,10 +7,10 @@ from scipy.signal import butter, sosfilt
 from imuloop.noise.axis import estimate_axis, find_lines
 from imuloop.noise.modes import modes
 from imuloop.noise.processes import densities, gauss_markov_density
-from imuloop.noise.sampling import Sampling, Signal
+from imuloop.noise.sampling import Signal
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
-from noise.one_record import estimate_record, line_limit
+from noise.one_record import estimate_record, line_limit, unbroken
 from seeds import least, seeds
 
 SETTINGS = NoiseSettings()
@@ -29,7 +29,7 @@ def record(seed, Q=0.0, W=0.01, B=0.0, K=0.0, R=0.0, hump=None, line=None, n=N):
     return x
 
 
-WHOLE = Sampling.unbroken(RATE, N)
+WHOLE = unbroken(RATE, N)
 BASIS = modes([WHOLE])
 
 
@@ -102,7 +102,7 @@ def test_a_line_is_found_and_leaves_the_rest_as_it_was():
     assert noise.N.value == pytest.approx(plain.N.value, rel=1e-3)
 
 
-SHORT = Sampling.unbroken(RATE, 4000)
+SHORT = unbroken(RATE, 4000)
 SHORT_BASIS = modes([SHORT])
 SLOW = {"white": {}, "flicker": {"B": 6e-3}, "walk": {"K": 4e-3}, "hump": {"hump": (0.02, 10.0)}}
 

@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined, table
-from imuloop.noise.records import closed_up, records_by_sensor
+from imuloop.noise.records import records_by_sensor
 from imuloop.noise.settings import NoiseSettings
 
 # columns of allan.parquet
@@ -26,22 +26,22 @@ PIECE = 1 << 17
 
 
 def session_curves(session, settings, stage="raw"):
-    """Return the rows of allan.parquet of a RecordedSession: the curves of its rests.
+    """Return the Allan curves of the rests of a RecordedSession as rows of allan.parquet.
 
-    Each sensor on its own clock. Without rows where the session holds no rest, and without
-    AllanTools, which is an extra.
+    Takes NoiseSettings and what the rows are to hold as their stage. Each sensor is on its own
+    clock. There are no rows where the session holds no rest, or where AllanTools, an extra, is not
+    installed.
     """
     parts = [no_curves()]
-    by_sensor = records_by_sensor([session], []) if find_spec("allantools") else {}
-    for sensor, (record,) in by_sensor.items():
-        for axis in SENSORS[sensor]:
-            # a few missing samples are taken for none
-            stretches = closed_up(record.signals(axis))
+    by_sensor = records_by_sensor([session], []) if find_spec("allantools") else []
+    for sensors, (record,) in by_sensor:
+        for axis in (axis for sensor in sensors for axis in SENSORS[sensor]):
+            stretches = record.stretches(axis)
             if all(np.isfinite(x).all() for x in stretches):
                 curve = allan_curve(stretches, record.rate, settings)
                 parts.append(table(COLUMNS, axis, *curve, stage))
-            # or two axes would be in memory at once
-            stretches = None
+            # two axes at once would need twice the memory
+            del stretches
     return joined(parts)
 
 

@@ -252,8 +252,8 @@ def _slow(pieces, covariances):
 
 def _level_times(sampling):
     """Return the time from start to end of the stretches of each level, s."""
-    first = np.flatnonzero(np.diff(sampling.level, prepend=-1))
-    last = np.append(first[1:], len(sampling.level)) - 1
+    first = np.flatnonzero(np.diff(sampling.levels, prepend=-1))
+    last = np.append(first[1:], len(sampling.levels)) - 1
     samples = sampling.starts[last] + sampling.lengths[last] - sampling.starts[first]
     return samples / sampling.rate
 
@@ -280,7 +280,7 @@ def _pieces(samplings, m):
         stretch = np.repeat(np.arange(len(number)), number)
         within = m * np.concatenate([np.arange(n) for n in number])
         place = (np.cumsum(sampling.lengths) - sampling.lengths)[stretch] + within
-        start, level = sampling.starts[stretch] + within, sampling.level[stretch]
+        start, level = sampling.starts[stretch] + within, sampling.levels[stretch]
         few = -(-len(start) // (BLOCKS + BLOCKS // 8))
         for part in np.array_split(np.arange(len(start)), max(few, 1)):
             # levels follow each other, so that a contrast of one is free of a walk in another
