@@ -51,18 +51,16 @@ def estimate_axis(basis, signals, settings):
     if basis.count.sum() < MIN_VALUES:
         return AxisEstimate(AxisNoise(), 0.0)
     lines, selection = find_lines(basis, signals, settings)
-    low_pass, wider, term = choose_low_pass(selection), 1.0, None
-    selection = selection.filtered(low_pass)
+    selection, wider, term = choose_low_pass(selection), 1.0, None
     terms = selection.supported
-    if low_pass:
-        selection, terms = _weighted(selection, leakage_weights(basis, low_pass), terms)
+    if selection.low_pass:
+        selection, terms = _weighted(selection, leakage_weights(selection), terms)
     size, weight = misfit(selection, terms)
     if size:
         selection, terms = _weighted(selection, weight, terms)
-    if low_pass:
-        low_pass, error, wider = likeliest_corner(selection, low_pass, terms)
-        selection = selection.filtered(low_pass)
-        corner = low_pass.corner / basis.dt
+    if selection.low_pass:
+        selection, error, wider = likeliest_corner(selection, terms)
+        low_pass, corner = selection.low_pass, selection.low_pass.corner / basis.dt
         term = LowPassTerm(low_pass.kind, Coefficient.of(corner, corner * error), low_pass.floor)
     sinusoid = tuple(
         SinusoidTerm(line.amplitude, line.frequency, mains(line.frequency.value, 1 / basis.dt))
@@ -79,7 +77,7 @@ def _weighted(selection, weight, terms):
     which a filter is known, would go.
     """
     selection = selection.weighted(selection.likelihood.count * weight)
-    kept = np.ndim(selection.gain) and "N" not in selection.supported
+    kept = selection.low_pass and "N" not in selection.supported
     return selection, terms if kept else selection.supported
 
 

@@ -17,8 +17,8 @@ SHORTEST = 3
 # of the frequency where that is more. The wander of mains is narrower than half a block; what is
 # wider is no line
 FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
-# number of frequencies at which the spectrum is computed, for interpolation: right within 2e-4 for a
-# walk, the steepest spectrum, over six decades
+# number of frequencies at which the spectrum is computed; interpolation between them is right
+# within 2e-4 for a walk, the steepest spectrum, over six decades
 NODES = 1000
 # nodes of the integral for the chance of a peak
 EXPONENTS = np.geomspace(1e-4, 1e3, 700)
