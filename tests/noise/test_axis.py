@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
+from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
 from imuloop.noise.axis import estimate_axis, find_lines
 from imuloop.noise.modes import modes
-from imuloop.noise.processes import densities, gauss_markov_density
 from imuloop.noise.sampling import Signal
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, gauss_markov, quantisation, ramp, sinusoid, walk, white
@@ -108,14 +108,11 @@ SLOW = {"white": {}, "flicker": {"B": 6e-3}, "walk": {"K": 4e-3}, "hump": {"hump
 
 
 def slow_density(B=0.0, K=0.0, hump=(0.0, 1.0)):
-    q, tc = hump
-    theta = np.array([0.0, 0.01**2, B**2, K**2])
-
-    def density(f):
-        process = q**2 * tc / 2 * gauss_markov_density(f, DT, tc)
-        return 2 * (densities(f, DT) @ theta + process)
-
-    return density
+    process = GaussMarkovTerm(*map(Coefficient, hump))
+    noise = AxisNoise(
+        N=Coefficient(0.01), B=Coefficient(B), K=Coefficient(K), gauss_markov=(process,)
+    )
+    return lambda f: noise.density(f, RATE)
 
 
 def short_lines(seed, amplitude=0.0, **truth):

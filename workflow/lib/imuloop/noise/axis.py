@@ -1,6 +1,6 @@
 """The noise of one axis: terms, Gauss-Markov processes and lines of its clean stretches."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from imuloop.noise.likelihood import Likelihood
 from imuloop.noise.lines import find_line, mains
 from imuloop.noise.low_pass import choose_low_pass, leakage_weights, likeliest_corner
 from imuloop.noise.misfit import misfit
-from imuloop.noise.processes import density
 from imuloop.noise.selection import Selection
 
 # lines at most, with what remains of those that wander
@@ -27,10 +26,11 @@ MIN_VALUES = 16
 class AxisEstimate:
     """Result of `estimate_axis`."""
 
-    noise: AxisNoise  # coefficients, tested, with intervals or limits
+    # coefficients, tested, with intervals or limits
+    noise: AxisNoise = field(default_factory=AxisNoise)
     # largest relative standard deviation by which the spectrum leaves the terms beyond chance over
     # half a decade; 0 where chance explains all; it is part of all intervals
-    misfit: float
+    misfit: float = 0.0
 
 
 def estimate_axis(basis, signals, settings):
@@ -49,7 +49,7 @@ def estimate_axis(basis, signals, settings):
     settings : NoiseSettings
     """
     if basis.count.sum() < MIN_VALUES:
-        return AxisEstimate(AxisNoise(), 0.0)
+        return AxisEstimate()
     lines, selection = find_lines(basis, signals, settings)
     selection, wider, term = choose_low_pass(selection), 1.0, None
     terms = selection.supported
@@ -107,9 +107,7 @@ def _strongest_line(signals, selection):
     """Return the most significant Line of Signals, or None.
 
     The fit of the terms may take a line of a few periods for noise. So a line that stands out from
-    its neighbours alone is kept from the fit. It is a line if it then stands out from the terms. It
-    is sought in the means of the blocks: a faster line is one mode among many, too narrow for any
-    term to follow.
+    its neighbours alone is kept from the fit. It is a line if it then stands out from the terms.
     """
     basis, likelihood, level = selection.modes, selection.likelihood, selection.level
     power = likelihood.power(selection.fit(selection.supported).ramp)
@@ -118,19 +116,17 @@ def _strongest_line(signals, selection):
         return None
     if line := find_line(signals, _density(selection), level):
         return line
-    slow = [means for signal in signals if (means := signal.closed_up().means(basis.m))]
     flat = basis.dt * np.mean(likelihood.power())
-    line = find_line(slow, lambda f: np.full_like(f, flat), level)
+    line = find_line(signals, lambda f: np.full_like(f, flat), level)
     if line is None:
         return None
     apart = abs(basis.frequency - line.frequency.value) > 1 / basis.span
-    spectrum = _density(selection.weighted(likelihood.count * apart))
-    return find_line(slow, spectrum, level) and find_line(signals, spectrum, level)
+    return find_line(signals, _density(selection.weighted(likelihood.count * apart)), level)
 
 
 def _density(selection):
     """Return the one-sided density of the supported terms, SI^2/Hz, a function of frequency, Hz."""
-    dt, squares = selection.modes.dt, selection.squares(selection.supported)
+    dt, noise = selection.modes.dt, selection.noise(selection.supported)
     # no less than that of rounding
-    lowest = selection.likelihood.floor * dt
-    return lambda frequency: 2 * np.maximum(density(frequency, dt, squares), lowest)
+    lowest = 2 * selection.likelihood.floor * dt
+    return lambda frequency: np.maximum(noise.density(frequency, 1 / dt), lowest)

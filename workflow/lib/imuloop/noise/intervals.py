@@ -74,19 +74,16 @@ def _models(selection, terms, name):
 
     A model in which such a term is estimated as zero is left out: it is the model without it.
     """
-    free = [t for t in FREE if t in selection.candidates and t != name]
+    free = tuple(t for t in FREE if t in selection.candidates and t != name)
     models = [plus(plus(tuple(t for t in terms if t not in free), "N"), name)]
     for t in free:
         models += [plus(model, t) for model in models]
 
-    def value(model):
-        return selection.fit(model).restricted
+    def gain(t, model):
+        return selection.fit(model).restricted - selection.fit(without(model, t)).restricted
 
-    return [
-        m
-        for m in models
-        if all(value(m) - value(without(m, t)) > NOTHING for t in free if t in m and t != "R")
-    ]
+    tested = variances(free)
+    return [m for m in models if all(gain(t, m) > NOTHING for t in tested if t in m)]
 
 
 def _profile(selection, name, model):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import minimize_scalar, nnls
+from scipy.optimize import fminbound, nnls
 
 # the fit ends where the log-likelihood grows by less, or after so many rounds
 CLOSE, ROUNDS = 1e-6, 100
@@ -31,13 +31,7 @@ def weighted_nnls(units, target, weight):
 
 def likeliest(log_likelihood, low, high, close=1e-5):
     """Return where a function of a number is largest between two ends, right within `close`."""
-    found = minimize_scalar(
-        lambda u: -log_likelihood(u),
-        bounds=(low, high),
-        method="bounded",
-        options={"xatol": close},
-    )
-    return float(found.x)
+    return float(fminbound(lambda u: -log_likelihood(u), low, high, xtol=close))
 
 
 @dataclass(frozen=True)

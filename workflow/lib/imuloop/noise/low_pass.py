@@ -10,8 +10,9 @@ from operator import itemgetter
 import numpy as np
 
 from imuloop.core.low_pass import DEGREES, GAINS, LowPass
+from imuloop.core.noise_model import Coefficient
 from imuloop.noise.likelihood import likeliest
-from imuloop.noise.processes import NAMES, density
+from imuloop.noise.processes import NAMES
 
 # corners that are tried, and the highest, share of the rate
 CORNERS, HIGHEST = np.geomspace(0.01, 0.48, 12), 0.495
@@ -51,10 +52,9 @@ def _is_seen(filtered):
     terms, share = filtered.supported, filtered.low_pass.corner
     if "N" not in terms or share < CORNERS[0]:
         return False
-    squares = filtered.squares(terms)
-    slow = {term: square for term, square in squares.items() if term not in ("Q", "N")}
-    dt = filtered.modes.dt
-    return density(np.array([share / dt]), dt, slow)[0] < squares["N"]
+    noise, rate = filtered.noise(terms), 1 / filtered.modes.dt
+    slow = replace(noise, Q=Coefficient(), N=Coefficient())
+    return slow.density(share * rate, rate) < 2 * noise.N.square
 
 
 def leakage_weights(filtered):

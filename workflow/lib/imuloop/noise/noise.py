@@ -112,13 +112,12 @@ def estimate_noise(device, sessions, settings, views=True):
 def _estimate(axis, records, basis, settings, notes):
     """Return the AxisEstimate of an axis from its Records and their Modes; adds to `notes`."""
     signals = [signal for record in records for signal in record.signals(axis)]
-    nothing = AxisEstimate(AxisNoise(), 0.0)
     if not all(np.isfinite(signal.values).all() for signal in signals):
         notes.append(f"{axis}: values that are not finite, no coefficient estimated")
-        return nothing
+        return AxisEstimate()
     if all(signal.is_constant() for signal in signals):
         notes.append(f"{axis}: output is constant, no coefficient estimated")
-        return nothing
+        return AxisEstimate()
     estimate = estimate_axis(basis, signals, settings)
     if not any(getattr(estimate.noise, name).upper95 for name in "QNBKR"):
         notes.append(f"{axis}: too few samples for a coefficient")

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy import fft
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.special import betainc
 
@@ -31,8 +30,7 @@ class Periodogram:
     r"""Periodogram of one Signal over its noise: the spectrum times the local background.
 
     The periodogram is :math:`I(f) = 2 |\sum_j x_j e^{-2 \pi i f t_j}|^2/(n r)` for n values
-    :math:`x_j` at the times :math:`t_j` and a sampling rate r. Before, the mean of each level and
-    one slope are removed, gaps are filled with zeros, and the record is padded to twice its length.
+    :math:`x_j` at the times :math:`t_j` and a sampling rate r; see `Signal.power`.
 
     The background is a factor for each block of frequencies: the largest median of I/S in the block
     and in its two neighbours, where S is the spectrum. At either end the two nearest blocks are the
@@ -88,15 +86,15 @@ class Periodogram:
 
         `spectrum` is the one-sided density, SI^2/Hz, as a function of frequency in Hz.
         """
-        n, extent = int(signal.lengths.sum()), signal.extent
+        n = int(signal.lengths.sum())
         # frequencies in units of rate/n, the distance of independent ones
-        low = SHORTEST * n / extent
+        low = SHORTEST * n / signal.extent
         sizes = _block_sizes(low, n, signal.rate)
         # in a record that never changes, nothing but rounding is left
         if not sizes or signal.is_sparse or signal.is_constant():
             return None
-        t = signal.samples.astype(float)
-        padded = 16 * fft.next_fast_len(-(-extent // 8))
+        power, factor = signal.power
+        padded = 2 * (len(power) - 1)
         edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
         edges[-1] = int((n / 2 - low) * padded / n)
         start, stop, step = edges[0], edges[-1], signal.rate / padded
@@ -104,12 +102,9 @@ class Periodogram:
         density = spectrum(step * nodes) * n * signal.rate / 2
         if not (density > 0).all():
             return None
-        # a power of two keeps squares within single precision; its rounding lies 14 decades below
-        # the variance
-        size = 2.0 ** np.rint(np.log2(density.max()) / 2)
-        transform = fft.rfft(_filled(signal, t, size), padded)[start:stop]
-        ratio = transform.real**2 + transform.imag**2
-        ratio /= np.interp(np.arange(start, stop), nodes, density / size**2)
+        # in single precision
+        expected = np.interp(np.arange(start, stop), nodes, density / factor)
+        ratio = np.divide(power[start:stop], expected, dtype=power.dtype, casting="same_kind")
         edges -= start
         # only every second value: those between are not independent
         medians = np.array([np.median(ratio[i:j:2]) for i, j in pairwise(edges.tolist())])
@@ -125,7 +120,7 @@ class Periodogram:
             sizes=minimum_filter1d(sizes, 3, mode="nearest")[centre],
             variance=signal.rate / 2 * background / np.log(2),
             ratio=ratio,
-            independent=float(edges[-1] / padded * np.sqrt(4 * np.pi * t.var())),
+            independent=float(edges[-1] / padded * np.sqrt(4 * np.pi * signal.samples.var())),
             spectrum=spectrum,
         )
 
@@ -195,16 +190,3 @@ def _block_sizes(low, n, rate):
         sizes.append(size)
         k += size
     return sizes
-
-
-def _filled(signal, t, size):
-    """Return a Signal over `size` without levels and slope, in single precision.
-
-    `t` is the number of each sample. A sample in a gap is zero.
-    """
-    t, x = signal.centred(t), signal.centred(signal.values)
-    x -= (t @ x) / (t @ t) * t
-    filled = np.zeros(signal.extent, np.float32)
-    for start, part in zip(signal.starts, signal.split(x), strict=True):
-        filled[start : start + len(part)] = part / size
-    return filled

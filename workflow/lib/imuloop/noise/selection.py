@@ -11,6 +11,7 @@ from math import erfc, sqrt
 import numpy as np
 
 from imuloop.core.low_pass import LowPass
+from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
 from imuloop.noise.likelihood import Likelihood, likeliest
 from imuloop.noise.modes import Modes
 from imuloop.noise.processes import NAMES
@@ -89,6 +90,14 @@ class Selection:
     def squares(self, terms):
         """Return the fitted variance of each term but a ramp, SI squared, a dict."""
         return dict(zip(variances(terms), self.fit(terms).theta, strict=True))
+
+    def noise(self, terms):
+        """Return the AxisNoise of terms but a ramp, with fitted values and without intervals."""
+        values = {term: np.sqrt(square) for term, square in self.squares(terms).items()}
+        letters = {t: Coefficient(value) for t, value in values.items() if isinstance(t, str)}
+        drives = {t: np.sqrt(2 / t) * values[t] for t in correlation_times(terms)}
+        processes = [GaussMarkovTerm(Coefficient(q), Coefficient(t)) for t, q in drives.items()]
+        return AxisNoise(**letters, gauss_markov=tuple(processes))
 
     def p_value(self, term, gain):
         """Return the probability that an absent term gains so much log-likelihood.
