@@ -17,9 +17,14 @@ PROBABILITY = 0.9
 LEVEL = NoiseSettings().significance
 
 
+def unbroken(rate, samples):
+    """Return the Sampling of one stretch."""
+    return Sampling(rate, *np.array([[0], [samples], [0]]))
+
+
 def estimate_record(x, rate, settings):
     """Return the AxisEstimate of `x`, shape (n,), of `rate` in Hz."""
-    signal = Sampling.unbroken(rate, len(x)).with_values(np.asarray(x, float))
+    signal = unbroken(rate, len(x)).with_values(np.asarray(x, float))
     return estimate_axis(modes([signal]), [signal], settings)
 
 
@@ -31,7 +36,7 @@ def line_limit(sampling, density, frequency, level=LEVEL):
     """
     n, rng = sampling.lengths.sum(), np.random.default_rng(0)
     noise = Periodogram.of(sampling.with_values(rng.standard_normal(n)), density)
-    m = noise.sizes[noise.block(frequency)]
+    _, m = noise.noise(frequency)
     ratio = brentq(
         lambda x: chance_over_band(chance_at_one(x, m), noise.independent) - level, 0.1, 1e6
     )
@@ -39,7 +44,7 @@ def line_limit(sampling, density, frequency, level=LEVEL):
     # the line itself, some three values wide, lies in the block that it is compared with
     share = betaincinv(half, half, 0.5 ** (1 / 3)) * m / (m - 3)
     noncentrality = chndtrinc(-2 * ratio * np.log1p(-share), 2, 1 - PROBABILITY)
-    return np.sqrt(noncentrality * noise.rate * density(np.array([frequency]))[0] / n)
+    return np.sqrt(noncentrality * sampling.rate * density(np.array([frequency]))[0] / n)
 
 
 def gauss_markov(n, dt, q, tc, rng):

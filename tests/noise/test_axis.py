@@ -4,13 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfilt
 
+from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
+from imuloop.noise import gains
 from imuloop.noise.axis import estimate_axis, find_lines
 from imuloop.noise.modes import modes
-from imuloop.noise.processes import densities, gauss_markov_density
-from imuloop.noise.sampling import Sampling, Signal
+from imuloop.noise.sampling import Signal
 from imuloop.noise.settings import NoiseSettings
 from imuloop.simulate.noise import flicker, quantisation, ramp, walk, white
-from noise.one_record import estimate_record, gauss_markov, line_limit
+from noise.one_record import estimate_record, gauss_markov, line_limit, unbroken
 from seeds import least, seeds
 
 SETTINGS = NoiseSettings()
@@ -30,7 +31,7 @@ def record(seed, Q=0.0, W=0.01, B=0.0, K=0.0, R=0.0, hump=None, line=None, n=N):
     return x
 
 
-WHOLE = Sampling.unbroken(RATE, N)
+WHOLE = unbroken(RATE, N)
 BASIS = modes([WHOLE])
 
 
@@ -103,20 +104,17 @@ def test_a_line_is_found_and_leaves_the_rest_as_it_was():
     assert noise.N.value == pytest.approx(plain.N.value, rel=1e-3)
 
 
-SHORT = Sampling.unbroken(RATE, 4000)
+SHORT = unbroken(RATE, 4000)
 SHORT_BASIS = modes([SHORT])
 SLOW = {"white": {}, "flicker": {"B": 6e-3}, "walk": {"K": 4e-3}, "hump": {"hump": (0.02, 10.0)}}
 
 
 def slow_density(B=0.0, K=0.0, hump=(0.0, 1.0)):
-    q, tc = hump
-    theta = np.array([0.0, 0.01**2, B**2, K**2])
-
-    def density(f):
-        process = q**2 * tc / 2 * gauss_markov_density(f, DT, tc)
-        return 2 * (densities(f, DT) @ theta + process)
-
-    return density
+    process = GaussMarkovTerm(*map(Coefficient, hump))
+    noise = AxisNoise(
+        N=Coefficient(0.01), B=Coefficient(B), K=Coefficient(K), gauss_markov=(process,)
+    )
+    return lambda f: gains.density(noise, f, RATE)
 
 
 def short_lines(seed, amplitude=0.0, **truth):

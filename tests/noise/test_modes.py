@@ -5,8 +5,6 @@ from scipy.linalg import toeplitz
 from imuloop.noise.modes import expected_squares, modes
 from imuloop.noise.processes import (
     block_mean_covariances,
-    densities,
-    gauss_markov_density,
     gauss_markov_means,
     gauss_markov_samples,
     sample_covariances,
@@ -63,15 +61,3 @@ def test_mean_squares_of_a_broken_record_are_as_expected():
         total += np.concatenate([slow**2, fast]) / basis.units[:, 3] / 150
     assert np.mean(total) == pytest.approx(1, abs=0.015)
     assert np.std(total[:-1]) == pytest.approx(np.sqrt(2 / 150), rel=0.15)
-
-
-def test_densities_are_the_transform_of_the_covariance():
-    n, dt = 4000, 0.1
-    frequency = np.arange(200, 2000, 100) / (n * dt)
-    for place in (0, 1):
-        row = sample_covariances(n, dt)[place]
-        spectrum = dt * (2 * np.fft.rfft(row).real - row[0])[200:2000:100]
-        assert densities(frequency, dt)[:, place] == pytest.approx(spectrum, rel=1e-6)
-    row = gauss_markov_samples(n, dt, 2.0)
-    spectrum = dt * (2 * np.fft.rfft(row).real - row[0])[200:2000:100]
-    assert gauss_markov_density(frequency, dt, 2.0) == pytest.approx(spectrum, rel=1e-6)

@@ -177,6 +177,6 @@ def test_noise_json_holds_the_model_and_the_rest(tmp_path):
     content = json.loads((tmp_path / "noise.json").read_text())
     assert set(content) == {
         *("format", "device", "axes", "rate_hz", "rates_hz", "spectrum"),
-        *("repeatability", "statistics", "sessions", "notes"),
+        *("statistics", "sessions", "notes"),
     }
     assert content["statistics"]["rest"]["ax"]["std"] == pytest.approx(0.01 * np.sqrt(50), rel=0.05)

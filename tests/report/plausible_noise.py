@@ -32,14 +32,12 @@ def plausible_noise(axes, rate):
     hump = GaussMarkovTerm(*map(known, HUMP[1:]))
     axes = axes | {LINE[0]: replace(axes[LINE[0]], sinusoid=(line,))}
     axes |= {HUMP[0]: replace(axes[HUMP[0]], gauss_markov=(hump,))}
-    gyroscope = {"std": 2e-4, "sessions": 3}
     return {
         "axes": {a: asdict(noise) for a, noise in axes.items()},
         "notes": ["K would need a record of 40 h"],
         "rate_hz": rate,
         "rates_hz": dict.fromkeys(SENSORS, rate),
         "spectrum": {a: {"misfit": 0.02} for a in CHANNELS},
-        "repeatability": {a: gyroscope if a[0] == "g" else None for a in CHANNELS},
     }
 
 

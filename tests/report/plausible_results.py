@@ -171,7 +171,7 @@ def _noise(device):
     session = next(iter(DEVICES[device][1]))
     return {
         # what a noise stage may leave without an answer
-        **dict.fromkeys(("rate_hz", "repeatability")),
+        "rate_hz": None,
         "rates_hz": {},
         "spectrum": {},
         "format": 1,

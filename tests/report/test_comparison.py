@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from imuloop.core.noise_model import NoiseModel
+from imuloop.export.bound import bounding
 from imuloop.model.calibration import Calibration
-from imuloop.noise.filters import bounding
 from imuloop.report.figures.comparison import allan_comparison
 from imuloop.report.summary import PAIRS
 from imuloop.report.tables.comparison import (

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from imuloop.effects.axes import AXES
-from imuloop.noise.filters import RANGE, bounding
+from imuloop.export.bound import RANGE, bounding
 
 # SI units of the noise coefficients
 UNITS = {

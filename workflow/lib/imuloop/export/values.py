@@ -9,9 +9,9 @@ from imuloop.core.samples import SENSORS
 from imuloop.core.units import DEGREE
 from imuloop.effects.axes import AXES
 from imuloop.effects.turn_on_bias import TurnOnBias
+from imuloop.export.bound import RANGE
 from imuloop.export.densities import UNITS, estimated, for_filter, of_calibrated
 from imuloop.model.calibration import Calibration
-from imuloop.noise.filters import RANGE
 
 # what follows K (raw - b) by the contract; every file says it
 MODEL = "x = T (K (raw - b) - e)"

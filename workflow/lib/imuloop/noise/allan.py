@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined, table
-from imuloop.noise.records import closed_up, records_by_sensor
+from imuloop.noise.records import records_by_sensor
 from imuloop.noise.settings import NoiseSettings
 
 # columns of allan.parquet
@@ -26,22 +26,22 @@ PIECE = 1 << 17
 
 
 def session_curves(session, settings, stage="raw"):
-    """Return the rows of allan.parquet of a RecordedSession: the curves of its rests.
+    """Return the Allan curves of the rests of a RecordedSession as rows of allan.parquet.
 
-    Each sensor on its own clock. Without rows where the session holds no rest, and without
-    AllanTools, which is an extra.
+    Takes NoiseSettings and what the rows are to hold as their stage. Each sensor is on its own
+    clock. There are no rows where the session holds no rest, or where AllanTools, an extra, is not
+    installed.
     """
     parts = [no_curves()]
-    by_sensor = records_by_sensor([session], []) if find_spec("allantools") else {}
-    for sensor, (record,) in by_sensor.items():
-        for axis in SENSORS[sensor]:
-            # a few missing samples are taken for none
-            stretches = closed_up(record.signals(axis))
+    by_sensor = records_by_sensor([session], []) if find_spec("allantools") else []
+    for sensors, (record,) in by_sensor:
+        for axis in (axis for sensor in sensors for axis in SENSORS[sensor]):
+            stretches = record.stretches(axis)
             if all(np.isfinite(x).all() for x in stretches):
                 curve = allan_curve(stretches, record.rate, settings)
                 parts.append(table(COLUMNS, axis, *curve, stage))
-            # or two axes would be in memory at once
-            stretches = None
+            # two axes at once would need twice the memory
+            del stretches
     return joined(parts)
 
 
@@ -124,8 +124,11 @@ def averaging_factors(length, settings):
     return np.unique(np.rint(np.geomspace(1, longest, count)).astype(int))
 
 
-def terms(factors, length):
-    """Return the number of overlapping terms of a stretch; 0 where it is below 2."""
+def term_counts(factors, length):
+    """Return the number of overlapping terms in a stretch of `length` samples; 0 if it is below 2.
+
+    The averaging factors and the lengths are broadcast against each other.
+    """
     count = np.asarray(length) + 1 - 2 * np.asarray(factors)
     return np.where(count < 2, 0, count)
 
@@ -151,7 +154,7 @@ def allan_variance(stretches, factors):
     factors = np.asarray(factors)
     total, weight = np.zeros(len(factors)), np.zeros(len(factors))
     for values in stretches:
-        count, phase = terms(factors, len(values)), np.zeros(len(values) + 1)
+        count, phase = term_counts(factors, len(values)), np.zeros(len(values) + 1)
         # without the mean, for the digits
         np.cumsum(values - np.mean(values), out=phase[1:])
         weight += count
@@ -169,7 +172,8 @@ def degrees_of_freedom(variance, factors, lengths):
 
     .. math:: \nu = \Big(\sum_s M_s\Big)^2 \Big/ \sum_s M_s^2/\nu_s
 
-    with AllanTools' of each stretch, for the noise that the slope of the curve shows.
+    :math:`M_s` is the number of terms of a stretch. :math:`\nu_s` are AllanTools' degrees of
+    freedom for the noise that the slope of the curve shows.
 
     Takes the Allan variance at averaging `factors`, shape (k,), and the samples of each stretch.
 
@@ -186,8 +190,8 @@ def degrees_of_freedom(variance, factors, lengths):
         return edf_simple(length + 1, m, exponent)
 
     lengths, repeats = np.unique(lengths, return_counts=True)
-    count, edf = terms(factors[:, None], lengths), np.empty(len(factors))
-    exponents = noise_exponents(variance, factors, count @ repeats)
+    count, edf = term_counts(factors[:, None], lengths), np.empty(len(factors))
+    exponents = noise_exponents(variance, factors)
     for k, (exponent, m) in enumerate(zip(exponents.tolist(), factors.tolist(), strict=True)):
         seen = count[k] > 0
         each = np.array([of_stretch(exponent, m, n) for n in lengths[seen].tolist()])
@@ -195,22 +199,18 @@ def degrees_of_freedom(variance, factors, lengths):
     return edf
 
 
-def noise_exponents(variance, factors, count):
+def noise_exponents(variance, factors):
     """Return the exponent of the power spectrum that the slope shows at each point, shape (k,).
 
-    The slope of the deviation on logarithmic scales, by least squares in which short averages weigh
-    more, so that the few terms of long ones do not decide. White noise where there is no slope.
-    Takes the Allan variance at averaging `factors` and the `count` of its terms, shape (k,).
+    Takes the Allan variance at averaging `factors`, shape (k,). The slope at a factor is that of
+    the deviation on logarithmic scales, from `REACH` times shorter to as much longer. White noise
+    where there is no slope.
     """
-    if not np.all(variance > 0):
+    if len(factors) < 2 or not np.all(variance > 0):
         return np.zeros(len(factors), dtype=int)
     x, y = np.log(factors), np.log(variance) / 2
-    weight = (np.abs(x - x[:, None]) < np.log(REACH)) * np.sqrt(count / factors)
-    weight /= weight.sum(axis=1, keepdims=True)
-    distance = x - (weight @ x)[:, None]
-    spread = (weight * distance**2).sum(axis=1)
-    slope = np.full(len(x), -0.5)
-    np.divide((weight * distance) @ y, spread, out=slope, where=spread > 0)
+    low, high = np.maximum(x - np.log(REACH), x[0]), np.minimum(x + np.log(REACH), x[-1])
+    slope = (np.interp(high, x, y) - np.interp(low, x, y)) / (high - low)
     exponents = np.take(EXPONENTS, np.digitize(slope, SLOPES))
     # quantisation falls fastest: where another noise has shown, it shows no more
     return np.where(np.logical_or.accumulate(exponents <= 0), np.minimum(exponents, 0), exponents)

@@ -96,3 +96,28 @@ class LowPass:
 def term_gain(term, f, rate):
     """Return the power gain, (k,), of a LowPassTerm at frequencies f, Hz, (k,), by the rate, Hz."""
     return LowPass(term.kind, term.corner.value / rate, term.floor).gain(f / rate)
+
+
+def density(noise, f, rate):
+    r"""Return the one-sided power spectral density of an `AxisNoise` at frequencies f, SI²/Hz.
+
+    .. math::
+        S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
+        + 2 q^2/(1/T^2 + (2 \pi f)^2)
+
+    If there is a low-pass, its gain multiplies all terms but the first. Sinusoids have no
+    density: each has the power :math:`\Omega^2/2` at its frequency. The ramp is deterministic
+    and adds nothing. r is the `rate` of the output, Hz; f are above 0 and up to half the rate, Hz.
+
+    References
+    ----------
+    IEEE Std 952-1997 (R2008), annex C, which gives the two-sided densities.
+    """
+    f = np.asarray(f, float)
+    omega = 2 * np.pi * f
+    total = 2 * noise.N.square + noise.B.square / (np.pi * f) + 2 * noise.K.square / omega**2
+    for process in noise.gauss_markov:
+        total = total + 2 * process.q.square / (process.tc.value**-2 + omega**2)
+    if noise.low_pass:
+        total = total * term_gain(noise.low_pass, f, rate)
+    return total + 8 * noise.Q.square * rate * np.sin(np.pi * f / rate) ** 2

@@ -10,10 +10,10 @@ from scipy.special import ndtr, ndtri
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
 from imuloop.noise.selection import NOTHING, ORDER, correlation_times, plus, variances, without
 
-# an end of an interval is known to such a share, or its tail area to such a part of a deviate
-CLOSE, ALIKE = 1e-5, 1e-4
-# steps of the logarithm in which an end is looked for: the first, their growth, the last
-FIRST, GROWTH, FARTHEST = 0.1, 4.0, 80.0
+# share to which an end of an interval is known
+CLOSE = 1e-5
+# steps of the logarithm of a coefficient in which an end is looked for
+STEPS = 0.1 * 4.0 ** np.arange(5)
 # areas below do not matter
 TINY = 1e-300
 # terms that may stand in for each other: intervals are averaged over models with and without them,
@@ -39,15 +39,15 @@ def coefficients_with_intervals(selection, terms, wider=1.0):
     reach 2.5 %. :math:`\ell_m(x)` is the profile likelihood of the coefficient, and weights of
     models of k terms are Akaike's.
 
-    Where there is a filter, N depends on its corner: its interval is `wider`, of
-    `low_pass.likeliest_corner`, by so much on a logarithmic scale. Those of Gauss-Markov processes
+    Where there is a filter, N depends on its corner: its interval is `wider`
+    times as long on a logarithmic scale. Those of Gauss-Markov processes
     are by the information matrix beside white noise, flicker and walk.
 
     References
     ----------
     D. Fletcher and D. Turek, J. Agric. Biol. Environ. Stat. 17 (2012) 38.
     """
-    fit = selection.fit(terms, True)
+    fit = selection.fit(terms)
     theta = dict(zip(variances(terms), fit.theta, strict=True))
     coefficients = {}
     for name in ORDER:
@@ -72,54 +72,49 @@ def coefficients_with_intervals(selection, terms, wider=1.0):
 def _models(selection, terms, name):
     """Return the models that hold a term: with and without each of those that may stand in.
 
-    One in which such a term comes out as zero is the model without it.
+    A model in which such a term is estimated as zero is left out: it is the model without it.
     """
-    free = [t for t in FREE if t in selection.candidates and t != name]
+    free = tuple(t for t in FREE if t in selection.candidates and t != name)
     models = [plus(plus(tuple(t for t in terms if t not in free), "N"), name)]
     for t in free:
         models += [plus(model, t) for model in models]
 
-    def there(t, model):
-        return selection.fit(model).value - selection.fit(without(model, t)).value > NOTHING
+    def gain(t, model):
+        return selection.fit(model).restricted - selection.fit(without(model, t)).restricted
 
-    return [m for m in models if all(there(t, m) for t in free if t in m and t != "R")]
+    tested = variances(free)
+    return [m for m in models if all(gain(t, m) > NOTHING for t in tested if t in m)]
 
 
 def _profile(selection, name, model):
-    """Return the log weight of a model, where to look for ends of a coefficient, and its deviate.
+    """Return the profile likelihood of a coefficient in a model.
 
-    The second is the likeliest value, or the standard error where that is larger.
+    Returns the logarithm of the model's weight; where to look for ends, the likeliest value or the
+    standard error where that is larger, SI; and a function. The function takes a value of the
+    coefficient, SI, and returns the signed root of twice the log-likelihood that it costs.
     """
-    rest, likelihood = without(model, name), selection.likelihood
-    units, likeliest = selection.units(rest), selection.fit(model, restricted=name != "R")
+    rest, likelihood, fit = without(model, name), selection.likelihood, selection.fit(model)
+    units, expected = selection.units(rest), selection.units(model) @ fit.theta
     if name == "R":
-        sign, best, start = np.copysign(1.0, likeliest.ramp), abs(likeliest.ramp), likeliest.theta
-        size = likelihood.ramp_error(units @ start)
-
-        def fixed(x):
-            return {"ramp": sign * x}
-
+        unit, start, top = 0.0, fit.theta, likelihood.fit(units, fit.ramp).value
+        best, size = abs(fit.ramp), 1 / sqrt(likelihood.information(expected))
     else:
-        unit, place = selection.unit(name), model.index(name)
-        expected = selection.units(model) @ likeliest.theta
+        unit, place, top = selection.unit(name), model.index(name), fit.restricted
         # small beside what is there, where another takes its place
-        best = max(np.sqrt(likeliest.theta[place]), SMALL * np.sqrt(np.min(expected / unit)))
-        start = np.delete(likeliest.theta, place)
-        size = np.sqrt(likelihood.error(unit, expected))
-
-        def fixed(x):
-            return {"ramp": "R" in rest, "fixed": x**2 * unit, "restricted": True}
-
+        best = max(sqrt(fit.theta[place]), SMALL * sqrt(np.min(expected / unit)))
+        start = np.delete(fit.theta, place)
+        size = likelihood.covariance(unit[:, None], expected)[0, 0] ** 0.25
     known = {best: start}
 
     def deviate(x):
-        # from the nearest one that is known
+        ramp = np.copysign(x, fit.ramp) if name == "R" else None if "R" in rest else 0.0
+        # from the nearest value at which the likelihood is known
         nearest = known[min(known, key=lambda other: abs(other - x))]
-        found = likelihood.fit(units, start=nearest, **fixed(x))
+        found = likelihood.fit(units, ramp, x**2 * unit, nearest)
         known[x] = found.theta
-        return np.copysign(sqrt(2 * max(likeliest.value - found.value, 0.0)), x - best)
+        return np.copysign(sqrt(2 * max(top - found.restricted, 0.0)), x - best)
 
-    return selection.fit(model).value - len(model), max(best, size), deviate
+    return fit.value - len(model), max(best, size), deviate
 
 
 def _process(selection, terms, tc, fit):
@@ -144,14 +139,14 @@ def _process(selection, terms, tc, fit):
 def _tail(profiles):
     """Return the tail area below a coefficient, averaged over models, and where to look for ends.
 
-    The first is a function of the coefficient's logarithm, the area as a normal deviate, which is
-    nearly straight; the second is that of the heaviest model.
+    Takes the results of `_profile` for each model. The area is a function of the logarithm of the
+    coefficient. It is a normal deviate, which is nearly straight. Where to look is a value of the
+    coefficient, that of the heaviest model.
     """
-    weight = np.array([weight for weight, *_ in profiles])
-    weight = np.exp(weight - weight.max())
+    weights, values, deviates = zip(*profiles, strict=True)
+    weight = np.exp(np.array(weights) - max(weights))
     weight[weight <= NEGLIGIBLE * weight.sum()] = 0.0
     weight /= weight.sum()
-    deviates = [deviate for _, _, deviate in profiles]
 
     @cache
     def deviate(u):
@@ -159,21 +154,19 @@ def _tail(profiles):
         below, above = (max(weight @ ndtr(sign * np.array(roots)), TINY) for sign in (1, -1))
         return float(ndtri(below) if below < above else -ndtri(above))
 
-    return deviate, profiles[int(weight.argmax())][1]
+    return deviate, values[weight.argmax()]
 
 
 def _crossing(deviate, near, area):
-    """Return where the tail area reaches a value, 0 if nowhere."""
-    wanted, u, step = float(ndtri(area)), log(near), FIRST
+    """Return the value of a coefficient at which the tail area is `area`; 0 if there is none.
 
-    def excess(u):
-        found = deviate(u) - wanted
-        return found if abs(found) > ALIKE else 0.0
-
+    Takes the results of `_tail`.
+    """
+    wanted, u = float(ndtri(area)), log(near)
     rising = deviate(u) <= wanted
-    while step <= FARTHEST:
+    for step in STEPS:
         beyond = u + (step if rising else -step)
         if (deviate(beyond) <= wanted) != rising:
-            return exp(brentq(excess, u, beyond, xtol=CLOSE))
-        u, step = beyond, step * GROWTH
+            return exp(brentq(lambda u: deviate(u) - wanted, u, beyond, xtol=CLOSE))
+        u = beyond
     return 0.0

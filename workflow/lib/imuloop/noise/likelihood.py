@@ -1,23 +1,26 @@
-"""The likelihood of one axis' modes, and its maximum."""
+"""The likelihood of the modes of one axis, and its maximum."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.optimize import nnls
+from scipy.optimize import fminbound, nnls
 
-# the fit ends where the log-likelihood grows by less
+# the fit ends where the log-likelihood grows by less, or after so many rounds
 CLOSE, ROUNDS = 1e-6, 100
 # shares of a step that are tried until the likelihood grows
 SHARES = (1.0, 0.5, 0.25, 0.1, 0.03)
-# smallest expected square, share of the largest that was found: rounding of the transform
+# smallest expected square, share of the largest measured one: rounding of the transform
 ROUNDING = 1e-13
 
 
 def weighted_nnls(units, target, weight):
-    """Return x >= 0 that minimises ``Σ w (y - U x)²``, for columns U of any size, shape (p,)."""
+    """Return x >= 0, (p,), that minimises ``Σ w (y - U x)²``.
+
+    Takes the matrix U, (r, p), whose columns may have any size; y and the weight w, (r,).
+    """
     if not units.shape[1]:
-        # scipy's ends the process
+        # scipy's nnls ends the process
         return np.zeros(0)
     root = np.sqrt(weight)
     columns = units * root[:, None]
@@ -26,38 +29,41 @@ def weighted_nnls(units, target, weight):
     return nnls(columns / size, root * target)[0] / size
 
 
+def likeliest(log_likelihood, low, high, close=1e-5):
+    """Return where a function of a number is largest between two ends, right within `close`."""
+    return float(fminbound(lambda u: -log_likelihood(u), low, high, xtol=close))
+
+
 @dataclass(frozen=True)
 class MaximumLikelihood:
-    """Most likely variances.
+    """Most likely variances."""
 
-    `theta`, shape (p,), are factors of the unit spectra, none negative; `ramp` in SI/s is 0 where
-    it was not fitted; `value` is the logarithm of the likelihood, without its constant.
-    """
-
-    theta: np.ndarray
-    ramp: float
-    value: float
+    theta: np.ndarray  # factors of the unit spectra, (p,), none negative
+    ramp: float  # SI/s; 0 where it was not fitted
+    value: float  # log-likelihood, without its constant
+    restricted: float  # the same, or the restricted one where a ramp was fitted
 
 
 @dataclass(frozen=True)
 class Likelihood:
-    r"""Independent Gaussian modes with expected squares linear in the variances.
+    r"""Independent Gaussian modes with expected squares that are linear in the variances.
 
     .. math:: \ell = -\frac12 \sum_r w_r n_r (\ln s_r + p_r/s_r), \quad s = U \theta
 
-    with p the mean squares of n values and, in the slow modes, :math:`p = (c - R \rho)^2` for a
+    p are the mean squares of n values, and s those expected for the unit spectra U and the
+    variances :math:`\theta`. In the slow modes, :math:`p = (c - R \rho)^2` for amplitudes c and a
     ramp R. The weights w are 1 unless the spectrum leaves the model beyond chance.
 
     Attributes
     ----------
     slow, rho : ndarray, shape (s,)
-        Amplitudes of the slow modes, and those for a unit ramp.
+        Amplitudes c of the slow modes, SI, and those for a ramp of 1 SI/s.
     fast : ndarray, shape (r - s,)
-        Mean squares of the fast ones.
+        Mean squares of the fast modes, SI^2.
     count : ndarray, shape (r,)
-        Values behind each row times weight.
+        w n: number of values behind each row times its weight.
     digits : float
-        Mean square that the rounding of the output may leave.
+        Mean square that the rounding of the output may leave, SI^2.
 
     References
     ----------
@@ -74,31 +80,44 @@ class Likelihood:
         """Return the mean squares of all rows once a ramp is taken out, shape (r,)."""
         return np.concatenate([(self.slow - ramp * self.rho) ** 2, self.fast])
 
-    def fit(self, units, ramp=False, fixed=0.0, start=None, restricted=False):
-        r"""Return the MaximumLikelihood of unit spectra, shape (r, p); p may be 0.
+    def fit(self, units, ramp=0.0, fixed=0.0, start=None):
+        r"""Return the MaximumLikelihood of unit spectra.
 
-        Fisher's scoring, each step a non-negative least squares, shortened until the likelihood
-        grows. A fitted ramp takes power from the modes that hold it. The restricted likelihood
-        allows for that,
+        By Fisher's scoring. Each step is a non-negative least squares, shortened until the
+        likelihood grows. A fitted ramp takes power from the modes that hold it. The restricted
+        likelihood allows for that,
 
         .. math:: \ell_R = \ell - \frac12 \ln \sum_r \rho_r^2/s_r,
-            \quad E p_r = s_r - \rho_r^2 / \sum_k \rho_k^2/s_k,
+            \quad E p_r = s_r - \rho_r^2 / \sum_k \rho_k^2/s_k
 
-        and so is free of the ramp; it compares models with a ramp, not one with and one without.
+        It is the one that is maximised then. It compares two models with a ramp; the plain one
+        compares a model with and one without.
 
-        A number for `ramp` holds it there; `fixed`, shape (r,), is a part of the spectrum that is
-        held; `start`, (p,), is where to begin, near the maximum.
+        Parameters
+        ----------
+        units : ndarray, shape (r, p)
+            Expected mean squares for unit variances; p may be 0.
+        ramp : float or None
+            Ramp that is held, SI/s; None to fit it.
+        fixed : ndarray, shape (r,), or float
+            Part of the spectrum that is held, SI^2.
+        start : ndarray, shape (p,), optional
+            Variances near the maximum, from which to begin.
 
         References
         ----------
         H. D. Patterson and R. Thompson, Biometrika 58 (1971) 545.
         """
-        free, slope = ramp is True, 0.0 if isinstance(ramp, bool) else ramp
-        slow, restricted, power = len(self.rho), restricted and free, self.power(slope)
+        slow, slope, power = len(self.rho), ramp, self.power(ramp or 0.0)
         floor = max(self.floor, ROUNDING * np.max(fixed))
 
         def spectrum(theta):
             return np.maximum(units @ theta + fixed, floor)
+
+        def values(power, expected):
+            value = -(self.count @ (np.log(expected) + power / expected)) / 2
+            lost = self._weight * np.log(self.information(expected)) / 2 if ramp is None else 0.0
+            return float(value), float(value - lost)
 
         theta = start
         if start is None:
@@ -107,39 +126,31 @@ class Likelihood:
                 theta = power.mean() / units.max(axis=0)
         expected, last, growth = spectrum(theta), -np.inf, np.inf
         for _ in range(ROUNDS):
-            if free:
-                slope = self.slope(expected)
+            if ramp is None:
+                slope = self._slope(expected)
                 power = self.power(slope)
-            value = self.value(power, expected, restricted)
-            before, growth, last = growth, value - last, value
-            # near the maximum each step grows it by the same share of the one before
+            value, restricted = values(power, expected)
+            before, growth, last = growth, restricted - last, restricted
+            # near the maximum, the likelihood grows by a fixed share of the growth before
             steady = start is not None and before < np.inf
             if growth < CLOSE or (steady and growth**2 < CLOSE / 10 * before):
                 break
             target = power - fixed
-            if restricted:
-                target[:slow] += self._weight / self._information(expected).sum() * self.rho**2
+            if ramp is None:
+                target[:slow] += self._weight / self.information(expected) * self.rho**2
             change = weighted_nnls(units, target, self.count / expected**2) - theta
             for share in SHARES:
                 trial = spectrum(theta + share * change)
-                if self.value(power, trial, restricted) >= value:
+                if values(power, trial)[1] >= restricted:
                     theta, expected = theta + share * change, trial
                     break
-        return MaximumLikelihood(theta, float(slope), value)
-
-    def value(self, power, expected, restricted=False):
-        """Return the log-likelihood of an expected spectrum, or the restricted one."""
-        value = -(self.count @ (np.log(expected) + power / expected)) / 2
-        if restricted:
-            value -= self._weight * np.log(self._information(expected).sum()) / 2
-        return float(value)
-
-    def error(self, unit, expected):
-        """Return the standard error of a variance, all else known, for a spectrum."""
-        return np.sqrt(self.covariance(unit[:, None], expected)[0, 0])
+        return MaximumLikelihood(theta, float(slope), value, restricted)
 
     def covariance(self, derivatives, expected):
-        """Return the covariance of parameters by the derivatives of a spectrum, shape (r, p)."""
+        """Return the covariance of parameters for a spectrum, (p, p), by the information matrix.
+
+        Takes the derivatives of the spectrum by the parameters, (r, p), and the spectrum, (r,).
+        """
         rows = derivatives * np.sqrt(self.count / 2)[:, None]
         rows /= self.above_rounding(expected)[:, None]
         size = np.linalg.norm(rows, axis=0)
@@ -147,18 +158,19 @@ class Likelihood:
         rows /= size
         return np.linalg.pinv(rows.T @ rows, hermitian=True) / np.outer(size, size)
 
-    def ramp_error(self, expected):
-        """Return the standard error of a ramp for a spectrum, SI/s."""
-        return 1 / np.sqrt(self._information(self.above_rounding(expected)).sum())
+    def information(self, expected):
+        """Return the information on a ramp, 1/(SI/s)^2, for a spectrum, (r,)."""
+        slow = len(self.rho)
+        return float(self.count[:slow] @ (self.rho**2 / self.above_rounding(expected)[:slow]))
 
-    def slope(self, expected):
-        """Return the most likely ramp for a spectrum, SI/s."""
+    def _slope(self, expected):
+        """Return the most likely ramp, SI/s, for a spectrum, (r,)."""
         weight = self.count[: len(self.rho)] * self.rho / expected[: len(self.rho)]
         return float(weight @ self.slow / (weight @ self.rho))
 
     @cached_property
     def floor(self):
-        """Mean square below which only rounding is left."""
+        """Mean square below which only rounding is left, SI^2."""
         return max(ROUNDING * self.power().max(), self.digits) + np.finfo(float).tiny
 
     def above_rounding(self, squares):
@@ -167,11 +179,6 @@ class Likelihood:
 
     @cached_property
     def _weight(self):
-        """Weight of the modes that hold a ramp."""
+        """Mean weight of the modes that hold a ramp."""
         squares = self.rho**2
         return self.count[: len(squares)] @ squares / squares.sum()
-
-    def _information(self, expected):
-        """Return the information of each slow mode on a ramp, 1/(SI/s)^2."""
-        slow = len(self.rho)
-        return self.count[:slow] * self.rho**2 / expected[:slow]

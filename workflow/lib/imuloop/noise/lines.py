@@ -1,4 +1,4 @@
-"""Lines of one axis: found, measured, removed, named."""
+"""Lines of one axis: search, measurement, removal and names."""
 
 from dataclasses import dataclass
 
@@ -6,100 +6,98 @@ import numpy as np
 
 from imuloop.core.noise_model import Coefficient
 from imuloop.noise.periodogram import SHORTEST, Periodogram, chance_over_band
-from imuloop.noise.sinusoids import FittedSinusoid, fit_sinusoid
+from imuloop.noise.sinusoids import fit_sinusoid
 
-# relative difference of the clocks of two power cycles, within which a line is the same
+# relative difference between the clocks of two power cycles within which a line is the same
 SAME_CLOCK = 1e-4
-# mains, Hz; relative wander (50 mHz) and error of the clock behind the time stamps
+# mains, Hz, and names of the harmonics
 MAINS, ORDERS = (50.0, 60.0), ("1st", "2nd", "3rd", "4th", "5th")
+# relative wander of mains (50 mHz), and relative error of the clock behind the time stamps
 WANDER, CLOCK = 1e-3, 2e-4
-# share of its frequency within which a line that wandered leaves others
-NEAR = 0.02
 
 
 @dataclass(frozen=True)
 class Line:
-    """Sinusoid of one axis.
+    """Line of one axis.
 
-    Frequency in Hz, and amplitude, SI of the axis, in the signal where it stands out most, too low
-    if it wanders there; the sinusoid of each signal that shows it, which is what is removed.
+    `frequency`, Hz, and `amplitude`, SI of the axis, are those in the signal where the line stands
+    out most. The amplitude is too low if the line wanders. `sinusoids` holds the FittedSinusoid of
+    each signal that shows the line, by the index of the signal.
     """
 
     frequency: Coefficient
     amplitude: Coefficient
-    sinusoids: tuple[FittedSinusoid, ...]
+    sinusoids: dict
 
     def subtract(self, signals):
         """Return the Signals without the line; those that do not show it are returned unchanged."""
-        signals = list(signals)
-        for each in self.sinusoids:
-            signals[each.signal] = each.subtract(signals[each.signal])
-        return signals
-
-    def explains(self, line, span):
-        """Return whether a later line is a remainder of this one, which wandered.
-
-        It is then within 1/`span`, the length of the longest record in s, or within `NEAR`.
-        """
-        frequency = self.frequency.value
-        return abs(frequency - line.frequency.value) <= max(1 / span, NEAR * frequency)
+        found = self.sinusoids
+        return [found[i].subtract(s) if i in found else s for i, s in enumerate(signals)]
 
 
 def find_line(signals, spectrum, level):
-    """Return the most significant sinusoid; None if chance explains it.
+    """Return the most significant Line; None if chance explains it.
 
-    The largest ratio of the periodogram to the spectrum and its local background, see
-    `Periodogram`, is a line where the chance of it is below the level. Signals are tested one by
-    one and their independent frequencies W add: the clocks of two sessions differ by more than the
-    width 1/T of a line, so that powers at one frequency do not.
+    A line is the peak of a `Periodogram` that is least likely in noise, if the chance of such a
+    peak is below the level. Each signal is tested alone and the numbers of independent frequencies
+    add. Powers of two sessions do not add: their clocks differ by more than the width of a line.
 
-    Takes the Signals of an axis, SI, the one-sided density of the noise, SI^2/Hz, as a function of
-    frequency in Hz, and the chance of finding a line in noise that has none. None also where no
-    signal is long enough.
+    Parameters
+    ----------
+    signals : sequence of Signal
+        Values of an axis, SI.
+    spectrum : callable
+        One-sided density of the noise, SI^2/Hz, as a function of frequency in Hz.
+    level : float
+        Chance of finding a line in noise that has none.
+
+    Returns
+    -------
+    Line or None
+        None also where no signal is long enough.
 
     References
     ----------
     Intervals: D. C. Rife and R. R. Boorstyn, IEEE Trans. Inf. Theory 20 (1974) 591.
     """
-    each = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
-    each = {i: periodogram for i, periodogram in each.items() if periodogram}
-    if not each:
+    found = {i: Periodogram.of(signal, spectrum) for i, signal in enumerate(signals)}
+    periodograms = {i: periodogram for i, periodogram in found.items() if periodogram}
+    if not periodograms:
         return None
-    independent = sum(periodogram.independent for periodogram in each.values())
-    peaks = {i: periodogram.strongest(level) for i, periodogram in each.items()}
-    best = min(peaks, key=lambda i: peaks[i][0])
-    if chance_over_band(peaks[best][0], independent) > level:
+    independent = sum(p.independent for p in periodograms.values())
+    (chance, _, peak), best = min((p.strongest(level), i) for i, p in periodograms.items())
+    if chance_over_band(chance, independent) > level:
         return None
-    strongest, own = fit_sinusoid(signals[best], peaks[best][1], best), each.pop(best)
-    if chance_over_band(own.chance(strongest), independent) > level:
+    strongest = fit_sinusoid(signals[best], peak)
+    if chance_over_band(periodograms[best].chance(strongest), independent) > level:
         return None
-    sinusoids, frequency = [strongest], strongest.frequency
-    for i, periodogram in each.items():
+    sinusoids, frequency = {best: strongest}, strongest.frequency
+    for i in periodograms.keys() - {best}:
         span = signals[i].span
         reach = 1 / signals[best].span + 1 / span + SAME_CLOCK * frequency
         if frequency * span >= SHORTEST:
-            sinusoid = fit_sinusoid(signals[i], periodogram.near(frequency, reach), i)
-            if chance_over_band(periodogram.chance(sinusoid), 2 * reach * span) <= level:
-                sinusoids.append(sinusoid)
-    error = np.sqrt(own.variance(frequency))
+            sinusoid = fit_sinusoid(signals[i], periodograms[i].near(frequency, reach))
+            if chance_over_band(periodograms[i].chance(sinusoid), 2 * reach * span) <= level:
+                sinusoids[i] = sinusoid
+    error = np.sqrt(periodograms[best].noise(frequency)[0])
     amplitude = float(np.hypot(strongest.cosine, strongest.sine))
     return Line(
         Coefficient.of(frequency, error * strongest.frequency_std),
         Coefficient.of(amplitude, error * strongest.amplitude_std),
-        tuple(sinusoids),
+        sinusoids,
     )
 
 
 def mains(frequency, rate):
-    """Return which mains harmonic lies at a frequency, itself or folded by the sampling, or None.
+    """Return the name of the mains harmonic at a frequency, None without one; both in Hz.
 
-    E.g. ``50 Hz mains, alias of its 2nd harmonic``; the lowest harmonic that fits, both mains where
-    both do. A harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`. The window to either side
-    is 1.2 per mille of :math:`h f_0`: 50 mHz of 50 Hz for mains' own wander, and 200 ppm for the
-    clock behind the time stamps, whose error scales all logged frequencies, r too. Nothing is named
-    within a window of zero, where any slow line would be, nor where the window is wider than 0.8 %
-    of the band. The chance that a line lies in a window by accident is 3 % at 100 and 200 Hz, 1 %
-    at 1 kHz, below 10 % at any rate.
+    E.g. ``50 Hz mains, alias of its 2nd harmonic``. It is the lowest harmonic that fits, of both
+    mains where both fit. The harmonic h of :math:`f_0` appears at :math:`|h f_0 - k r|`, where k is
+    a whole number and r the rate. The window to either side is 1.2 per mille of :math:`h f_0`:
+    1 per mille for the wander of mains, and 200 ppm for the clock behind the time stamps, whose
+    error scales all logged frequencies. Nothing is named within a window of zero, where any slow
+    line would be, nor where the window is wider than 0.8 % of the band. The chance that a line lies
+    in a window by accident is 3 % at 100 and 200 Hz, 1 % at 1 kHz, and below 10 % at any rate.
     """
     names = []
     for f0 in MAINS:

@@ -5,28 +5,17 @@ rate, and N is the density in front of the filter.
 """
 
 from dataclasses import replace
-from functools import cache
 from operator import itemgetter
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
-from imuloop.noise.gains import DEGREES, LowPass
-from imuloop.noise.processes import NAMES, density
+from imuloop.core.noise_model import DEGREES, Coefficient
+from imuloop.noise.gains import GAINS, LowPass, density
+from imuloop.noise.likelihood import likeliest
+from imuloop.noise.processes import NAMES
 
-# corners that are tried, share of the rate
-CORNERS = np.geomspace(0.01, 0.48, 14)
-# highest corner, share of the rate
-HIGHEST = 0.495
-# kinds that are tried at all corners, and those that are then tried near the best of these
-KINDS = {
-    "first order": ("first order",),
-    "first order, sampled": ("first order, sampled",),
-    "second order": ("second order", "second order, sampled"),
-    "eighth order": ("fourth order", "eighth order"),
-    "held or averaged": ("held or averaged", "interpolated"),
-    "averaged three times": ("averaged three times",),
-}
+# corners that are tried, and the highest, share of the rate
+CORNERS, HIGHEST = np.geomspace(0.01, 0.48, 12), 0.495
 # shift of the logarithm of a corner by which a derivative is taken
 SHIFT = 1e-3
 # log-likelihood that a parameter has to gain: half a chi-square of one degree at 0.002
@@ -34,56 +23,57 @@ PRICE = 4.8
 
 
 def choose_low_pass(selection):
-    """Return the most likely LowPass of a spectrum; None where it needs none.
+    """Return a Selection behind the most likely low-pass filter, or unchanged if it needs none.
 
-    Each parameter, of a filter (2, 3 with a floor) as of a process (2) or another term (1), has to
-    gain `PRICE` in log-likelihood, so that a filter is not taken for a hump, and a hump not for a
-    filter.
+    Each parameter has to gain `PRICE` in log-likelihood, so that a filter is not taken for a
+    Gauss-Markov process, nor the process for a filter. A filter has two parameters, or three with a
+    floor, a process has two, and another term one.
     """
     whole, none = selection.likelihood, np.zeros(0)
     power = whole.power(selection.fit((*NAMES, "R")).ramp)
-    level = replace(selection, likelihood=replace(whole, slow=none, rho=none, fast=power))
-    plain = level.fit(NAMES)
+    flat = replace(selection, likelihood=replace(whole, slow=none, rho=none, fast=power))
+    plain = flat.fit(NAMES)
     start = np.append(plain.theta, 0.0)
-    found = {kind: [_fit(level, kind, corner, start)[0] for corner in CORNERS] for kind in KINDS}
-    if max(map(max, found.values())) - plain.value < 2 * PRICE:
-        return None
-    tops = [
-        _likeliest(level, kind, CORNERS[np.argmax(found[first])])
-        for first, kinds in KINDS.items()
-        for kind in kinds
-    ]
-    fits = sorted(tops, key=itemgetter(0))[-3:]
+    values = {kind: [_fit(flat, kind, corner, start)[0] for corner in CORNERS] for kind in GAINS}
+    if max(map(max, values.values())) - plain.value < 2 * PRICE:
+        return selection
+    best = [_fit_corner(flat, kind, CORNERS[np.argmax(v)]) for kind, v in values.items()]
+    fits = sorted(best, key=itemgetter(0))[-3:]
     # a record that is too short to tell takes the simpler name
     low_pass = max(fits, key=lambda fit: fit[0] - PRICE * (fit[1].kind in DEGREES))[1]
-    price = PRICE * (3 if low_pass.floor else 2)
     filtered = selection.filtered(low_pass)
+    price = PRICE * (3 if low_pass.floor else 2)
     better = _score(filtered) - price > _score(selection)
-    return low_pass if better and _is_seen(filtered, low_pass) else None
+    return filtered if better and _is_seen(filtered) else selection
 
 
-def _is_seen(filtered, low_pass):
+def _is_seen(filtered):
     """Return whether white noise is most of the power in front of a filter, at its corner."""
-    terms, corner = filtered.supported, low_pass.corner / filtered.modes.dt
-    if "N" not in terms or low_pass.corner < CORNERS[0]:
+    terms, share = filtered.supported, filtered.low_pass.corner
+    if "N" not in terms or share < CORNERS[0]:
         return False
-    squares = filtered.squares(terms)
-    slow = {term: square for term, square in squares.items() if term not in ("Q", "N")}
-    return density(np.array([corner]), filtered.modes.dt, slow)[0] < squares["N"]
+    noise, rate = filtered.noise(terms), 1 / filtered.modes.dt
+    slow = replace(noise, Q=Coefficient(), N=Coefficient())
+    return density(slow, share * rate, rate) < 2 * noise.N.square
 
 
-def leakage_weights(modes, low_pass):
+def leakage_weights(filtered):
     """Return the weight of each row, shape (r,), less than 1 where leakage is part of its power.
 
     Where a filter leaves next to nothing, the squares of a block are what leaks from lower
     frequencies by its ends: many values that are few independent ones.
     """
-    density = low_pass.gain(np.minimum(modes.frequency * modes.dt, 0.5))
-    return np.minimum(density / modes.gain(low_pass), 1.0) ** 2
+    modes, low_pass = filtered.modes, filtered.low_pass
+    gain = low_pass.gain(np.minimum(modes.frequency * modes.dt, 0.5))
+    return np.minimum(gain / modes.gain(low_pass), 1.0) ** 2
 
 
 def _fit(selection, kind, corner, start=None):
-    """Return the log-likelihood of all terms behind a filter, and its LowPass."""
+    """Return the log-likelihood of Q, N, B, K behind a filter, and the LowPass.
+
+    The floor of the filter is fitted too. `corner` is a share of the rate. `start` holds variances
+    of Q, N, B, K and of the white noise behind the filter near the maximum.
+    """
     low_pass = LowPass(kind, float(corner))
     units = selection.filtered(low_pass).units(NAMES)
     found = selection.likelihood.fit(np.column_stack([units, selection.unit("N")]), start=start)
@@ -92,57 +82,37 @@ def _fit(selection, kind, corner, start=None):
     return found.value, replace(low_pass, floor=floor)
 
 
-def _likeliest(selection, kind, start):
-    """Return the same at the likeliest corner, between those beside `start` in `CORNERS`."""
+def _fit_corner(selection, kind, near):
+    """Return the same as `_fit` at the likeliest corner between the neighbours of `near`."""
     step = CORNERS[1] / CORNERS[0]
-    found = minimize_scalar(
-        lambda u: -_fit(selection, kind, np.exp(u))[0],
-        bounds=np.log([start / step, min(start * step, HIGHEST)]),
-        method="bounded",
-        options={"xatol": 3e-3},
-    )
-    return _fit(selection, kind, np.exp(found.x))
+    low, high = np.log([near / step, min(near * step, HIGHEST)])
+    u = likeliest(lambda u: _fit(selection, kind, np.exp(u))[0], low, high, close=3e-4)
+    return _fit(selection, kind, np.exp(u))
 
 
-def likeliest_corner(selection, low_pass, terms):
-    """Return a LowPass at the likeliest corner, with the errors by the information matrix.
+def likeliest_corner(filtered, terms):
+    """Return a Selection behind a filter at its likeliest corner, with errors.
 
-    Takes a Selection behind the filter, and the supported terms.
-
-    Returns
-    -------
-    low_pass : LowPass
-    error : float
-        Standard error of the logarithm of the corner.
-    wider : float
-        Standard error of N over that at a known corner.
+    Takes a Selection behind the filter, and the supported terms. The errors are by the information
+    matrix: the standard error of the logarithm of the corner; and the standard error of N, as a
+    multiple of its standard error at a known corner.
     """
 
-    @cache
     def behind(u):
-        corner = min(float(np.exp(u)), HIGHEST)
-        return selection.filtered(replace(low_pass, corner=corner))
+        return filtered.filtered(replace(filtered.low_pass, corner=float(np.exp(u))))
 
-    u = np.log(low_pass.corner)
-    found = minimize_scalar(
-        lambda x: -behind(x).fit(terms).value,
-        bounds=(u - 0.2, u + 0.2),
-        method="bounded",
-        options={"xatol": 1e-4},
-    )
-    u, best = float(found.x), behind(float(found.x))
+    u = np.log(filtered.low_pass.corner)
+    high = min(u + 0.2, np.log(HIGHEST))
+    u = likeliest(lambda u: behind(u).fit(terms).value, u - 0.2, high, close=1e-4)
+    best = behind(u)
     units, theta = best.units(terms), best.fit(terms).theta
     change = (units - behind(u - SHIFT).units(terms)) @ theta / SHIFT
     known, free = (
-        best.likelihood.covariance(each, units @ theta)
+        np.sqrt(np.diag(best.likelihood.covariance(each, units @ theta)))
         for each in (units, np.column_stack([units, change]))
     )
-    place, corner = terms.index("N"), min(float(np.exp(u)), HIGHEST)
-    return (
-        replace(low_pass, corner=corner),
-        float(np.sqrt(free[-1, -1])),
-        float(np.sqrt(free[place, place] / known[place, place])),
-    )
+    n = terms.index("N")
+    return best, float(free[-1]), float(free[n] / known[n])
 
 
 def _score(selection):

@@ -11,13 +11,22 @@ TOGETHER = GROUPS // 2
 
 
 def misfit(selection, terms):
-    r"""Return the largest relative misfit of a spectrum, and the weight of each row given it.
+    r"""Return the largest relative misfit of a spectrum, and weights of its rows that follow.
 
-    Power over expected power r of n values is a chi-square over n: its logarithm has the mean
-    :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. What is left of its mean
-    square in the groups around (half a decade to each side) beyond that variance is
-    :math:`\epsilon^2`, where that is no chance: it counts as one error of half a decade. Zero and
-    weights of 1 where chance explains the whole spectrum.
+    The power over the expected power, r, of n values is a chi-square variable over n: its logarithm
+    has the mean :math:`\psi(n/2) - \ln(n/2)` and the variance :math:`\psi_1(n/2)`. Around each
+    group of rows, over half a decade to each side, the mean square of the logarithm without its
+    mean exceeds that variance by :math:`\epsilon^2`. Where this is no chance, it counts as one
+    error of half a decade.
+
+    Takes a Selection and its supported terms.
+
+    Returns
+    -------
+    size : float
+        Largest :math:`\epsilon`; 0 where chance explains the whole spectrum.
+    weight : ndarray, shape (r,)
+        Weight of each row; 1 where chance explains the whole spectrum.
     """
     likelihood, level, fit = selection.likelihood, selection.level, selection.fit(terms)
     expected = likelihood.above_rounding(selection.units(terms) @ fit.theta)
@@ -43,7 +52,10 @@ def misfit(selection, terms):
 
 
 def _groups(frequency, count):
-    """Return the number of the group of each row; 0 for the lowest frequencies."""
+    """Return the number of the group of each row, (r,), 0 for the lowest frequencies.
+
+    Takes the frequency of each row, Hz, and the number of its values.
+    """
     number = np.empty(len(frequency), dtype=int)
     group, values, first = -1, VALUES, 0.0
     for row in np.argsort(frequency, kind="stable"):

@@ -49,24 +49,21 @@ def expected_squares(covariance):
 
 @dataclass(frozen=True)
 class _Level:
-    """Blocks of one level, the distances between them, and the contrasts of their means.
+    """Blocks of one level and the contrasts of their means, in which a walk is diagonal.
 
-    `basis`, shape (k, k - 1), are the contrasts in which a walk is diagonal; where the blocks
-    follow each other without a gap, `even`, the cosine transform. Then `distance`, in samples, is
-    that from the first block, (k,), else between all, (k, k).
+    Where the blocks follow each other without a gap, the contrasts are the cosine transform.
     """
 
-    distance: np.ndarray
-    even: bool
-    basis: np.ndarray
+    distance: np.ndarray  # samples from the first block, (k,), or with gaps between all, (k, k)
+    basis: np.ndarray  # contrasts, (k, k - 1)
 
     @classmethod
     def of(cls, start, m):
-        """Return the level of blocks of m samples that begin at `start`."""
+        """Return the level of blocks of m samples that begin at the samples `start`, (k,)."""
         n = len(start)
         if (np.diff(start) == m).all():
             phase = np.pi / n * np.outer(np.arange(n) + 0.5, np.arange(1, n))
-            return cls(start - start[0], True, np.sqrt(2 / n) * np.cos(phase))
+            return cls(start - start[0], np.sqrt(2 / n) * np.cos(phase))
         distance = np.abs(np.subtract.outer(start, start))
         walk = -distance / 2.0
         walk -= walk.mean(axis=0)
@@ -74,29 +71,29 @@ class _Level:
         # the level, the null direction of the walk, goes far above all others
         top = 2 * np.trace(walk) + 1
         vectors = np.linalg.eigh(walk + top / n)[1]
-        return cls(distance, False, vectors[:, :-1][:, ::-1])
+        return cls(distance, vectors[:, :-1][:, ::-1])
 
     def squares(self, covariances):
-        """Return the expected squares of the contrasts for covariances at the distances."""
-        if self.even:
+        """Return the expected squares of the contrasts, (c, k - 1).
+
+        Takes c covariances of the means at the distances, each of the shape of `distance`.
+        """
+        if self.distance.ndim == 1:
             return expected_squares([*covariances])
         return np.array([np.einsum("ik,ik->k", self.basis, c @ self.basis) for c in covariances])
 
 
 @dataclass(frozen=True)
 class _Piece:
-    """Blocks that share a slope, at most `BLOCKS` of one power cycle.
-
-    `place` is where each begins among the values of its Signal, `start` its first sample there.
-    """
+    """Blocks that share a slope, some `BLOCKS` at most, of one power cycle."""
 
     cycle: int
-    place: np.ndarray
-    start: np.ndarray
+    place: np.ndarray  # index of the first value of each block in its Signal, (k,)
+    start: np.ndarray  # first sample of each block, (k,)
     levels: tuple[_Level, ...]
 
     def contrasts(self, x):
-        """Return the contrasts of the levels, of a value per block."""
+        """Return the contrasts of the levels for one value per block, (k,)."""
         ends = np.cumsum([len(level.basis) for level in self.levels])[:-1]
         parts = zip(self.levels, np.split(x, ends), strict=True)
         return np.concatenate([level.basis.T @ part for level, part in parts])
@@ -104,25 +101,29 @@ class _Piece:
 
 @dataclass(frozen=True)
 class Modes:
-    """Basis of one or more power cycles, each cut into blocks of m samples of dt in s.
+    """Basis of one or more power cycles, each cut into blocks of m samples.
 
-    Fast modes: orthonormal cosine coefficients 1 ... m-1 of each block. Slow modes: the means of
-    the blocks, an exact decimation, in the basis of their contrasts that diagonalises the walk;
-    white noise is diagonal in any orthonormal basis. For an unbroken one that is again the
-    cosine transform. Contrasts are free of the level of each power cycle and of each stretch
-    between two disturbances, while gaps keep their place in time; those of a few samples are closed
-    up.
+    The fast modes are orthonormal cosine coefficients 1 ... m-1 of each block. The slow modes are
+    contrasts of the means of the blocks, in a basis that diagonalises the walk. White noise is
+    diagonal in any orthonormal basis. In an unbroken record that basis is the cosine transform.
+    Contrasts are free of the level of each power cycle and of each stretch between two
+    disturbances. Gaps keep their place in time, but gaps of a few samples are closed up.
 
     In this basis white noise and walk are uncorrelated, others nearly so, and the expected square
     of each mode is exact for every process.
 
     Attributes
     ----------
+    dt : float
+        Interval of the samples, s.
+    m : int
+        Samples of a block.
     span, level, usual : float
-        Longest power cycle, longest time without a new level, and that which half of the samples
-        exceed, s.
+        Longest power cycle, s; longest time without a new level; and the time without a new level
+        that half of the samples exceed.
     frequency, count : ndarray, shape (r,)
-        Of each row Hz, and values behind it: slow modes one by one, then bins of the fast ones.
+        Frequency of each row, Hz, and the number of values behind it. The rows are the slow modes
+        one by one, and then bins of the fast ones.
     units : ndarray, shape (r, 4)
         Expected mean squares for unit Q, N, B, K, SI.
     ramp : ndarray, shape (s,)
@@ -144,10 +145,10 @@ class Modes:
     _gains: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def amplitudes(self, signals):
-        """Return the slow modes' amplitudes, with sign, and the fast ones' mean squares, SI.
+        """Return the slow modes' amplitudes, (s,), and the fast ones' mean squares, (r - s,), SI.
 
-        Of the Signals of an axis. The straight line of each piece is taken out of the fast ones
-        before.
+        Takes the Signals of an axis. Before, the straight line of each piece, as the slow modes
+        show it, is taken out of the fast ones.
         """
         slow, squares = [], np.zeros(self.m - 1)
         line = dct(np.arange(self.m) * self.dt, norm="ortho")[1:]
@@ -164,56 +165,53 @@ class Modes:
         return np.concatenate(slow), _binned(squares / number, self._bins)
 
     def unit(self, term):
-        """Return the expected mean squares for unit Q, N, B or K, shape (r,).
+        """Return the expected mean squares for a unit term, shape (r,), SI.
 
-        For a number those of a Gauss-Markov process of variance 1 and that correlation time, s,
-        interpolated between times of which there are `TIMES` per decade.
+        `term` is one of Q, N, B, K; or the correlation time, s, of a Gauss-Markov process of
+        variance 1, interpolated between times of which there are `TIMES` per decade.
         """
         if isinstance(term, str):
             return self.units[:, NAMES.index(term)]
-        near = int(np.abs(self.correlation_times - term).argmin())
-        if self.correlation_times[near] == term:
-            return self._rows[near]
-        return np.exp(self._spline(np.log(term)))
+        return np.exp(self._processes(np.log(term)))
 
     def gain(self, low_pass):
-        """Return the power gain of a LowPass for each row, shape (r,): its share of white noise."""
-        if low_pass in self._gains:
-            return self._gains[low_pass]
-        slow = low_pass.gain(np.minimum(self.frequency[: len(self.ramp)] * self.dt, 0.5))
-        lags = irfft(low_pass.gain(np.linspace(0, 0.5, POINTS)))[:POINTS]
-        covariance = np.zeros(self.m)
-        covariance[: len(lags)] = lags[: self.m]
-        fast = _binned(expected_squares(covariance), self._bins)
-        return self._gains.setdefault(low_pass, np.append(slow, fast))
+        """Return the factor by which a LowPass changes white noise in each row, shape (r,)."""
+        if low_pass not in self._gains:
+            slow = low_pass.gain(np.minimum(self.frequency[: len(self.ramp)] * self.dt, 0.5))
+            lags = irfft(low_pass.gain(np.linspace(0, 0.5, POINTS)))[:POINTS]
+            covariance = np.zeros(self.m)
+            covariance[: len(lags)] = lags[: self.m]
+            fast = _binned(expected_squares(covariance), self._bins)
+            self._gains[low_pass] = np.append(slow, fast)
+        return self._gains[low_pass]
 
     @cached_property
     def correlation_times(self):
-        """Correlation times between two samples and the longest power cycle, s."""
+        """Correlation times between two samples and the longest power cycle, s, shape (c,)."""
         low, high = np.log10([self.dt, max(self.span, 8 * self.dt)])
         return 10 ** np.linspace(low, high, int(np.ceil(TIMES * (high - low))) + 1)
 
     @cached_property
-    def _spline(self):
-        return CubicSpline(np.log(self.correlation_times), np.log(self._rows))
+    def _processes(self):
+        """Logarithm of the expected mean squares of a Gauss-Markov process of variance 1, (r,).
 
-    @cached_property
-    def _rows(self):
-        """Expected mean squares at the correlation times, shape (c, r)."""
-        tc = self.correlation_times
-        slow = _slow(
-            self._pieces, lambda d: (gauss_markov_means(d, self.m, self.dt, t) for t in tc)
-        )
-        fast = expected_squares(gauss_markov_samples(self.m, self.dt, tc))
-        return np.concatenate([*slow, _binned(fast, self._bins)], axis=1)
+        It is a function of the logarithm of the correlation time in s.
+        """
+        times, m, dt = self.correlation_times, self.m, self.dt
+        slow = _slow(self._pieces, lambda d: (gauss_markov_means(d, m, dt, tc) for tc in times))
+        fast = _binned(expected_squares(gauss_markov_samples(m, dt, times)), self._bins)
+        return CubicSpline(np.log(times), np.log(np.concatenate([*slow, fast], axis=1)))
 
 
 def modes(samplings):
-    """Return the Modes of Samplings of one rate, one per power cycle, with two samples or more."""
+    """Return the Modes of Samplings, one for each power cycle.
+
+    They have one rate, and at least one of them has two samples or more.
+    """
     closed = [sampling.closed_up() for sampling in samplings]
     dt = 1 / np.average([s.rate for s in closed], weights=[s.lengths.sum() for s in closed])
     m = _block_length(np.concatenate([sampling.lengths for sampling in closed]))
-    # blocks of one sample where all are lone blocks of a level, as of bursts of two samples
+    # blocks of one sample where each level has only one block, as in bursts of two samples
     m, pieces = next((k, p) for k in (m, 1) if (p := _pieces(closed, k)))
     slow = _slow(pieces, lambda d: block_mean_covariances(d, m, dt))
     k = np.arange(1, m)
@@ -221,7 +219,7 @@ def modes(samplings):
     fast = _binned(expected_squares(sample_covariances(m, dt)), bins)
     units = np.concatenate([*slow, fast], axis=1).T
     ramp = np.concatenate([piece.contrasts(piece.start * dt) for piece in pieces])
-    # that at which a walk has so much power: exact for an unbroken record
+    # frequency at which a walk has so much power: exact for an unbroken record
     frequency = 1 / (2 * np.pi * np.sqrt(units[: len(ramp), 3] * m * dt))
     count = sum(len(p.place) for p in pieces) * np.diff(np.append(bins, m - 1))
     times = np.sort(np.concatenate([_level_times(s) for s in closed]))
@@ -241,28 +239,32 @@ def modes(samplings):
 
 
 def _binned(values, first):
-    """Return the mean over each bin of the last axis, of the first value of each."""
+    """Return the mean over each bin of the last axis; `first` is the first index of each bin."""
     return np.add.reduceat(values, first, axis=-1) / np.diff(np.append(first, values.shape[-1]))
 
 
 def _slow(pieces, covariances):
-    """Return the expected squares of the slow modes of each level, covariances by distance."""
+    """Return the expected squares of the slow modes of each level, a list.
+
+    `covariances` is a function that takes distances of blocks and returns an iterable of
+    covariances.
+    """
     return [e.squares(covariances(e.distance)) for piece in pieces for e in piece.levels]
 
 
 def _level_times(sampling):
-    """Return the time from start to end of the stretches of each level, s."""
-    first = np.flatnonzero(np.diff(sampling.level, prepend=-1))
-    last = np.append(first[1:], len(sampling.level)) - 1
+    """Return the time from start to end of each level of a Sampling, s."""
+    first = np.flatnonzero(np.diff(sampling.levels, prepend=-1))
+    last = np.append(first[1:], len(sampling.levels)) - 1
     samples = sampling.starts[last] + sampling.lengths[last] - sampling.starts[first]
     return samples / sampling.rate
 
 
 def _block_length(lengths):
-    """Return the samples of a block: up to `BLOCKS` of them, that hold nearly all samples.
+    """Return the number of samples of a block, for stretches of these lengths, (s,).
 
-    Long blocks have a length without large prime factors, for which the transform is up to four
-    times faster.
+    Some `BLOCKS` blocks hold nearly all samples. The length of long blocks has no large prime
+    factors, so that the transform is up to four times faster.
     """
     m = int(-(-lengths.sum() // BLOCKS))
     if m > LONG:
@@ -273,14 +275,14 @@ def _block_length(lengths):
 
 
 def _pieces(samplings, m):
-    """Return the pieces of all power cycles, of at most `BLOCKS` blocks and with a contrast."""
+    """Return the pieces of all power cycles, for blocks of m samples; each has a contrast."""
     pieces = []
     for cycle, sampling in enumerate(samplings):
         number = sampling.lengths // m
         stretch = np.repeat(np.arange(len(number)), number)
         within = m * np.concatenate([np.arange(n) for n in number])
         place = (np.cumsum(sampling.lengths) - sampling.lengths)[stretch] + within
-        start, level = sampling.starts[stretch] + within, sampling.level[stretch]
+        start, level = sampling.starts[stretch] + within, sampling.levels[stretch]
         few = -(-len(start) // (BLOCKS + BLOCKS // 8))
         for part in np.array_split(np.arange(len(start)), max(few, 1)):
             # levels follow each other, so that a contrast of one is free of a walk in another

@@ -1,7 +1,6 @@
 """Noise of a device: coefficients, spectra and summary figures."""
 
-from dataclasses import dataclass, field, fields, replace
-from itertools import product
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -11,42 +10,23 @@ from imuloop.core.samples import CHANNELS, SENSORS
 from imuloop.core.tables import joined
 from imuloop.noise.axis import AxisEstimate, estimate_axis
 from imuloop.noise.modes import modes
-from imuloop.noise.records import closed_up, records_by_sensor
+from imuloop.noise.records import records_by_sensor
 from imuloop.noise.spectrum import no_spectrum, spectrum_table
-from imuloop.noise.statistics import repeatability, summary
+from imuloop.noise.statistics import summary
 
 
 @dataclass(frozen=True)
 class NoiseResult:
-    """Result of the noise stage.
+    """Result of the noise stage."""
 
-    Attributes
-    ----------
-    model : NoiseModel
-        Coefficients of the six axes.
-    rate_hz : float or None
-        Sampling rate of the sessions used, Hz; of two clocks that of the faster.
-    rates_hz : dict of str to float
-        That of each sensor that has a record.
-    spectrum : dict of str to dict
-        For each axis ``misfit`` of its `AxisEstimate`.
-    repeatability, statistics : dict
-        See `statistics.repeatability`; for each session used and each axis `statistics.summary`.
-    sessions, notes : tuple of str
-        Sessions behind the coefficients; what a reader of the coefficients must know.
-    spectra : dict of str to dict of ndarray
-        For each session given the columns of spectra.parquet; without rows where the session was
-        not used.
-    """
-
-    model: NoiseModel
-    rate_hz: float | None = None
-    rates_hz: dict = field(default_factory=dict)
-    spectrum: dict = field(default_factory=dict)
-    repeatability: dict | None = None
-    statistics: dict = field(default_factory=dict)
-    sessions: tuple[str, ...] = ()
-    notes: tuple[str, ...] = ()
+    model: NoiseModel  # coefficients of the six axes
+    rate_hz: float | None = None  # sampling rate of the sessions used; of two clocks, the faster
+    rates_hz: dict = field(default_factory=dict)  # sampling rate of each sensor with a record
+    spectrum: dict = field(default_factory=dict)  # `misfit` of the AxisEstimate, by axis
+    statistics: dict = field(default_factory=dict)  # `statistics.summary` by session and axis
+    sessions: tuple[str, ...] = ()  # sessions behind the coefficients
+    notes: tuple[str, ...] = ()  # what a reader of the coefficients must know
+    # columns of spectra.parquet by session; without rows where the session was not used
     spectra: dict = field(default_factory=dict)
 
     def to_dict(self):
@@ -60,7 +40,7 @@ class NoiseResult:
 
 
 def no_noise(device, sessions, *notes):
-    """Return an empty NoiseResult of a device and its sessions, with the reason."""
+    """Return an empty NoiseResult of a device and its sessions, by name, with the reason."""
     return NoiseResult(
         model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise())),
         notes=notes,
@@ -69,62 +49,59 @@ def no_noise(device, sessions, *notes):
 
 
 def estimate_noise(device, sessions, settings, views=True):
-    """Return the NoiseResult of a device's static sessions, else of all its rests.
+    """Return the NoiseResult of a device.
 
-    One estimate from all clean stretches of all sessions used; no term is identifiable where there
-    is nothing to fit.
+    There is one estimate from all clean stretches of all static sessions or, where none of these
+    holds a rest, from the rests of all other sessions. No term is identifiable where there is
+    nothing to fit.
 
-    Takes the device's name, all its Sessions, of which the static ones count or, where none of them
-    holds a rest, the rests of all others, NoiseSettings, and whether spectra are wanted too.
+    Parameters
+    ----------
+    device : str
+        Name of the device.
+    sessions : list of RecordedSession
+        All sessions of the device.
+    settings : NoiseSettings
+    views : bool
+        Whether spectra are wanted too.
     """
-    notes = []
+    notes, names = [], [session.name for session in sessions]
     by_sensor = records_by_sensor(sessions, notes)
-    nothing = no_noise(device, [session.name for session in sessions])
     if not by_sensor:
-        notes.append("no session holds a rest: no coefficient can be estimated")
-        return replace(nothing, notes=tuple(notes))
-    static = next(iter(by_sensor.values()))[0].session.static
-    rates = {
-        s: float(np.average([r.rate for r in own], weights=[r.lengths.sum() for r in own]))
-        for s, own in by_sensor.items()
-    }
-    # sensors of one clock share their records
-    each = {id(records): records for records in by_sensor.values()}
-    bases = {key: modes([s for r in own for s in r.samplings]) for key, own in each.items()}
-    found = {
-        axis: _estimate(axis, records, bases[id(records)], settings, notes)
-        for sensor, records in by_sensor.items()
-        for axis in SENSORS[sensor]
-    }
-    axes = {axis: estimate.noise for axis, estimate in found.items()}
-    if unseen := [axis for axis, noise in axes.items() if not noise.K.identifiable]:
+        reason = "no session holds a rest: no coefficient can be estimated"
+        return no_noise(device, names, *notes, reason)
+    estimates, rates, statistics = {}, {}, {}
+    spectra = {name: [no_spectrum()] for name in names}
+    for sensors, records in by_sensor:
+        basis = modes([sampling for record in records for sampling in record.samplings])
+        rate = np.average([r.rate for r in records], weights=[r.lengths.sum() for r in records])
+        rates |= dict.fromkeys(sensors, float(rate))
+        for axis in (axis for sensor in sensors for axis in SENSORS[sensor]):
+            estimates[axis] = _estimate(axis, records, basis, settings, notes)
+            for record in records:
+                name, x = record.session.name, record.stretches(axis)
+                # attitude, and gravity with it, changes between rests: only the longest counts
+                counted = x if record.session.static else [max(x, key=len)]
+                figures = summary(counted, record.rate)
+                statistics.setdefault(name, {})[axis] = figures
+                if views and np.isfinite(figures["mean"]):
+                    spectra[name].append(spectrum_table(axis, x, record.rate))
+                # two axes at once would need twice the memory
+                del x, counted
+    if unseen := [axis for axis, found in estimates.items() if not found.noise.K.identifiable]:
         # the walk weighs most in long integrals
-        longest = max(r.lengths.max() / rates[s] for s, own in by_sensor.items() for r in own)
+        longest = max(r.lengths.max() / r.rate for _, records in by_sensor for r in records)
         notes.append(
             f"random walk not supported by clean stretches of up to {longest:.4g} s: "
             f"{', '.join(unseen)}; it shows once the record is many times sqrt(3) N/K, so K has "
             "an upper limit only"
         )
-    names = dict.fromkeys(record.session.name for own in by_sensor.values() for record in own)
-    statistics = {name: {} for name in names}
-    spectra = {name: [each] for name, each in nothing.spectra.items()}
-    for sensor, records in by_sensor.items():
-        for axis, record in product(SENSORS[sensor], records):
-            # a few missing samples are taken for none
-            name, x = record.session.name, closed_up(record.signals(axis))
-            # attitude, and gravity with it, changes from rest to rest: the longest speaks alone
-            statistics[name][axis] = summary(x if static else [max(x, key=len)], record.rate)
-            if views and np.isfinite(statistics[name][axis]["mean"]):
-                spectra[name].append(spectrum_table(axis, x, record.rate))
-            # or two axes would be in memory at once
-            x = None
-    means = {n: {a: f["mean"] for a, f in s.items()} for n, s in statistics.items()}
+    axes = {axis: found.noise for axis, found in estimates.items()}
     return NoiseResult(
-        model=NoiseModel(device, nothing.model.axes | axes),
+        model=NoiseModel(device, dict.fromkeys(CHANNELS, AxisNoise()) | axes),
         rate_hz=max(rates.values()),
         rates_hz=rates,
-        spectrum={a: {"misfit": e.misfit} for a, e in found.items()},
-        repeatability=repeatability(means if static else {}),
+        spectrum={axis: {"misfit": found.misfit} for axis, found in estimates.items()},
         statistics=statistics,
         sessions=tuple(statistics),
         notes=tuple(notes),
@@ -133,14 +110,14 @@ def estimate_noise(device, sessions, settings, views=True):
 
 
 def _estimate(axis, records, basis, settings, notes):
+    """Return the AxisEstimate of an axis from its Records and their Modes; adds to `notes`."""
     signals = [signal for record in records for signal in record.signals(axis)]
-    nothing = AxisEstimate(AxisNoise(), 0.0)
     if not all(np.isfinite(signal.values).all() for signal in signals):
         notes.append(f"{axis}: values that are not finite, no coefficient estimated")
-        return nothing
+        return AxisEstimate()
     if all(signal.is_constant() for signal in signals):
         notes.append(f"{axis}: output is constant, no coefficient estimated")
-        return nothing
+        return AxisEstimate()
     estimate = estimate_axis(basis, signals, settings)
     if not any(getattr(estimate.noise, name).upper95 for name in "QNBKR"):
         notes.append(f"{axis}: too few samples for a coefficient")
@@ -156,6 +133,7 @@ def _estimate(axis, records, basis, settings, notes):
 
 
 def _filter_note(low_pass):
+    """Return what a reader must know of a LowPassTerm, a text."""
     if low_pass.interval_hz:
         return f"values are {low_pass.kind}, as of a sensor of {low_pass.interval_hz:.3g} Hz"
     return (

@@ -5,61 +5,65 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from scipy import fft
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 from scipy.special import betainc
 
-# periods in a signal below which a line is not told from a drift; as far from Nyquist
+# periods in a signal below which a line cannot be told from a drift; lines stay as far from half
+# the rate
 SHORTEST = 3
-# independent values in a block of the background: at least, and a quarter of those below it up to
-# what a median needs and to 0.3 Hz; 1 % of its frequency where that is more. Mains' wander, folded
-# or not, is narrower than half a block and a line; what is wider is none
+# independent values in a block of the background: a quarter (SHARE) of those below the block, but
+# at least FEWEST, and at most ENOUGH for a median or WIDTH_HZ, whichever is more; and 1 % (WIDTH)
+# of the frequency where that is more. The wander of mains is narrower than half a block; what is
+# wider is no line
 FEWEST, SHARE, ENOUGH, WIDTH_HZ, WIDTH = 24, 0.25, 256, 0.3, 0.01
-# frequencies at which the spectrum is calculated: 2e-4 of a walk's, the steepest, over six decades
+# number of frequencies at which the spectrum is computed; interpolation between them is right
+# within 2e-4 for a walk, the steepest spectrum, over six decades
 NODES = 1000
-# where the chance of a peak is integrated
+# nodes of the integral for the chance of a peak
 EXPONENTS = np.geomspace(1e-4, 1e3, 700)
-# chance at one frequency below which peaks are ranked by their height
-SURE = 1e-9
+# least chance of a peak that is told from others; below, the higher peak is the stronger one
+SURE = 1e-15
 
 
 @dataclass(frozen=True)
 class Periodogram:
-    r"""Periodogram of one Signal relative to its spectrum, and the background of its blocks.
+    r"""Periodogram of one Signal over its noise: the spectrum times the local background.
 
-    The periodogram :math:`I(f) = 2 |\sum x_j e^{-2 \pi i f t_j}|^2/(n r)`, level means and one
-    slope removed, gaps filled with zeros, padded to twice the record, is divided by the spectrum
-    and by the local background: the largest of the medians of I/S in the block of frequencies
-    around and in the two beside it, or the next two at an end. So a misfit of the smooth model, its
-    slope, and a band of neighbouring lines wider than half a block (0.15 Hz, 0.5 % of f or 128
-    independent frequencies) raise the background and are no lines. With a spectrum that is right up
-    to a local factor, I/S
-    is exponential, and
+    The periodogram is :math:`I(f) = 2 |\sum_j x_j e^{-2 \pi i f t_j}|^2/(n r)` for n values
+    :math:`x_j` at the times :math:`t_j` and a sampling rate r; see `Signal.power`.
+
+    The background is a factor for each block of frequencies: the largest median of I/S in the block
+    and in its two neighbours, where S is the spectrum. At either end the two nearest blocks are the
+    neighbours. So two things raise the background and are no lines: a local error of the spectrum,
+    and a band of lines wider than half a block (0.15 Hz, 0.5 % of f or 128 independent
+    frequencies). In noise whose spectrum is right up to a local factor, I/S is exponential, and a
+    peak x times as high as the background has the chance
 
     .. math:: p_1 = E[e^{-x M}],\quad p = 1 - \exp(-p_1 - W \sqrt u e^{-u}),\quad u = -\ln p_1
 
-    where x is the ratio at its maximum, M the largest of the medians of m exponentials and
-    :math:`W = B \sqrt{4 \pi\,\mathrm{var}(t)}` counts the independent frequencies of the band B
-    (Baluev's bound on the maximum over a continuous frequency).
+    at one frequency and anywhere. M is the largest of three medians of m exponentials of mean 1.
+    :math:`W = B \sqrt{4 \pi\,\mathrm{var}(t)}` is the number of independent frequencies in the
+    band B. The second formula is Baluev's bound on the maximum over a continuous frequency.
 
     Attributes
     ----------
     step : float
-        Between frequencies of the padded transform, Hz.
+        Distance between two frequencies, Hz.
     first : int
-        Number of the first frequency, in steps.
+        First frequency, in steps.
     edges : ndarray of int, shape (b + 1,)
-        Of the blocks of the background, in steps from the first.
-    sizes, background : ndarray, shape (b,)
-        Of each block and the two nearest the fewest independent values, and the largest median.
-    ratio : ndarray
-        I/S from the first edge to the last.
+        Edges of the blocks, in steps above the first frequency.
+    sizes : ndarray, shape (b,)
+        m: the fewest independent values in the block and in its two neighbours.
+    variance : ndarray, shape (b,)
+        Factor of a block that takes the spectrum, SI^2/Hz, to the variance of white noise of the
+        local density, SI^2.
+    ratio : ndarray, shape (f,)
+        x: periodogram over spectrum and background, from the first edge to the last.
     independent : float
         W.
     spectrum : callable
-        S, one-sided, as a function of frequency in Hz.
-    rate : float
-        Of the samples, Hz.
+        One-sided density S, SI^2/Hz, as a function of frequency in Hz.
 
     References
     ----------
@@ -71,27 +75,26 @@ class Periodogram:
     first: int
     edges: np.ndarray
     sizes: np.ndarray
-    background: np.ndarray
+    variance: np.ndarray
     ratio: np.ndarray
     independent: float
     spectrum: Callable
-    rate: float
 
     @classmethod
     def of(cls, signal, spectrum):
-        """Return the periodogram of one Signal; None if it is too short, sparse or has no noise.
+        """Return the Periodogram of one Signal; None if it is too short, sparse or has no noise.
 
         `spectrum` is the one-sided density, SI^2/Hz, as a function of frequency in Hz.
         """
-        n, (first, last) = int(signal.lengths.sum()), signal.extent
+        n = int(signal.lengths.sum())
         # frequencies in units of rate/n, the distance of independent ones
-        low = SHORTEST * n / (last + 1 - first)
+        low = SHORTEST * n / signal.extent
         sizes = _block_sizes(low, n, signal.rate)
-        # of what never changes rounding alone is left
+        # in a record that never changes, nothing but rounding is left
         if not sizes or signal.is_sparse or signal.is_constant():
             return None
-        t = signal.samples.astype(float)
-        padded = 16 * fft.next_fast_len(-(-(last + 1 - first) // 8))
+        power, factor = signal.power
+        padded = 2 * (len(power) - 1)
         edges = np.ceil((low + np.cumsum([0, *sizes])) * padded / n).astype(int)
         edges[-1] = int((n / 2 - low) * padded / n)
         start, stop, step = edges[0], edges[-1], signal.rate / padded
@@ -99,75 +102,69 @@ class Periodogram:
         density = spectrum(step * nodes) * n * signal.rate / 2
         if not (density > 0).all():
             return None
-        # single precision: its rounding lies 14 decades below the variance; a power of two keeps
-        # squares within it
-        size = 2.0 ** np.rint(np.log2(density.max()) / 2)
-        transform = fft.rfft(_filled(signal, t, size), padded)[start:stop]
-        ratio = transform.real**2 + transform.imag**2
-        ratio /= np.interp(np.arange(start, stop), nodes, density / size**2)
+        # in single precision
+        expected = np.interp(np.arange(start, stop), nodes, density / factor)
+        ratio = np.divide(power[start:stop], expected, dtype=power.dtype, casting="same_kind")
         edges -= start
-        # every other one: those between are not independent
+        # only every second value: those between are not independent
         medians = np.array([np.median(ratio[i:j:2]) for i, j in pairwise(edges.tolist())])
         if not medians.all():
             return None
         centre = np.clip(np.arange(len(sizes)), 1, len(sizes) - 2)
+        background = maximum_filter1d(medians, 3, mode="nearest")[centre]
+        ratio /= np.repeat(background.astype(ratio.dtype), np.diff(edges))
         return cls(
             step=step,
             first=int(start),
             edges=edges,
             sizes=minimum_filter1d(sizes, 3, mode="nearest")[centre],
-            background=maximum_filter1d(medians, 3, mode="nearest")[centre],
+            variance=signal.rate / 2 * background / np.log(2),
             ratio=ratio,
-            independent=float(edges[-1] / padded * np.sqrt(4 * np.pi * t.var())),
+            independent=float(edges[-1] / padded * np.sqrt(4 * np.pi * signal.samples.var())),
             spectrum=spectrum,
-            rate=signal.rate,
         )
-
-    def block(self, frequency):
-        """Return the number of the block of a frequency in Hz."""
-        place = frequency / self.step - self.first
-        return int(np.searchsorted(self.edges[1:-1], place, side="right"))
 
     def strongest(self, level):
-        """Return the least chance, at one frequency, that a peak may have, and its place in Hz.
+        """Return the chance of the least likely peak at one frequency, less its height, and its Hz.
 
-        A chance of 1 stands for any that is no line at the level.
+        The chance is 1 where no peak is a line at the level. It is `SURE` at least, so that the
+        higher one of two tuples of strong peaks is the smaller tuple.
         """
-        heights, chances = (
-            np.maximum.reduceat(self.ratio, self.edges[:-1]),
-            np.ones(len(self.sizes)),
-        )
         # between two frequencies of the padded transform a peak is up to 1/sinc^2(1/4) higher
-        x = heights / 0.81 / self.background
+        heights = np.maximum.reduceat(self.ratio, self.edges[:-1]) / 0.81
+        peaks = [(1.0, 0.0, 0.0)]
         # a median is below 1, so that the chance is above exp(-x)
-        for b in np.flatnonzero(x > np.log(self.independent / level)):
-            chances[b] = chance_at_one(x[b], self.sizes[b])
-        # a strong line leaks into other blocks, where it is weaker
-        b = int(np.where(chances <= max(chances.min(), SURE), heights, 0).argmax())
-        return chances[b], self._highest(*self.edges[b : b + 2])
+        for b in np.flatnonzero(heights > np.log(self.independent / level)).tolist():
+            chance = max(chance_at_one(heights[b], self.sizes[b]), SURE)
+            peaks.append((chance, -heights[b], self._highest(*self.edges[b : b + 2])))
+        return min(peaks)
 
     def near(self, frequency, reach):
-        """Return the place of the highest peak within `reach` of a frequency, Hz."""
+        """Return the frequency of the highest peak within `reach` of a frequency, all in Hz."""
         ends = (np.array([frequency - reach, frequency + reach]) / self.step).astype(int)
         first, last = np.clip(ends - self.first, 0, len(self.ratio) - 1)
         return self._highest(first, last + 1)
 
     def _highest(self, first, last):
+        """Return the frequency, Hz, of the highest peak between two indices of the ratio."""
         return float((self.first + first + self.ratio[first:last].argmax()) * self.step)
 
-    def variance(self, frequency):
-        """Return the variance of white noise of the local density, SI^2."""
-        density = self.spectrum(np.array([frequency]))[0]
-        return density * self.rate / 2 * self.background[self.block(frequency)] / np.log(2)
+    def noise(self, frequency):
+        """Return the variance of white noise of the density at a frequency in Hz, SI^2, and m."""
+        index = np.searchsorted(self.edges[1:-1], frequency / self.step - self.first, side="right")
+        return self.spectrum(np.array([frequency]))[0] * self.variance[index], self.sizes[index]
 
     def chance(self, sinusoid):
-        """Return the chance of a peak as high as a fitted sinusoid at one frequency."""
-        x = sinusoid.explained / (2 * np.log(2) * self.variance(sinusoid.frequency))
-        return chance_at_one(x, self.sizes[self.block(sinusoid.frequency)])
+        """Return the chance, at one frequency, of a peak as high as a FittedSinusoid."""
+        variance, m = self.noise(sinusoid.frequency)
+        return chance_at_one(sinusoid.explained / (2 * np.log(2) * variance), m)
 
 
 def chance_at_one(x, m):
-    """Return E[exp(-x M)], M the largest of three medians of m exponentials of mean 1."""
+    """Return E[exp(-x M)], where M is the largest of three medians of m exponentials of mean 1.
+
+    It is the chance, at one frequency, of a peak that is x times as high as the background.
+    """
     if x <= 0:
         return 1.0
     below = betainc((m + 1) / 2, (m + 1) / 2, -np.expm1(-EXPONENTS / x)) ** 3
@@ -175,25 +172,21 @@ def chance_at_one(x, m):
 
 
 def chance_over_band(chance, independent):
-    """Return the chance of a peak anywhere from that at one frequency."""
+    """Return the chance of a peak anywhere among `independent` frequencies.
+
+    `chance` is the chance of such a peak at one frequency.
+    """
     chance = max(chance, 1e-300)
     return float(-np.expm1(-chance * (1 + independent * np.sqrt(-np.log(min(chance, 1.0))))))
 
 
 def _block_sizes(low, n, rate):
-    """Return the independent values in each block of the background, from `low` on."""
+    """Return the number of independent values in each block of the background, a list.
+
+    The blocks begin at the frequency `low`, in units of rate/n, for n values of a rate in Hz.
+    """
     enough, sizes, k = max(ENOUGH, WIDTH_HZ * n / rate), [], low
     while k + (size := int(max(FEWEST, min(SHARE * k, enough), WIDTH * k))) < n / 2 - low:
         sizes.append(size)
         k += size
     return sizes
-
-
-def _filled(signal, t, size):
-    """Return the values at t over `size`, levels and slope removed, with zeros in the gaps."""
-    t, x, (first, last) = signal.centred(t), signal.centred(signal.values), signal.extent
-    x -= (t @ x) / (t @ t) * t
-    filled = np.zeros(last + 1 - first, np.float32)
-    for start, part in zip(signal.starts, signal.split(x), strict=True):
-        filled[start - first : start - first + len(part)] = part / size
-    return filled

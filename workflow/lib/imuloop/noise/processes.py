@@ -1,4 +1,4 @@
-"""The noise processes: covariance of samples, of block means, and spectral density."""
+"""The noise processes: covariance of samples and of block means."""
 
 import numpy as np
 from scipy.special import sici, xlogy
@@ -66,37 +66,6 @@ def gauss_markov_means(d, m, dt, tc):
     same = (m * (1 + phi) / one_less - 2 * phi * whole / one_less**2) / m**2
     apart = np.exp(-np.maximum(d - m + 1, 0) * dt / tc) * (whole / one_less) ** 2 / m**2
     return np.where(d == 0, same, apart)
-
-
-def densities(frequency, dt):
-    r"""Return two-sided densities of sampled noise for unit Q, N, B, K, shape (k, 4), SI^2/Hz.
-
-    With :math:`\omega = 2\pi f \Delta t` for frequencies in Hz, shape (k,), above 0 up to half the
-    rate: quantisation :math:`(2 - 2\cos\omega)/\Delta t`, white 1, flicker :math:`1/2\pi f`,
-    walk :math:`\Delta t^2/(2 - 2\cos\omega)`.
-    """
-    frequency = np.asarray(frequency, float)
-    chord = 4 * np.sin(np.pi * frequency * dt) ** 2
-    flicker = 1 / (2 * np.pi * frequency)
-    return np.column_stack([chord / dt, np.ones_like(chord), flicker, dt**2 / chord])
-
-
-def gauss_markov_density(frequency, dt, tc):
-    """Return the two-sided density of a sampled Gauss-Markov process of variance 1, 1/Hz."""
-    phi = np.exp(-dt / tc)
-    chord = 4 * np.sin(np.pi * np.asarray(frequency, float) * dt) ** 2
-    return dt * -np.expm1(-2 * dt / tc) / (np.expm1(-dt / tc) ** 2 + phi * chord)
-
-
-def density(frequency, dt, squares):
-    """Return the two-sided density of a sum of processes, shape (k,), SI^2/Hz.
-
-    `squares` are variances by Q, N, B, K and, of Gauss-Markov processes, correlation times, s.
-    """
-    total = densities(frequency, dt) @ [squares.get(name, 0.0) for name in NAMES]
-    for tc in squares.keys() - {*NAMES}:
-        total += squares[tc] * gauss_markov_density(frequency, dt, tc)
-    return total
 
 
 def _flicker_samples(d):

@@ -1,6 +1,7 @@
 """Clean stretches of a device's sessions, from which its noise is estimated."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -20,9 +21,9 @@ from imuloop.noise.sampling import SPARSEST, Sampling
 
 # sessions pool into one estimate where their rates agree within this share
 RATE_TOLERANCE = 0.01
-# samples whose median interval is the usual one
+# the usual step of time is the median of so many at most
 PART = 1 << 20
-# what is worth a note: missing samples, share, and a change of temperature, K
+# least share of missing samples, and least change of temperature, K, that are worth a note
 LOST, TEMPERATURE_RANGE = 1e-3, 2.0
 
 
@@ -46,16 +47,12 @@ class RecordedSession:
 
 @dataclass(frozen=True)
 class Record:
-    """Stretches of a session, one power cycle after the other (`core.segments.power_cycles`).
-
-    For each the `slices` of its samples, and the `samplings`, where in time they lie; `lost` are
-    the samples missing in gaps of a few, share of those there.
-    """
+    """Stretches of a session, one power cycle after the other (`core.segments.power_cycles`)."""
 
     session: RecordedSession
-    slices: tuple[tuple[slice, ...], ...]
-    samplings: tuple[Sampling, ...]
-    lost: float
+    rows: tuple[np.ndarray, ...]  # first row of each stretch, (s,), for each power cycle
+    samplings: tuple[Sampling, ...]  # when the stretches were sampled, for each power cycle
+    lost: float  # number of samples missing in gaps of a few, share of those that are there
 
     @property
     def rate(self):
@@ -64,15 +61,20 @@ class Record:
 
     @property
     def lengths(self):
-        """Samples of each stretch, gaps of a few samples closed up, shape (s,)."""
+        """Samples of each stretch, shape (s,); gaps of a few samples end no stretch."""
         return np.concatenate([sampling.closed_up().lengths for sampling in self.samplings])
 
     def signals(self, name):
-        """Return the Signals of a column; the values of a lone stretch are a view."""
+        """Return the Signal of a column for each power cycle."""
         x = np.asarray(self.session.samples[name])
-        each = ([x[s] for s in slices] for slices in self.slices)
-        values = (np.concatenate(parts) if len(parts) > 1 else parts[0] for parts in each)
-        return [s.with_values(v) for s, v in zip(self.samplings, values, strict=True)]
+        return [
+            s.with_values(np.concatenate([x[i:j] for i, j in zip(r, r + s.lengths, strict=True)]))
+            for r, s in zip(self.rows, self.samplings, strict=True)
+        ]
+
+    def stretches(self, name):
+        """Return the values of a column in each stretch; gaps of a few samples end no stretch."""
+        return [x for s in self.signals(name) for x in s.closed_up().split(s.values)]
 
 
 def read_recorded(name, files):
@@ -81,50 +83,43 @@ def read_recorded(name, files):
     return RecordedSession(name, files["kind"], Samples(files["samples"]), segments)
 
 
-def closed_up(signals):
-    """Return the values of the stretches of Signals, gaps of a few samples closed up."""
-    return [x for signal in signals for x in signal.closed_up().split(signal.values)]
-
-
 def record_of(session):
     """Return the Record of all rests of a session with two samples or more; None without any.
 
-    A stretch of a static session has the level of the one before it, unless a disturbance lies
-    between; the rests of other sessions have their own levels. A lost sample ends a stretch.
+    A rest of a static session has the level of the rest before it, unless a disturbance lies
+    between. Each rest of another session has its own level. A lost sample ends a stretch.
     """
-    kind, rest = np.asarray(session.segments["kind"]), _steadiest(session.segments)
-    used = np.flatnonzero(rest)
-    start, end = (np.asarray(session.segments[c], float)[used] for c in ("start_s", "end_s"))
-    cycle, level = power_cycles(session.segments)[used], np.arange(len(used))
-    if session.static:
-        # the disturbances before each
-        level = np.cumsum(kind == DISTURBED)[used]
-    t = np.asarray(session.samples[TIME])
-    first, last = np.searchsorted(t, start), np.searchsorted(t, end)
-    kept = last - first > 1
-    first, last, level, cycle = first[kept], last[kept], level[kept], cycle[kept]
-    if not len(first):
+    if not len(session.samples):
         return None
+    segments, t = session.segments, np.asarray(session.samples[TIME])
+    first, last = (np.searchsorted(t, np.asarray(segments[c], float)) for c in ("start_s", "end_s"))
+    used = np.flatnonzero(_steadiest(segments) & (last - first > 1))
+    if not len(used):
+        return None
+    disturbances = np.cumsum(np.asarray(segments["kind"]) == DISTURBED)
+    level = disturbances if session.static else np.arange(len(first))
+    first, last = first[used], last[used]
     seconds, count = (t[last - 1] - t[first]).sum(), (last - first).sum()
-    first, last, stretch, lost, steps = _split_at_losses(t, first, last)
-    rate, level, cycle = float(steps / seconds), level[stretch], cycle[stretch]
-    samplings, slices = [], []
+    first, last, rest, lost, steps = _split_at_losses(t, first, last)
+    rate, cycle = float(steps / seconds), power_cycles(segments)[used][rest]
+    rows, samplings = [], []
     for k in np.unique(cycle):
-        i, j = first[cycle == k], last[cycle == k]
-        start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(j - i) - (j - i)
-        # stamps that scatter must not lay one stretch over another
+        i, lengths = first[cycle == k], (last - first)[cycle == k]
+        start, before = np.rint((t[i] - t[i[0]]) * rate).astype(int), np.cumsum(lengths) - lengths
+        # time stamps that scatter must not lay one stretch over another
         start = before + np.maximum.accumulate(start - before)
-        samplings.append(Sampling(rate, start, j - i, level[cycle == k]))
-        slices.append(tuple(map(slice, i.tolist(), j.tolist())))
-    return Record(session, tuple(slices), tuple(samplings), float(lost / count))
+        levels = np.unique(level[used][rest][cycle == k], return_inverse=True)[1]
+        samplings.append(Sampling(rate, start, lengths, levels))
+        rows.append(i)
+    return Record(session, tuple(rows), tuple(samplings), float(lost / count))
 
 
 def _steadiest(segments):
-    """Return the rests whose noise is that of the sensors, (n,).
+    """Return which segments are rests whose noise is that of the sensors, a mask, (n,).
 
-    All of them, unless the device tilts in some. Then those in which it lies still, or else the
-    third in which it tilts least, and of these no rest shorter than half the longest: a small tilt
-    is not seen, and looks like a walk.
+    These are all rests, unless the device tilts in some. Then they are those in which it lies
+    still, or else the third in which it tilts least. Of these, rests shorter than half the longest
+    are left out: a small tilt is not seen in them and looks like a walk.
     """
     rest = np.asarray(segments["kind"]) == STATIC
     tilt = np.where(rest, np.asarray(segments["tilt_rad"], dtype=float), 0.0)
@@ -138,87 +133,88 @@ def _steadiest(segments):
 
 
 def _split_at_losses(t, first, last):
-    """Return stretches split where samples are missing, and the stretch each is part of.
+    """Return stretches that end where samples are missing, and what is missing.
 
-    Then the samples missing, and the steps of the clock in all stretches.
+    Takes the time stamps, (n,), and the first and last row (half-open) of each rest. Returns the
+    same of each stretch, the index of its rest, the number of missing samples, and the number of
+    steps of the clock in all rests.
     """
     longest = np.argmax(last - first)
     usual = np.median(np.diff(t[first[longest] : last[longest]][:PART]))
-    cuts, lost, count = [], 0, 0
-    for i, j in zip(first, last, strict=True):
+    stretches, lost, count = [], 0, 0
+    for rest, (i, j) in enumerate(zip(first.tolist(), last.tolist(), strict=True)):
         steps = np.diff(t[i:j])
         missing = lost_samples(steps, usual)
-        cuts.append(i + 1 + np.flatnonzero(missing))
+        edges = [i, *(i + 1 + np.flatnonzero(missing)).tolist(), j]
+        stretches += [(*ends, rest) for ends in pairwise(edges)]
         lost += int(missing.sum())
-        # a late stamp that looks like a loss is made good by the short step after it
-        count += int(np.rint(steps / usual).sum()) if len(cuts[-1]) else len(steps)
-    starts = np.sort(np.concatenate([first, *cuts]))
-    stretch = np.searchsorted(first, starts, side="right") - 1
-    ends = np.minimum(np.append(starts[1:], last[-1]), last[stretch])
-    return starts, ends, stretch, lost, count
+        # a late time stamp looks like a loss; the short step after it makes up for it
+        count += int(np.rint(steps / usual).sum()) if missing.any() else len(steps)
+    return (*np.transpose(stretches), lost, count)
 
 
 def records_by_sensor(sessions, notes):
-    """Return the `used_records` of each sensor that has any, on its own clock where it has one.
+    """Return the Records to use, a list of pairs: a tuple of sensors, and what they share.
 
-    Takes the arguments of `used_records`. The sensors share their records if all logs hold both and
-    have one clock.
+    Sensors share their Records if all logs hold both and have one clock. A sensor without a rest is
+    in no pair. Takes a list of RecordedSessions, and a list of notes, to which it adds those of
+    `used_records`.
     """
-    held = {s: [each for each in sessions if holds(each.samples, s)] for s in SENSORS}
-    held = {sensor: own for sensor, own in held.items() if own}
+    holders = {s: [each for each in sessions if holds(each.samples, s)] for s in SENSORS}
+    holders = {sensor: own for sensor, own in holders.items() if own}
+    if not holders:
+        return []
     two_clocks = any(own in s.samples for s in sessions for own in OWN_TIME.values())
-    if not two_clocks and (len(held) < 2 or all(len(o) == len(sessions) for o in held.values())):
-        records = used_records(next(iter(held.values()), []), notes)
-        return dict.fromkeys(held, records) if records else {}
-    found, said = {}, {sensor: [] for sensor in SENSORS}
-    for sensor, own in held.items():
-        own = [replace(s, samples=on_own_clock(s.samples, sensor)) for s in own]
-        found[sensor] = used_records(own, said[sensor])
-    both = [note for note in said["accelerometer"] if note in said["gyroscope"]]
-    notes += both
-    notes += [f"{s}: {note}" for s, own in said.items() for note in own if note not in both]
-    return {sensor: records for sensor, records in found.items() if records}
+    shared = not two_clocks and all(len(own) == len(sessions) for own in holders.values())
+    groups = [tuple(holders)] if shared else [(sensor,) for sensor in holders]
+    found, sensors_by_note = [], {}
+    for sensor, *others in groups:
+        own = [replace(s, samples=on_own_clock(s.samples, sensor)) for s in holders[sensor]]
+        records, new = used_records(own)
+        if records:
+            found.append(((sensor, *others), records))
+        for note in new:
+            sensors_by_note.setdefault(note, []).append(sensor)
+    for note, sensors in sensors_by_note.items():
+        notes.append(note if len(sensors) == len(groups) else f"{sensors[0]}: {note}")
+    return found
 
 
-def used_records(sessions, notes):
-    """Return the Records of one rate to use: of static sessions, else of all with a rest.
+def used_records(sessions):
+    """Return the Records to use, and notes on them, lists.
 
-    Notes are added on what is left out, and on what a reader of the coefficients must know.
+    They are those of static sessions, else those of all sessions with a rest, and have one rate.
+    The notes say what is left out and what a reader of the coefficients must know.
     """
-    static = [session for session in sessions if session.static]
-    found = [record_of(session) if len(session.samples) else None for session in static]
-    notes += [
-        f"static session {session.name} holds no rest and is left out"
-        for session, record in zip(static, found, strict=True)
-        if record is None
-    ]
-    if not any(found):
-        found = [record_of(s) for s in sessions if not s.static and len(s.samples)]
-        if any(found):
-            count = sum(len(record.lengths) for record in found if record)
-            seconds = max(record.lengths.max() / record.rate for record in found if record)
-            notes.append(
-                f"no static record: from all {count} rests, the longest of {seconds:.3g} s; what "
-                f"changes the output over more than {seconds / 3:.2g} s (flicker, walk, ramp) is "
-                "not seen there and only limited from above"
-            )
-    records = [record for record in found if record]
+    found = {session.name: record_of(session) for session in sessions if session.static}
+    left_out = [name for name, record in found.items() if record is None]
+    notes = [f"static session {name} holds no rest and is left out" for name in left_out]
+    if len(left_out) == len(found):
+        found = {session.name: record_of(session) for session in sessions if not session.static}
+    records = [record for record in found.values() if record]
+    if records and not records[0].session.static:
+        count = sum(len(record.lengths) for record in records)
+        seconds = max(record.lengths.max() / record.rate for record in records)
+        notes.append(
+            f"no static record: from all {count} rests, the longest of {seconds:.3g} s; what "
+            f"changes the output over more than {seconds / 3:.2g} s (flicker, walk, ramp) is "
+            "not seen there and only limited from above"
+        )
     largest, kept = max(records, key=lambda record: record.lengths.sum(), default=None), []
     for record in records:
         if abs(record.rate / largest.rate - 1) <= RATE_TOLERANCE:
             kept.append(record)
+            notes += [f"session {record.session.name}: {note}" for note in _conditions(record)]
         else:
             notes.append(
                 f"session {record.session.name} has {record.rate:.4g} Hz and is left out beside "
                 f"{largest.session.name} with {largest.rate:.4g} Hz"
             )
-    for record in kept:
-        notes += [f"session {record.session.name}: {note}" for note in _conditions(record)]
-    return kept
+    return kept, notes
 
 
 def _conditions(record):
-    """Yield notes on the gaps and the temperature of a record."""
+    """Yield notes on the gaps and the temperature of a Record, each a text."""
     if jumps := len(record.samplings) - 1:
         yield (
             f"{jumps} gap(s) longer than all that was recorded; noise is not followed across, "

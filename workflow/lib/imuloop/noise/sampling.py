@@ -1,14 +1,15 @@
 """When the clean stretches of a power cycle were sampled, and their values."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+from scipy import fft
 
 from imuloop.core.gaps import LONG_GAP_STEPS, gap_limit
 
-# a power cycle of which a smaller share was recorded is not searched for lines: zeros in its gaps
-# would be
-# most of the work, and each line many of equal height
+# a power cycle of which a smaller share was recorded is not searched for lines: most of the work
+# would be on the zeros in its gaps, and each line would appear as many of the same height
 SPARSEST = 16
 
 
@@ -19,13 +20,12 @@ class Sampling:
     Attributes
     ----------
     rate : float
-        Hz.
+        Sampling rate, Hz.
     starts, lengths : ndarray of int, shape (s,)
-        First sample of each stretch, counted from the start of the first, ascending, and its
-        samples.
+        First sample of each stretch, ascending from 0, and the number of its samples.
     levels : ndarray of int, shape (s,)
-        Neighbours of one number share a level, across a gap; after a disturbance, which may have
-        moved the device, a new one begins.
+        Number of the level of each stretch, ascending from 0 without a break. Neighbours share a
+        level across a gap. After a disturbance, which may have moved the device, a new one begins.
     """
 
     rate: float
@@ -33,57 +33,46 @@ class Sampling:
     lengths: np.ndarray
     levels: np.ndarray
 
-    @classmethod
-    def unbroken(cls, rate, samples):
-        """Return the Sampling of one stretch."""
-        return cls(rate, *np.array([[0], [samples], [0]]))
-
     @property
     def samples(self):
-        """The number of each sample, shape (n,)."""
+        """The number of each sample on the grid, shape (n,)."""
         before = np.cumsum(self.lengths) - self.lengths
         return np.arange(self.lengths.sum()) + np.repeat(self.starts - before, self.lengths)
 
     @property
     def extent(self):
-        """First and last sample."""
-        return int(self.starts[0]), int(self.starts[-1] + self.lengths[-1]) - 1
+        """Number of samples of the grid from the first to the last clean one, gaps included."""
+        return int(self.starts[-1] + self.lengths[-1])
 
     @property
     def span(self):
-        """Time from the first to the last sample, s."""
-        first, last = self.extent
-        return (last - first + 1) / self.rate
+        """Time from the first to the last clean sample, s."""
+        return self.extent / self.rate
 
     @property
     def is_sparse(self):
         """Whether less than 1/`SPARSEST` of the power cycle was recorded."""
-        return self.span * self.rate > SPARSEST * self.lengths.sum()
-
-    @property
-    def level(self):
-        """The level of each stretch as 0, 1, ..., shape (s,)."""
-        return np.cumsum(np.diff(self.levels, prepend=self.levels[0]) != 0)
+        return self.extent > SPARSEST * self.lengths.sum()
 
     def with_values(self, values):
         """Return the Signal of values, shape (n,)."""
         return Signal(self.rate, self.starts, self.lengths, self.levels, values)
 
     def split(self, x):
-        """Return the values of each stretch, as views, of those of all, shape (n,)."""
+        """Return the values of each stretch, as views of the values of all, shape (n,)."""
         return np.split(x, np.cumsum(self.lengths)[:-1])
 
     def centred(self, x):
         """Return values without the mean of each level, shape (n,)."""
-        ends = np.cumsum(np.bincount(self.level, self.lengths).astype(int))
+        ends = np.cumsum(np.bincount(self.levels, self.lengths).astype(int))
         return np.concatenate([part - part.mean() for part in np.split(x, ends[:-1])])
 
     def closed_up(self):
         """Return the same with gaps of a few samples closed up.
 
-        White noise stays white and flicker flicker. What a walk or a ramp does within the gaps
-        falls to the samples that are there, so that they seem larger by up to the share that is
-        missing. A line does not stay one.
+        White noise stays white and flicker stays flicker. A line does not stay a line. What a walk
+        or a ramp does within the gaps falls to the samples that are there. So they seem larger by
+        up to the share that is missing.
         """
         gaps = self.starts[1:] - (self.starts + self.lengths)[:-1]
         new = (gaps + 1 > gap_limit(1.0, LONG_GAP_STEPS)) | (np.diff(self.levels) != 0)
@@ -102,15 +91,20 @@ class Signal(Sampling):
         """Return whether no stretch ever changes."""
         return not any(np.ptp(x) for x in self.split(self.values))
 
-    def means(self, size):
-        """Return the Signal of means over `size` samples, counted from the start of each stretch.
+    @cached_property
+    def power(self):
+        """Squared Fourier transform over a factor, shape (f,), and the factor, SI^2.
 
-        None where no stretch is as long.
+        Before, the mean of each level and one slope are removed, gaps are filled with zeros, and
+        the record is padded to twice its length or a little more.
         """
-        number = self.lengths // size
-        kept, each = number > 0, zip(self.split(self.values), number, strict=True)
-        if not kept.any():
-            return None
-        values = np.concatenate([x[: n * size].reshape(n, size).mean(axis=1) for x, n in each])
-        starts = self.starts[kept] // size
-        return Signal(self.rate / size, starts, number[kept], self.levels[kept], values)
+        t, x = self.centred(self.samples.astype(float)), self.centred(self.values)
+        x -= (t @ x) / (t @ t) * t
+        # a power of two keeps squares within single precision; its rounding lies 14 decades below
+        # the variance
+        size = 2.0 ** np.rint(np.log2(x.std() or 1.0))
+        filled = np.zeros(16 * fft.next_fast_len(-(-self.extent // 8)), np.float32)
+        for start, part in zip(self.starts, self.split(x), strict=True):
+            filled[start : start + len(part)] = part / size
+        transform = fft.rfft(filled)
+        return transform.real**2 + transform.imag**2, size**2

@@ -1,7 +1,7 @@
 """Which noise terms a record supports.
 
-The terms of a model are a tuple: of Q, N, B, K in this order, 'R' for a ramp, and the correlation
-times of Gauss-Markov processes in s.
+The terms of a model are a tuple. It holds the letters of Q, N, B, K in this order, 'R' for a ramp,
+and the correlation time of each Gauss-Markov process, s.
 """
 
 from dataclasses import dataclass, field, replace
@@ -9,20 +9,21 @@ from functools import cached_property
 from math import erfc, sqrt
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
-from imuloop.noise.likelihood import Likelihood
+from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm
+from imuloop.noise.gains import LowPass
+from imuloop.noise.likelihood import Likelihood, likeliest
 from imuloop.noise.modes import Modes
 from imuloop.noise.processes import NAMES
 
-# correlation times from so many samples, below which a filter does the same, to such a share of
-# the usual time without a new level: over less a process is a walk, which short rests cannot tell
+# correlation times that are tried: at least so many samples, below which a filter does the same;
+# and at most this share of the usual time without a new level: longer processes look like a walk
 SHORTEST, LONGEST = 10.0, 1 / 8
 # independent tests per decade of correlation times
 TESTS = 2.5
 # processes at most
 MOST = 3
-# a term that raises the log-likelihood by less raises it by nothing: fits end so near the maximum
+# gain in log-likelihood below which a term gains nothing: fits end so near the maximum
 NOTHING = 1e-4
 # share of a session over which one level has to last before walk or ramp is told from flicker:
 # from short rests, each at its own level, it would be carried on over all that lies between
@@ -53,52 +54,56 @@ def correlation_times(terms):
 
 @dataclass(frozen=True)
 class Selection:
-    """The likelihood of one axis as a function of the terms, and the choice of these.
-
-    `level` is that at which a term counts as supported; `gain`, shape (r,), is the power gain of
-    the filter behind all terms but quantisation.
-    """
+    """The likelihood of one axis as a function of the terms, and the choice of these."""
 
     modes: Modes
     likelihood: Likelihood
-    level: float
-    gain: object = 1.0
+    level: float  # chance at which a term that is absent counts as supported
+    low_pass: LowPass | None = None  # filter behind all terms but quantisation
     _fits: dict = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def weighted(self, count):
-        """Return the same with other weights of the rows."""
+        """Return the same with another `count` of the likelihood, (r,)."""
         return replace(self, likelihood=replace(self.likelihood, count=count))
 
     def filtered(self, low_pass):
-        """Return the same behind a LowPass, or without one (None)."""
-        return replace(self, gain=1.0 if low_pass is None else self.modes.gain(low_pass))
+        """Return the same behind a LowPass."""
+        return replace(self, low_pass=low_pass)
 
     def unit(self, term):
-        """Return `Modes.unit` of a term behind the filter, shape (r,)."""
-        return self.modes.unit(term) * (1.0 if term == "Q" else self.gain)
+        """Return the expected mean squares for a unit term behind the filter, shape (r,)."""
+        unit = self.modes.unit(term)
+        return unit * self.modes.gain(self.low_pass) if self.low_pass and term != "Q" else unit
 
     def units(self, terms):
-        """Return the unit spectra of terms, ramp excepted, shape (r, p)."""
+        """Return the expected mean squares for unit terms, all but a ramp, shape (r, p)."""
         none = np.empty((len(self.modes.frequency), 0))
         return np.column_stack([none, *map(self.unit, variances(terms))])
 
-    def fit(self, terms, restricted=False):
-        """Return the MaximumLikelihood of these terms."""
-        ramp = "R" in terms
-        key = terms, restricted and ramp
-        if key not in self._fits:
-            units = self.units(terms)
-            self._fits[key] = self.likelihood.fit(units, ramp, restricted=restricted)
-        return self._fits[key]
+    def fit(self, terms, start=None):
+        """Return the MaximumLikelihood of terms; `start` as `Likelihood.fit` takes it."""
+        if terms not in self._fits:
+            ramp = None if "R" in terms else 0.0
+            self._fits[terms] = self.likelihood.fit(self.units(terms), ramp, start=start)
+        return self._fits[terms]
 
     def squares(self, terms):
-        """Return the fitted variance of each term, ramp excepted, SI squared."""
+        """Return the fitted variance of each term but a ramp, SI squared, a dict."""
         return dict(zip(variances(terms), self.fit(terms).theta, strict=True))
+
+    def noise(self, terms):
+        """Return the AxisNoise of terms but a ramp, with fitted values and without intervals."""
+        values = {term: np.sqrt(square) for term, square in self.squares(terms).items()}
+        letters = {t: Coefficient(value) for t, value in values.items() if isinstance(t, str)}
+        drives = {t: np.sqrt(2 / t) * values[t] for t in correlation_times(terms)}
+        processes = [GaussMarkovTerm(Coefficient(q), Coefficient(t)) for t, q in drives.items()]
+        return AxisNoise(**letters, gauss_markov=tuple(processes))
 
     def p_value(self, term, gain):
         """Return the probability that an absent term gains so much log-likelihood.
 
-        Half a chi-square of one degree for a variance, which cannot be negative; a ramp can.
+        Twice the gain is a chi-square variable of one degree for a ramp. For a variance, which
+        cannot be negative, it is 0 in half of all cases.
         """
         chance = erfc(sqrt(gain if gain > NOTHING else 0.0))
         if term == "R":
@@ -128,21 +133,23 @@ class Selection:
     def supported(self):
         """The supported terms.
 
-        Those of the non-negative fit, less what fails its test, worst first; then what passes
-        beside them, best first, a Gauss-Markov process only where no other does; and again.
+        They begin as those of the non-negative fit. The terms that fail their test go, worst first.
+        Then the term enters that passes best, a Gauss-Markov process only where no other term does.
+        Both are repeated until nothing changes.
         """
         squares = self.squares(variances(self.candidates))
         terms, seen = tuple(name for name, square in squares.items() if square > 0), []
         while terms not in seen:
             seen.append(terms)
-            terms = self._grown(self._shrunk(terms))
-        return self._shrunk(terms)
+            terms = self._with_best_absent(self._without_failed(terms))
+        return self._without_failed(terms)
 
     def _chance(self, term, terms, rest):
         """Return the p-value of a term in a model beside that without it."""
         return self.p_value(term, self.fit(terms).value - self.fit(rest).value)
 
-    def _shrunk(self, terms):
+    def _without_failed(self, terms):
+        """Return the terms without those that fail their test, the worst first."""
         while len(terms) > 1:
             p = {t: self._chance(t, terms, without(terms, t)) for t in terms}
             failed = [t for t in p if p[t] > self.level]
@@ -154,7 +161,8 @@ class Selection:
             terms = rest
         return terms
 
-    def _grown(self, terms):
+    def _with_best_absent(self, terms):
+        """Return the terms with that absent one which passes its test best, if one does."""
         absent = [t for t in self.candidates if t not in terms]
         p = {t: self._chance(t, plus(terms, t), terms) for t in absent}
         best = min(p, key=p.get, default=None)
@@ -162,31 +170,23 @@ class Selection:
             return plus(terms, best)
         if len(correlation_times(terms)) == MOST or not len(self.times):
             return terms
-        base = self.fit(terms)
-        start = np.append(base.theta, 0.0)
-        gains = {
-            tc: self.likelihood.fit(self.units(plus(terms, tc)), "R" in terms, start=start).value
-            for tc in self.times.tolist()
-        }
-        tc = max(gains, key=gains.get)
-        if self.p_value(tc, gains[tc] - base.value) > self.level:
+        start = np.append(self.fit(terms).theta, 0.0)
+        tc = max(self.times.tolist(), key=lambda tc: self.fit(plus(terms, tc), start).value)
+        if self._chance(tc, plus(terms, tc), terms) > self.level:
             return terms
         terms = plus(terms, tc)
         places = range(len(terms) - len(correlation_times(terms)), len(terms))
         for place in [*places] * min(len(places), 2):
-            terms = self._refined(terms, place)
+            terms = self._with_likeliest_time(terms, place)
         return terms
 
-    def _refined(self, terms, place):
-        """Return the terms with the most likely correlation time at a place."""
-        step = np.log(self.times[1] / self.times[0]) if len(self.times) > 1 else 0.3
+    def _with_likeliest_time(self, terms, place):
+        """Return the terms with the most likely correlation time at an index."""
 
-        def moved(x):
-            return (*terms[:place], float(np.exp(x)), *terms[place + 1 :])
+        def moved(u):
+            return (*terms[:place], float(np.exp(u)), *terms[place + 1 :])
 
-        around = np.log(terms[place]) + np.array([-1.5, 1.5]) * step
-        around[1] = min(around[1], np.log(LONGEST * self.modes.usual))
-        found = minimize_scalar(
-            lambda x: -self.fit(moved(x)).value, bounds=around, method="bounded"
-        )
-        return moved(found.x)
+        step = np.log(self.modes.correlation_times[1] / self.modes.correlation_times[0])
+        u, longest = np.log(terms[place]), np.log(LONGEST * self.modes.usual)
+        low, high = u - 1.5 * step, min(u + 1.5 * step, longest)
+        return moved(likeliest(lambda u: self.fit(moved(u)).value, low, high))

@@ -4,48 +4,45 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-# samples that are worked on at a time
+# samples of a chunk
 CHUNK = 8192
-# the fit of a frequency ends at this share of 1/T
+# rounds of a fit, which ends where the frequency changes by less than this share of 1/span
 ROUNDS, CLOSE = 8, 1e-3
 
 
 @dataclass(frozen=True)
 class FittedSinusoid:
-    """Least-squares sinusoid in the Signal of a number.
+    """Sinusoid in one Signal by least squares."""
 
-    Frequency in Hz, cosine and sine in SI; the phase counts from the middle between the first and
-    the last clean sample. `explained` is the sum of squares that it takes, SI^2; standard
-    errors are those where the noise is white with variance 1.
-    """
-
-    signal: int
-    frequency: float
+    frequency: float  # Hz
+    # amplitudes, SI; the phase is 0 in the middle between the first and the last sample
     cosine: float
     sine: float
-    explained: float
+    explained: float  # sum of squares that the sinusoid takes, SI^2
+    # standard errors of amplitude and frequency in white noise of variance 1 SI^2
     amplitude_std: float
     frequency_std: float
 
     def subtract(self, signal):
         """Return the Signal without the sinusoid."""
-        size = np.array([self.cosine, self.sine])
-        parts = [size @ waves for *_, waves in _chunks(signal, self.frequency)]
+        amplitudes = np.array([self.cosine, self.sine])
+        parts = [amplitudes @ waves for *_, waves in _chunks(signal, self.frequency)]
         return replace(signal, values=signal.values - np.concatenate(parts))
 
 
-def fit_sinusoid(signal, frequency, number):
-    """Return the FittedSinusoid beside levels and a slope, from within 1/(4 span) of `frequency`.
+def fit_sinusoid(signal, frequency):
+    """Return the FittedSinusoid of a Signal, fitted together with levels and a slope.
 
-    By Gauss-Newton, in steps of at most as much; Hz. `number` is that of the signal.
+    By Gauss-Newton from `frequency`, Hz, which is right within 1/(4 span). A step is at most as
+    long.
     """
-    (first, last), step = signal.extent, 1 / (4 * signal.span)
+    step = 1 / (4 * signal.span)
     for _ in range(ROUNDS):
         products = _products(signal, frequency)
         _, cosine, sine = np.linalg.solve(products[1:4, 1:4], products[1:4, 0])
         # derivative by the frequency, t = u span/2: pi span u (sine cos - cosine sin)
         mix = np.eye(5, 6)
-        mix[4, 4:] = np.pi * (last - first) / signal.rate * np.array([sine, -cosine])
+        mix[4, 4:] = np.pi * (signal.extent - 1) / signal.rate * np.array([sine, -cosine])
         gram = mix @ products @ mix.T
         covariance = np.linalg.inv(gram[1:, 1:])
         fit = covariance @ gram[1:, 0]
@@ -55,7 +52,6 @@ def fit_sinusoid(signal, frequency, number):
     _, cosine, sine, _ = fit.tolist()
     direction = np.array([0, cosine, sine, 0]) / np.hypot(cosine, sine)
     return FittedSinusoid(
-        signal=number,
         frequency=frequency,
         cosine=cosine,
         sine=sine,
@@ -66,8 +62,11 @@ def fit_sinusoid(signal, frequency, number):
 
 
 def _products(signal, frequency):
-    """Return the products of x, u, cosine, sine, u cosine, u sine without the levels' means."""
-    number = np.bincount(signal.level, signal.lengths)
+    """Return the products of x, u, cosine, sine, u cosine and u sine, (6, 6).
+
+    The mean of each level is taken out of each before. `_chunks` describes x, u and the waves.
+    """
+    number = np.bincount(signal.levels, signal.lengths)
     gram, sums = np.zeros((6, 6)), np.zeros((6, len(number)))
     for level, x, u, waves in _chunks(signal, frequency):
         columns = np.vstack([x, u, waves, u * waves])
@@ -77,15 +76,15 @@ def _products(signal, frequency):
 
 
 def _chunks(signal, frequency):
-    """Yield level, values less its mean, u and (cosine, sine) of a few samples after the others.
+    """Yield level, x, u and the waves of one chunk of samples after the other.
 
-    u goes from -1 to 1 over the signal, the phase counts from its middle.
+    x, (k,), are the values without the mean of their level. u, (k,), goes from -1 to 1 over the
+    signal. The waves, (2, k), are cosine and sine at `frequency`, Hz, with phase 0 at u = 0.
     """
-    first, last = signal.extent
-    middle, half = (first + last) / 2, (last - first) / 2
+    half = (signal.extent - 1) / 2
     stretches = signal.split(signal.centred(signal.values))
-    for start, level, x in zip(signal.starts, signal.level, stretches, strict=True):
+    for start, level, x in zip(signal.starts, signal.levels, stretches, strict=True):
         for i in range(0, len(x), CHUNK):
-            sample = start + i + np.arange(len(x[i : i + CHUNK])) - middle
+            sample = start + i + np.arange(len(x[i : i + CHUNK])) - half
             angle = 2 * np.pi * (frequency / signal.rate * sample % 1)
             yield level, x[i : i + CHUNK], sample / half, np.array([np.cos(angle), np.sin(angle)])

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from imuloop.core.errors import joined, plural
 from imuloop.core.files import plain, read_json, replaced
-from imuloop.noise.filters import RANGE
+from imuloop.export.bound import RANGE
 from imuloop.report.card import headline
 from imuloop.report.figures import comparison as figures
 from imuloop.report.figures.drawing import write_svg

@@ -3,7 +3,7 @@
 import numpy as np
 
 from imuloop.core.errors import joined
-from imuloop.noise.gains import term_gain
+from imuloop.noise.gains import density
 from imuloop.report.figures.drawing import AXES, Picture, fill, write_csv
 from imuloop.report.numbers import coefficient_text, number, with_unit
 from imuloop.report.results import SENSORS, UNITS, XYZ, of_axes
@@ -21,7 +21,7 @@ def density_pictures(device, session):
         if at.any():
             rate = device.noise["rates_hz"].get(sensor) or session.quality["rate_hz"]
             f = found["frequency_hz"][at].to_numpy()
-            found.loc[at, "model"] = model_density(noise, f, rate) + noise.R.square * _ramp(f)
+            found.loc[at, "model"] = density(noise, f, rate) + noise.R.square * _ramp(f)
     csv = write_csv(device.figures, f"{session.name}_psd", found)
     by_sensor = {
         sensor: {a: found[found["axis"] == c] for a, c in zip(XYZ, channels, strict=True)}
@@ -34,41 +34,15 @@ def density_pictures(device, session):
     ]
 
 
-def model_density(noise, f, rate):
-    r"""Return the one-sided power spectral density of an `AxisNoise` at frequencies f, SI²/Hz.
-
-    .. math::
-        S(f) = 8 Q^2 r \sin^2(\pi f/r) + 2 N^2 + B^2/(\pi f) + 2 K^2/(2 \pi f)^2
-        + 2 q^2/(1/T^2 + (2 \pi f)^2)
-
-    If there is a low-pass, its gain multiplies all terms but the first. Sinusoids have no
-    density: each has the power :math:`\Omega^2/2` at its frequency. The ramp is deterministic
-    and adds nothing. r is the `rate` of the output, Hz; f are above 0 and up to half the rate, Hz.
-
-    References
-    ----------
-    IEEE Std 952-1997 (R2008), annex C, which gives the two-sided densities.
-    """
-    f = np.asarray(f, float)
-    omega = 2 * np.pi * f
-    density = 2 * noise.N.square + noise.B.square / (np.pi * f) + 2 * noise.K.square / omega**2
-    for process in noise.gauss_markov:
-        density = density + 2 * process.q.square / (process.tc.value**-2 + omega**2)
-    if noise.low_pass:
-        density = density * term_gain(noise.low_pass, f, rate)
-    return density + 8 * noise.Q.square * rate * np.sin(np.pi * f / rate) ** 2
-
-
 def _ramp(frequency):
-    r"""Return what a ramp of 1 SI/s adds to Welch's estimate, SI^2/Hz.
+    r"""Return what a ramp of 1 SI/s adds to Welch's estimate at frequencies in Hz, SI^2/Hz.
 
-    Under a Hann window, in segments of T whose mean is off:
-    :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T. The lowest frequency is the second of the
-    longest segments; what shorter ones have of it is nothing beside that.
+    Under a Hann window, in segments of T without their mean, it is
+    :math:`T^3/(3 \pi^2 k^2 (k^2 - 1)^2)`, k = f T. The lowest frequency is 2/T.
     """
-    longest = 2 / frequency.min()
-    k = frequency * longest
-    return longest**3 / (3 * np.pi**2 * k**2 * (k**2 - 1) ** 2)
+    segment = 2 / frequency.min()
+    k = frequency * segment
+    return segment**3 / (3 * np.pi**2 * k**2 * (k**2 - 1) ** 2)
 
 
 def _density(device, session, sensor, curves, csv):

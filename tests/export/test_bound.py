@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from calibrate.devices import known
 from imuloop.core.noise_model import AxisNoise, Coefficient, GaussMarkovTerm, SinusoidTerm
-from imuloop.noise.filters import LONGEST, POINTS, SHORTEST, bounding
+from imuloop.export.bound import LONGEST, POINTS, SHORTEST, bounding
 
 # the times at which the bound is held, and nineteen between each two
 TAU = np.geomspace(SHORTEST, LONGEST, 20 * (POINTS - 1) + 1)
