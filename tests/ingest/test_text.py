@@ -19,6 +19,7 @@ from ingest.text_forms import (
     in_latin_1,
     inserted,
     named,
+    of_each,
     quoted,
     row_of_units,
     spaced,
@@ -112,6 +113,9 @@ WAYS = {
     "signs turned by name": (lambda log: text(log.assign(ay=-log.ay, gz=-log.gz)), TURNED),
     "signs turned by number":
         (lambda log: text(log.assign(ay=-log.ay, gz=-log.gz), header=False), BY_NUMBER),
+    **{f"a row of each sensor, its name {at}, {end!r}":
+           (lambda log, at=at, end=end: of_each(log, at, end), {})
+       for at in (0, 4) for end in ("\n", "\r\n")},
     "Gyroflow": (gyroflow, {}, (), {}, ROUNDED),
     "columns that end before those of another sensor":
         (beside_emg, {"columns": {"time": 2}}, (), {"non_finite": 0}),

@@ -138,11 +138,10 @@ def resolve(names, declared=None, headed=True):
 
 def lacking(quantity, columns):
     """Return the error of a log, whose columns are listed, without those of a sensor."""
-    by_number = columns.startswith("no header")
-    how = "by number from 0" if by_number else "by name"
-    such = ", such as [1, 2, 3]" * by_number
+    how = "number from 0" if columns.startswith("no header") else "name"
+    such = ", such as [1, 2, 3]" * how.startswith("number")
     return Lacking(
-        f"no columns of {quantity} found ({columns}); name its x, y, z {how} in "
+        f"no columns of {quantity} found ({columns}); name its x, y, z by {how} in "
         f"columns.{quantity}{such}, or give both files where another holds it, {PAIR}, or declare "
         f"columns.{quantity}: null where it was not logged"
     )
@@ -181,19 +180,18 @@ def check_each_once(chosen):
 
 def _intervals(declared, names, headed, found, summed):
     """Return sensor -> position of the interval of its increments."""
-    value = declared.get("interval")
-    if value is not None:
-        each = value if isinstance(value, dict) else dict.fromkeys(SENSORS, value)
-        return {q: position("interval", column, names, headed) for q, column in each.items()}
-    if "interval" in declared or not summed:
-        return {}
-    # as of a vehicle_imu of PX4: delta_angle_dt, delta_velocity_dt
-    joined = [" ".join(words_of(name)) for name in names]
-    own = {q: joined.index(f"{name} dt") for q, name in summed.items() if f"{name} dt" in joined}
-    if len(own) < len(summed):
-        shared = _only("interval", found, names)
-        return {} if shared is None else dict.fromkeys(SENSORS, shared)
-    return dict.fromkeys(SENSORS, next(iter(own.values()))) | own
+    given = declared.get("interval")
+    if given is None and "interval" not in declared and summed:
+        # as of a vehicle_imu of PX4: delta_angle_dt, delta_velocity_dt
+        joined = [" ".join(words_of(name)) for name in names]
+        own = {q: joined.index(f"{n} dt") for q, n in summed.items() if f"{n} dt" in joined}
+        if own and len(own) == len(summed):
+            given = dict.fromkeys(SENSORS, next(iter(own.values()))) | own
+        else:
+            given = _only("interval", found, names)
+    if given is not None and not isinstance(given, dict):
+        given = dict.fromkeys(SENSORS, given)
+    return {q: position("interval", at, names, headed) for q, at in (given or {}).items()}
 
 
 def _declared(quantity, value, names, headed):
@@ -223,18 +221,18 @@ def without_sign(column, names=()):
 def position(quantity, value, names, headed):
     """Return the position of a declared column, a name or a number from 0."""
     key = quantity if quantity.startswith(("pps", "reference")) else f"columns.{quantity}"
-    number = f"from 0 to {len(names) - 1}"
+    count = names.count(str(value)) if headed else 0
     if isinstance(value, int) and not isinstance(value, bool):
         if 0 <= value < len(names):
             return value
-        fault = f"there is no column {value}; the log has {len(names)}, numbered {number}"
-    elif not headed:
-        fault = f"the log has no header, so {value!r} cannot be found; name columns by number, "
-        fault += number
-    elif names.count(str(value)) == 1:
+        fault = f"there is no column {value}; the log has {len(names)}, numbered from 0"
+    elif count == 1:
         return names.index(str(value))
-    elif count := names.count(str(value)):
-        fault = f"{count} columns are named '{value}'; name it by number, from 0"
+    elif count or not headed:
+        what = (
+            f"{count} columns are named '{value}'" if count else f"no header, so {value!r} cannot"
+        )
+        fault = f"{what}{'' if count else ' be found'}; name it by number, 0 to {len(names) - 1}"
     else:
         hint = did_you_mean(str(value), names, 0.5)
         fault = f"no column '{value}'; there are {listed(names)}{hint}"

@@ -102,7 +102,7 @@ def _by_sensor(source, layout):
         return {}
     parts, head = {}, layout.separator.join(layout.names).encode()
     for quantity, [name] in names.items():
-        own = rb"%b(?:%b[^\r\n]*)?$" % (re.escape(name), mark)
+        own = rb"%b(?:%b[^\r\n]*)?\r?$" % (re.escape(name), mark)
         comment = re.search(rb"(?m)^\s*(?:#|%%|//)+\s*(%b%b)" % (before, own), text)
         heads = [comment[1]] if comment else [head] * layout.headed
         parts[quantity] = b"\n".join(heads + re.findall(rb"%b%b" % (rows, own), text))
@@ -136,13 +136,14 @@ def _scaled(layout, chosen):
     return units | dict.fromkeys(scales, "count"), nominal, tick
 
 
-def text_columns(source, layout, positions, log, stamps=None):
+def text_columns(source, layout, positions, log, stamps):
     """Return columns of a text table (path or bytes).
 
     The first `stamps` of the columns at `positions` are stamps, as in `stamp_array`, the others
-    float64; all are text if None. `log` counts bad lines and bytes.
+    float64. `log` counts bad lines and bytes.
     """
-    text = unpacked(source)[layout.start :]
+    text = unpacked(source)
+    del text[: layout.start]
     if not text.isascii() or b"\0" in text:
         text = text.translate(_ASCII)
     log.text_bytes += _weight(text)
@@ -150,12 +151,11 @@ def text_columns(source, layout, positions, log, stamps=None):
         text = _OPEN_QUOTE.sub(lambda line: line[0].replace(b'"', _EMPTY), text)
     for pattern, replacement in layout.rewrites:
         text = re.sub(pattern, replacement, text)
-    numeric = kinds = [pa.string()] * len(positions)
-    if stamps is not None:
-        numeric = [_stamp_kind(layout, at) for at in positions[:stamps]]
-        numeric += [pa.float64()] * len(positions[stamps:])
+    kinds = [_stamp_kind(layout, at) for at in positions[:stamps]]
+    kinds += [pa.float64()] * len(positions[stamps:])
+    texts = [pa.string()] * len(positions)
     # text among the numbers spoils its own row alone, and a line may be longer than a block
-    for types, block in ((numeric, _BLOCK), (kinds, _BLOCK), (kinds, len(text) + 1)):
+    for types, block in ((kinds, _BLOCK), (texts, _BLOCK), (texts, len(text) + 1)):
         try:
             columns, lost = _parsed(text, layout, positions, types, block)
             break
@@ -167,8 +167,6 @@ def text_columns(source, layout, positions, log, stamps=None):
         _check_headers(text, layout, positions)
     log.bad_lines += len(lost)
     log.lost_bytes += sum(map(_weight, lost))
-    if stamps is None:
-        return columns
     if stamps and all(column.null_count for column in columns):
         # rows without a stamp and any value are none, as below the last one of a shorter sensor
         held = pa.array(np.any([column.is_valid() for column in columns], axis=0))

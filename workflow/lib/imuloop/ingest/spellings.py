@@ -85,13 +85,14 @@ def unknown_unit(quantity, text):
     )
 
 
-@lru_cache(1 << 12)
+@lru_cache(1 << 15)
 def _parts(name):
     """Return the words of a name before and after its axis, the axis or None, and its unit.
 
     The unit is the text of the last brackets. An axis may be a word or joined to the one of a name.
     """
-    text = unicodedata.normalize("NFKC", name)
+    # what is longer is no name
+    text = unicodedata.normalize("NFKC", name[-99:])
     text = _INDEX.sub(lambda at: f" {'xyzxyz'['012xyz'.index(at[1].lower())]} ", text)
     brackets = re.search(_BRACKETS.pattern + r"\s*\Z", text)
     words = re.findall(r"[^\W_]+", _CAMEL.sub("_", _BRACKETS.sub(" ", text)).lower())

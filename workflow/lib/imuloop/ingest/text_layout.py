@@ -27,7 +27,7 @@ _DATE = re.compile(r"\d{4}[-/]\d\d[-/]\d\d|\d{1,2}-[A-Za-z]{3}-\d{4}")
 # what a serial monitor puts before each line: its time of the day
 _ARROW = re.compile(rb"(?m)^[ \t]*(\d{1,2}:\d\d:\d\d\.\d+) -> ([^\r\n]*)")
 # a name before a value, as for a serial plotter: AccelX:0.06
-_LABEL = re.compile(rb"[A-Za-z_][\w .]*[:=][ \t]*(?=[-+.\d])")
+_LABEL = re.compile(rb"[A-Za-z_][\w .]{,40}[:=][ \t]*(?=[-+.\d])")
 _PACKINGS = {b"\x1f\x8b": "gzip", b"BZh": "bz2", b"\x28\xb5\x2f\xfd": "zstd", b"\4\x22M\x18": "lz4"}
 # how files begin that hold no log of any format, and what to do about them
 SPREADSHEET = "the file is a spreadsheet, such as Excel's: save its table as CSV"
