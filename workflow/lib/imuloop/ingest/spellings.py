@@ -7,7 +7,6 @@ from functools import lru_cache
 from itertools import islice, product
 from pathlib import Path
 
-import numpy as np
 import yaml
 
 from imuloop.core.errors import ImuloopError
@@ -38,9 +37,11 @@ _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z]|dps)")
 # an axis in brackets, at the end but for the unit: acc[0], Accelerometer (z) [g]
 _INDEX = re.compile(r"[\[({]([012xyz])[\])}](?=\s*([\[({]|\Z))", re.IGNORECASE)
 _BRACKETS = re.compile(r"[\[({]((?:[^\[\](){}]|\([^()]*\))*)[\])}]")
-# how well a name shows a quantity, see `_match`: the kinds of names, and other ways
-_KINDS = ("names", "second", "increments")
-_SHOWN, _PREFIXED, _LAST, _NONE = 3, 4, 5, (9, 0, "", "")
+# how a name may show a quantity, the best first: the keys of the table, and after a prefix
+_KINDS = ("names", "second", "increments", "words", "prefixed", "last")
+_USUAL = [(_KINDS.index(kind), False) for kind in ("names", "second")]
+_WORDS, _PREFIXED = _KINDS.index("words"), _KINDS.index("prefixed")
+_NONE = (len(_KINDS), False), 0, "", ""
 # a column of whole seconds, one of its part, and how many ns that counts
 _WHOLE = re.compile(r"(.*?)secs?|()seconds", re.IGNORECASE)
 _PART = re.compile(r"(.*?)(n|nano|u)secs?|()(nano|micro|milli)seconds", re.IGNORECASE)
@@ -151,8 +152,8 @@ def _unit_in(quantity, name, increments=False):
 
 def increment_name(quantity, name):
     """Return the name in the table by which a column is a sensor's increment, or None."""
-    rank, _, known, _ = _match(quantity, name)
-    return known if rank // 1 == _KINDS.index("increments") else None
+    (kind, _), _, known, _ = _match(quantity, name)
+    return known if kind == _KINDS.index("increments") else None
 
 
 def two_parts(names):
@@ -182,19 +183,20 @@ def guess(names, alone=None, usual=True):
         groups = triples if quantity in SENSORS else [[(at,)] for at in range(len(names))]
         found[quantity] = [(*_match(quantity, names[at[0][0]]), at) for at in groups]
     shared = set.intersection(*({m[3] for m in found[q]} for q in ([alone] if alone else SENSORS)))
-    shared -= {""} if not usual else shared
+    shared = set() if usual else shared - {""}
     for quantity, matches in found.items():
-        sensor = quantity in SENSORS
-        good = (0, 1) if usual and sensor else (*np.arange(0, _SHOWN + 1, 0.5), _LAST)
-        fine = [m for m in matches if m[0] in good or (m[0] == _PREFIXED and m[3] in shared)]
+        sensor, fine = quantity in SENSORS, [m for m in matches if m[0] < _NONE[0]]
+        if usual and sensor:
+            fine = [m for m in fine if m[0] in _USUAL]
+        fine = [m for m in fine if m[0][0] != _PREFIXED or m[3] in shared]
         if not sensor:
             # of several devices it is not known whose it is, and seconds may be of a clock
-            fine = sorted(m for m in fine if m[0] != _PREFIXED or len(shared) == 1)
+            fine = sorted(m for m in fine if m[0][0] != _PREFIXED or len(shared) == 1)
             fine = [m for m in fine if not (clock and m[2] in _SPELT["time"])]
             found[quantity] = [(at, known) for _, _, known, _, [[at]] in fine]
             continue
         if not fine and alone == quantity and len(triples) == 1 and not usual:
-            fine = [(0, 0, "", "", triples[0])]
+            fine = [(*_NONE, triples[0])]
         best = min((m[0] for m in fine), default=None)
         found[quantity] = [(at, m[2]) for m in fine if m[0] == best for at in m[4]]
     return found
@@ -215,9 +217,9 @@ def _triples(names):
 
 
 def _match(quantity, name):
-    """Return how a name is one of a quantity's: rank, place and name in the table, and a prefix.
+    """Return how a name is one of a quantity's, `_NONE` of one that is not.
 
-    The rank is 9 if it is not, and half a place lower if a unit ends the name.
+    That is the kind of name, whether a unit ends it, its place and name in the table, and a prefix.
     """
     before, _, after, unit = _parts(name)
     known, words, unit = _NAMES[quantity], (*before, *after), _plain(unit)
@@ -232,14 +234,16 @@ def _match(quantity, name):
         return _NONE
     for (rank, kind), (stripped, option) in product(enumerate(_KINDS), enumerate(options)):
         if option in known.get(kind, ()) and not (before and _DERIVED & {*after}):
-            return rank + strange + stripped / 2, known[kind].index(option), option, ""
+            return (rank + strange, bool(stripped)), known[kind].index(option), option, ""
     if _DERIVED & {*words}:
         return _NONE
     for i, word in enumerate(words):
         if quantity in SENSORS and _SHOWS[quantity].match(word):
-            return _SHOWN, 0, word, " ".join(each for each in words[:i] if each not in _PLACE)
+            prefix = " ".join(each for each in words[:i] if each not in _PLACE)
+            return (_WORDS, False), 0, word, prefix
     for option in options:
         for blank in re.finditer(" ", option):
             if (rest := option[blank.end() :]) in known["names"]:
-                return _PREFIXED, known["names"].index(rest), rest, option[: blank.start()]
-    return (_LAST, 0, options[0], "") if options[0] in known.get("last", ()) else _NONE
+                place = known["names"].index(rest)
+                return (_PREFIXED, False), place, rest, option[: blank.start()]
+    return _NONE
