@@ -45,6 +45,7 @@ OTHER = [
     ("lib/stage/within/new.py", "x = 1\n"),
     ("lib/lazy/late.py", "x = 1\n"),
     ("lib/named/d.py", "x = 1\n"),
+    ("lib/stage/names.yaml", "x: 1\n"),
 ]
 
 

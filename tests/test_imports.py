@@ -95,7 +95,8 @@ def test_the_package_holds_all_templates_schemas_and_tables(repository):
         if path.is_file()
     }
     needed = [p for name in ("templates", "schemas") for p in (library / name).resolve().rglob("*")]
-    needed = {path for path in needed if path.is_file()} | {library / "sensors/sensors.yaml"}
+    needed = {path for path in needed if path.is_file()}
+    needed |= {library / "sensors/sensors.yaml", library / "ingest/names.yaml"}
     assert needed and needed <= {path.resolve() for path in packed}
 
 

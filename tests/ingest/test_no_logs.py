@@ -4,11 +4,16 @@ import json
 import sqlite3
 import zipfile
 
+import h5py
+import netCDF4
 import numpy as np
 import pytest
+from rosbags import rosbag1
 from scipy.io import savemat
 
 from imuloop.__main__ import main
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import CHANNELS
 from ingest.logs import brief
 
 POINTER = "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a2146\nsize 12345\n"
@@ -39,6 +44,32 @@ def announced(path):
     path.write_bytes(b"\x93NUMPY\1\0v\0" + header.encode() + b"\n")
 
 
+def never_written(path):
+    """An array of 24 TB, none of which is in the file."""
+    with h5py.File(path, "w") as file:
+        file.create_dataset("acc", (3, 1 << 40), "f8", chunks=(3, 1 << 10))
+
+
+def rows_announced(path):
+    with netCDF4.Dataset(path, "w") as data:
+        data.createDimension("time", 1 << 40)
+        for name in CHANNELS:
+            data.createVariable(name, "f8", ("time",), chunksizes=(1000,))
+
+
+def cut_off(path):
+    rows_announced(path) if path.suffix == ".nc" else brief(20_000).to_parquet(path)
+    path.write_bytes(path.read_bytes()[:5000])
+
+
+def spoilt(path):
+    brief(20_000).to_parquet(path, index=False, compression="gzip")
+    content = path.read_bytes()
+    half = len(content) // 2
+    path.write_bytes(content[:half] + bytes(400) + content[half + 400 :])
+
+
+BROKEN, TOO_MUCH = "is no whole file of the format", "more than 200 times"
 DOCUMENT, LFS = "the file is one JSON document", "is a pointer of Git LFS"
 SHEET, TABLES = (
     "the file is a spreadsheet",
@@ -58,9 +89,16 @@ CASES = {
     **{f"lfs.{end}": (lambda path: path.write_text(POINTER), LFS)
        for end in ("csv", "parquet", "mat", "bag", "npy", "zip", "dat")},
     "log.npy": (lambda path: np.save(path, {"a": 1}), "pickled objects are not loaded"),
-    "many.npz": (lambda path: np.savez_compressed(path, t=np.zeros(10**7)), "more than 200 times"),
-    "long.npy": (announced, "is no whole file of the format numpy"),
-    "log.feather": (lambda path: path.write_bytes(b"ARROW1\0\0" + bytes(99)), "is no whole file"),
+    "many.npz": (lambda path: np.savez_compressed(path, t=np.zeros(10**7)), TOO_MUCH),
+    "long.npy": (announced, BROKEN),
+    "log.feather": (lambda path: path.write_bytes(b"ARROW1\0\0" + bytes(99)), BROKEN),
+    "never.mat": (never_written, TOO_MUCH),
+    "announced.nc": (rows_announced, TOO_MUCH),
+    "cut.nc": (cut_off, BROKEN),
+    "cut.parquet": (cut_off, "is not a whole Parquet file"),
+    "spoilt.parquet": (spoilt, "the file cannot be read to its end"),
+    "log.zip": (lambda path: path.write_bytes(b"PK\3\4" + bytes(99)), BROKEN),
+    "log.ulg": (lambda path: path.write_bytes(b"ULog\x01\x12\x35" + bytes(30)), "no rows of"),
     "old.feather": (lambda path: path.write_bytes(b"FEA1" + bytes(99)), "is Feather of version 1"),
 }  # fmt: skip
 
@@ -105,3 +143,12 @@ def test_a_matrix_beside_a_time_names_its_columns(run, tmp_path):
     columns = {"acceleration": ["data.0", "data.1", "data.2"]}
     columns |= {"angular_rate": ["data.3", "data.4", "data.5"]}
     np.testing.assert_array_equal(run(tmp_path / "log.mat", columns=columns).samples.gx, log.gx)
+
+
+def test_the_extra_is_named_where_its_library_is_missing(run, tmp_path, monkeypatch):
+    with rosbag1.Writer(tmp_path / "log.bag"):
+        pass
+    monkeypatch.setitem(__import__("sys").modules, "rosbags", None)
+    line = r"needs the package rosbags, .*pip install '\.\[ros\]'"
+    with pytest.raises(ImuloopError, match=line):
+        run(tmp_path / "log.bag")

@@ -19,6 +19,7 @@ from ingest.text_forms import (
     in_latin_1,
     inserted,
     named,
+    of_each,
     quoted,
     row_of_units,
     spaced,
@@ -35,6 +36,7 @@ MONTH, SLASHES = "%d-%b-%Y %H:%M:%S.%f", "%Y/%m/%d %H:%M:%S.%f"
 BRACKETS = "s,m/(s^2),m/(s^2),m/(s^2),rad/s,rad/s,rad/s"
 # lines of text, and whether they count as lines that are no rows, or as rows without numbers
 OTHERS = {"start,of,a,new,part,of,it": 0, "battery low": 1, "mag_x,mag_y,mag_z": 1, "#t 5": 1}
+IN_MDPS = [*SIX[:3], *(f"gyr_{a}_mdps" for a in "xyz")]
 AFTER_ARROWS = {"columns": {"acceleration": [0, 1, 2], "angular_rate": [3, 4, 5]}}
 TURNED = {"columns": {"acceleration": ["ax", "-ay", "az"], "angular_rate": ["gx", "gy", "-gz"]}}
 BY_NUMBER = {"columns": {"time": 0, "acceleration": [1, "-2", 3], "angular_rate": [4, 5, "-6"]}}
@@ -63,7 +65,7 @@ WAYS = {
          {"bad_lines": 0, "warnings": ["1 line(s) before the table skipped"]}),
     "values and lines that cannot be read":
         (unreadable, {}, range(4, 9), {"non_finite": 4, "missing_values.ax": 4, "bad_lines": 2}),
-    **{f"an open quote, {s!r}": (lambda log, s=s: quoted(log, s), {}, [7], {"bad_lines": 1})
+    **{f"an open quote, {s!r}": (lambda log, s=s: quoted(log, s), {}, [7], {"bad_lines": s == ","})
        for s in ", "},
     **{f"a block of {b!r} that was never written":
            (lambda log, b=b: text(log).encode() + b * 200_000 + b"\n", {}, (), {"bad_lines": 1})
@@ -72,7 +74,7 @@ WAYS = {
            (lambda log, other=other: inserted(log, 200, other), {}, (),
             {"bad_lines": bad, "non_finite": 1 - bad}) for other, bad in OTHERS.items()},
     "text below the names": (lambda log: inserted(log, 1, "start,of,the,second,log,at,noon"), {},
-                             (), {"non_finite": 1}),
+                             ()),
     "a row of units": (row_of_units, {}, (), {"units.angular_rate": "deg/s", "units.time": "ms"},
                        ROUNDED),
     "a row of units in brackets": (lambda log: row_of_units(log, "[{}]"), {}, (), {}, ROUNDED),
@@ -111,6 +113,9 @@ WAYS = {
     "signs turned by name": (lambda log: text(log.assign(ay=-log.ay, gz=-log.gz)), TURNED),
     "signs turned by number":
         (lambda log: text(log.assign(ay=-log.ay, gz=-log.gz), header=False), BY_NUMBER),
+    **{f"a row of each sensor, its name {at}, {end!r}":
+           (lambda log, at=at, end=end: of_each(log, at, end), {})
+       for at in (0, 4) for end in ("\n", "\r\n")},
     "Gyroflow": (gyroflow, {}, (), {}, ROUNDED),
     "columns that end before those of another sensor":
         (beside_emg, {"columns": {"time": 2}}, (), {"non_finite": 0}),
@@ -123,6 +128,8 @@ WAYS = {
            (["Timestamp[millisec]", *SIX], ["t"], "time", "ms", 1000),
            (["t", *(f"{a} [ft/s²]" for a in FORCE), *RATE], FORCE, "acceleration", "ft/s^2",
             1 / 0.3048),
+           # of a unit that the table of names says
+           (["t", *IN_MDPS], RATE, "angular_rate", "count", 180_000 / np.pi),
            (["t", *FORCE, *(f"{a} [rpm]" for a in RATE)], RATE, "angular_rate", "rpm",
             30 / np.pi)]},
 }  # fmt: skip
@@ -154,5 +161,5 @@ def test_what_is_declared_goes_before_the_scales_of_a_log(log, run, tmp_path):
 def test_a_temperature_in_fahrenheit_is_read(log, run, tmp_path):
     log["temp [°F]"] = (22.0 + log.t) * 9 / 5 + 32
     (tmp_path / "log.csv").write_text(text(log), encoding="utf-8")
-    done = run(tmp_path / "log.csv")
-    np.testing.assert_allclose(done.samples.temperature, 22.0 + log.t, rtol=1e-12)
+    samples = run(tmp_path / "log.csv").samples
+    np.testing.assert_allclose(samples.temperature, 22.0 + log.t, rtol=1e-12)

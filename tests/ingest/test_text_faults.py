@@ -1,56 +1,44 @@
-"""Text that is no log, and declarations of it that are wrong: one line each."""
+"""Text that is no log, is damaged, or is declared wrongly: what is lost, and one line about it."""
+
+import gzip
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from imuloop.core.errors import ImuloopError
+from imuloop.ingest import delimited
 from ingest.logs import brief
-from ingest.text_forms import (
-    NUMBERS,
-    SIX,
-    gyroflow,
-    inserted,
-    lines,
-    text,
-)
+from ingest.text_forms import NUMBERS, SIX, gyroflow, inserted, lines, text
 
 TEXT = "t,ax,ay,az,gx,gy,gz\n" + "0.01,0.1,0.2,9.8,0,0,0\n" * 300
 COMMENTS = "\n".join(f"%IMUA,{row}" for row in TEXT.splitlines()[1:])
-FAR = "time column 't': its stamps, as "
-
-
-def second_header(head):
-    names = ", ".join(each.strip(" #") for each in head.split(","))
-    line = (
-        f"a second header in the log names other columns ({names}) than the first (t, ax, ay, az,"
-    )
-    return lambda: inserted(brief(), 490, head), line
+FAR, BINARY = "time column 't': its stamps, as ", "the file is binary, or UTF-16: save it as UTF-8"
+NO_TABLE = "the file is not a table of numbers in rows and columns"
+SECOND = "a second header in the log orders the columns otherwise (t, "
 
 
 @pytest.mark.parametrize(
     ("content", "reason"),
     [
-        (TEXT.encode("utf-16"), "the text is UTF-16 or UTF-32: save it as UTF-8"),
-        (TEXT.encode("utf-16-le"), "the file is binary, or text in UTF-16: save it as UTF-8"),
-        (TEXT.encode("cp500"), "the file is not a table of numbers in rows and columns"),
+        (TEXT.encode("utf-16"), BINARY),
+        (TEXT.encode("utf-16-le"), BINARY),
+        (bytes(9) + b"\n" + bytes(1 << 10), BINARY),
+        (TEXT.encode("cp500"), NO_TABLE),
         (b"", "the file has no rows"),
         (b"\n \r\n\n" * 9, "the file has no rows"),
-        (bytes(9) + b"\n" + bytes(1 << 10), "the file is binary, or text in UTF-16"),
-        (b"7" * (1 << 17), "the first line is longer than 64 kB: no table"),
-        (b"%PDF-1.4 something\nthat is no table\n", "the file is not a table"),
-        (b"t,ax,ay,az,gx,gy,gz\n", "the file is not a table"),
-        (COMMENTS, "the file has no rows but lines that begin as comments do: '%IMUA,0.01"),
+        (b"7" * (1 << 17), NO_TABLE),
+        (b"%PDF-1.4 something\nthat is no table\n", NO_TABLE),
+        (b"t,ax,ay,az,gx,gy,gz\n", NO_TABLE),
+        (COMMENTS, "no rows, or lines alone that begin as comments do"),
         (lambda: text(brief().assign(t=["9" * 400] * 500)), FAR),
         (lambda: text(brief().assign(t=["9999-12-31T23:59:00"] * 500)), FAR),
-        (
-            lambda: text(brief().assign(ax="12:00:00 -> 1")),
-            "500 of 500 rows (100.0%) cannot be used",
-        ),
+        (lambda: text(brief().assign(ax="12:00:00 -> 1")), "500 of 500 rows (100.0%) cannot be us"),
         (lambda: gyroflow(brief(), 1 / 400, lambda _: "?"), "look like counts"),
-        second_header("t,ay,ax,az,gx,gy,gz"),
-        second_header("# t, gx, gy, gz, ax, ay, az"),
-        second_header("t,ax [g],ay [g],az [g],gx,gy,gz"),
-        second_header("t,temp,ax,ay,az,gx,gy,gz"),
+        (lambda: inserted(brief(), 490, "t,ay,ax,az,gx,gy,gz"), SECOND),
+        (lambda: inserted(brief(), 490, "# t, gx, gy, gz, ax, ay, az"), SECOND),
+        (lambda: inserted(brief(), 490, "t,temp,ax,ay,az,gx,gy,gz"), SECOND),
+        (lambda: text(brief()) + "0" * (1 << 21), "of the log's bytes are in"),
     ],
 )
 def test_text_that_is_no_log_is_rejected_in_one_line(run, tmp_path, content, reason):
@@ -64,48 +52,35 @@ def test_text_that_is_no_log_is_rejected_in_one_line(run, tmp_path, content, rea
     assert reason in first and first.isprintable() and len(first) < 400
 
 
-def test_one_stamp_that_is_too_large_is_a_missing_one(log, run, tmp_path):
-    for far, near in (
-        ("9999-12-31T23:59:00", [f"2024-01-01T00:00:{t:06.3f}" for t in log.t]),
-        ("7" * 400, log.t.tolist()),
-    ):
-        log["t"] = [*near[:9], far, *near[10:]]
-        (tmp_path / "log.csv").write_text(text(log))
-        found = run(tmp_path / "log.csv").quality
-        assert (found["status"], found["non_finite"]) == ("ok", 1)
-
-
 HEADLESS, SIX_BY_NUMBER = {"header": False}, {"acceleration": [1, 2, 3], "angular_rate": [5, 6, 7]}
 MIXED = {"acceleration": ["ax", "ay", "az"], "angular_rate": [4, 5, 6]}
-JOINED = {"nsec": 10**9 + np.arange(500)}
 
 
-# what the log is changed to; how it is written; what is declared; what is said of that
+# how the log is written; what is declared; what is said of that
 @pytest.mark.parametrize(
-    ("change", "how", "declared", "line"),
+    ("how", "declared", "line"),
     [
-        (None, {}, {"units": {"acceleration": "count"}}, r"needs nominal\.acceleration"),
-        (None, {}, {"units": {"acceleration": "mi/h^2"}}, r"'mi/h\^2' is not a unit of accelera"),
-        (None, {}, {"units": {"time": "sec"}}, r"units\.time: 'sec' is not a unit; did you mean"),
-        (None, {}, {"units": {"time": "ISO 8601"}}, "column 't' holds numbers"),
-        (None, {}, {"columns": {"time": "when"}}, "no column 'when'; there are t, ax"),
-        (None, {}, {"format": "parqet"}, r"'parqet' is not a format; did you mean 'parquet'\?"),
-        (None, {}, {"columns": {"acceleration": ["ax", "ay", "-az2"]}}, "no column 'az2'"),
-        (None, HEADLESS, {}, "by number from 0"),
-        (None, HEADLESS, {"columns": MIXED}, "no header, so 'ax' cannot be found"),
-        (None, HEADLESS, {"columns": SIX_BY_NUMBER}, "there is no column 7; the log has 7"),
-        (None, {"header": ["host", *SIX]}, {}, "no time column of a usual name .*host"),
-        (lambda log: log.assign(t=[f"31.12.2023 12h{i}" for i in range(500)]), {}, {},
-         r"column 't': '31\.12\.2023 12h0' is neither a number"),
-        (lambda log: log.assign(**JOINED).rename(columns={"t": "sec"}), {}, {},
+        ({}, {"units": {"acceleration": "count"}}, r"needs nominal\.acceleration"),
+        ({}, {"units": {"acceleration": "mi/h^2"}}, r"'mi/h\^2' is not a unit of acceleration"),
+        ({}, {"units": {"time": "sec"}}, r"units\.time: 'sec' is not a unit; did you mean"),
+        ({}, {"units": {"time": "ISO 8601"}}, "column 't' holds numbers"),
+        ({}, {"columns": {"time": "when"}}, "no column 'when'; there are t, ax"),
+        ({}, {"format": "parqet"}, r"'parqet' is not a format; did you mean 'parquet'\?"),
+        ({}, {"columns": {"acceleration": ["ax", "ay", "-az2"]}}, "no column 'az2'"),
+        (HEADLESS, {}, "by number from 0"),
+        (HEADLESS, {"columns": MIXED}, "no header, so 'ax' cannot be found"),
+        (HEADLESS, {"columns": SIX_BY_NUMBER}, "there is no column 7; the log has 7"),
+        ({"header": ["host", *SIX]}, {}, "no time column of a usual name .*host"),
+        ({"header": ["sec", *SIX[:5], "nsec"]}, {"columns": {"angular_rate": None}},
          "sec and nsec are not whole seconds and a part of a s"),
-        (lambda log: inserted(log, 1, "s,g,g,g,rph,rph,rph"), {}, {},
-         r"units\.angular_rate: the log says 'rph'"),
+        (inserted(brief(), 1, "s,g,g,g,rph,rph,rph"), {}, r"angular_rate: the log says 'rph'"),
+        (text(brief().assign(t=[f"31.12.2023 12h{i}" for i in range(500)])), {},
+         "column 't' holds neither numbers nor ISO 8601"),
     ],
 )  # fmt: skip
-def test_a_wrong_declaration_is_one_line(log, run, tmp_path, change, how, declared, line):
-    changed, path = change(log) if change else log, tmp_path / "log.csv"
-    path.write_text(changed if isinstance(changed, str) else text(changed, **how))
+def test_a_wrong_declaration_is_one_line(log, run, tmp_path, how, declared, line):
+    path = tmp_path / "log.csv"
+    path.write_text(how if isinstance(how, str) else text(log.assign(gz=-1.5), **how))
     with pytest.raises(ImuloopError, match=line) as caught:
         run(path, **declared)
     assert str(caught.value).startswith(f"imu/poses: {path}: ")
@@ -114,21 +89,92 @@ def test_a_wrong_declaration_is_one_line(log, run, tmp_path, change, how, declar
 
 
 @pytest.mark.parametrize(
-    ("header", "units", "logged"),
+    ("head", "quantity", "unit", "logged"),
     [
-        ("t,ax [furlong],ay [furlong],az [furlong],gx,gy,gz", {"acceleration": "m/s^2"}, "furlong"),
-        ("t,ax,ay,az,gx [rph],gy [rph],gz [rph]", {"angular_rate": "rad/s"}, "rph"),
-        ("t [week],ax,ay,az,gx,gy,gz", {"time": "s"}, "week"),
-        ("t [UTC],ax,ay,az,gx,gy,gz", {"time": "s"}, "UTC"),
+        ("t,ax [furlong],ay [furlong],az [furlong],gx,gy,gz", "acceleration", "m/s^2", "furlong"),
+        ("t,ax,ay,az,gx [rph],gy [rph],gz [rph]", "angular_rate", "rad/s", "rph"),
+        ("t [week],ax,ay,az,gx,gy,gz", "time", "s", "week"),
     ],
 )
 def test_a_unit_that_is_not_known_is_an_error_unless_declared(
-    log, run, tmp_path, header, units, logged
+    log, run, tmp_path, head, quantity, unit, logged
 ):
-    [(quantity, unit)] = units.items()
     path = tmp_path / "log.csv"
-    path.write_text("\n".join([header, *lines(log)[1:]]))
+    path.write_text("\n".join([head, *lines(log)[1:]]))
     with pytest.raises(ImuloopError, match=rf"csv: units\.{quantity}: the log says '{logged}'"):
         run(path)
-    warnings = run(path, units=units).quality["warnings"]
+    warnings = run(path, units={quantity: unit}).quality["warnings"]
     assert f"units.{quantity} is {unit}, the log says {logged}; {unit} used" in warnings
+
+
+# --- damage
+
+ODD = [" 1.5", "1.5 ", "+2", ".5", "5.", "1e-7", "-inf", " nan", "NULL", "", "oops", "0x1p3", "1_0"]
+BIG = 140363657976355584
+
+
+@pytest.mark.parametrize(
+    ("stamps", "value"),
+    [
+        (lambda i: str(BIG + i), lambda i: BIG + i),
+        (lambda i: f" {BIG + i}" if i % 3 else "", lambda i: BIG + i if i % 3 else None),
+        # a first line whose stamp is unlike the others
+        (lambda i: str(BIG + i) if i else "1.5,2", lambda i: BIG + i if i else None),
+        (lambda i: f"{i}.25" if i % 5000 else str(i), lambda i: i + 0.25 if i % 5000 else float(i)),
+        (lambda i: f"{i}.25" if i != 9 else "oops", lambda i: i + 0.25 if i != 9 else None),
+    ],
+)
+def test_numbers_read_at_once_are_those_of_the_text(tmp_path, stamps, value):
+    rng, count = np.random.default_rng(3), 12_000
+    exact = rng.normal(size=count) * 10.0 ** rng.integers(-300, 300, size=count)
+    rows = [f"{stamps(i)},{x!r},0.1,1,2,3,4\n" for i, x in enumerate(exact.tolist())]
+    for i, odd in enumerate(ODD, 7000):
+        rows[i] = rows[i].replace(",1,2,", f",{odd},2,")
+    (tmp_path / "log.csv").write_text("t,ax,ay,az,gx,gy,gz\n" + "".join(rows))
+    log = delimited.read({"log": tmp_path / "log.csv"})
+    kept = [i for i in range(count) if "," not in stamps(i)]
+    assert log.bad_lines == count - len(kept)
+    assert log.batch["stamp"].to_pylist() == [value(i) for i in kept]
+    assert log.batch["ax"].to_pylist() == [exact[i] for i in kept]
+    az = np.ones(count)
+    az[7000 : 7000 + len(ODD)] = [1.5, 1.5, 2, 0.5, 5, 1e-7, -np.inf] + [np.nan] * 6
+    np.testing.assert_array_equal(log.batch["az"].to_numpy().astype(float), az[kept])
+
+
+@pytest.mark.parametrize("separator", [",", " "])
+@pytest.mark.parametrize("noise", [bytes(300), np.random.default_rng(5).bytes(300), b'"'])
+def test_noise_in_a_text_table_costs_only_its_rows(run, tmp_path, separator, noise):
+    log, path = brief(5000), tmp_path / "log.csv"
+    content = text(log, sep=separator).encode()
+    path.write_bytes(content[:200_000] + noise + content[200_000 + len(noise) :])
+    done = run(path)
+    assert done.quality["status"] == "ok" and 4985 <= done.quality["rows"] < 5000
+    assert done.quality["bad_lines"] + done.quality["non_finite"] >= 1
+    # every row kept is one of the log's
+    kept = log.loc[np.round(done.samples.t * 100)]
+    np.testing.assert_array_equal(done.samples[[*log]], kept)
+
+
+@pytest.mark.parametrize("far", ["9999-12-31T23:59:00", "7" * 400])
+def test_one_stamp_that_is_too_large_is_a_missing_one(log, run, tmp_path, far):
+    near = [f"2024-01-01T00:00:{t:06.3f}" for t in log.t] if "T" in far else log.t.tolist()
+    (tmp_path / "log.csv").write_text(text(log.assign(t=[*near[:9], far, *near[10:]])))
+    found = run(tmp_path / "log.csv").quality
+    assert (found["status"], found["non_finite"]) == ("ok", 1)
+
+
+def test_a_packed_file_that_is_cut_off_spoilt_or_a_bomb_is_rejected(run, tmp_path):
+    # whatever its name
+    path = tmp_path / "log.csv"
+    content = gzip.compress(text(brief(20_000)).encode())
+    path.write_bytes(content)
+    assert run(path).quality["status"] == "ok"
+    half = len(content) // 2
+    for spoilt in (content[:half], content[:half] + bytes(400) + content[half + 400 :]):
+        path.write_bytes(spoilt)
+        assert "the file cannot be read to its end" in run(path).quality["reasons"][0]
+    with pa.output_stream(tmp_path / "log.csv.zst", compression="detect") as stream:
+        for _ in range(8):
+            stream.write(b"0.1,1,2,3,4,5,6\n" * (1 << 16))
+    [reason] = run(tmp_path / "log.csv.zst", **NUMBERS).quality["reasons"]
+    assert "unpacked, the file is more than 200 times its" in reason

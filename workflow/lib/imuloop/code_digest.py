@@ -8,6 +8,8 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from types import CodeType
 
+import yaml
+
 _LIBRARY = Path(__file__).resolve().parent
 # what is imported: a package of the library, a module beside its packages or a package of others
 _IMPORT = re.compile(r"^ *(?:from|import) (?:imuloop\.)?(\w+)[\w.]*(?= import | as |$)", re.M)
@@ -16,16 +18,17 @@ _IMPORT = re.compile(r"^ *(?:from|import) (?:imuloop\.)?(\w+)[\w.]*(?= import | 
 def code_digest(script, *packages, library=_LIBRARY):
     """Return the SHA-256 of the code that a stage uses.
 
-    What counts: the script; of the library all modules of the package with the script's name, of
-    `packages`, by their names, of core, and of each package that one of these or the script
-    imports; modules beside the packages that are imported, as chain.py; and of packages of others
-    the version. Comments, what a docstring says, and assertions do not count.
+    What counts: the script; of the library all modules and YAML tables of the package with the
+    script's name, of `packages`, by their names, of core, and of each package that one of these or
+    the script imports; modules beside the packages that are imported, as chain.py; and of packages
+    of others the version. Comments, what a docstring says, and assertions do not count.
     """
     script, library = Path(script), Path(library)
     found, waiting = {"": _digest(script)}, {script.stem, "core", *packages, *_imports(script)}
     while waiting:
         name = waiting.pop()
         if paths := sorted((library / name).rglob("*.py")):
+            paths += sorted((library / name).rglob("*.yaml"))
             found[name] = [(path.name, _digest(path)) for path in paths]
             waiting.update(*map(_imports, paths))
         elif (path := library / f"{name}.py").is_file():
@@ -44,6 +47,8 @@ def _imports(path):
 
 @cache
 def _digest(path):
+    if path.suffix == ".yaml":
+        return repr(yaml.safe_load(path.read_text(encoding="utf-8")))
     code = compile(path.read_bytes(), "", "exec", dont_inherit=True, optimize=2)
     return hashlib.sha256(marshal.dumps(_without_lines(code), 2)).hexdigest()
 

@@ -8,10 +8,9 @@ from imuloop.core.units import INCREMENTS
 from imuloop.ingest.places import PAIR
 from imuloop.ingest.spellings import (
     AXES,
-    PARTS,
     SENSORS,
     guess,
-    hinted,
+    increment_name,
     two_parts,
     unit_of,
     words_of,
@@ -87,92 +86,80 @@ def resolve(names, declared=None, headed=True):
     declared by number.
     """
     declared = dict(declared or {})
-    guessed, increments = guess(names), guess(names, increments=True)
     logged = [quantity for quantity in SENSORS if declared.get(quantity, "") is not None]
     alone = logged[0] if len(logged) == 1 else None
-    bare = alone and not headed and len(names) in (len(AXES), len(AXES) + 1)
-    pair = two_parts(names)
-    units, chosen, summed = {}, {}, {}
-    for quantity in _QUANTITIES:
-        # who logs the rate too has it from the increments
-        usual = guessed[quantity] or (quantity in SENSORS and increments[quantity])
-        if quantity in declared:
-            where = _declared(quantity, declared[quantity], names, headed)
-        elif quantity == "time" and (pair or bare):
-            where = pair or (0 if len(names) > len(AXES) else None)
-        elif quantity in SENSORS and bare:
-            where = tuple(range(len(names))[-len(AXES) :])
-        else:
-            usual = usual or (headed and hinted(quantity, names, alone))
-            where = _only(quantity, usual, names) if usual else None
-        chosen[quantity] = where
-        if not headed or where is None:
-            continue
-        if quantity in SENSORS:
-            for at, stem in increments[quantity]:
-                if at == where:
-                    summed[quantity] = stem
-        unit = unit_of(quantity, where, names, quantity in summed)
-        if unit or quantity in summed:
-            units[quantity] = unit or next(iter(INCREMENTS[quantity]))
-    part_ns = 1
+    found, part_ns = guess(names, alone, usual=False), 1
+    if pair := two_parts(names):
+        found["time"] = [(pair[:2], "")]
+    elif alone and not headed and len(names) in (len(AXES), len(AXES) + 1):
+        first = len(names) - len(AXES)
+        found |= {alone: [(tuple(range(first, len(names))), "")], "time": [(0, "")] * first}
+    chosen = {
+        quantity: _declared(quantity, declared[quantity], names, headed)
+        if quantity in declared
+        else _only(quantity, found[quantity], names)
+        for quantity in _QUANTITIES
+    }
+    summed = {q: increment_name(q, names[chosen[q][0]]) for q in SENSORS if chosen[q] and headed}
+    summed = {quantity: name for quantity, name in summed.items() if name}
+    units = {}
+    for quantity, at in chosen.items() if headed else ():
+        if at is not None:
+            usual = next(iter(INCREMENTS[quantity])) if quantity in summed else None
+            units[quantity] = unit_of(quantity, at, names, quantity in summed) or usual
     if isinstance(chosen["time"], tuple):
         units["time"] = "ns"
-        part_ns = PARTS.get((words_of(names[chosen["time"][1]]) or [""])[-1], 1)
-    intervals = _intervals(declared, names, headed, guessed, summed)
-    unit = intervals and headed and unit_of("interval", next(iter(intervals.values())), names)
-    if unit:
-        units["interval"] = unit
+        part_ns = pair[2] if pair and pair[:2] == chosen["time"] else 1
+    intervals = _intervals(declared, names, headed, found["interval"], summed)
+    if intervals and headed:
+        units["interval"] = unit_of("interval", next(iter(intervals.values())), names)
     others = {f"interval.{quantity}": at for quantity, at in intervals.items()}
-    for name, value in declared.get("pps", {}).items():
-        others[f"pps.{name}"] = position(f"pps.{name}", value, names, headed)
-    for name, value in declared.get("others", {}).items():
-        # KEY.NUMBER
-        others[name] = position(name.rpartition(".")[0], value, names, headed)
+    # those of pps are said without columns, others are KEY.NUMBER
+    more = {f"pps.{name}": value for name, value in declared.get("pps", {}).items()}
+    for name, value in (more | declared.get("others", {})).items():
+        key = name if name in more else name.rpartition(".")[0]
+        others[name] = position(key, value, names, headed)
     check_each_once({q: [f"{i}, '{names[i]}'," for i in _tuple(at)] for q, at in chosen.items()})
-    turned = frozenset(
+    turned = [
         axis
         for quantity, axes in SENSORS.items()
         for axis, value in zip(axes, declared.get(quantity) or (), strict=False)
         if without_sign(value, names)[1]
-    )
+    ]
     return Columns(
         **chosen,
         others=others,
         increments=frozenset(summed),
-        units=units,
+        units={quantity: unit for quantity, unit in units.items() if unit},
         part_ns=part_ns,
-        turned=turned,
+        turned=frozenset(turned),
     )
 
 
 def lacking(quantity, columns):
     """Return the error of a log, whose columns are listed, without those of a sensor."""
-    by_number = columns.startswith("no header")
-    how = "by number from 0" if by_number else "by name"
-    such = ", such as [1, 2, 3]" * by_number
+    how = "number from 0" if columns.startswith("no header") else "name"
+    such = ", such as [1, 2, 3]" * how.startswith("number")
     return Lacking(
-        f"no columns of {quantity} found ({columns}); name its x, y, z {how} in "
+        f"no columns of {quantity} found ({columns}); name its x, y, z by {how} in "
         f"columns.{quantity}{such}, or give both files where another holds it, {PAIR}, or declare "
         f"columns.{quantity}: null where it was not logged"
     )
 
 
 def _only(quantity, found, names):
-    """Return the columns found by their names; raise where others have names as good."""
+    """Return the columns found by their names, None of none; raise where others are as good."""
+    if not found:
+        return None
     where = found[0][0]
-    if quantity not in SENSORS:
-        count = [name.lower() for name in names].count(names[where].lower())
-        if count > 1:
-            raise ImuloopError(
-                f"{count} columns are named '{names[where]}'; name one by number, from 0 to "
-                f"{len(names) - 1}, in columns.{quantity}"
-            )
-    elif len(found) > 1:
-        both = ["/".join(names[i] for i in each) for each, _ in found[:2]]
-        number = f", by number from 0 to {len(names) - 1}" if both[0] == both[1] else ""
+    if quantity in SENSORS:
+        alike = ["/".join(names[i] for i in each) for each, _ in found[:2]]
+    else:
+        alike = [name for name in names if name.lower() == str(names[_tuple(where)[0]]).lower()]
+    if len(alike) > 1:
+        number = f", by number from 0 to {len(names) - 1}" * (alike[0] == alike[1])
         raise ImuloopError(
-            f"{' and '.join(both)} both look like {quantity}; name one of them in "
+            f"{alike[0]} and {alike[1]} both look like {quantity}; name one of them in "
             f"columns.{quantity}{number}"
         )
     return where
@@ -191,39 +178,36 @@ def check_each_once(chosen):
             taken[column] = quantity
 
 
-def _intervals(declared, names, headed, guessed, summed):
+def _intervals(declared, names, headed, found, summed):
     """Return sensor -> position of the interval of its increments."""
-    value = declared.get("interval")
-    if isinstance(value, dict):
-        return {q: position("interval", each, names, headed) for q, each in value.items()}
-    if value is not None:
-        return dict.fromkeys(SENSORS, position("interval", value, names, headed))
-    if "interval" in declared or not summed:
-        return {}
-    # as of a vehicle_imu of PX4: delta_angle_dt, delta_velocity_dt
-    joined = ["_".join(words_of(name)) for name in names]
-    own = {q: joined.index(f"{stem}_dt") for q, stem in summed.items() if f"{stem}_dt" in joined}
-    if own and len(own) == len(summed):
-        return dict.fromkeys(SENSORS, next(iter(own.values()))) | own
-    shared = guessed["interval"]
-    return dict.fromkeys(SENSORS, _only("interval", shared, names)) if shared else {}
+    given = declared.get("interval")
+    if given is None and "interval" not in declared and summed:
+        # as of a vehicle_imu of PX4: delta_angle_dt, delta_velocity_dt
+        joined = [" ".join(words_of(name)) for name in names]
+        own = {q: joined.index(f"{n} dt") for q, n in summed.items() if f"{n} dt" in joined}
+        if own and len(own) == len(summed):
+            given = dict.fromkeys(SENSORS, next(iter(own.values()))) | own
+        else:
+            given = _only("interval", found, names)
+    if given is not None and not isinstance(given, dict):
+        given = dict.fromkeys(SENSORS, given)
+    return {q: position("interval", at, names, headed) for q, at in (given or {}).items()}
 
 
 def _declared(quantity, value, names, headed):
     """Return the position(s) of a declared column or several of them."""
     if value is None:
         return None
-    several = isinstance(value, (list, tuple))
-    if quantity in SENSORS and (not several or len(value) != len(AXES)):
-        raise ImuloopError(f"columns.{quantity}: {value!r} is not a list of three columns x, y, z")
-    if several and quantity not in SENSORS and (quantity != "time" or len(value) != 2):
-        more = ", nor two of whole seconds and nanoseconds" * (quantity == "time")
-        raise ImuloopError(f"columns.{quantity}: {value!r} is not a column{more}")
-    if quantity in SENSORS:
-        value = [without_sign(item, names)[0] for item in value]
-    if several:
-        return tuple(position(quantity, item, names, headed) for item in value)
-    return position(quantity, value, names, headed)
+    several, sensor = isinstance(value, (list, tuple)), quantity in SENSORS
+    wanted = len(AXES) if sensor else 2 if quantity == "time" else 0
+    if len(value) != wanted if several else sensor:
+        what = "a list of three columns x, y, z" if sensor else "a column"
+        what += ", nor two of whole seconds and nanoseconds" * (quantity == "time")
+        raise ImuloopError(f"columns.{quantity}: {value!r} is not {what}")
+    if not several:
+        return position(quantity, value, names, headed)
+    bare = [without_sign(each, names)[0] if sensor else each for each in value]
+    return tuple(position(quantity, each, names, headed) for each in bare)
 
 
 def without_sign(column, names=()):
@@ -237,18 +221,18 @@ def without_sign(column, names=()):
 def position(quantity, value, names, headed):
     """Return the position of a declared column, a name or a number from 0."""
     key = quantity if quantity.startswith(("pps", "reference")) else f"columns.{quantity}"
-    number = f"from 0 to {len(names) - 1}"
+    count = names.count(str(value)) if headed else 0
     if isinstance(value, int) and not isinstance(value, bool):
         if 0 <= value < len(names):
             return value
-        fault = f"there is no column {value}; the log has {len(names)}, numbered {number}"
-    elif not headed:
-        fault = f"the log has no header, so {value!r} cannot be found; name columns by number, "
-        fault += number
-    elif names.count(str(value)) == 1:
+        fault = f"there is no column {value}; the log has {len(names)}, numbered from 0"
+    elif count == 1:
         return names.index(str(value))
-    elif count := names.count(str(value)):
-        fault = f"{count} columns are named '{value}'; name it by number, from 0"
+    elif count or not headed:
+        what = (
+            f"{count} columns are named '{value}'" if count else f"no header, so {value!r} cannot"
+        )
+        fault = f"{what}{'' if count else ' be found'}; name it by number, 0 to {len(names) - 1}"
     else:
         hint = did_you_mean(str(value), names, 0.5)
         fault = f"no column '{value}'; there are {listed(names)}{hint}"

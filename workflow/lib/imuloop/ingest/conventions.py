@@ -18,6 +18,8 @@ ALONG = 0.95
 # to 10 % the two scales of a sensor and its reference may differ
 SCALE = 0.1
 DEGREE = 180 / np.pi
+# fewest samples by which a convention, or places, are judged
+_LEAST = 50
 
 
 def _frame(turn, angle):
@@ -48,43 +50,37 @@ def convention_faults(reference, t, w, f, declared):
         q = q * [1, -1, -1, -1] if convention == "world_to_body" else q
         start, end, turn = turns(replace(reference, q=q))
         inside = (start >= t[0]) & (end <= t[-1])
-        if inside.sum() < 50:
+        if inside.sum() < _LEAST:
             why = "the reference's clock overlaps with that of the log for less than 50 samples"
             return [f"reference: {why}"], np.eye(3).tolist(), 1.0
-        angle = angles(t, w, start[inside], end[inside])
+        turn, angle = turn[inside], angles(t, w, start[inside], end[inside])
         # noise and swaps lengthen turns: the median of those that are long
-        lengths = [np.linalg.norm(v, axis=1) for v in (turn[inside], angle)]
+        lengths = [np.linalg.norm(v, axis=1) for v in (turn, angle)]
         long = lengths[1] >= np.median(lengths[1])
         size = np.median(lengths[0][long] / np.maximum(lengths[1][long], 1e-12))
-        frame, left = _frame(turn[inside], angle * size)
+        frame, left = _frame(turn, angle * size)
         gain = _gain(replace(reference, q=q), t, f, frame) if left < FITS else None
         axes = -1.0 if gain is None else _alike_axes(gain)
         found[order, convention] = left, size, frame, axes, np.trace(frame)
     left, size, frame, axes, _ = found["wxyz", declared]
     fitting = [key for key in found if found[key][0] < FITS]
     best = max(fitting, key=lambda key: found[key][3:], default=None)
-    turned = best and -1 < axes < ALONG < found[best][3]
-    if left > FITS or turned:
+    why = None
+    if left > FITS:
         why = f"read as {declared} it leaves {left:.0%} of the turns of the gyroscope unexplained"
-        if left < FITS:
-            why = f"read as {declared} its axes of the world are not those of the places"
-        if best:
-            order, convention = best
-            say = [f"name its columns in the order w, x, y, z: they are {order}"] * (
-                order != "wxyz"
-            )
-            say += [f"declare convention: {convention}"] * (convention != declared)
-            why += f", as {order}, {convention} it fits: {' and '.join(say)}"
-        else:
-            why += ", and no other convention or order of the quaternion fits"
-        return [f"reference.orientation: {why}"], frame.tolist(), left
-    if abs(size - 1) <= SCALE:
-        return [], frame.tolist(), left
-    units = {DEGREE: "deg/s taken for rad/s", 1 / DEGREE: "rad/s for deg/s"}
-    said = [text for factor, text in units.items() if abs(size * factor - 1) < SCALE]
-    cause = f"units.angular_rate, {said[0]}" if said else "wrong unit or full scale"
-    why = f"its turns are {size:.3g} times those of the gyroscope: {cause}"
-    return [f"reference.orientation: {why}"], frame.tolist(), left
+    elif -1 < axes < ALONG < found[best][3]:
+        why = f"read as {declared} its axes of the world are not those of the places"
+    elif abs(size - 1) > SCALE:
+        units = {DEGREE: "deg/s taken for rad/s", 1 / DEGREE: "rad/s for deg/s"}
+        said = [text for factor, text in units.items() if abs(size * factor - 1) < SCALE]
+        cause = f"units.angular_rate, {said[0]}" if said else "wrong unit or full scale"
+        best, why = None, f"its turns are {size:.3g} times those of the gyroscope: {cause}"
+    if why and best:
+        why += (
+            f"; it fits where they are {best[0]}, {best[1]}: name its columns in the order w, x, "
+        )
+        why += f"y, z and declare convention: {best[1]}"
+    return [f"reference.orientation: {why}"] if why else [], frame.tolist(), left
 
 
 def _gain(reference, t, f, frame):
@@ -106,7 +102,7 @@ def _gain(reference, t, f, frame):
     weight = np.concatenate([np.arange(1, k + 1), np.arange(k - 1, 0, -1)]) / k**2
     pushed = np.column_stack([np.convolve(c, weight, "valid") for c in force.T])[middle - k + 1]
     sound = np.isfinite(pushed[:, 0])
-    if sound.sum() < 50:
+    if sound.sum() < _LEAST:
         return None
     pushed, second = (x[sound] - np.median(x[sound], axis=0) for x in (pushed, second))
     gain = np.linalg.lstsq(pushed, second, rcond=None)[0].T
@@ -126,17 +122,17 @@ def place_faults(reference, t, f, frame, declared):
     gain = _gain(reference, t, f, frame)
     if gain is None:
         return []
-    size = np.cbrt(np.linalg.det(gain))
+    size, why = np.cbrt(np.linalg.det(gain)), None
     unit = (declared.get("units") or {}).get("position", "m")
-    for scale in (1e3, 1e2, 1e-3, 1e-2, 10.0, 0.1):
-        if abs(abs(size) / scale - 1) < 3 * SCALE:
-            fits = next((u for u, m in LENGTH.items() if np.isclose(m * scale, LENGTH[unit])), None)
-            say = f": declare units.position: {fits}" if fits else ""
-            return [f"reference.position: {scale:g} times as far as specific force says{say}"]
-    if size > 0 and _alike_axes(gain) < ALONG:
+    tens = [x for x in (1e3, 1e2, 1e-3, 1e-2, 10.0, 0.1) if abs(abs(size) / x - 1) < 3 * SCALE]
+    if tens:
+        fits = [u for u, m in LENGTH.items() if np.isclose(m * tens[0], LENGTH[unit])]
+        say = f": declare units.position: {fits[0]}" if fits else ""
+        why = f"{tens[0]:g} times as far as specific force says{say}"
+    elif size < 0:
+        why = "accelerates against specific force: it is mirrored; change the sign of one axis, or "
+        why += "of orientation's vector part"
+    elif _alike_axes(gain) < ALONG:
         angle = np.degrees(np.arccos(np.clip(_alike_axes(gain), -1, 1)))
-        return [f"reference.position: its axes are {angle:.0f} degrees from those of orientation"]
-    if size < 0:
-        why = "accelerates against specific force: it is mirrored; change the sign of one axis"
-        return [f"reference.position: {why}, or of orientation's vector part"]
-    return []
+        why = f"its axes are {angle:.0f} degrees from those of orientation"
+    return [f"reference.position: {why}"] if why else []

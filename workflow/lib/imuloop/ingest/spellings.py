@@ -1,7 +1,13 @@
-"""How files spell columns and units: usual names, words and axes in them, units beside them."""
+"""How logs call columns and units: the table `names.yaml`, and what a name says by it."""
 
 import re
+import unicodedata
+from fnmatch import translate
+from functools import lru_cache
 from itertools import islice, product
+from pathlib import Path
+
+import yaml
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import ACCELERATION as FORCES
@@ -12,104 +18,6 @@ from imuloop.core.units import TEMPERATURE as DEGREES
 AXES = ("x", "y", "z")
 # names there of the axes of each sensor
 SENSORS = {"acceleration": FORCES, "angular_rate": RATES}
-# usual names of a sensor's columns without their axis, words joined by "_": of the quantity itself,
-# and of its increments over the interval that ends at the stamp
-_NAMES = {
-    "acceleration": (
-        "a acc accel accelero accelerometer acceleration accelerometer_acceleration specific_force"
-        " linear_acceleration a_rs_s gf".split(),
-        "dv dvel delta_v delta_vel delta_velocity velocity_increment vel_inc velinc".split(),
-    ),
-    "angular_rate": (
-        "g gyr gyro gyros gyroscope w omega angular_rate angular_velocity angular_speed"
-        " rotation_rate gyro_rotation gyro_rotation_rate gyroscope_rotation motion_rotation_rate"
-        " w_rs_s".split(),
-        "da dang dth dtheta delta_a delta_ang delta_angle delta_th delta_theta angle_increment"
-        " angular_increment".split(),
-    ),
-}
-_KNOWN = {name for pair in _NAMES.values() for usual in pair for name in usual}
-# words that name a sensor among others, and words of what is not its output
-_HINTS = {"acceleration": r"(uncal)?acc(s|e|el\w*)?\d*", "angular_rate": r"(uncal)?gyr\w*"}
-_NO_OUTPUT = set(
-    "linear lin free user gravity without bias offset scale std var cov covariance variance mean"
-    " earth world global ned enu ref reference true setpoint delta inc linacc freeacc".split()
-)
-# and more of a prefix that is no device's
-_NO_DEVICE = _NO_OUTPUT | set("odom gt vicon mocap cmd target desired est".split())
-# longest name in which a prefix is looked for
-_LONG = 99
-# a name for the specific force that other columns have too, as a force in N
-_WEAK = {"acceleration": "f"}
-_KNOWN |= {*_WEAK.values()}
-# of several the first is taken, a message's own stamp before its receipt; the interval is that of
-# increments, that of one sensor alone ends in its name and _dt
-_SINGLE = {
-    "time": "elapsed_realtime header_stamp t time timestamp time_stamp stamp timestamps times"
-    " sensor_time sensor_timestamp utc time_utc timestamp_utc utc_time datetime date_time epoch"
-    " epoc unix_time unix_timestamp seconds_elapsed elapsed elapsed_time time_since_start millis"
-    " micros date seconds milliseconds microseconds nanoseconds sample_time_fine".split(),
-    "temperature": "temperature temp tmp temperature_imu chip_temperature degc celsius".split(),
-    "interval": "dt delta_t delta_time interval sample_interval sampling_interval sample_period"
-    " integration_time integration_interval".split(),
-}
-# last words of two columns of one time: whole seconds, and ns in a unit of the part of a second
-_SECONDS = ("sec", "secs")
-# and of a clock that is spread over columns
-_OF_CLOCK = ("hour", "minute", "second")
-PARTS = {"nsec": 1, "nsecs": 1, "nanosec": 1, "nanosecs": 1, "usec": 1000, "usecs": 1000}
-# names that are a unit of time and no more: two of them are the parts of one time
-_WHOLE = ("seconds",)
-_PARTS = {"nanoseconds": 1, "microseconds": 10**3, "milliseconds": 10**6}
-PARTS |= _PARTS
-_CLOCK_PARTS = {*_OF_CLOCK, *_WHOLE, *_PARTS}
-_CLOCK_PARTS |= {*"s sec min minutes h hours day days ms us ns".split()}
-# between words that have no sign between them; degC is one word
-_CAMEL = r"(?<=[a-z])(?!(?<=deg)[CFK](?![a-z]))(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z]|dps)"
-# words that say where, not what
-_PLACE = {"imu", "raw", "sensor", "field", "data"}
-# spellings that files use for the units, lower case without blanks, dots, carets
-_SPELLINGS = {
-    "time": {
-        "min": "min mins minute minutes",
-        "h": "h hr hrs hour hours",
-        "s": "s sec secs second seconds",
-        "ms": "ms msec msecs millis millisec millisecs millisecond milliseconds",
-        "us": "us usec usecs micros microsec microsecs microsecond microseconds",
-        "ns": "ns nsec nsecs nanos nanosec nanosecs nanosecond nanoseconds",
-    },
-    "acceleration": {
-        "m/s^2": "m/s^2 m/s2 m/s/s ms-2 ms2 mps2 m/sec2",
-        "g": "g gs g0",
-        "mg": "mg milli-g millig",
-        "count": "count counts lsb adc raw",
-        "cm/s^2": "cm/s^2 cm/s2 cms-2 cms2 gal",
-        "ft/s^2": "ft/s^2 ft/s2 ft/s/s ft/sec2 fts-2 fts2",
-        "m/s": "m/s m/sec mps ms-1",
-        "mm/s": "mm/s mm/sec mmps mms-1",
-    },
-    "angular_rate": {
-        "rad/s": "rad/s rad/sec radians/s rads-1 rads radps",
-        "deg/s": "deg/s deg/sec degree/s degrees/s degs-1 degs dps",
-        "mrad/s": "mrad/s mrad/sec mrads-1 mrads",
-        "deg/h": "deg/h deg/hr degree/h degrees/h dph",
-        "count": "count counts lsb adc raw",
-        "rpm": "rpm rev/min r/min",
-        "rad": "rad radian radians",
-        "mrad": "mrad milliradian milliradians",
-        "deg": "deg degree degrees",
-    },
-    "temperature": {
-        "degC": "degc c celsius degreescelsius degreecelsius",
-        "K": "k kelvin",
-        "degF": "degf f fahrenheit degreesfahrenheit degreefahrenheit",
-    },
-}
-_UNITS = {
-    quantity: {word: unit for unit, words in spellings.items() for word in words.split()}
-    for quantity, spellings in _SPELLINGS.items()
-}
-_UNITS["interval"] = _UNITS["time"]
 # units that are read, the first where neither the config nor the log says; count needs nominal
 UNITS = {
     "time": (*TIME,),
@@ -118,6 +26,38 @@ UNITS = {
     "temperature": (*DEGREES,),
     "interval": (*TIME,),
 }
+TABLE = yaml.safe_load(Path(__file__).with_name("names.yaml").read_text(encoding="utf-8"))
+_NAMES = TABLE["columns"]
+_PLACE, _DERIVED = (frozenset(TABLE[key]) for key in ("place", "derived"))
+_SHOWS = {q: re.compile("|".join(map(translate, _NAMES[q]["words"]))) for q in SENSORS}
+# names of one word, to which an axis may be joined: gx, xacc
+_JOINED = {n for q in SENSORS for kind, of in _NAMES[q].items() for n in of if kind != "words"}
+# between words that have no sign between them
+_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[XYZ])(?=[A-Z][a-z]|dps)")
+# an axis in brackets, at the end but for the unit: acc[0], Accelerometer (z) [g]
+_INDEX = re.compile(r"[\[({]([012xyz])[\])}](?=\s*([\[({]|\Z))", re.IGNORECASE)
+_BRACKETS = re.compile(r"[\[({]((?:[^\[\](){}]|\([^()]*\))*)[\])}]")
+# how a name may show a quantity, the best first: the keys of the table, and after a prefix
+_KINDS = ("names", "second", "increments", "words", "prefixed", "last")
+_USUAL = [(_KINDS.index(kind), False) for kind in ("names", "second")]
+_WORDS, _PREFIXED = _KINDS.index("words"), _KINDS.index("prefixed")
+_NONE = (len(_KINDS), False), 0, "", ""
+# a column of whole seconds, one of its part, and how many ns that counts
+_WHOLE = re.compile(r"(.*?)secs?|()seconds", re.IGNORECASE)
+_PART = re.compile(r"(.*?)(n|nano|u)secs?|()(nano|micro|milli)seconds", re.IGNORECASE)
+_PART_NS = {"n": 1, "nano": 1, "u": 1000, "micro": 1000, "milli": 10**6}
+
+
+def _plain(text):
+    text = unicodedata.normalize("NFKC", str(text)).lower().replace("°", "deg").replace("μ", "u")
+    return re.sub(r"[\W_]", "", text)
+
+
+_SPELT = {
+    quantity: {_plain(text): unit for unit, others in units.items() for text in (unit, *others)}
+    for quantity, units in TABLE["units"].items()
+}
+_SPELT["interval"] = _SPELT["time"]
 
 
 def stated_unit(quantity, text, increments=False):
@@ -126,18 +66,16 @@ def stated_unit(quantity, text, increments=False):
     Who writes `deg` beside a rate means deg/s: an angle counts as an increment only where
     `increments`.
     """
-    plain = re.sub(r"[\s^*·._{}()\\]", "", str(text).lower().replace("²", "2"))
-    plain = re.sub("[µμ]", "u", plain).replace("°", "deg")
-    unit = _UNITS[quantity].get(plain)
+    unit = _SPELT[quantity].get(_plain(text))
     summed = unit in INCREMENTS.get(quantity, ())
     if summed and not increments:
-        return f"{unit}/s" if f"{unit}/s" in _UNITS[quantity] else None
+        return f"{unit}/s" if f"{unit}/s" in UNITS[quantity] else None
     return unit if increments == summed else None
 
 
 def is_iso(unit):
     """Tell whether a time unit is declared as ISO 8601, however it is spelt."""
-    return str(unit).lower().replace(" ", "").replace("-", "") in ("iso", "iso8601")
+    return _plain(unit) in ("iso", "iso8601")
 
 
 def unknown_unit(quantity, text):
@@ -148,164 +86,47 @@ def unknown_unit(quantity, text):
     )
 
 
-def hinted(quantity, names, alone):
-    """Return columns that look like a quantity's, though their names are none of the usual ones.
+@lru_cache(1 << 15)
+def _parts(name):
+    """Return the words of a name before and after its axis, the axis or None, and its unit.
 
-    They have a usual name after a prefix (`imu0_t`). Those of a sensor have its name in theirs, or
-    a weaker name, or a unit that no other quantity has (`x_dps`); where one sensor is logged
-    `alone`, they may be any three.
+    The unit is the text of the last brackets. An axis may be a word or joined to the one of a name.
     """
-    if quantity not in SENSORS:
-        return _prefixed(quantity, names, alone)
-    hint = _HINTS[quantity]
-    triples = [(at, *key) for key, axes in _triples(names).items() for at in axes]
-    own = [(at, stem, words) for at, stem, words in triples if not _NO_OUTPUT & {*words}]
-    named = [(at, stem) for at, stem, words in own if any(re.fullmatch(hint, w) for w in words)]
-    weak = [(at, stem) for at, stem, _ in own if stem == _WEAK.get(quantity)]
-    # G may be gauss: of an acceleration the unit is too little
-    rates = [
-        (at, stem)
-        for at, stem, words in own
-        if quantity == "angular_rate" and not _NO_DEVICE & {*words} and _states_rate(at, names)
-    ]
-    every = [(at, stem) for at, stem, _ in triples] if alone and len(triples) == 1 else []
-    return named or _prefixed(quantity, names, alone) or weak or rates or every
+    # what is longer is no name
+    text = unicodedata.normalize("NFKC", name[-99:])
+    text = _INDEX.sub(lambda at: f" {'xyzxyz'['012xyz'.index(at[1].lower())]} ", text)
+    brackets = re.search(_BRACKETS.pattern + r"\s*\Z", text)
+    words = re.findall(r"[^\W_]+", _CAMEL.sub("_", _BRACKETS.sub(" ", text)).lower())
+    found = []
+    for i, word in enumerate(words):
+        for axis, rest in ((word[-1], word[:-1]), (word[0], word[1:])):
+            if axis in AXES and (not rest or rest in _JOINED):
+                # one by itself goes first, of several the last
+                found.append((not rest, i, axis, [rest] * bool(rest)))
+    _, i, axis, rest = max(found, default=(0, len(words), None, []))
+    return (*words[:i], *rest), axis, (*words[i + 1 :],), brackets[1].strip() if brackets else ""
 
 
-def _states_rate(at, names):
-    """Tell whether columns state a unit of an angular rate, which is not that of an angle."""
-    rate, angle = (unit_of("angular_rate", at, names, summed) for summed in (False, True))
-    return rate in ANGULAR_RATE and angle not in INCREMENTS["angular_rate"]
-
-
-def _prefixed(quantity, names, alone):
-    """Return what `guess` finds in names without the prefix of a device: `imu0_ax`.
-
-    All sensors that are logged have the prefix. Several devices have several: the columns of two
-    are returned for a sensor, none for another quantity.
-    """
-    heads = {sensor: {} for sensor in ([alone] if alone else SENSORS)}
-    for name in names:
-        for separator in re.finditer(r"[\W_]+", name[:_LONG]):
-            head, rest = name[: separator.end()], name[separator.end() :]
-            stem, axis = _stem_and_axis(words_of(rest))
-            for sensor, found in heads.items():
-                if axis and stem in _NAMES[sensor][0] and not _NO_DEVICE & {*_split(head)}:
-                    found[head] = None
-    first, *others = heads.values()
-    shared = [head for head in first if all(head in other for other in others)]
-    if len(shared) > 1 and quantity not in SENSORS:
-        return []
-    bare = [[n.removeprefix(head) if n.startswith(head) else "" for n in names] for head in shared]
-    return [each for part in bare[:2] for each in guess(part)[quantity]]
-
-
-def two_parts(names):
-    """Return the columns of whole seconds and their part, None without."""
-    words = [_split(_without_unit(name)) or [""] for name in names]
-    whole = {(*w[:-1],): at for at, w in enumerate(words) if w[-1] in _SECONDS or w == [*_WHOLE]}
-    parts = [
-        (whole.get((*w[:-1],)), at)
-        for at, w in enumerate(words)
-        if w[-1] in PARTS and (w[-1] not in _PARTS or not w[:-1])
-    ]
-    return next((pair for pair in parts if pair[0] is not None), None)
-
-
-def guess(names, increments=False):
-    """Return quantity -> [(position or three positions, name without axis)], best first.
-
-    With `increments` those of velocity and angle are looked for in place of rates.
-    """
-    found, triples = {}, _triples(names)
-    for quantity, usual in _NAMES.items():
-        known = [(stem, axes) for (stem, _), axes in triples.items() if stem in usual[increments]]
-        found[quantity] = [(at, stem) for stem, axes in known for at in axes]
-    clock = [words for words in map(words_of, names) if words and {*words} <= _CLOCK_PARTS]
-    for quantity, usual in _SINGLE.items():
-        single = []
-        for at, name in enumerate(names):
-            words = words_of(name)
-            if len(clock) > 1 and words in clock:
-                # a part of a time
-                continue
-            unit = _unit_in(quantity, name, False)
-            strange = unit is not None and unit not in _SPELLINGS.get(quantity, _UNITS[quantity])
-            if strange and any(stated_unit(q, unit) for q in _SPELLINGS):
-                # T (°) is no time
-                continue
-            # Time (UTC) may be one, and whole seconds may have their part elsewhere
-            last = words[-1] if words else ""
-            strange = strange or last in _SECONDS
-            bare = words[:-1] if last in _UNITS[quantity] and last not in _OF_CLOCK else words
-            stem = next((s for s in ("_".join(words), "_".join(bare)) if s in usual), None)
-            if stem:
-                single.append((strange, usual.index(stem), at, stem))
-        found[quantity] = [(at, stem) for *_, at, stem in sorted(single)]
-    return found
-
-
-def _triples(names):
-    """Return (name without axis, all its words) -> positions of x, y and z.
-
-    Where names repeat there are several; two are enough.
-    """
-    found = {}
-    for at, name in enumerate(names):
-        words, every = words_of(name), _split(name)
-        stem, axis = _stem_and_axis(words)
-        if axis in every:
-            every.remove(axis)
-        elif axis:
-            every = [stem, *(word for word in every if word not in words)]
-        if axis:
-            axes = found.setdefault((stem, (*every,)), {a: [] for a in AXES})
-            axes[axis].append(at)
-    return {key: [*islice(product(*axes.values()), 2)] for key, axes in found.items()}
+def words_of(name):
+    """Return the lower-case words of a column's name, without its axis, unit in brackets, place."""
+    before, _, after, _ = _parts(name)
+    return [word for word in (*before, *after) if word not in _PLACE]
 
 
 def named_sensor(text):
     """Return the sensor that a word or a file's name stands for, or None."""
-    words = _split(str(text))
-    if _NO_OUTPUT & {*words}:
-        return None
-    found = {q for q, hint in _HINTS.items() for word in words if re.fullmatch(hint, word)}
-    return found.pop() if len(found) == 1 else None
+    words = words_of(str(text))
+    found = {q for q, shows in _SHOWS.items() if any(map(shows.match, words))}
+    return found.pop() if len(found) == 1 and not _DERIVED & {*words} else None
 
 
-def _split(text):
-    """Return the lower-case words of a text; accX is two, and NAME[0] is NAME x."""
-    text = re.sub(r"\[([012])\](?=\s*([\[(]|\Z))", lambda index: f"_{AXES[int(index[1])]}", text)
-    text = re.sub(_CAMEL, "_", text)
-    return re.findall(r"[^\W_]+", text.lower())
-
-
-def _without_unit(name):
-    """Return a column's name without what is in brackets, but for its axis."""
-    return re.sub(r"[(\[{](?!([012]\]|[xyzXYZ][)\]}])).*?[)\]}]", " ", name)
-
-
-def words_of(name):
-    """Return the lower-case words of a column's name, its unit in brackets left out."""
-    return [word for word in _split(_without_unit(name)) if word not in _PLACE]
-
-
-def _stem_and_axis(words):
-    """Return ('acc', 'x') of ['acc', 'x'], ['accx'], ['x', 'acc'] or ['acc', 'x', 'mps2']."""
-    if len(words) > 1 and words[-1] not in AXES and words[-2] in AXES:
-        words = words[:-1]
-    axes = [word for word in words if word in AXES]
-    if words and (words[-1] in AXES or words[0] in AXES or len(axes) == 1):
-        axis = words[-1] if words[-1] in AXES else words[0] if words[0] in AXES else axes[0]
-        at = len(words) - 1 - words[::-1].index(axis)
-        return "_".join(words[:at] + words[at + 1 :]), axis
-    # gFx is two
-    for word in (*words[:1], "".join(words)):
-        if word[-1:] in AXES and word[:-1] in _KNOWN:
-            return word[:-1], word[-1]
-        if word[:1] in AXES and word[1:] in _KNOWN:
-            return word[1:], word[0]
-    return "", None
+def _ending(quantity, words, alone=True):
+    """Return how many words are left before the unit that ends them; a letter is none `alone`."""
+    for k in range(len(words)):
+        text = "".join(words[k:])
+        if text in _SPELT[quantity] and (alone or k or len(text) > 1):
+            return k
+    return len(words)
 
 
 def unit_of(quantity, where, names, increments=False):
@@ -318,29 +139,111 @@ def unit_of(quantity, where, names, increments=False):
     return " and ".join(unit for unit in units if unit) or None
 
 
-def _unit_in(quantity, name, increments):
-    bracket = re.search(r"[(\[{]([^()\[\]{}]*)[)\]}]\s*\Z", name)
-    text = bracket[1].strip() if bracket else ""
-    if text and not text.isdigit() and text.lower() not in AXES:
+def _unit_in(quantity, name, increments=False):
+    before, axis, after, text = _parts(name)
+    if text and not text.isdigit():
         return stated_unit(quantity, text, increments) or text
-    if unit := _unit_at_end(quantity, name, increments):
-        return unit
-    # before the axis: gyro_dps_x; raw is a place there
-    bare = re.sub(r"([\s_.:-]+[xyz]|\[[012]\])\Z", "", name, flags=re.IGNORECASE)
-    if bare == name or quantity not in SENSORS:
-        return None
-    unit = _unit_at_end(quantity, bare, increments)
-    return None if unit == "count" else unit
+    words = after or before
+    text = "".join(words[_ending(quantity, words, after or not axis) :])
+    unit = stated_unit(quantity, text, increments) if text else None
+    # raw is a place before the axis
+    return None if unit == "count" and axis and not after else unit
 
 
-def _unit_at_end(quantity, name, increments):
-    # the longest end of the name that is a unit; of one column all of it: millis
-    start = r"\A|" if quantity in _SINGLE else ""
-    for separator in re.finditer(start + r"[\s_.,:-]+|\s/\s|" + _CAMEL, name):
-        end = name[separator.end() :]
-        # one letter is too little to go by for a sensor: acc_x_g
-        if len(end) > 1 or quantity in _SINGLE:
-            unit = stated_unit(quantity, end, increments)
-            if unit:
-                return unit
+def increment_name(quantity, name):
+    """Return the name in the table by which a column is a sensor's increment, or None."""
+    (kind, _), _, known, _ = _match(quantity, name)
+    return known if kind == _KINDS.index("increments") else None
+
+
+def two_parts(names):
+    """Return the columns of whole seconds and their part, and how many ns the part counts.
+
+    None where no two are called alike: sec and nsec, seconds and milliseconds.
+    """
+    whole = {found[1] or "": at for at, n in enumerate(names) if (found := _WHOLE.fullmatch(n))}
+    for at, name in enumerate(names):
+        found = _PART.fullmatch(name)
+        if found and (found[1] or "") in whole:
+            return whole[found[1] or ""], at, _PART_NS[(found[2] or found[4]).lower()]
     return None
+
+
+def guess(names, alone=None, usual=True):
+    """Return quantity -> [(position or three positions, name without axis)], best first.
+
+    Of the sensors all that are returned have names as good. With `usual` these are the usual ones;
+    without, they may also be of increments, state their unit before the axis, show the sensor by a
+    word, follow a prefix of both sensors, or, if only the sensor `alone` is looked for, be any
+    three.
+    """
+    triples, found = _triples(names), {}
+    clock = any({*TABLE["clock"]} & {*words_of(name)} for name in names)
+    for quantity in _NAMES:
+        groups = triples if quantity in SENSORS else [[(at,)] for at in range(len(names))]
+        found[quantity] = [(*_match(quantity, names[at[0][0]]), at) for at in groups]
+    shared = set.intersection(*({m[3] for m in found[q]} for q in ([alone] if alone else SENSORS)))
+    shared = set() if usual else shared - {""}
+    for quantity, matches in found.items():
+        sensor, fine = quantity in SENSORS, [m for m in matches if m[0] < _NONE[0]]
+        if usual and sensor:
+            fine = [m for m in fine if m[0] in _USUAL]
+        fine = [m for m in fine if m[0][0] != _PREFIXED or m[3] in shared]
+        if not sensor:
+            # of several devices it is not known whose it is, and seconds may be of a clock
+            fine = sorted(m for m in fine if m[0][0] != _PREFIXED or len(shared) == 1)
+            fine = [m for m in fine if not (clock and m[2] in _SPELT["time"])]
+            found[quantity] = [(at, known) for _, _, known, _, [[at]] in fine]
+            continue
+        if not fine and alone == quantity and len(triples) == 1 and not usual:
+            fine = [(*_NONE, triples[0])]
+        best = min((m[0] for m in fine), default=None)
+        found[quantity] = [(at, m[2]) for m in fine if m[0] == best for at in m[4]]
+    return found
+
+
+def _triples(names):
+    """Return the positions of x, y and z of names that are alike but for the axis.
+
+    Where names repeat there are several; two are enough.
+    """
+    found = {}
+    for at, name in enumerate(names):
+        before, axis, after, unit = _parts(name)
+        if axis:
+            found.setdefault((before, after, unit), {a: [] for a in AXES})[axis].append(at)
+    three = [[*islice(product(*axes.values()), 2)] for axes in found.values()]
+    return [each for each in three if each]
+
+
+def _match(quantity, name):
+    """Return how a name is one of a quantity's, `_NONE` of one that is not.
+
+    That is the kind of name, whether a unit ends it, its place and name in the table, and a prefix.
+    """
+    before, _, after, unit = _parts(name)
+    known, words, unit = _NAMES[quantity], (*before, *after), _plain(unit)
+    # Time (UTC) may be one, T (°) is none
+    strange = quantity not in SENSORS and bool(unit) and unit not in _SPELT[quantity]
+    end = _ending(quantity, before or after, quantity not in SENSORS)
+    options = [
+        " ".join(word for word in part if word not in _PLACE)
+        for part in (before or after, (before or after)[:end])
+    ]
+    if strange and any(unit in units for units in _SPELT.values()):
+        return _NONE
+    for (rank, kind), (stripped, option) in product(enumerate(_KINDS), enumerate(options)):
+        if option in known.get(kind, ()) and not (before and _DERIVED & {*after}):
+            return (rank + strange, bool(stripped)), known[kind].index(option), option, ""
+    if _DERIVED & {*words}:
+        return _NONE
+    for i, word in enumerate(words):
+        if quantity in SENSORS and _SHOWS[quantity].match(word):
+            prefix = " ".join(each for each in words[:i] if each not in _PLACE)
+            return (_WORDS, False), 0, word, prefix
+    for option in options:
+        for blank in re.finditer(" ", option):
+            if (rest := option[blank.end() :]) in known["names"]:
+                place = known["names"].index(rest)
+                return (_PREFIXED, False), place, rest, option[: blank.start()]
+    return _NONE
