@@ -104,7 +104,7 @@ def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it():
     rng = np.random.default_rng(11)
     values = {"a": noise(30) + 3 * pattern("steps")[0]}
     choices, part = found(values).choices, 4
-    assert choices.choice().base
+    assert choices.choice().effects
     changed = {s: v.copy() for s, v in values.items()}
     ends = np.cumsum([N] * len(values))[:-1]
     each = np.split(choices.problem.fold_of_row, ends)

@@ -141,9 +141,9 @@ def passes_test(training_fit, effects, axis, added, sizes, power, threshold, oth
     square = np.maximum(sizes**2 * gain / scale, LEAST)
     grid = np.geomspace(LEAST, max(square.max(), 2 * LEAST), GRID)
     lowest = np.interp(np.log(square), np.log(grid), ncfdtri(q, fit.dof, grid, 1 - power))
-    rest = (without.log_weight + without.spent)[:, None, None]
+    rest = (without.log_weight + without.loss)[:, None, None]
     one = replace(without, square=fit.square[:, None, None] + q * scale * lowest)
-    one = replace(one, log_weight=rest - one.spent)
+    one = replace(one, log_weight=rest - one.loss)
     weight = np.broadcast_to(fit.log_weight[:, None, None], square.shape)
     wide = replace(fit, square=fit.square[:, None, None], log_weight=weight)
     return fisher([averaged_log_p(one, wide, q), *others]) < threshold

@@ -58,7 +58,7 @@ def averaged_log_p(without, fit, q, hypotheses=slice(None)):
     weight = fit.log_weight[hypotheses] - total(fit.log_weight[hypotheses])
     if fit.least > 0:
         plain = without.log_weight[hypotheses] - total(without.log_weight[hypotheses])
-        gain = total(plain + (without.spent - fit.spent)[hypotheses])
+        gain = total(plain + (without.loss - fit.loss)[hypotheses])
         share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))
         weight = np.logaddexp(weight + np.log1p(-np.exp(share)), plain + share)
     return total(weight + tail)

@@ -40,7 +40,7 @@ class Fit:
         return np.maximum(self.least, self.square / self.dof)
 
     @property
-    def spent(self):
+    def loss(self):
         """Term ``(dof log scale + χ²/scale)/2`` of minus the log likelihood, (h,) or (h, m)."""
         return (self.dof * np.log(self.scale) + self.square / self.scale) / 2
 

@@ -33,19 +33,19 @@ def residuals_by_record(search, base, axis):
     return training_fit.evidence.split(left), fit.dof, hypothesis
 
 
-def best_steps(search, base, hopeful=False):
+def best_steps(search, base, may_give_up=False):
     """Return the Trial of the best number of steps of the bias, or None.
 
     Steps are added one by one, each at the time that is clearest with the others in the model. The
     search ends if one more step does not lower log p. A single one of two steps may not be
     significant, because the other looks like a random walk: so a second step is tried even then.
-    With `hopeful` it is not tried if log p of the first is above `HOPELESS`.
+    With `may_give_up` it is not tried if log p of the first is above `HOPELESS`.
     """
     best, steps, tries, shapes = None, (), 0.0, ()
     for number in range(1, MOST_STEPS + 1):
         log_p, step, count = most_promising_step(search, base + shapes, steps)
         tries += np.log(max(count, 1) / number)
-        if not step or (hopeful and number == 1 and log_p + np.log(3) + tries > HOPELESS):
+        if not step or (may_give_up and number == 1 and log_p + np.log(3) + tries > HOPELESS):
             break
         steps = (*steps, step)
         shapes = (joined(steps),)
@@ -97,13 +97,13 @@ def most_promising_step(search, base, earlier=()):
     return log_p, step, count
 
 
-def pose_step(sensor, search, base, hopeful=False):
+def pose_step(sensor, search, base, may_give_up=False):
     """Return the Trial of the step of a sensor's bias that poses show most clearly, or None.
 
     Times in the middle of the poses are tried first. If the best of them is clearer than chance,
     times ever closer to it are tried, since a step may lie within a pose or between two. The tests
     use the noise as estimated: under the likeliest noise, the residuals that a step causes in the
-    turns would count as noise. `hopeful` changes nothing here: the first times are quick to test.
+    turns would count as noise. `may_give_up` changes nothing: the first times are quick to test.
     """
     middle, count = search.problem.recording.poses.mid_s, POSES_BESIDE[sensor]
     if len(middle) < 2 * count:
