@@ -194,7 +194,7 @@ class Search:
         for axis, (columns, index, scale) in enumerate(pattern.on_axes):
             fit = training_fit.fit((*base, effect), axis) if columns else None
             if fit is not None:
-                coefficients, covariance = fit.average(fit.weight)
+                coefficients, covariance = fit.average()
                 covariance = covariance[-len(columns) :, -len(columns) :] / np.outer(scale, scale)
                 estimates.append((index, coefficients[-len(columns) :] / scale, covariance))
         values, covariance = combined_axes(len(effect.parameters), estimates)

@@ -6,7 +6,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from imuloop.core.precision import precision
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
@@ -55,7 +54,7 @@ class NoiseSizes:
         """
         estimated = np.array([component.size for component in self.components])
         return Hypotheses.of(
-            precision(total(self.fixed, self.components, sizes))
+            total(self.fixed, self.components, sizes)
             for sizes in np.where(chosen, likeliest, estimated)
         )
 
@@ -268,7 +267,9 @@ class PoseProblem:
         group = RowGroup(-values[:, None], jacobian[:, :nuisances], hypotheses, self.row_folds)
         log_prior = np.full(len(chosen), -np.log(len(chosen)))
         as_estimated = ~chosen.any(axis=1)
-        return Evidence([group], log_prior, designs, least=1.0, as_estimated_mask=as_estimated)
+        return Evidence(
+            [group], log_prior, designs, least_scale=1.0, as_estimated_mask=as_estimated
+        )
 
     def _prior_rows_of(self, effects):
         """Return the prior rows R for the q parameters of some effects, (k, q)."""
@@ -349,7 +350,7 @@ class PoseProblem:
         size = np.linalg.norm(design, axis=0)
         size[size == 0] = 1.0
         design, prior = design / size, np.diag(size**-2.0 * (np.arange(len(size)) >= p))
-        probable, of_prior = fit.weight > 1e-6, self.rows[1] == ""
+        probable, of_prior = fit.probability > 1e-6, self.rows[1] == ""
         for h in np.flatnonzero(probable):
             # the rows of the prior keep their variance, independent of the residuals of the poses
             scale = np.where(of_prior, 1.0, fit.scale[h])
@@ -357,8 +358,8 @@ class PoseProblem:
             inverse = np.linalg.inv(weighted @ design + prior / fit.scale[h])
             change = inverse @ (weighted @ linearization.values)
             square = inverse + np.outer(change, change)
-            sum_of_squares = sum_of_squares + fit.weight[h] * square
-        covariance = sum_of_squares / fit.weight[probable].sum() / np.outer(size, size)
+            sum_of_squares = sum_of_squares + fit.probability[h] * square
+        covariance = sum_of_squares / fit.probability[probable].sum() / np.outer(size, size)
         return covariance[:p, :p]
 
     def _by_constants(self, effects, x):
