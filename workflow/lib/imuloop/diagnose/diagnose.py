@@ -21,7 +21,12 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.motion import diagnose_motion
-from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnose_poses, pose_candidates
+from imuloop.diagnose.records.pose_diagnosis import (
+    PoseResult,
+    diagnose_poses,
+    pose_candidates,
+    pose_problem,
+)
 from imuloop.diagnose.records.pose_tables import moves_table, poses_table
 from imuloop.diagnose.records.reference import diagnose_reference
 from imuloop.diagnose.records.rests import read_static
@@ -108,29 +113,27 @@ def diagnose_device(
     turns = read_turns(sessions, base.accelerometer)
     joint_fit, reasons = start_fit(recording, noise, gravity, units, prior, turns, method=method)
     reasons = {sensor: with_sessions(reason, sessions) for sensor, reason in reasons.items()}
-    poses = diagnose_poses(
-        joint_fit, reasons, recording, settings, tests, static_effects, information
-    )
+    problem = None
+    if joint_fit:
+        problem = pose_problem(joint_fit, recording, settings, tests, static_effects, information)
+    poses = diagnose_poses(problem, reasons)
     refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())
     base = replace(base, **refused)
-    motion = diagnose_motion(
-        poses.joint_fit, poses.solution, recording, settings, tests, information
-    )
+    motion = diagnose_motion(poses, recording, settings, tests, information)
     # the gyroscope was calibrated with the direction of gravity by the accelerometer with effects
     force = poses.calibrations.get("accelerometer", base.accelerometer)
     by_new_force = "accelerometer" in poses.calibrations and force.effects
     bias_refitted = by_new_force or calibrate_settings.gyroscope_bias != "initial_rest"
     calibrations = {}
     for sensor in SENSORS:
-        at_poses = poses.calibrations.get(sensor)
-        effects = static.effects[sensor] if has_static_session or not at_poses else ()
-        calibrations[sensor] = final_calibration(
-            getattr(base, sensor), at_poses, effects, records[sensor], bias_refitted
-        )
+        calibrated, at_poses = getattr(base, sensor), poses.calibrations.get(sensor)
+        if at_poses and (bias_refitted or at_poses.effects):
+            calibrated = at_poses
+        elif has_static_session or not at_poses:
+            calibrated = with_static_effects(calibrated, static.effects[sensor], records[sensor])
+        calibrations[sensor] = calibrated
     calibration = replace(base, **calibrations | motion.calibrations)
-    calibration = with_validity_ranges(
-        calibration, poses.calibrations, recording, records, static.effects
-    )
+    calibration = with_validity_ranges(calibration, poses, recording, records, static.effects)
     reference, windows = diagnose_reference(sessions, noise, gravity, settings, tests, calibration)
     names = _names(sessions, GROUPS[method])
     contents = dict(zip(RECORDS, (poses.contents, static.content, motion.contents), strict=True))
@@ -153,20 +156,10 @@ def diagnose_device(
     # the calibration by the poses: effects of static records may need channels that poses lack
     gyroscope = poses.calibrations.get("gyroscope", base.gyroscope)
     _, force_in_moves = recording.calibrated_force(force)
-    return Diagnosed(
-        {"format": FORMAT, "device": device, "sensors": by_sensor},
-        calibration,
-        static.allan,
-        noise,
-        poses,
-        recording,
-        names,
-        {
-            "poses": joined(shown_poses),
-            "moves": moves_table(recording, names, gyroscope, force_in_moves, residuals),
-            "reference": windows,
-        },
-    )
+    moves = moves_table(recording, names, gyroscope, force_in_moves, residuals)
+    tables = {"poses": joined(shown_poses), "moves": moves, "reference": windows}
+    content = {"format": FORMAT, "device": device, "sensors": by_sensor}
+    return Diagnosed(content, calibration, static.allan, noise, poses, recording, names, tables)
 
 
 def _names(sessions, kinds):
@@ -196,44 +189,29 @@ def judge_calibration(calibration, sensor, contents, static_kinds):
     return replace(calibration, verdict=verdict)
 
 
-def final_calibration(base, at_poses, static_effects, records, bias_refitted):
-    """Return the SensorCalibration of a sensor with all effects of poses or static records.
+def with_static_effects(calibration, effects, records):
+    """Return the SensorCalibration of a sensor with the FittedEffects of its static records.
 
-    Parameters
-    ----------
-    base : SensorCalibration
-        The calibration of the stage before, without effects.
-    at_poses : SensorCalibration or None
-        The calibration by the poses. It is the result if it has effects or if `bias_refitted`.
-    static_effects : tuple of FittedEffect
-        Effects of the static records. Else they are added to `base`.
-    records : list of StaticRecord
-        For a sensor that only rested, the bias is the mean of these after subtracting the effects.
-    bias_refitted : bool
-        Whether the bias of `at_poses` may replace the one of `base`: not if it is held at the first
-        rest.
+    For a sensor that only rested, the bias is the mean over the `records`, a list of StaticRecord,
+    after the effects are subtracted.
     """
-    if at_poses and (bias_refitted or at_poses.effects):
-        return at_poses
-    if not static_effects:
-        return base
-    b = base.b
-    if base.method == "static":
-        levels = [r.values - sum(e.output(r.channels) for e in static_effects) for r in records]
+    b = calibration.b
+    if effects and calibration.method == "static":
+        levels = [r.values - sum(e.output(r.channels) for e in effects) for r in records]
         lengths = np.concatenate([r.length for r in records])
-        b = b + np.average(np.concatenate(levels), axis=0, weights=lengths) / base.K
-    return replace(base, b=b, effects=static_effects)
+        b = b + np.average(np.concatenate(levels), axis=0, weights=lengths) / calibration.K
+    return replace(calibration, b=b, effects=effects)
 
 
-def with_validity_ranges(calibration, at_poses, recording, records, static_effects):
+def with_validity_ranges(calibration, poses, recording, records, static_effects):
     """Return the Calibration with the range of inputs in which each effect was estimated.
 
     Parameters
     ----------
     calibration : Calibration
-    at_poses : dict of str to SensorCalibration
-        Calibrations by the poses. The ranges of these sensors come from the poses; those of the
-        gyroscope come from the rotations too.
+    poses : PoseResult
+        The ranges of the sensors that it calibrates come from the poses; those of the gyroscope
+        come from the rotations too.
     recording : Recording
         Poses and rotations.
     records : dict of str to list of StaticRecord
@@ -242,13 +220,12 @@ def with_validity_ranges(calibration, at_poses, recording, records, static_effec
     """
     force, turn = calibration.accelerometer, calibration.gyroscope
     in_motion, inputs, sensors = [], {sensor: [] for sensor in SENSORS}, {}
-    if "accelerometer" in at_poses and force.effects:
+    if "accelerometer" in poses.calibrations and force.effects:
         rate, aligned = recording.poses.w, turn.aligned(recording.rotations.w)
-        inputs["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
-        in_motion = [
-            recording.rotation_channels("accelerometer", force.output, aligned, turn.aligned)
-        ]
-    if "gyroscope" in at_poses and turn.effects:
+        arguments = "accelerometer", force.output
+        inputs["accelerometer"] = [recording.pose_channels(*arguments, rate)]
+        in_motion = [recording.rotation_channels(*arguments, aligned, turn.aligned)]
+    if "gyroscope" in poses.calibrations and turn.effects:
         at_rest, in_moves = recording.calibrated_force(force)
         inputs["gyroscope"] = [
             recording.pose_channels("gyroscope", turn.output, at_rest),

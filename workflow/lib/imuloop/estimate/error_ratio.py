@@ -23,7 +23,12 @@ class ErrorChange(NamedTuple):
 def ratio_interval(fold_of_row, before, after):
     """Return the 95 % interval of the ratio of two root mean square errors, [low, high].
 
-    A fold in which the errors change much is cut into several, see `cut_folds`.
+    The standard error is that of the mean of the jackknife's pseudo-values. Each pseudo-value comes
+    from the ratio of all folds but one. A fold in which the errors change much is cut into several
+    before, see `cut_folds`. The interval uses Student's t, with one degree of freedom less than
+    there are folds. It is zero to infinity if fewer than two folds have errors. (An interval of the
+    logarithm has the same coverage, but is far wider if one fold has most of the error, as with a
+    step.)
 
     Parameters
     ----------
@@ -31,9 +36,24 @@ def ratio_interval(fold_of_row, before, after):
         Fold of each of n rows.
     before, after : ndarray, shape (n, k)
         Held-out errors on k axes, without and with an effect. The ratio is after over before.
+
+    References
+    ----------
+    J. W. Tukey, Ann. Math. Statist. 29 (1958) 614; B. Efron, R. J. Tibshirani, An Introduction to
+    the Bootstrap (1993), chapter 11.
     """
     folds = cut_folds(fold_of_row, ((before - after) ** 2).sum(axis=1))
-    return jackknife(*((folds @ e**2).sum(axis=1) for e in (before, after))).tolist()
+    before, after = ((folds @ errors**2).sum(axis=1) for errors in (before, after))
+    n, others = len(folds), 1.0 - np.eye(len(folds))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.sqrt(after.sum() / before.sum())
+        without_one = np.sqrt((others @ after) / (others @ before))
+        values = n * ratio - (n - 1) * without_one
+        variance = ((values - values.mean()) ** 2).sum() / np.float64(n * (n - 1))
+        half_width = stdtrit(n - 1, 0.975) * np.sqrt(variance)
+    if not np.isfinite(half_width):
+        return [0.0, np.inf]
+    return [float(max(ratio - half_width, 0.0)), float(ratio + half_width)]
 
 
 def cut_folds(fold_of_row, change):
@@ -65,31 +85,3 @@ def cut_folds(fold_of_row, change):
         new_fold[rows] = first + np.minimum((count * share + 1e-6).astype(int), count - 1)
         first += count
     return new_fold == np.unique(new_fold)[:, None]
-
-
-def jackknife(before, after):
-    """Return the lower and upper end of the 95 % interval of a ratio of root mean squares, (2, …).
-
-    `before` and `after`, (folds, …), are the sums of squared errors of each fold; the ratio is
-    after over before. Its standard error is that of the mean of the jackknife's pseudo-values. Each
-    pseudo-value comes from the ratio of all folds but one. The interval uses Student's t, with one
-    degree of freedom less than there are folds. It is zero to infinity if fewer than two folds have
-    errors. (An interval of the logarithm has the same coverage, but is far wider if one fold has
-    most of the error, as with a step.)
-
-    References
-    ----------
-    J. W. Tukey, Ann. Math. Statist. 29 (1958) 614; B. Efron, R. J. Tibshirani, An Introduction to
-    the Bootstrap (1993), chapter 11.
-    """
-    n = len(before)
-    without_one = 1.0 - np.eye(n)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.sqrt(after.sum(axis=0) / before.sum(axis=0))
-        others = np.tensordot(without_one, after, 1) / np.tensordot(without_one, before, 1)
-        values = n * ratio - (n - 1) * np.sqrt(others)
-        square = ((values - values.mean(axis=0)) ** 2).sum(axis=0) / np.float64(n * (n - 1))
-        half = stdtrit(n - 1, 0.975) * np.sqrt(square)
-    finite = np.isfinite(half)
-    low = np.where(finite, np.maximum(ratio - half, 0.0), 0.0)
-    return np.array([low, np.where(finite, ratio + half, np.inf)])

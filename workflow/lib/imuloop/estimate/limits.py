@@ -10,7 +10,6 @@ from imuloop.core.fisher import fisher
 from imuloop.estimate.error_ratio import cut_folds
 from imuloop.estimate.p_values import averaged_log_p
 from imuloop.estimate.residuals import fold_fits
-from imuloop.estimate.training_fit import ChiSquare
 from imuloop.estimate.verdict import MARGIN
 
 # log p-value of an axis on which the effect is zero: the median
@@ -145,15 +144,12 @@ class AxisTest:
         grid = np.geomspace(LEAST, max(square.max(), 2 * LEAST), GRID)
         quantiles = ncfdtri(q, fit.dof, grid, 1 - self.power)
         lowest = np.interp(np.log(square), np.log(grid), quantiles)
-        # χ² of both fits if F has its lower quantile, (h, s, q)
-        chi2, log_probability = fit.chi2[:, None, None], fit.log_probability[:, None, None]
-        log_probability = np.broadcast_to(log_probability, square.shape)
-        expected = ChiSquare(chi2, log_probability, fit.dof, fit.least_scale)
-        chi2 = chi2 + q * scale * lowest
-        expected_without = ChiSquare(chi2, 0.0, without.dof, without.least_scale)
-        log_probability = (without.log_probability + without.loss)[:, None, None]
-        log_probability = log_probability - expected_without.loss
-        expected_without = replace(expected_without, log_probability=log_probability)
+        # expected fits if F has its lower quantile, (h, s, q)
+        chi2 = fit.chi2[:, None, None] + np.zeros_like(square)
+        expected, expected_without = (
+            replace(f, chi2=x, log_prior=f.log_prior[:, None, None])
+            for f, x in ((fit, chi2), (without, chi2 + q * scale * lowest))
+        )
         log_p = averaged_log_p(expected_without, expected, q)
         return fisher([log_p, *self.others]) < self.threshold
 
@@ -201,15 +197,11 @@ class AxisTest:
         fit = self.fits[1]
         h = self.training_fit.hypothesis(fit)
         scale, weights = fit.scale[h], block_diag(*(g.noise.precision[h] for g in groups))
-        base, pattern, columns = (
-            evidence.matrix(numbers)
-            for numbers in (
-                evidence.columns_of(self.base, self.axis),
-                evidence.columns_of((self.effect,), self.axis),
-                self.columns,
-            )
+        base, pattern = (
+            evidence.matrix(evidence.columns_of(e, self.axis)) for e in (self.base, (self.effect,))
         )
         base = np.column_stack([block_diag(*(g.nuisance for g in groups)), base])
+        columns = evidence.matrix(self.columns)
         unit = np.broadcast_to(problem.error_scale, len(folds))[:, None]
         c, _ = fold_fits(np.column_stack([columns, pattern]), weights, base, folds)
         C, inverses = fold_fits(columns, weights, np.column_stack([base, pattern]), folds)

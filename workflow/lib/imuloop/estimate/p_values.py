@@ -55,10 +55,9 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
     log_sum, fit = np.logaddexp.reduce, with_parameters
     drop = np.maximum(without.chi2 - fit.chi2, 0.0)
     tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[hypotheses]
-    log_weight = fit.log_probability[hypotheses] - log_sum(fit.log_probability[hypotheses])
+    log_with, log_without = (f.log_probability[hypotheses] for f in (fit, without))
+    log_weight, log_without = log_with - log_sum(log_with), log_without - log_sum(log_without)
     if fit.least_scale > 0:
-        log_without = without.log_probability[hypotheses]
-        log_without = log_without - log_sum(log_without)
         gain = log_sum(log_without + (without.loss - fit.loss)[hypotheses])
         log_share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))
         log_weight = log_weight + np.log1p(-np.exp(log_share))
@@ -77,13 +76,16 @@ def log_p_values(pairs, hypotheses=slice(None)):
         groups.setdefault((without.dof, fit.dof), []).append(k)
     for (dof_without, dof), indices in groups.items():
         # fits of equal degrees of freedom are tested at once
-        both = []
-        for side, freedom in enumerate((dof_without, dof)):
-            fits = [pairs[k][side] for k in indices]
-            chi2 = np.stack([fit.chi2 for fit in fits], axis=-1)
-            log_probability = np.stack([fit.log_probability for fit in fits], axis=-1)
-            both.append(ChiSquare(chi2, log_probability, freedom, fits[0].least_scale))
+        both = [_stack([pairs[k][side] for k in indices]) for side in (0, 1)]
         values = averaged_log_p(*both, dof_without - dof, hypotheses).tolist()
         for k, value in zip(indices, values, strict=True):
             log_p[k] = value
     return log_p
+
+
+def _stack(fits):
+    """Return one ChiSquare of m fits that have equal degrees of freedom, with shapes (h, m)."""
+    chi2, log_prior = (
+        np.stack([getattr(f, name) for f in fits], axis=-1) for name in ("chi2", "log_prior")
+    )
+    return ChiSquare(chi2, log_prior, fits[0].dof, fits[0].least_scale)

@@ -25,8 +25,9 @@ class ChiSquare:
     """
 
     chi2: np.ndarray  # (h,): χ² of the residuals
-    # (h,): logarithm of restricted likelihood times prior of each hypothesis
-    log_probability: np.ndarray
+    # (h,): log prior of each hypothesis, minus (log |Σ| + log |Jᵀ Σ⁻¹ J|)/2 with the covariance Σ
+    # of the rows and the Jacobian J
+    log_prior: np.ndarray
     dof: int  # degrees of freedom
     least_scale: float  # lower limit of `scale`
 
@@ -40,15 +41,20 @@ class ChiSquare:
         """Term ``(dof log scale + χ²/scale)/2`` of minus the log likelihood, (h,)."""
         return (self.dof * np.log(self.scale) + self.chi2 / self.scale) / 2
 
+    @property
+    def log_probability(self):
+        """Logarithm of restricted likelihood times prior of each hypothesis, (h,)."""
+        return self.log_prior - self.loss
+
 
 @dataclass(frozen=True)
 class Fit(ChiSquare):
     """Least squares of one axis with k columns, under each of h noise hypotheses."""
 
-    coefficients: np.ndarray  # (h, k): coefficients of the columns
     # (h, k, k): normal matrix of the columns, each divided by its norm
     normal: np.ndarray
     norms: np.ndarray  # (h, k): norms of the columns in the metric of the precision
+    coefficients: np.ndarray  # (h, k): coefficients of the columns
 
     @property
     def probability(self):
@@ -279,60 +285,40 @@ class TrainingFit:
             For each set a Fit on each axis; None if the columns are linearly dependent.
         """
         axes, (count, q) = len(self.residual_columns), sets.shape
-        k, dof, least = len(shared) + q, self.free_rows - len(shared) - q, self.evidence.least_scale
+        k = len(shared) + q
+        dof = self.free_rows - k
         if dof < 1:
             return [None] * count
-        # normal matrix of each set, (h, s, k, k), and its products with the residuals, (h, s, k, a)
+        # products of residuals, shared columns and the columns of each set, (h, s, a + k, a + k)
         common = (*self.residual_columns, *shared)
-        products = self.products(common, (*common, *sets.ravel().tolist()))
-        with_sets = products[:, :, len(common) :].reshape(len(products), len(common), count, q)
-        with_sets = with_sets.transpose(0, 2, 3, 1)
-        normal = np.empty((len(products), count, k, k))
-        normal[:, :, : k - q, : k - q] = products[:, None, axes:, axes : len(common)]
-        normal[:, :, k - q :, : k - q] = with_sets[..., axes:]
-        normal[:, :, : k - q, k - q :] = np.swapaxes(with_sets[..., axes:], 2, 3)
+        products, c = self.products(common, (*common, *sets.ravel().tolist())), len(common)
+        gram = np.empty((len(products), count, c + q, c + q))
+        gram[:, :, :c, :c] = products[:, None, :, :c]
+        gram[:, :, :c, c:] = products[:, :, c:].reshape(len(products), c, count, q).swapaxes(1, 2)
+        gram[:, :, c:, :c] = gram[:, :, :c, c:].swapaxes(2, 3)
         if q:
-            normal[:, :, k - q :, k - q :] = self._products_in_sets(sets)
-        shape = (len(products), count, k - q, axes)
-        moment = np.broadcast_to(products[:, None, axes:, :axes], shape)
-        moment = np.concatenate([moment, with_sets[..., :axes]], axis=2)
-        total = np.einsum("haa->ha", products[:, :axes, :axes])[:, None]
-        # columns of norm one; dependent columns, and a nearly singular matrix, give no fit
+            gram[:, :, c:, c:] = self._products_in_sets(sets)
+        normal, moment = gram[:, :, axes:, axes:], gram[:, :, axes:, :axes]
+        total = np.einsum("hsaa->hsa", gram[:, :, :axes, :axes])
+        # dependent columns, and a nearly singular matrix, give no fit
         squares = np.array([[self._squares[c] for c in (*shared, *row)] for row in sets.tolist()])
         norms = np.sqrt(np.maximum(np.einsum("hskk->hsk", normal), 0.0))
         independent = np.all(norms[0] ** 2 > ABSORBED * squares.reshape(count, k), axis=1)
         norms = np.where(norms > 0, norms, 1.0)
-        normal, moment = (
-            normal / norms[..., :, None] / norms[..., None, :],
-            moment / norms[..., None],
-        )
+        normal, moment = normal / norms[..., None] / norms[:, :, None], moment / norms[..., None]
         independent &= np.linalg.eigvalsh(normal[0]).min(axis=1, initial=1.0) > ABSORBED
         # a singular matrix is replaced, so that the others can be solved with it
         normal[:, ~independent] = np.eye(k)
         scaled = np.linalg.solve(normal, moment)
         chi2 = np.maximum(total - (scaled * moment).sum(axis=2), 1e-12 * total)
-        log_det = np.linalg.slogdet(normal)[1] + 2 * np.log(norms).sum(axis=2)
-        log_prior = self.evidence.log_prior - self.log_det / 2
-        log_probability = (log_prior[:, None] - log_det / 2)[..., None]
-        log_probability = log_probability - ChiSquare(chi2, log_probability, dof, least).loss
         coefficients = scaled / norms[..., None]
-        return [
-            [
-                Fit(
-                    chi2[:, s, axis],
-                    log_probability[:, s, axis],
-                    dof,
-                    least,
-                    coefficients[:, s, :, axis],
-                    normal[:, s],
-                    norms[:, s],
-                )
-                for axis in range(axes)
-            ]
-            if independent[s]
-            else None
-            for s in range(count)
-        ]
+        log_det = np.linalg.slogdet(normal)[1] + 2 * np.log(norms).sum(axis=2)
+        log_prior = (self.evidence.log_prior - self.log_det / 2)[:, None] - log_det / 2
+        fits = [None] * count
+        for s in np.flatnonzero(independent):
+            terms = log_prior[:, s], dof, self.evidence.least_scale, normal[:, s], norms[:, s]
+            fits[s] = [Fit(chi2[:, s, a], *terms, coefficients[:, s, :, a]) for a in range(axes)]
+        return fits
 
     def hypothesis(self, fit):
         """Return the index of the noise hypothesis for estimates of parameters.

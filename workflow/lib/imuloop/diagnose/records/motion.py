@@ -84,15 +84,13 @@ def motion_products(sensor):
     return tuple(product for product in shapes if "motion" in product.records)
 
 
-def diagnose_motion(joint_fit, solution, recording, settings, tests, information=None):
+def diagnose_motion(poses, recording, settings, tests, information=None):
     """Search for effects in the moves of a device, and judge the velocities that remain.
 
     Parameters
     ----------
-    joint_fit : JointFit
-        The fit at the poses.
-    solution : Fit or None
-        Its result, with effects; None if the poses determine nothing.
+    poses : PoseResult
+        The diagnosis at the poses, with the fit to start from.
     recording : Recording
         Poses and moves.
     settings : DiagnoseSettings
@@ -106,6 +104,7 @@ def diagnose_motion(joint_fit, solution, recording, settings, tests, information
     PoseResult
         It has calibrations if an effect was added.
     """
+    joint_fit, solution = poses.joint_fit, poses.solution
     if solution is None or set(joint_fit.estimated) != set(SENSORS):
         return no_result("the poses do not determine both sensors")
     if recording.slow_force:
@@ -121,17 +120,12 @@ def diagnose_motion(joint_fit, solution, recording, settings, tests, information
     factors = factors.without_rotation(recording, state, joint_fit.noise)
     joint_fit = replace(joint_fit, factors=factors, start=start)
     shapes = candidates_in_motion(kinds_of(solution.effects))
+    tests += settings.family * len(shapes)
+    # the last entry, at index -1, is the fold of the poses: none
+    folds = np.append(interleaved_folds(len(usable), settings.folds), -1)
+    effects, prior = solution.effects, joint_fit.known
     problem = MotionProblem(
-        joint_fit,
-        recording,
-        shapes,
-        settings,
-        tests + settings.family * len(shapes),
-        # the last entry, at index -1, is the fold of the poses: none
-        np.append(interleaved_folds(len(usable), settings.folds), -1),
-        solution.effects,
-        information,
-        joint_fit.known,
+        joint_fit, recording, shapes, settings, tests, folds, effects, information, prior
     )
     try:
         # the same residuals judge both sensors

@@ -88,10 +88,10 @@ def pose_candidates(sensor, recording, static_effects=()):
     return shapes, reasons
 
 
-def pose_problem(
-    joint_fit, recording, settings, tests, static_effects=(), information=None, sensors=None
-):
+def pose_problem(joint_fit, recording, settings, tests, static_effects=(), information=None):
     """Return the PoseProblem of a device with interleaved folds.
+
+    Effects are tried on the fitted sensors that have enough poses and turns.
 
     Parameters
     ----------
@@ -103,69 +103,47 @@ def pose_problem(
     tests : int
         Number of tests that share the significance.
     static_effects : sequence of SensorEffect
-        Effects that static records showed; every fit estimates them.
+        Effects that static records showed; every fit estimates those of the fitted sensors.
     information : callable, optional
         Information of the static records, as `PoseProblem.information`.
-    sensors : sequence of str, optional
-        Sensors on which effects are tried; by default all that are fitted.
     """
-    shapes, scans = {}, {}
-    for sensor in joint_fit.estimated if sensors is None else sensors:
+    shapes, scans, few = {}, {}, too_few(recording)
+    for sensor in (s for s in joint_fit.estimated if s not in few):
         for cls, tried in pose_candidates(sensor, recording, static_effects)[0].items():
             kind = EffectKind(cls, sensor)
             if cls is Steps:
                 scans[kind] = partial(pose_step, sensor)
             else:
                 shapes[kind] = tuple(SensorEffect(shape, sensor) for shape in tried)
+    folds = interleaved_folds(len(recording.poses), settings.folds)
+    nuisances = tuple(e for e in static_effects if e.sensor in joint_fit.estimated)
+    prior = joint_fit.known
     return PoseProblem(
-        joint_fit,
-        recording,
-        shapes,
-        settings,
-        tests,
-        interleaved_folds(len(recording.poses), settings.folds),
-        tuple(static_effects),
-        information,
-        joint_fit.known,
-        scans,
+        joint_fit, recording, shapes, settings, tests, folds, nuisances, information, prior, scans
     )
 
 
-def diagnose_poses(
-    joint_fit, reasons, recording, settings, tests, static_effects=(), information=None
-):
+def diagnose_poses(problem, reasons):
     """Search for effects of both sensors at the poses, and judge the residuals that remain.
 
     Parameters
     ----------
-    joint_fit : JointFit or None
-        The fit to start from; None if the poses determine no sensor.
+    problem : PoseProblem or None
+        The poses, from `pose_problem`; None if they determine no sensor.
     reasons : dict of str to str
         Reason why a sensor is not in the fit, by sensor.
-    recording : Recording
-        Poses and rotations.
-    settings : DiagnoseSettings
-    tests : int
-        Number of tests that share the significance.
-    static_effects : sequence of SensorEffect
-        Effects that static records showed; every fit estimates them.
-    information : callable, optional
-        Information of the static records, as `PoseProblem.information`.
 
     Returns
     -------
     PoseResult
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
-    if joint_fit is None:
+    if problem is None:
         return PoseResult(contents)
-    static_effects = [e for e in static_effects if e.sensor in joint_fit.estimated]
-    few = too_few(recording)
-    contents |= {s: not_testable(few[s]) for s in joint_fit.estimated if s in few}
-    tested = [sensor for sensor in joint_fit.estimated if sensor not in few]
-    problem = pose_problem(
-        joint_fit, recording, settings, tests, static_effects, information, tested
-    )
+    joint_fit, recording = problem.joint_fit, problem.recording
+    sensors, static_effects, few = joint_fit.estimated, problem.nuisance_effects, too_few(recording)
+    contents |= {s: not_testable(few[s]) for s in sensors if s in few}
+    tested = [sensor for sensor in sensors if sensor not in few]
     try:
         if not tested:
             result = PoseResult(contents, joint_fit, *final_solution(problem, ()))
@@ -183,19 +161,19 @@ def diagnose_poses(
     rejected = rejections(result, recording)
     if not rejected:
         return result
-    if "accelerometer" in rejected or "accelerometer" not in joint_fit.estimated:
+    if "accelerometer" in rejected or "accelerometer" not in sensors:
         lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
         return PoseResult(contents | lost, joint_fit, rejected=rejected)
-    # the gyroscope alone is rejected
-    again = diagnose_poses(
-        joint_fit.of_sensors(["accelerometer"]),
-        reasons | rejected,
+    accelerometer = joint_fit.of_sensors(["accelerometer"])
+    problem = pose_problem(
+        accelerometer,
         recording,
-        settings,
-        tests,
+        problem.settings,
+        problem.tests,
         static_effects,
-        information,
+        problem.information,
     )
+    again = diagnose_poses(problem, reasons | rejected)
     return replace(again, rejected=rejected | again.rejected)
 
 
@@ -329,23 +307,20 @@ def judge_sensors(choices, sensors, kinds, errors):
     errors = [np.where(predicted, e, np.nan) for e in (plain, errors)]
     before, after = problem.linearization(others), problem.linearization(added)
     weights, comparisons = compare_rows(problem, after, kinds, errors[1])
-    # without added effects 'before' and 'after' are the same
+    comparisons_before = comparisons
     if has_effects:
-        comparisons = compare_rows(problem, before, kinds, errors[0])[1], comparisons
-    else:
-        comparisons = comparisons, comparisons
+        _, comparisons_before = compare_rows(problem, before, kinds, errors[0])
     # the floor uses the probabilities of the alternatives in the fit with effects
-    floors = [
-        np.diag(held_out_covariance(covariance, before.jacobian, problem.row_folds))
-        for covariance in after.covariances
-    ]
-    floors = np.where(predicted, np.expand_dims(floors, 2), np.nan)
+    arguments = before.jacobian, problem.row_folds
+    floors = [np.diag(held_out_covariance(c, *arguments))[:, None] for c in after.covariances]
+    floors = np.where(predicted, floors, np.nan)
     floor = np.tensordot(weights, floors, 1)
     units = {kind: problem.joint_fit.kinds[kind][0] for kind in kinds}
-    content = residuals_content(problem, units, comparisons, errors, floor, has_effects)
+    pair = comparisons_before, comparisons
+    content = residuals_content(problem, units, pair, errors, floor, has_effects)
     slow_noise, probable_floors = False, floors[weights >= NEGLIGIBLE]
     significance = problem.settings.residual_significance
-    for kind, comparison in zip(kinds, comparisons[1], strict=True):
+    for kind, comparison in zip(kinds, comparisons, strict=True):
         if kind != "rotation" or not problem.recording.rotations.aliased.any():
             slow_noise |= comparison.p_value_as_estimated < significance
         rows, entry = problem.of_kind(kind), content["residuals"][kind]
@@ -388,17 +363,10 @@ def compare_rows(problem, linearization, kinds, errors):
     list of NoiseComparison
         The comparison for each kind.
     """
-    rows_of_kinds = [problem.of_kind(kind) for kind in kinds]
-    group = ResidualGroup(
-        linearization.values,
-        linearization.jacobian,
-        linearization.covariances,
-        problem.row_folds,
-        rows_of_kinds,
-    )
-    squares = [np.nansum(errors[rows] ** 2) for rows in rows_of_kinds]
-    predicted = np.isfinite(errors[:, 0])
-    return compare_with_noise([group], linearization.log_prior, squares, predicted=predicted)
+    rows, fit = [problem.of_kind(kind) for kind in kinds], linearization
+    group = ResidualGroup(fit.values, fit.jacobian, fit.covariances, problem.row_folds, rows)
+    squares = [np.nansum(errors[of_kind] ** 2) for of_kind in rows]
+    return compare_with_noise([group], fit.log_prior, squares, predicted=np.isfinite(errors[:, 0]))
 
 
 def undersampled(problem, solution, floor):
@@ -436,13 +404,10 @@ def undersampled(problem, solution, floor):
         return {}
     rate = 1 / np.median(rotations.steps[rotations.steps > 0])
     fall = np.average(rotations.fall, weights=rotations.aliased)
-    fields = {
-        "error": sampling**0.5,
-        "others": others**0.5,
-        "rate_hz": rate,
-        "enough_hz": rate * (sampling / others) ** (1 / fall),
-    }
-    return {"undersampled": {name: float(value) for name, value in fields.items()}}
+    enough = rate * (sampling / others) ** (1 / fall)
+    names = "error", "others", "rate_hz", "enough_hz"
+    values = map(float, (sampling**0.5, others**0.5, rate, enough))
+    return {"undersampled": dict(zip(names, values, strict=True))}
 
 
 def final_solution(problem, effects):

@@ -233,9 +233,8 @@ class PoseProblem:
         log_prior = np.array([-distance @ distance * share**2 / 2 for share in PATH])
         covariances = [total(fixed, slow, estimated + share * change) for share in PATH]
         evidence = self._evidence(effects, values, jacobian, noise)
-        return Linearization(
-            solution, factors, values, jacobian, log_prior, covariances, evidence, noise
-        )
+        rows = values, jacobian, log_prior, covariances
+        return Linearization(solution, factors, *rows, evidence, noise)
 
     def _evidence(self, effects, values, jacobian, noise):
         """Return the Evidence of the rows at the fit of all poses with some effects.

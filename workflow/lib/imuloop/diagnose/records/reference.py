@@ -50,23 +50,17 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     set_up, (log, *others) = fit_set_up(windows_by_sensor, noise), windows_by_sensor[0].logs
     tests += settings.family * sum(len(w.effects) for w in windows_by_sensor)
     # a fold is a whole session, or a stretch of time where there is one session
-    folds = set_up.of_windows(
-        lambda w: w.session if others else settings.folds * w.first // len(log.t)
-    )
+    count = settings.folds
+    folds = set_up.of_windows(lambda w: w.session if others else count * w.first // len(log.t))
     for windows in windows_by_sensor:
         sensor, session = windows.sensor, windows.session
         content[sensor], columns = _diagnose_sensor(set_up, windows, folds, settings, tests)
-        content[sensor]["set_up"] = _set_up_by_session(
-            set_up, windows, logs, getattr(calibration, sensor)
-        )
-        columns |= {
-            "session": np.array([*logs], object)[session],
-            "pose": np.arange(len(session)) - np.searchsorted(session, session),
-            "start_s": windows.t[:, 0],
-            "end_s": windows.t[:, -1],
-        }
-        missing = np.full(len(session), np.nan)
-        tables.append(dict.fromkeys(tables[0], missing) | columns)
+        sensor_calibration = getattr(calibration, sensor)
+        content[sensor]["set_up"] = _by_session(set_up, windows, logs, sensor_calibration)
+        number = np.arange(len(session)) - np.searchsorted(session, session)
+        columns |= {"session": np.array([*logs], object)[session], "pose": number}
+        columns |= {"start_s": windows.t[:, 0], "end_s": windows.t[:, -1]}
+        tables.append(dict.fromkeys(tables[0], np.full(len(session), np.nan)) | columns)
     return content, joined(tables)
 
 
@@ -110,40 +104,29 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
             effects.append(entry | {"heldout_before": size(_norm(before)), "ratio_ci95": interval})
         # size, in standard errors, at which χ² passes the test with the wanted power
         least = chndtrinc(chdtri(q, chance), q, 1 - settings.power) ** 0.5
-        candidates.append(
-            entry
-            | {
-                "detection_limit": {name: least * std for name, std in entry["std"].items()},
-                "why": "fitted; ratio of held-out errors {:.3f} to {:.3f}".format(*interval),
-                "status": "added" if passed else "rejected",
-                "confounded_with": None,
-            }
-        )
+        entry["detection_limit"] = {name: least * std for name, std in entry["std"].items()}
+        entry["why"] = "fitted; ratio of held-out errors {:.3f} to {:.3f}".format(*interval)
+        entry |= {"status": "added" if passed else "rejected", "confounded_with": None}
+        candidates.append(entry)
     floor, above = np.sqrt(set_up.floor[rows]), []
     residual = {"unit": windows.unit, "n": len(windows.session), "floor": size(_norm(floor))}
     columns = {"residual": np.full(len(windows.session), windows.kind, object)}
     columns[f"{windows.kind}_floor"] = _norm(floor)[:, 0]
     dof = max(len(floor) - len(windows.shared) - windows.places.size, 1)
     for key, without in (("before", added), ("after", [])):
-        heldout, in_sample = (
-            set_up.errors(parts, without)[rows] for parts in (folds, np.full_like(folds, -1))
-        )
+        heldout = set_up.errors(folds, without)[rows]
+        in_sample = set_up.errors(np.full_like(folds, -1), without)[rows]
         chi2 = ((in_sample / floor) ** 2).sum()
         residual |= {key: size(_norm(heldout)), f"chi2_{key}": float(chi2 / dof)}
         columns[f"{windows.kind}_{key}"] = _norm(heldout)[:, 0]
         too_large = chdtrc(dof, chi2) < settings.residual_significance
         above.append(too_large and residual[key] > residual["floor"])
-    content = {
-        "verdict": verdict(*above, bool(added)),
-        "residuals": {windows.kind: residual},
-        "effects": effects,
-        "candidates": candidates,
-        "confounded": [],
-    }
+    content = {"verdict": verdict(*above, bool(added)), "residuals": {windows.kind: residual}}
+    content |= {"effects": effects, "candidates": candidates, "confounded": []}
     return content, columns
 
 
-def _set_up_by_session(set_up, windows, logs, calibration):
+def _by_session(set_up, windows, logs, calibration):
     """Return bias b, nominal SI, and mounting, a rotation vector m, rad, for each session.
 
     The result has the fields of diagnosis.json by name of the session. `set_up` is the fit of the
@@ -167,12 +150,8 @@ def _parameters(units, values, covariance):
     `units` is a dict by parameter; `values`, (p,), and `covariance`, (p, p), are in these units.
     """
     std = np.sqrt(np.diag(covariance))
-    return {
-        "parameters": dict(zip(units, values.tolist(), strict=True)),
-        "std": dict(zip(units, std.tolist(), strict=True)),
-        "units": units,
-        "constants": {},
-    }
+    values, std = (dict(zip(units, x.tolist(), strict=True)) for x in (values, std))
+    return {"parameters": values, "std": std, "units": units, "constants": {}}
 
 
 def _norm(errors):

@@ -83,16 +83,16 @@ class StaticProblem:
 
     def subtract(self, effects):
         """Return the `values` after FittedEffects are subtracted, (N, 3), SI."""
-        outputs = (self.design(e.effect) @ e.vector for e in effects)
+        designs = self.designs([fitted.effect for fitted in effects])
+        outputs = (d @ fitted.vector for d, fitted in zip(designs, effects, strict=True))
         return self.values - sum(outputs, np.zeros(()))
 
-    def design(self, effect):
-        """Return the derivative of all rows with respect to an effect's parameters, (N, 3, p)."""
-        return np.concatenate([r.derivative(effect) for r in self.records])
-
     def designs(self, effects):
-        """Return the `design` of each of several effects, a list."""
-        return [self.design(effect) for effect in effects]
+        """Return for each effect the derivative of all rows by its p parameters, (N, 3, p), SI."""
+        return [
+            np.concatenate([e.in_session(r.channels, r.session, r.windows) for r in self.records])
+            for e in effects
+        ]
 
     def residuals(self, search, effects):
         """Return the residuals of all rows, (N, 3), SI, by a fit of effects to the training rows.

@@ -34,10 +34,6 @@ class StaticRecord:
         """Length of each window, s, (n,)."""
         return np.diff(self.windows, axis=1)[:, 0]
 
-    def derivative(self, effect):
-        """Return the derivative of the means by the p parameters of an effect, (n, 3, p), SI."""
-        return effect.in_session(self.channels, self.session, self.windows)
-
     def part(self, rows):
         """Return the StaticRecord of some windows; `rows` is a mask, (n,) of bool."""
         windows, stretch, values = (x[rows] for x in (self.windows, self.stretch, self.values))
