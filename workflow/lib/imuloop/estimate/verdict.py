@@ -68,20 +68,18 @@ def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
         The comparison for each kind of residual.
     """
     chi2, heldout_p_values, log_weights = [], [], []
+    rows_of_groups = [[rows & predicted for rows in group.kinds] for group in groups]
     for m, prior in enumerate(log_prior):
         fits = [chi_square(g.values, g.covariances[m], g.jacobian, g.kinds) for g in groups]
         chi2.append(np.sum([by_kind for by_kind, _ in fits], axis=0) - [0, fitted])
         log_weights.append(prior + sum(likelihood for _, likelihood in fits))
-        error_covariances = [
+        covariances = [
             held_out_covariance(g.covariances[m], g.jacobian, g.row_folds) for g in groups
         ]
         p_values = []
-        for kind, square in enumerate(squares):
-            blocks = []
-            for group, covariance in zip(groups, error_covariances, strict=True):
-                rows = group.kinds[kind] & predicted
-                blocks.append(covariance[np.ix_(rows, rows)])
-            p_values.append(chance(square, blocks))
+        for k, square in enumerate(squares):
+            pairs = zip(covariances, rows_of_groups, strict=True)
+            p_values.append(chance(square, [c[np.ix_(rows[k], rows[k])] for c, rows in pairs]))
         heldout_p_values.append(p_values)
     weights, comparisons = softmax(log_weights), []
     for fits, heldout in zip(np.swapaxes(chi2, 0, 1), np.transpose(heldout_p_values), strict=True):

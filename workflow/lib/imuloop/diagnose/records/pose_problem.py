@@ -34,39 +34,8 @@ class Linearization:
     log_prior: np.ndarray
     covariances: list
     evidence: Evidence  # Evidence of the rows
-    noise: object  # NoiseSizes: the candidate sizes of the noise
-
-
-@dataclass(frozen=True)
-class NoiseSizes:
-    """Candidate sizes of the k variance components of the noise of N rows."""
-
-    likelihood: SizeLikelihood  # likelihood of the sizes
-    fixed: np.ndarray  # (N, N): covariance of the noise of known size
-    components: list  # the k Components
+    likelihood: SizeLikelihood  # likelihood of the sizes of the k variance components of the noise
     likeliest: np.ndarray  # (k,): the most likely sizes
-
-    def hypotheses(self, chosen, likeliest):
-        """Return Hypotheses that take the `likeliest` size, (k,), of some components.
-
-        `chosen`, (h, k) of bool, are these components under each of h hypotheses; the others have
-        the size as estimated.
-        """
-        estimated = np.array([component.size for component in self.components])
-        return Hypotheses.of(
-            total(self.fixed, self.components, sizes)
-            for sizes in np.where(chosen, likeliest, estimated)
-        )
-
-    def likeliest_for(self, values):
-        """Return two Hypotheses for residuals `values`, (N,).
-
-        They are the noise as estimated, and the noise that is most likely for these residuals.
-        """
-        start = self.likelihood.projection(self.likeliest)
-        likeliest = self.likelihood.maximise(values, start, ROUGH)
-        none_and_all = np.repeat([[False], [True]], len(self.components), axis=1)
-        return self.hypotheses(none_and_all, likeliest)
 
 
 @dataclass(frozen=True, eq=False)
@@ -224,19 +193,25 @@ class PoseProblem:
         jacobian = np.concatenate([factors.jacobian, R])
         fixed, slow, excess = self.joint_fit.noise_components(factors, len(z))
         likelihood = SizeLikelihood(jacobian, fixed, [*slow, *excess])
-        likeliest = likelihood.maximise(values, likelihood.projection())
-        noise = NoiseSizes(likelihood, fixed, [*slow, *excess], likeliest)
+        likeliest = likelihood.maximise(values)
         # alternatives for the verdict: slow noise between the sizes as estimated and the likeliest
         estimated = np.array([component.size for component in slow])
         change = likely_sizes(values, jacobian, fixed, slow) - estimated
         distance = change / [component.deviation for component in slow]
         log_prior = np.array([-distance @ distance * share**2 / 2 for share in PATH])
         covariances = [total(fixed, slow, estimated + share * change) for share in PATH]
-        evidence = self._evidence(effects, values, jacobian, noise)
+        # Hypotheses: the sizes of one kind of residual are likeliest and those of the others as
+        # estimated, or the reverse. The first has all sizes as estimated, the last all likeliest.
+        kinds, number = np.unique([c.kind for c in (*slow, *excess)], return_inverse=True)
+        one = np.eye(len(kinds), dtype=bool)
+        chosen = np.unique(np.vstack([0 * one, one, ~one, 0 * one == 0]), axis=0)[:, number]
+        sizes = np.where(chosen, likeliest, likelihood.prior_sizes)
+        hypotheses = Hypotheses.of(map(likelihood.covariance, sizes**2))
+        evidence = self._evidence(effects, values, jacobian, hypotheses, ~chosen.any(axis=1))
         rows = values, jacobian, log_prior, covariances
-        return Linearization(solution, factors, *rows, evidence, noise)
+        return Linearization(solution, factors, *rows, evidence, likelihood, likeliest)
 
-    def _evidence(self, effects, values, jacobian, noise):
+    def _evidence(self, effects, values, jacobian, hypotheses, as_estimated):
         """Return the Evidence of the rows at the fit of all poses with some effects.
 
         Parameters
@@ -247,13 +222,11 @@ class PoseProblem:
         jacobian : ndarray, shape (N, p)
             Their derivative with respect to the parameters of the fit; those of the effects are
             last.
-        noise : NoiseSizes
+        hypotheses : Hypotheses
+            The h noise hypotheses, which are equally probable.
+        as_estimated : ndarray, shape (h,) of bool
+            Those that have the noise as estimated.
         """
-        # Hypotheses: the sizes of one kind of residual are likeliest and those of the others as
-        # estimated, or the reverse. The first has all sizes as estimated, the last all likeliest.
-        kinds, number = np.unique([c.kind for c in noise.components], return_inverse=True)
-        one = np.eye(len(kinds), dtype=bool)
-        chosen = np.unique(np.vstack([0 * one, one, ~one, 0 * one == 0]), axis=0)[:, number]
         nuisances = jacobian.shape[1] - sum(len(e.parameters) for e in effects)
         patterns = by_effect(jacobian[:, None, nuisances:], effects)
 
@@ -262,10 +235,8 @@ class PoseProblem:
             others = self.patterns([shape for shape in shapes if shape not in patterns])
             return [(patterns | others)[shape] for shape in shapes]
 
-        hypotheses = noise.hypotheses(chosen, noise.likeliest)
         group = RowGroup(-values[:, None], jacobian[:, :nuisances], hypotheses, self.row_folds)
-        log_prior = np.full(len(chosen), -np.log(len(chosen)))
-        as_estimated = ~chosen.any(axis=1)
+        log_prior = np.full(len(as_estimated), -np.log(len(as_estimated)))
         return Evidence(
             [group], log_prior, designs, least_scale=1.0, as_estimated_mask=as_estimated
         )
@@ -308,11 +279,16 @@ class PoseProblem:
         return effect.timed or "temperature" in effect.needs
 
     def noise_with(self, base, values):
-        """Return the Hypotheses of each group of rows if its residuals were `values`, (N,).
+        """Return the Hypotheses of the one group of rows if its residuals were `values`, (N,).
 
+        They are the noise as estimated, and the noise that is most likely for these residuals.
         `base` has the effects in the model.
         """
-        return [self.nearest_linearization(base).noise.likeliest_for(-values)]
+        linearization = self.nearest_linearization(base)
+        likelihood = linearization.likelihood
+        likeliest = likelihood.maximise(-values, linearization.likeliest, ROUGH)
+        squares = likelihood.prior_sizes**2, likeliest**2
+        return [Hypotheses.of(map(likelihood.covariance, squares))]
 
     def refit(self, effects):
         """Fit all poses with some effects; later tests are linearised at this fit."""

@@ -23,8 +23,8 @@ class StaticData:
     """Samples at rest."""
 
     kinds: dict  # kind of each session that is used, by name
-    samples: dict  # Samples of each, nominal SI
-    segments: dict  # segments of each, from `rests_to_use`
+    samples: dict  # Samples of each session, nominal SI
+    segments: dict  # segments of each session, from `rests_to_use`
 
     @cached_property
     def logs(self):
@@ -64,8 +64,9 @@ def rests_to_use(kinds, segments):
     """Return the segments that are the static records of a device, by session.
 
     They are all segments of the static sessions in which the device did not move. Without such a
-    session, they are the longest rest of all other sessions, if it lasts `LONG_REST`. `kinds` and
-    `segments` are by session; the result has the `COLUMNS` of each session that is used.
+    session, they are the longest rest of all other sessions, if it lasts `LONG_REST`. `kinds` has
+    the kind and `segments` the table of segments of each session; the result has the `COLUMNS` of
+    the segments of each session that is used.
     """
     tables = {n: {c: np.asarray(t[c]) for c in COLUMNS} for n, t in segments.items()}
     rests = [
