@@ -103,9 +103,9 @@ class Choices:
                 return extended, failed
             failed[best.effect.kind] = change.ratio
         # a second effect that the model lacks can hide that the first one lowers the errors
-        others = [kind for kind in search.kinds if kind not in failed]
+        further_kinds = [kind for kind in search.kinds if kind not in failed]
         for first in [search.trial(effects, kind) for kind in failed]:
-            if second := search.best_trial((*effects, first.effect), others):
+            if second := search.best_trial((*effects, first.effect), further_kinds):
                 extended, change = self._extend(effects, first, second.effect)
                 if change.certain:
                     return extended, failed
@@ -131,16 +131,16 @@ class Choices:
         search, trials = self.search(), {}
         # effects of time are removed first, before those of temperature
         for effect in sorted(effects, key=lambda e: not e.after_temperature):
-            others = tuple(e for e in effects if e is not effect)
-            trial = search.test(others, effect)
+            other_effects = tuple(e for e in effects if e is not effect)
+            trial = search.test(other_effects, effect)
             # without a trial the other effects explain all that this one does
             if trial is None:
-                return others, None
-            change = self._error_change(others, trial, effects)
+                return other_effects, None
+            change = self._error_change(other_effects, trial, effects)
             if not change.certain:
                 failed[effect.kind] = change.ratio
-                return others, None
-            best_shape = search.trial(others, effect.kind)
+                return other_effects, None
+            best_shape = search.trial(other_effects, effect.kind)
             tries = best_shape.tries if best_shape else 0.0
             trials[effect] = replace(trial, log_p=trial.log_p + tries, tries=tries, change=change)
         return effects, trials

@@ -71,8 +71,8 @@ def imitations(search, kinds):
         shapes = search.problem.shapes.get(kind, ())
         if testable := [trial.effect for trial in search.tests((), shapes) if trial]:
             shapes_by_kind[kind] = testable
-    for (kind, shapes), (other, others) in permutations(shapes_by_kind.items(), 2):
-        shares = [max(share_on_axes(training_fit, a, b) for b in others) for a in shapes]
+    for (kind, shapes), (other, other_shapes) in permutations(shapes_by_kind.items(), 2):
+        shares = [max(share_on_axes(training_fit, a, b) for b in other_shapes) for a in shapes]
         share = float(np.median(shares))
         if share >= SHARE:
             pairs.append({"effect": kind.name, "with": other.name, "share": share})
@@ -87,11 +87,11 @@ def twin(search, base, kind):
     the kind of the candidate.
     """
     for effect in reversed(base):
-        others = tuple(e for e in base if e is not effect)
-        trial = search.trial(others, kind)
-        if not trial or trial.impossible or trial.log_p >= search.threshold(len(others)):
+        other_effects = tuple(e for e in base if e is not effect)
+        trial = search.trial(other_effects, kind)
+        if not trial or trial.impossible or trial.log_p >= search.threshold(len(other_effects)):
             continue
-        reverse = search.test((*others, trial.effect), effect)
+        reverse = search.test((*other_effects, trial.effect), effect)
         if reverse is None or reverse.log_p >= search.threshold(len(base)):
             return effect.name
     return None

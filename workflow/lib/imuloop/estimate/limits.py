@@ -53,30 +53,31 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     dict of str to float
         The limits, SI, by parameter. A parameter that is not detectable at any size is left out.
     """
-    training_fit, limits, effect = search.training_fit(base), {}, trial.effect
+    problem, effect, limits = search.problem, trial.effect, {}
+    training_fit = search.training_fit(base)
     pattern, moved = training_fit.evidence.patterns((effect, effect.moved(BETWEEN)))
     threshold = search.threshold(len(base)) - trial.tries
     # the axes that do not have the parameter show p-values in the middle of chance
-    others = (trial.axes - 1) * [CHANCE]
+    other_log_p = (trial.axes - 1) * [CHANCE]
     for axis, columns in enumerate(moved.columns):
         fit = training_fit.fit((*base, effect), axis) if pattern.columns[axis] else None
         if fit is None:
             continue
-        test = AxisTest(training_fit, base, effect, axis, columns, power, threshold, others)
+        test = AxisTest(training_fit, base, effect, axis, columns, power, threshold, other_log_p)
         # information about each column under the likeliest noise hypothesis
         information = test.chi_square_drop() / fit.scale[:, None]
         information = information[np.argmax(fit.probability)]
-        seen = information > 0
-        sizes = SIZES[:, None] / np.sqrt(np.where(seen, information, np.inf))
-        passes = seen & test.passes(sizes)
+        shown = information > 0
+        sizes = SIZES[:, None] / np.sqrt(np.where(shown, information, np.inf))
+        passes = shown & test.passes(sizes)
         if must_lower_error:
-            passes &= test.lowers_error(search.problem, sizes)
-        if search.problem.is_like_slow_noise(effect):
+            passes &= test.lowers_error(problem, sizes)
+        if problem.is_like_slow_noise(effect):
             for k, column in enumerate(columns):
-                column_test = replace(test, columns=(column,))
-                passes[:, k] &= column_test.passes_with_slow_noise(
-                    search.problem, sizes[:, [k]], passes[:, [k]]
-                )[:, 0]
+                column_test, part = replace(test, columns=(column,)), np.s_[:, [k]]
+                passes[part] &= column_test.passes_with_slow_noise(
+                    problem, sizes[part], passes[part]
+                )
         first = first_size(passes)
         for k, index in enumerate(moved.parameters[axis]):
             if first[k] < len(SIZES):
@@ -109,7 +110,7 @@ class AxisTest:
     columns: tuple  # numbers of the q columns
     power: float  # probability with which the test has to find the effect
     threshold: float  # largest log p that passes
-    others: list  # log p of the other axes
+    other_log_p: list  # log p of the other axes
 
     @property
     def fits(self):
@@ -151,7 +152,7 @@ class AxisTest:
             for f, x in ((fit, chi2), (without, chi2 + q * scale * lowest))
         )
         log_p = averaged_log_p(expected_without, expected, q)
-        return fisher([log_p, *self.others]) < self.threshold
+        return fisher([log_p, *self.other_log_p]) < self.threshold
 
     def passes_with_slow_noise(self, problem, sizes, passes):
         """Return which sizes pass if the effect resembles slow noise, (s, 1) of bool.

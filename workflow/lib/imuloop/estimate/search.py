@@ -259,15 +259,12 @@ class Search:
     def reshape(self, effects):
         """Return the effects, each but the last in the shape that fits best with the others."""
         for i, effect in enumerate(effects[:-1]):
-            shapes, others = (
-                self.problem.shapes.get(effect.kind, ()),
-                effects[:i] + effects[i + 1 :],
-            )
-            best = None
+            shapes, best = self.problem.shapes.get(effect.kind, ()), None
+            other_effects = effects[:i] + effects[i + 1 :]
             if len(shapes) > 1:
-                best = self.best_of_shapes(others, shapes, 0.0)
+                best = self.best_of_shapes(other_effects, shapes, 0.0)
             elif effect.kind in self.problem.scans and self.problem.scans_again:
-                best = self.trial(others, effect.kind)
+                best = self.trial(other_effects, effect.kind)
             effects = (*effects[:i], best.effect, *effects[i + 1 :]) if best else effects
         return effects
 
@@ -278,11 +275,11 @@ class Search:
         rises.
         """
         for i, effect in enumerate(effects):
-            others = effects[:i] + effects[i + 1 :]
+            other_effects = effects[:i] + effects[i + 1 :]
             # one linearisation, and so the same noise, for all constants
-            training_fit = self.training_fit(others)
+            training_fit = self.training_fit(other_effects)
             axes = range(training_fit.evidence.axes)
-            fits = [training_fit.fit((*others, effect), axis) for axis in axes]
+            fits = [training_fit.fit((*other_effects, effect), axis) for axis in axes]
             if not all(fits) or effect.moved(2.0) == effect:
                 continue
             hypotheses = [training_fit.hypothesis(fit) for fit in fits]
@@ -290,7 +287,7 @@ class Search:
                 shapes = [effect.moved(f) for f in (1.0, 1 / factor, factor)]
                 losses = []
                 for shape in shapes:
-                    fits = [training_fit.fit((*others, shape), axis) for axis in axes]
+                    fits = [training_fit.fit((*other_effects, shape), axis) for axis in axes]
                     by_axis = zip(fits, hypotheses, strict=True)
                     losses.append(sum(fit.loss[h] if fit else np.inf for fit, h in by_axis))
                 effect = shapes[int(np.argmin(np.round(losses, 6)))]

@@ -128,7 +128,10 @@ class TrainingFit:
     @cached_property
     def free_rows(self):
         """Number of training rows minus number of nuisance parameters."""
-        return sum(len(g.values) - len(held) - g.nuisance.shape[1] for g, _, held in self._groups())
+        return sum(
+            len(g.values) - len(held_rows) - g.nuisance.shape[1]
+            for g, _, held_rows in self._groups()
+        )
 
     @cached_property
     def log_det(self):

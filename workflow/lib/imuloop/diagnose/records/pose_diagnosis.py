@@ -300,12 +300,12 @@ def judge_sensors(choices, sensors, kinds, errors):
         Columns of these kinds, as from `residual_columns`.
     """
     problem, added = choices.problem, choices.choice().effects
-    others = tuple(e for e in added if e.sensor not in sensors)
-    has_effects = len(others) < len(added)
-    plain = choices.errors_with(kinds_of(others)) if has_effects else errors
+    effects_before = tuple(e for e in added if e.sensor not in sensors)
+    has_effects = len(effects_before) < len(added)
+    plain = choices.errors_with(kinds_of(effects_before)) if has_effects else errors
     predicted = np.isfinite(plain) & np.isfinite(errors)
     errors = [np.where(predicted, e, np.nan) for e in (plain, errors)]
-    before, after = problem.linearization(others), problem.linearization(added)
+    before, after = problem.linearization(effects_before), problem.linearization(added)
     weights, comparisons = compare_rows(problem, after, kinds, errors[1])
     comparisons_before = comparisons
     if has_effects:

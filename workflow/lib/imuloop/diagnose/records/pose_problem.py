@@ -232,8 +232,8 @@ class PoseProblem:
 
         def designs(shapes):
             """Return the derivative of all rows by the parameters of each shape, (N, 1, q)."""
-            others = self.patterns([shape for shape in shapes if shape not in patterns])
-            return [(patterns | others)[shape] for shape in shapes]
+            new_patterns = self.patterns([shape for shape in shapes if shape not in patterns])
+            return [(patterns | new_patterns)[shape] for shape in shapes]
 
         group = RowGroup(-values[:, None], jacobian[:, :nuisances], hypotheses, self.row_folds)
         log_prior = np.full(len(as_estimated), -np.log(len(as_estimated)))

@@ -47,11 +47,11 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
     windows_by_sensor = windows_of([*logs.values()], gravity, calibration)
     if not windows_by_sensor:
         return content, *tables
-    set_up, (log, *others) = fit_set_up(windows_by_sensor, noise), windows_by_sensor[0].logs
+    set_up, (log, *other_logs) = fit_set_up(windows_by_sensor, noise), windows_by_sensor[0].logs
     tests += settings.family * sum(len(w.effects) for w in windows_by_sensor)
     # a fold is a whole session, or a stretch of time where there is one session
     count = settings.folds
-    folds = set_up.of_windows(lambda w: w.session if others else count * w.first // len(log.t))
+    folds = set_up.of_windows(lambda w: w.session if other_logs else count * w.first // len(log.t))
     for windows in windows_by_sensor:
         sensor, session = windows.sensor, windows.session
         content[sensor], columns = _diagnose_sensor(set_up, windows, folds, settings, tests)
