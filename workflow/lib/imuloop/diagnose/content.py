@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from imuloop.estimate.likeness import holder, imitations, twin
+from imuloop.estimate.likeness import imitations, masking_effect, twin
 from imuloop.estimate.limits import detection_limits
-from imuloop.estimate.residuals import size
+from imuloop.estimate.residuals import rms_norm
 from imuloop.estimate.verdict import above_floor, verdict, why_not_shown
 
 
@@ -26,9 +26,8 @@ def search_content(choices, fitted, reasons, sensor):
     dict
         ``effects``, ``candidates`` and ``confounded``.
     """
-    problem = choices.problem
-    tried = (*problem.shapes, *problem.scans)
-    kinds = [kind for kind in tried if getattr(kind, "sensor", sensor) == sensor]
+    problem, search = choices.problem, choices.search()
+    kinds = [kind for kind in search.kinds if getattr(kind, "sensor", sensor) == sensor]
     return {
         "effects": [
             {
@@ -47,7 +46,7 @@ def search_content(choices, fitted, reasons, sensor):
             *(_candidate(sensor, choices, kind) for kind in kinds),
             *(untried(cls.name, *reason) for cls, reason in reasons.items()),
         ],
-        "confounded": imitations(choices.search(), [k for k in kinds if not k.is_formula]),
+        "confounded": imitations(search, [k for k in kinds if not k.is_formula]),
     }
 
 
@@ -107,7 +106,7 @@ def _candidate(sensor, choices, kind):
     added = [trial for trial in choice.added if trial.effect.kind == kind]
     trial = added[0] if added else search.trial(base, kind)
     if trial is None:
-        alike, base, trial = holder(search, base, kind), (), search.trial((), kind)
+        alike, base, trial = masking_effect(search, base, kind), (), search.trial((), kind)
         if alike is None:
             return untried(kind.name, "not_observable", problem.why_no_trial(search, kind))
         status, why = "confounded", f"{alike} adds all that it would: they are one in these data"
@@ -182,4 +181,4 @@ def _by_slow_noise(search, base, trial):
 
 def size_of(problem, kind, errors):
     """Return the root mean square norm of the errors, (n, a), of one kind of residual."""
-    return size(errors.reshape(-1, problem.components(kind) * errors.shape[1]))
+    return rms_norm(errors.reshape(-1, problem.components(kind) * errors.shape[1]))

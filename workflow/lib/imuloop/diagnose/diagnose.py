@@ -106,7 +106,8 @@ def diagnose_device(
     has_static_session = "static" in data.kinds.values()
     static_effects, information = (), None
     if has_static_session:
-        static_effects, information = static.at_poses(recording.poses.temperature is not None)
+        has_temperature = recording.poses.temperature is not None
+        static_effects, information = static.effects_at_poses(has_temperature)
     # this noise is also without a ramp, which poses do not have but which would add slow noise
     noise = static.noise
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}

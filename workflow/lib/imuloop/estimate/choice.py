@@ -113,7 +113,7 @@ class Choices:
 
     def _extend(self, effects, trial, *further):
         """Return the effects plus the one of a trial and `further` ones, and their ErrorChange."""
-        extended = self.search().reshape((*effects, trial.effect, *further))
+        extended = self.search().with_best_shapes((*effects, trial.effect, *further))
         self.problem.refit(extended)
         return extended, self._error_change(effects, trial, extended)
 

@@ -66,11 +66,6 @@ class Pattern:
     parameters: tuple[list[int], ...]  # index of the parameter that each column belongs to
     scale: tuple[np.ndarray, ...]  # norm that each column was divided by
 
-    @property
-    def on_axes(self):
-        """Iterator over the axes: columns, parameters and scale of each."""
-        return zip(self.columns, self.parameters, self.scale, strict=True)
-
 
 @dataclass(eq=False)
 class Evidence:

@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.estimate.least_squares import chi_square, fit
-from imuloop.estimate.noise_components import Component, likely_sizes, total
+from imuloop.estimate.noise_components import Component, likely_sizes, total_covariance
 from imuloop.factors.factors import OF_SENSOR, Factors
 from imuloop.model.prior import Prior
 from imuloop.model.raw_units import in_raw_units
@@ -108,7 +108,7 @@ class JointFit:
             parts.append((covariance.of_aliasing(), 1.0, ALIASED_TO, "rotation"))
         fixed = block_diag(fixed, np.eye(prior_rows))
         slow = [Component(np.pad(matrix, (0, prior_rows)), *prior) for matrix, *prior in parts]
-        variance = np.diag(total(fixed, slow, [component.size for component in slow]))
+        variance = np.diag(total_covariance(fixed, slow, [component.size for component in slow]))
         kinds = np.append(self.rows(recording)[1], np.full(prior_rows, ""))
         rows = {kind: kinds == kind for kind in self.kinds if kind in kinds}
         excess = [Component(np.diag(r * np.median(variance[r])), kind=k) for k, r in rows.items()]
@@ -150,10 +150,10 @@ class JointFit:
             measured = self.measure(x, recording, effects)
             linearised = measured.at(x)
             fixed, slow, excess = self.noise_components(linearised, len(z))
-            estimated = total(fixed, slow, [component.size for component in slow])
+            estimated = total_covariance(fixed, slow, [component.size for component in slow])
             sizes = likely_sizes(*_with_prior(linearised, R, z), estimated, excess, sizes)
             n = len(fixed) - len(z)
-            covariance = total(estimated, excess, sizes)[:n, :n]
+            covariance = total_covariance(estimated, excess, sizes)[:n, :n]
             solution = fit(measured.at, x, covariance, (R, z), linearised)
             change, x = np.abs(solution.x - x), solution.x
             if np.all(change < STILL * np.sqrt(np.diag(solution.covariance))):

@@ -97,7 +97,7 @@ def twin(search, base, kind):
     return None
 
 
-def holder(search, base, kind):
+def masking_effect(search, base, kind):
     """Return the name of an effect that prevents the trial of a candidate, or None.
 
     Without this effect in the model the candidate can be estimated. `base` has the effects in the

@@ -41,7 +41,7 @@ class Component:
     kind: str = ""
 
 
-def total(fixed, components, sizes):
+def total_covariance(fixed, components, sizes):
     """Return the covariance ``Σ = Σ₀ + Σ_k s_k² V_k`` of n residuals, (n, n).
 
     `fixed` is Σ₀, (n, n), `components` are the k Components with the covariances V_k, and `sizes`

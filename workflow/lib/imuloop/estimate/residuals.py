@@ -79,7 +79,7 @@ def held_out_covariance(covariance, jacobian, row_folds, weights=None):
     return operator @ covariance @ operator.T
 
 
-def chance(square, covariances):
+def exceedance_probability(square, covariances):
     """Return the probability that the sum of squares of normal errors is larger than `square`.
 
     `covariances` is a list with the covariance of the errors e of each independent group, (n, n).
@@ -98,6 +98,6 @@ def chance(square, covariances):
     return float(chdtrc(dof, max(dof + (square - moments[0]) * np.sqrt(dof / moments[1]), 0.0)))
 
 
-def size(values):
+def rms_norm(values):
     """Return the root mean square norm of n residuals of k components, (n, k), without nan."""
     return float(np.sqrt(np.nanmean((values**2).sum(axis=1))))

@@ -191,7 +191,8 @@ class Search:
         """
         training_fit, estimates = self.training_fit(base), []
         (pattern,) = training_fit.evidence.patterns((effect,))
-        for axis, (columns, index, scale) in enumerate(pattern.on_axes):
+        for axis, columns in enumerate(pattern.columns):
+            index, scale = pattern.parameters[axis], pattern.scale[axis]
             fit = training_fit.fit((*base, effect), axis) if columns else None
             if fit is not None:
                 coefficients, covariance = fit.average()
@@ -213,7 +214,7 @@ class Search:
         """
         effects = ()
         while best := self.best_trial(effects, kinds):
-            effects = self.reshape((*effects, best.effect))
+            effects = self.with_best_shapes((*effects, best.effect))
         return effects
 
     def best_trial(self, base, kinds):
@@ -256,7 +257,7 @@ class Search:
             ):
                 return trial
 
-    def reshape(self, effects):
+    def with_best_shapes(self, effects):
         """Return the effects, each but the last in the shape that fits best with the others."""
         for i, effect in enumerate(effects[:-1]):
             shapes, best = self.problem.shapes.get(effect.kind, ()), None
@@ -302,5 +303,5 @@ class Search:
         if kinds and kinds not in self._by_kinds:
             base = self.effects_of_kinds(kinds[:-1])
             trial = self.trial(base, kinds[-1])
-            self._by_kinds[kinds] = self.reshape((*base, trial.effect)) if trial else base
+            self._by_kinds[kinds] = self.with_best_shapes((*base, trial.effect)) if trial else base
         return self._by_kinds.get(kinds, ())

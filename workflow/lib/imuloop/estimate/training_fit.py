@@ -95,7 +95,6 @@ class TrainingFit:
     # by column number: its square by the first hypothesis, with the nuisance parameters in it
     _squares: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict)
-    _steps: dict = field(default_factory=dict)
 
     @cached_property
     def _roots(self):
@@ -227,13 +226,11 @@ class TrainingFit:
         It is the information of the group about the size of the step. `hypothesis` is the index of
         the noise hypothesis.
         """
-        if (i, hypothesis) not in self._steps:
-            precision = self.evidence.row_groups[i].noise.precision[hypothesis]
-            # the sum over all rows from row k on is the product with a step before row k
-            after = precision[::-1].cumsum(axis=0)[::-1]
-            removed = (self.correction(i, hypothesis, after) ** 2).sum(axis=1)
-            self._steps[i, hypothesis] = np.triu(after).sum(axis=1) - removed
-        return self._steps[i, hypothesis]
+        precision = self.evidence.row_groups[i].noise.precision[hypothesis]
+        # the sum over all rows from row k on is the product with a step before row k
+        weighted = precision[::-1].cumsum(axis=0)[::-1]
+        removed = (self.correction(i, hypothesis, weighted) ** 2).sum(axis=1)
+        return np.triu(weighted).sum(axis=1) - removed
 
     def fit(self, effects, axis):
         """Return the Fit of one axis to effects, or None if their columns are dependent."""

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import chdtrc, softmax
 
 from imuloop.estimate.least_squares import chi_square
-from imuloop.estimate.residuals import chance, held_out_covariance
+from imuloop.estimate.residuals import exceedance_probability, held_out_covariance
 
 # ratio of held-out error to floor that an error of the floor itself can explain
 MARGIN = 1.25
@@ -79,7 +79,8 @@ def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
         p_values = []
         for k, square in enumerate(squares):
             pairs = zip(covariances, rows_of_groups, strict=True)
-            p_values.append(chance(square, [c[np.ix_(rows[k], rows[k])] for c, rows in pairs]))
+            blocks = [covariance[np.ix_(rows[k], rows[k])] for covariance, rows in pairs]
+            p_values.append(exceedance_probability(square, blocks))
         heldout_p_values.append(p_values)
     weights, comparisons = softmax(log_weights), []
     for fits, heldout in zip(np.swapaxes(chi2, 0, 1), np.transpose(heldout_p_values), strict=True):
@@ -118,7 +119,7 @@ def of_calibration(records, static):
     return max((v for v in verdicts if v in TESTED), key=TESTED.index, default="not_testable")
 
 
-def leaves(content):
+def may_lack_effect(content):
     """Return whether a record may lack an effect, from its content of diagnosis.json.
 
     It may if the verdict says so, or if only more slow noise than was estimated explains the

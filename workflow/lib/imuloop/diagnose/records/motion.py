@@ -10,7 +10,7 @@ from imuloop.core.errors import plural
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import untried
-from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnose
+from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnose_record
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
 from imuloop.effects.products import products
 from imuloop.effects.steps import Steps
@@ -129,7 +129,7 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
     )
     try:
         # the same residuals judge both sensors
-        result = diagnose(problem, {tuple(SENSORS): VELOCITY}, {}, motion_products)
+        result = diagnose_record(problem, {tuple(SENSORS): VELOCITY}, {}, motion_products)
     except LinAlgError as error:
         return no_result(why_no_fit(error), columns)
     result.contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))

@@ -12,7 +12,7 @@ from imuloop.estimate.search import Search
 MOVED = 1e-3
 
 
-def separate(records, least):
+def cut_at_tilts(records, least):
     """Return the StaticRecords of an accelerometer, cut where a disturbance tilted the device.
 
     A tilt changes the means of an accelerometer, and it is no effect of the sensor. A record is cut

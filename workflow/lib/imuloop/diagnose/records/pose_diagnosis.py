@@ -28,7 +28,7 @@ from imuloop.estimate.verdict import (
     LEFT,
     ResidualGroup,
     compare_with_noise,
-    leaves,
+    may_lack_effect,
     not_testable,
 )
 from imuloop.factors.factors import OF_SENSOR, VELOCITY
@@ -150,7 +150,7 @@ def diagnose_poses(problem, reasons):
         else:
             kinds = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
             not_tried = {s: pose_candidates(s, recording, static_effects)[1] for s in tested}
-            result = diagnose(problem, kinds, not_tried, partial(pose_products, recording))
+            result = diagnose_record(problem, kinds, not_tried, partial(pose_products, recording))
             result = replace(result, contents=contents | result.contents)
     except LinAlgError as error:
         why = why_no_fit(error)
@@ -226,7 +226,7 @@ def pose_products(recording, sensor):
     return products(sensor, "f" if sensor == "accelerometer" else "wf", reference)
 
 
-def diagnose(problem, kinds_by_sensors, reasons, formulas):
+def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
     """Search for effects in a record and judge the residuals that remain.
 
     Parameters
@@ -246,7 +246,7 @@ def diagnose(problem, kinds_by_sensors, reasons, formulas):
     PoseResult
     """
     result, formulas_by_kind = judge_records(Choices(problem), kinds_by_sensors), {}
-    for sensor in (s for s, content in result.contents.items() if leaves(content)):
+    for sensor in (s for s, content in result.contents.items() if may_lack_effect(content)):
         if shapes := formulas(sensor):
             kind = EffectKind(Product, sensor)
             formulas_by_kind[kind] = tuple(SensorEffect(shape, sensor) for shape in shapes)
@@ -266,7 +266,7 @@ def judge_records(choices, kinds_by_sensors):
     """Compare the residuals of a record with their floors; return a PoseResult.
 
     Its contents have the verdict and the residuals by sensor, but no effects and candidates yet.
-    `choices` are the Choices of the record; `kinds_by_sensors` is as in `diagnose`.
+    `choices` are the Choices of the record; `kinds_by_sensors` is as in `diagnose_record`.
     """
     errors, contents, columns = choices.errors(choices.nested_choice), {}, {}
     for sensors, kinds in kinds_by_sensors.items():

@@ -9,7 +9,7 @@ import numpy as np
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.steps import Steps
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
-from imuloop.estimate.noise_components import SizeLikelihood, likely_sizes, total
+from imuloop.estimate.noise_components import SizeLikelihood, likely_sizes, total_covariance
 from imuloop.estimate.training_fit import ABSORBED
 from imuloop.factors.factors import OF_SENSOR
 
@@ -96,7 +96,7 @@ class PoseProblem:
         shown = values > ABSORBED * max(values.max(initial=0.0), ABSORBED)
         roots, axes = np.sqrt(values[shown]), axes[:, shown].T
         rows = np.pad(roots[:, None] * axes * size, ((len(z_of_base), 0), (0, 0)))
-        return by_effect(rows, effects), np.append(z_of_base, axes @ (moment / size) / roots)
+        return split_by_effect(rows, effects), np.append(z_of_base, axes @ (moment / size) / roots)
 
     @cached_property
     def rows(self):
@@ -199,7 +199,7 @@ class PoseProblem:
         change = likely_sizes(values, jacobian, fixed, slow) - estimated
         distance = change / [component.deviation for component in slow]
         log_prior = np.array([-distance @ distance * share**2 / 2 for share in PATH])
-        covariances = [total(fixed, slow, estimated + share * change) for share in PATH]
+        covariances = [total_covariance(fixed, slow, estimated + share * change) for share in PATH]
         # Hypotheses: the sizes of one kind of residual are likeliest and those of the others as
         # estimated, or the reverse. The first has all sizes as estimated, the last all likeliest.
         kinds, number = np.unique([c.kind for c in (*slow, *excess)], return_inverse=True)
@@ -228,7 +228,7 @@ class PoseProblem:
             Those that have the noise as estimated.
         """
         nuisances = jacobian.shape[1] - sum(len(e.parameters) for e in effects)
-        patterns = by_effect(jacobian[:, None, nuisances:], effects)
+        patterns = split_by_effect(jacobian[:, None, nuisances:], effects)
 
         def designs(shapes):
             """Return the derivative of all rows by the parameters of each shape, (N, 1, q)."""
@@ -258,7 +258,7 @@ class PoseProblem:
         for first in range(0, len(new), BATCH_SIZE):
             batch = new[first : first + BATCH_SIZE]
             columns = np.concatenate([factors.columns(batch), self._prior_rows_of(batch)])
-            self._columns.update(by_effect(columns[:, None], batch))
+            self._columns.update(split_by_effect(columns[:, None], batch))
         return {effect: self._columns[effect] for effect in effects}
 
     def nearest_linearization(self, effects):
@@ -320,8 +320,8 @@ class PoseProblem:
         linearization = self.linearization(effects)
         evidence, jacobian = linearization.evidence, linearization.jacobian
         fit, p = evidence.training_fit().fit(effects, 0), jacobian.shape[1]
-        by_constants = self._by_constants(effects, linearization.solution.x)
-        sum_of_squares, design = 0.0, np.column_stack([jacobian, *by_constants])
+        of_constants = self._constant_derivatives(effects, linearization.solution.x)
+        sum_of_squares, design = 0.0, np.column_stack([jacobian, *of_constants])
         size = np.linalg.norm(design, axis=0)
         size[size == 0] = 1.0
         design, prior = design / size, np.diag(size**-2.0 * (np.arange(len(size)) >= p))
@@ -337,13 +337,13 @@ class PoseProblem:
         covariance = sum_of_squares / fit.probability[probable].sum() / np.outer(size, size)
         return covariance[:p, :p]
 
-    def _by_constants(self, effects, x):
+    def _constant_derivatives(self, effects, x):
         """Return the derivatives of all rows by the log of each effect's constants, (N,) each.
 
         `x`, (p,), are the parameters of the fit with these effects.
         """
         derivatives, first = [], len(self.joint_fit.names)
-        parameters = by_effect(x[first:], (*self.nuisance_effects, *effects))
+        parameters = split_by_effect(x[first:], (*self.nuisance_effects, *effects))
         for effect, values in parameters.items():
             if effect.moved(2.0) != effect:
                 moved = self.patterns([effect.moved(f) for f in (1.05, 1 / 1.05)]).values()
@@ -370,7 +370,7 @@ class PoseProblem:
         start = solution.x.copy()
         # the nuisance parameters: the base model and the effects that other records showed
         start[: len(nuisance)] += nuisance
-        parameters = by_effect(start[first:], solution.effects)
+        parameters = split_by_effect(start[first:], solution.effects)
         for effect, change in by_pattern.items():
             parameters[effect] = parameters.get(effect, 0.0) + change
         all_effects = (*self.nuisance_effects, *effects)
@@ -378,7 +378,7 @@ class PoseProblem:
         return replace(solution, effects=all_effects, x=x, covariance=np.zeros((len(x),) * 2))
 
 
-def by_effect(values, effects):
+def split_by_effect(values, effects):
     """Return a dict that has for each effect its part of the last axis of `values`.
 
     The last axis, (q,), has the parameters of all effects, one effect after the other.

@@ -35,7 +35,7 @@ class StaticData:
         """Return a list with a StaticRecord of one sensor for each power cycle of all sessions.
 
         `calibration` computes the output ``K (raw - b)``. `mean_time`, s, is the wanted length of a
-        window; 0 gives the shortest windows that `window_length` allows.
+        window; 0 gives the shortest windows that are allowed.
         """
         records = []
         for name, table in self.segments.items():

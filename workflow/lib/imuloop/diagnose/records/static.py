@@ -44,16 +44,17 @@ class StaticProblem:
     def fold_of_row(self):
         """Fold of each row, (N,).
 
-        A fold is one stretch of time in each record. It is at a different place in each record, so
-        that the start of one record is predicted from the starts of the others.
+        A fold is one stretch of time in each record; all folds of a record have equal time at rest.
+        It is at a different place in each record, so that the start of one record is predicted from
+        the starts of the others.
         """
-        n = len(self.records)
-        return np.concatenate(
-            [
-                (fold_in_time(record, self.folds) + i * self.folds // n) % self.folds
-                for i, record in enumerate(self.records)
-            ]
-        )
+        folds = []
+        for i, record in enumerate(self.records):
+            # middle of each window as a share of the time at rest
+            share = (np.cumsum(record.length) - record.length / 2) / record.length.sum()
+            fold = np.minimum((share * self.folds).astype(int), self.folds - 1)
+            folds.append((fold + i * self.folds // len(self.records)) % self.folds)
+        return np.concatenate(folds)
 
     @cached_property
     def evidence(self):
@@ -132,15 +133,6 @@ class StaticProblem:
     def why_no_trial(self, search, kind):
         """Return the reason, text, why a kind of effect has no trial."""
         return "what it adds in these data is taken up by the bias"
-
-
-def fold_in_time(record, count):
-    """Return the fold of each of n windows of a record, (n,); all folds have equal time at rest.
-
-    `count` is the number of folds.
-    """
-    middle = np.cumsum(record.length) - record.length / 2
-    return np.minimum((middle / record.length.sum() * count).astype(int), count - 1)
 
 
 def fitted_effects(search, effects):

@@ -10,7 +10,7 @@ from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.records.correction import corrected_sessions
-from imuloop.diagnose.records.moves import separate
+from imuloop.diagnose.records.moves import cut_at_tilts
 from imuloop.diagnose.records.rests import LONG_REST
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
 from imuloop.diagnose.records.static_content import static_content
@@ -39,7 +39,7 @@ class StaticResult:
     # StaticFinding of each sensor that could be tested
     findings: dict = field(default_factory=dict)
 
-    def at_poses(self, has_temperature):
+    def effects_at_poses(self, has_temperature):
         """Return the effects of the static records that the poses have too, and their information.
 
         The effects are a tuple of SensorEffects. The second result is the attribute `information`
@@ -104,11 +104,11 @@ def static_tests(records, settings):
 
     `records` has a list of StaticRecords for each sensor.
     """
-    long_enough = {sensor: usable(of_sensor, settings) for sensor, of_sensor in records.items()}
-    return sum(len(static_candidates(s, used)[0]) for s, used in long_enough.items() if used)
+    used = {sensor: usable_records(records[sensor], settings) for sensor in SENSORS}
+    return sum(len(static_candidates(sensor, r)[0]) for sensor, r in used.items() if r)
 
 
-def usable(records, settings):
+def usable_records(records, settings):
     """Return the records that have at least two windows for each fold."""
     return [r for r in records if len(r.windows) >= 2 * settings.blocks]
 
@@ -152,13 +152,13 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     """
     findings, content = {}, {}
     for sensor, axes in SENSORS.items():
-        used = usable(records[sensor], settings)
+        used = usable_records(records[sensor], settings)
         if sensor == "accelerometer" and used:
-            used = separate(used, 2 * settings.blocks)
+            used = cut_at_tilts(used, 2 * settings.blocks)
         reason = why_untestable(used, [noise.axes[name] for name in axes], settings)
         try:
             if not reason:
-                findings[sensor] = find(sensor, used, settings, tests)
+                findings[sensor] = search_records(sensor, used, settings, tests)
         except LinAlgError as error:
             reason = why_no_fit(error)
         content[sensor] = not_testable(reason)
@@ -207,7 +207,7 @@ def why_untestable(records, axes, settings):
     return None
 
 
-def find(sensor, records, settings, tests):
+def search_records(sensor, records, settings, tests):
     """Return the StaticFinding of a sensor: search its StaticRecords for effects.
 
     `tests` is the number of tests that share the significance.

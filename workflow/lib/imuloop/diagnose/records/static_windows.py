@@ -41,16 +41,6 @@ class StaticRecord:
         return StaticRecord(self.session, windows, stretch, values, channels)
 
 
-def window_length(seconds, interval, mean_time):
-    """Return the window length, s, for a record that has `seconds` at rest.
-
-    It is `mean_time`, s, if that gives neither too few nor too many windows. `interval` is the
-    sample interval, s.
-    """
-    length = min(mean_time, seconds / LEAST_MEANS)
-    return max(length, LEAST_SAMPLES * interval, seconds / MOST_MEANS)
-
-
 def static_record(session, log, segments, calibration, sensor, mean_time):
     """Return the StaticRecord of a session for one sensor.
 
@@ -99,7 +89,10 @@ def _static_windows(log, segments, mean_time):
     static = np.asarray(segments["kind"]) == STATIC
     seconds = np.array([np.asarray(segments[c], float)[static] for c in ("start_s", "end_s")]).T
     interval = np.median(np.diff(log.t)) if len(log.t) > 1 else mean_time
-    length = window_length(np.diff(seconds).sum(), interval, mean_time)
+    # the wanted length, if that gives neither too few nor too many windows
+    duration = np.diff(seconds).sum()
+    length = min(mean_time, duration / LEAST_MEANS)
+    length = max(length, LEAST_SAMPLES * interval, duration / MOST_MEANS)
     # the small term keeps rounding errors from removing the last window of a stretch
     counts = (np.diff(seconds)[:, 0] / length + 1e-6).astype(int)
     stretch = np.repeat(np.arange(len(counts)), counts)
