@@ -121,19 +121,9 @@ def diagnose_device(
     refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())
     base = replace(base, **refused)
     motion = diagnose_motion(poses, recording, settings, tests, information)
-    # the gyroscope was calibrated with the direction of gravity by the accelerometer with effects
-    force = poses.calibrations.get("accelerometer", base.accelerometer)
-    by_new_force = "accelerometer" in poses.calibrations and force.effects
-    bias_refitted = by_new_force or calibrate_settings.gyroscope_bias != "initial_rest"
-    calibrations = {}
-    for sensor in SENSORS:
-        calibrated, at_poses = getattr(base, sensor), poses.calibrations.get(sensor)
-        if at_poses and (bias_refitted or at_poses.effects):
-            calibrated = at_poses
-        elif has_static_session or not at_poses:
-            calibrated = with_static_effects(calibrated, static.effects[sensor], records[sensor])
-        calibrations[sensor] = calibrated
-    calibration = replace(base, **calibrations | motion.calibrations)
+    bias_held = calibrate_settings.gyroscope_bias == "initial_rest"
+    calibration = combine_calibrations(base, poses, static, records, has_static_session, bias_held)
+    calibration = replace(calibration, **motion.calibrations)
     calibration = with_validity_ranges(calibration, poses, recording, records, static.effects)
     reference, windows = diagnose_reference(sessions, noise, gravity, settings, tests, calibration)
     names = _names(sessions, GROUPS[method])
@@ -149,16 +139,16 @@ def diagnose_device(
         judged = judge_calibration(getattr(calibration, sensor), sensor, by_record, data.kinds)
         calibration = replace(calibration, **{sensor: judged})
     residuals = poses.residuals | motion.residuals
-    shown_poses = [poses_table(recording.poses, names, residuals)]
+    tables = {"poses": poses_table(recording.poses, names, residuals), "reference": windows}
     if method != "six_position":
         # the poses on six faces are in the table, but are not diagnosed
         six_faces = read_poses(sessions, "six_position")
-        shown_poses.append(poses_table(six_faces, _names(sessions, ("six_position",)), {}))
+        six_faces = poses_table(six_faces, _names(sessions, ("six_position",)), {})
+        tables["poses"] = joined([tables["poses"], six_faces])
     # the calibration by the poses: effects of static records may need channels that poses lack
-    gyroscope = poses.calibrations.get("gyroscope", base.gyroscope)
+    force, gyroscope = (poses.calibrations.get(s, getattr(base, s)) for s in SENSORS)
     _, force_in_moves = recording.calibrated_force(force)
-    moves = moves_table(recording, names, gyroscope, force_in_moves, residuals)
-    tables = {"poses": joined(shown_poses), "moves": moves, "reference": windows}
+    tables["moves"] = moves_table(recording, names, gyroscope, force_in_moves, residuals)
     content = {"format": FORMAT, "device": device, "sensors": by_sensor}
     return Diagnosed(content, calibration, static.allan, noise, poses, recording, names, tables)
 
@@ -166,6 +156,38 @@ def diagnose_device(
 def _names(sessions, kinds):
     """Return the names of the sessions of some kinds that were not rejected, a list."""
     return [name for name, session in sessions.items() if usable_sessions({name: session}, *kinds)]
+
+
+def combine_calibrations(base, poses, static, records, has_static_session, bias_held):
+    """Return the Calibration of both sensors with the effects of poses and static records.
+
+    Parameters
+    ----------
+    base : Calibration
+        The calibration of the stage before, without effects.
+    poses : PoseResult
+        A sensor takes its calibration by the poses if that has effects, or if its bias counts.
+    static : StaticResult
+        Otherwise the effects of the static records are added to `base`.
+    records : dict of str to list of StaticRecord
+        Static records by sensor.
+    has_static_session : bool
+        Whether a static session has these records. The effects of other rests count only for a
+        sensor that the poses do not calibrate.
+    bias_held : bool
+        Whether the gyroscope keeps its bias at the first rest.
+    """
+    # the gyroscope was calibrated with the direction of gravity by the accelerometer with effects
+    force = poses.calibrations.get("accelerometer")
+    bias_counts, calibrations = not bias_held or (force and force.effects), {}
+    for sensor in SENSORS:
+        calibration, at_poses = getattr(base, sensor), poses.calibrations.get(sensor)
+        if at_poses and (bias_counts or at_poses.effects):
+            calibration = at_poses
+        elif has_static_session or not at_poses:
+            calibration = with_static_effects(calibration, static.effects[sensor], records[sensor])
+        calibrations[sensor] = calibration
+    return replace(base, **calibrations)
 
 
 def judge_calibration(calibration, sensor, contents, static_kinds):

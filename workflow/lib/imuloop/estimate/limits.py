@@ -225,11 +225,8 @@ class AxisTest:
             change = (c[:, j] - C[:, j]) ** 2 / np.where(v > 0, v, 1.0)
             # the kind of residual that the effect changes most
             rows = kinds[np.argmax(kinds @ change)]
-            cut, noise, square = (
-                cut_folds(folds[rows, 0], change[rows]),
-                v[rows],
-                sizes[:, [j]] ** 2,
-            )
+            cut, noise = cut_folds(folds[rows, 0], change[rows]), v[rows]
+            square = sizes[:, [j]] ** 2
             B = cut @ noise + square * (cut @ c[rows, j] ** 2)
             A = cut @ (noise + dVd[rows]) + square * (cut @ C[rows, j] ** 2)
             variance = 4 * (cut @ (noise * dVd[rows]))

@@ -104,8 +104,9 @@ class TrainingFit:
         and then the derivative by the nuisance parameters. P is the precision of all rows of the
         group. R is upper triangular.
         """
-        roots = []
-        for group, weighted_nuisance, held_rows in self._groups():
+        roots, evidence = [], self.evidence
+        groups = zip(evidence.row_groups, evidence.weighted_nuisance, self.held_rows, strict=True)
+        for group, weighted_nuisance, held_rows in groups:
             if not np.all(np.any(np.delete(group.nuisance, held_rows, axis=0), axis=0)):
                 raise np.linalg.LinAlgError("a parameter that nothing seen depends on")
             normal = group.noise.precision[:, held_rows[:, None], held_rows]
@@ -119,18 +120,11 @@ class TrainingFit:
             roots.append(root / size[:, :, None])
         return roots
 
-    def _groups(self):
-        """Iterate over the groups: RowGroup, ``P × nuisance``, (h, n, p), and held-out rows."""
-        evidence = self.evidence
-        return zip(evidence.row_groups, evidence.weighted_nuisance, self.held_rows, strict=True)
-
     @cached_property
     def free_rows(self):
         """Number of training rows minus number of nuisance parameters."""
-        return sum(
-            len(g.values) - len(held_rows) - g.nuisance.shape[1]
-            for g, _, held_rows in self._groups()
-        )
+        nuisances = sum(group.nuisance.shape[1] for group in self.evidence.row_groups)
+        return len(self.evidence.row_folds) - sum(map(len, self.held_rows)) - nuisances
 
     @cached_property
     def log_det(self):

@@ -47,18 +47,19 @@ def correct_samples(session, samples, log, calibration, effects):
         s: getattr(calibration, s).output(np.array([[columns[name].mean() for name in names]]))
         for s, names in SENSORS.items()
     }
-    for sensor in (sensor for sensor, fitted in effects.items() if fitted):
+    for sensor, fitted in effects.items():
+        if not fitted:
+            continue
         model = getattr(calibration, sensor)
-        outputs = (np.broadcast_to(levels[s], (len(t), 3)) for s in (sensor, other_sensor(sensor)))
+        output, other = (
+            np.broadcast_to(levels[s], (len(t), 3)) for s in (sensor, other_sensor(sensor))
+        )
         history = cache(partial(log.evaluate, sensor))
-        channels = Channels(t, *outputs, log.temperature, history)
+        channels = Channels(t, output, other, log.temperature, history)
         for first in range(0, len(t), ROWS):
             rows = slice(first, first + ROWS)
             part, windows = channels.map(itemgetter(rows)), np.column_stack([t[rows], t[rows]])
-            error = sum(
-                fitted.effect.in_session(part, session, windows) @ fitted.vector
-                for fitted in effects[sensor]
-            )
+            error = sum(e.effect.in_session(part, session, windows) @ e.vector for e in fitted)
             error *= model.raw_unit.scale / model.K
             for name, values in zip(SENSORS[sensor], error.T, strict=True):
                 columns[name][rows] -= values

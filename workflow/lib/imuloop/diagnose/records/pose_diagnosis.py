@@ -165,15 +165,9 @@ def diagnose_poses(problem, reasons):
         lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
         return PoseResult(contents | lost, joint_fit, rejected=rejected)
     accelerometer = joint_fit.of_sensors(["accelerometer"])
-    problem = pose_problem(
-        accelerometer,
-        recording,
-        problem.settings,
-        problem.tests,
-        static_effects,
-        problem.information,
-    )
-    again = diagnose_poses(problem, reasons | rejected)
+    settings, tests, information = problem.settings, problem.tests, problem.information
+    alone = pose_problem(accelerometer, recording, settings, tests, static_effects, information)
+    again = diagnose_poses(alone, reasons | rejected)
     return replace(again, rejected=rejected | again.rejected)
 
 

@@ -97,15 +97,11 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
         values, q = set_up.x[index], len(index)
         p_value = chdtrc(q, values @ np.linalg.solve(covariance, values))
         entry = {"name": name, "p_value": float(p_value), "residual": windows.kind}
-        entry |= _parameters(units, values, covariance) | {
-            "heldout_after": rms_norm(after.reshape(-1, 3))
-        }
+        entry |= _parameters(units, values, covariance) | {"heldout_after": _size(after)}
         passed = p_value < chance and interval[1] < 1
         if passed:
             added = added + index
-            effects.append(
-                entry | {"heldout_before": rms_norm(before.reshape(-1, 3)), "ratio_ci95": interval}
-            )
+            effects.append(entry | {"heldout_before": _size(before), "ratio_ci95": interval})
         # size, in standard errors, at which χ² passes the test with the wanted power
         least = chndtrinc(chdtri(q, chance), q, 1 - settings.power) ** 0.5
         entry["detection_limit"] = {name: least * std for name, std in entry["std"].items()}
@@ -113,11 +109,7 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
         entry |= {"status": "added" if passed else "rejected", "confounded_with": None}
         candidates.append(entry)
     floor, above = np.sqrt(set_up.floor[rows]), []
-    residual = {
-        "unit": windows.unit,
-        "n": len(windows.session),
-        "floor": rms_norm(floor.reshape(-1, 3)),
-    }
+    residual = {"unit": windows.unit, "n": len(windows.session), "floor": _size(floor)}
     columns = {"residual": np.full(len(windows.session), windows.kind, object)}
     columns[f"{windows.kind}_floor"] = _norm(floor)
     dof = max(len(floor) - len(windows.shared) - windows.places.size, 1)
@@ -125,7 +117,7 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
         heldout = set_up.errors(folds, without)[rows]
         in_sample = set_up.errors(np.full_like(folds, -1), without)[rows]
         chi2 = ((in_sample / floor) ** 2).sum()
-        residual |= {key: rms_norm(heldout.reshape(-1, 3)), f"chi2_{key}": float(chi2 / dof)}
+        residual |= {key: _size(heldout), f"chi2_{key}": float(chi2 / dof)}
         columns[f"{windows.kind}_{key}"] = _norm(heldout)
         too_large = chdtrc(dof, chi2) < settings.residual_significance
         above.append(too_large and residual[key] > residual["floor"])
@@ -165,3 +157,8 @@ def _parameters(units, values, covariance):
 def _norm(errors):
     """Return the norms, (m,), of m residuals of three components, (3 m,)."""
     return np.linalg.norm(errors.reshape(-1, 3), axis=1)
+
+
+def _size(errors):
+    """Return the root mean square norm of m residuals of three components, (3 m,) or (3 m, 1)."""
+    return rms_norm(errors.reshape(-1, 3))

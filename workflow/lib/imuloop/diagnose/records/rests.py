@@ -52,12 +52,9 @@ def read_static(sessions):
     """
     kinds = {name: s["kind"] for name, s in sessions.items()}
     segments = {n: read_columns(s["segments"], COLUMNS) for n, s in sessions.items()}
-    used = rests_to_use(kinds, segments)
-    return StaticData(
-        {name: kinds[name] for name in used},
-        {name: Samples(sessions[name]["samples"]) for name in used},
-        used,
-    )
+    segments = rests_to_use(kinds, segments)
+    samples = {name: Samples(sessions[name]["samples"]) for name in segments}
+    return StaticData({name: kinds[name] for name in segments}, samples, segments)
 
 
 def rests_to_use(kinds, segments):
@@ -74,11 +71,8 @@ def rests_to_use(kinds, segments):
         for name, table in tables.items()
         for row in np.flatnonzero(table["kind"] == STATIC)
     ]
-    static = {
-        name: tables[name]
-        for _, name, _ in rests
-        if kinds[name] == "static" and MOTION not in tables[name]["kind"]
-    }
+    names = [name for _, name, _ in rests if kinds[name] == "static"]
+    static = {name: tables[name] for name in names if MOTION not in tables[name]["kind"]}
     seconds, name, row = max(rests, key=lambda rest: rest[0], default=(0.0, "", 0))
     if static or seconds < LONG_REST:
         return static

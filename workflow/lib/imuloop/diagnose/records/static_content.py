@@ -116,14 +116,13 @@ def _errors_by_session(axes, problem, errors, floor):
     The result is a dict by session and axis. `errors` has the errors without and with effects, and
     `floor` the variance that the noise alone gives, (N, 3) each.
     """
-    squares, content = {"before": errors[0] ** 2, "after": errors[1] ** 2, "floor": floor}, {}
+    squares = {"before": errors[0] ** 2, "after": errors[1] ** 2, "floor": floor}
     names = np.concatenate([np.repeat(r.session, len(r.windows)) for r in problem.records])
+    content = {}
     for session in dict.fromkeys(names):
+        sizes = {key: np.sqrt(x[names == session].mean(axis=0)) for key, x in squares.items()}
         content[str(session)] = {
-            axis: {
-                key: float(np.sqrt(square[names == session, k].mean()))
-                for key, square in squares.items()
-            }
+            axis: {key: float(size[k]) for key, size in sizes.items()}
             for k, axis in enumerate(axes)
         }
     return content
