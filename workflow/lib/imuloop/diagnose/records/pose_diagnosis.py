@@ -296,9 +296,9 @@ def judge_sensors(choices, sensors, kinds, errors):
     problem, added = choices.problem, choices.choice().effects
     effects_before = tuple(e for e in added if e.sensor not in sensors)
     has_effects = len(effects_before) < len(added)
-    plain = choices.errors_with(kinds_of(effects_before)) if has_effects else errors
-    predicted = np.isfinite(plain) & np.isfinite(errors)
-    errors = [np.where(predicted, e, np.nan) for e in (plain, errors)]
+    errors_before = choices.errors_with(kinds_of(effects_before)) if has_effects else errors
+    predicted = np.isfinite(errors_before) & np.isfinite(errors)
+    errors = [np.where(predicted, e, np.nan) for e in (errors_before, errors)]
     before, after = problem.linearization(effects_before), problem.linearization(added)
     weights, comparisons = compare_rows(problem, after, kinds, errors[1])
     comparisons_before = comparisons
@@ -312,20 +312,22 @@ def judge_sensors(choices, sensors, kinds, errors):
     units = {kind: problem.joint_fit.kinds[kind][0] for kind in kinds}
     pair = comparisons_before, comparisons
     content = residuals_content(problem, units, pair, errors, floor, has_effects)
-    slow_noise, probable_floors = False, floors[weights >= NEGLIGIBLE]
-    significance = problem.settings.residual_significance
-    for kind, comparison in zip(kinds, comparisons, strict=True):
-        if kind != "rotation" or not problem.recording.rotations.aliased.any():
-            slow_noise |= comparison.p_value_as_estimated < significance
-        rows, entry = problem.of_kind(kind), content["residuals"][kind]
-        sizes = [size_of(problem, kind, np.sqrt(f[rows])) for f in probable_floors]
+    for kind, entry in content["residuals"].items():
+        rows = problem.of_kind(kind)
+        sizes = [size_of(problem, kind, np.sqrt(f[rows])) for f in floors[weights >= NEGLIGIBLE]]
         sizes.append(entry["floor"])
         entry["floor_range"] = [min(sizes), max(sizes)]
         entry["in_sample_before"] = size_of(problem, kind, before.values[rows][:, None])
         entry["in_sample_after"] = size_of(problem, kind, after.values[rows][:, None])
-        if kind == "rotation":
-            entry |= undersampled(problem, after.solution, entry["floor"])
-    content["slow_noise"] = bool(slow_noise and content["verdict"] not in LEFT)
+    if "rotation" in kinds:
+        entry = content["residuals"]["rotation"]
+        entry |= undersampled(problem, after.solution, entry["floor"])
+    p_values = {k: c.p_value_as_estimated for k, c in zip(kinds, comparisons, strict=True)}
+    if problem.recording.rotations.aliased.any():
+        # turns that were sampled too slowly have an error of their own, which is no slow noise
+        p_values.pop("rotation", None)
+    significant = any(p < problem.settings.residual_significance for p in p_values.values())
+    content["slow_noise"] = significant and content["verdict"] not in LEFT
     if content["verdict"] == "unexplained" and MOVED.intersection(kinds):
         moved = problem.recording.poses.tilt > 0
         if moved.mean() >= MOVED_RESTS:

@@ -200,14 +200,8 @@ class PoseProblem:
         distance = change / [component.deviation for component in slow]
         log_prior = np.array([-distance @ distance * share**2 / 2 for share in PATH])
         covariances = [total_covariance(fixed, slow, estimated + share * change) for share in PATH]
-        # Hypotheses: the sizes of one kind of residual are likeliest and those of the others as
-        # estimated, or the reverse. The first has all sizes as estimated, the last all likeliest.
-        kinds, number = np.unique([c.kind for c in (*slow, *excess)], return_inverse=True)
-        one = np.eye(len(kinds), dtype=bool)
-        chosen = np.unique(np.vstack([0 * one, one, ~one, 0 * one == 0]), axis=0)[:, number]
-        sizes = np.where(chosen, likeliest, likelihood.prior_sizes)
-        hypotheses = Hypotheses.of(map(likelihood.covariance, sizes**2))
-        evidence = self._evidence(effects, values, jacobian, hypotheses, ~chosen.any(axis=1))
+        hypotheses, as_estimated = kind_hypotheses([*slow, *excess], likelihood, likeliest)
+        evidence = self._evidence(effects, values, jacobian, hypotheses, as_estimated)
         rows = values, jacobian, log_prior, covariances
         return Linearization(solution, factors, *rows, evidence, likelihood, likeliest)
 
@@ -376,6 +370,36 @@ class PoseProblem:
         all_effects = (*self.nuisance_effects, *effects)
         x = np.concatenate([start[:first], *(parameters[e] for e in all_effects)])
         return replace(solution, effects=all_effects, x=x, covariance=np.zeros((len(x),) * 2))
+
+
+def kind_hypotheses(components, likelihood, likeliest):
+    """Return noise hypotheses that treat each kind of residual separately.
+
+    Under each hypothesis, the sizes of one kind of residual are the likeliest and those of the
+    others as estimated, or the reverse. The first hypothesis has all sizes as estimated, and the
+    last one has all likeliest sizes.
+
+    Parameters
+    ----------
+    components : list of Component
+        The k variance components of the noise.
+    likelihood : SizeLikelihood
+        Likelihood of their sizes.
+    likeliest : ndarray, shape (k,)
+        The most likely sizes.
+
+    Returns
+    -------
+    Hypotheses
+        h hypotheses.
+    ndarray, shape (h,) of bool
+        Which of them have all sizes as estimated.
+    """
+    kinds, number = np.unique([c.kind for c in components], return_inverse=True)
+    one = np.eye(len(kinds), dtype=bool)
+    is_likeliest = np.unique(np.vstack([0 * one, one, ~one, 0 * one == 0]), axis=0)[:, number]
+    sizes = np.where(is_likeliest, likeliest, likelihood.prior_sizes)
+    return Hypotheses.of(map(likelihood.covariance, sizes**2)), ~is_likeliest.any(axis=1)
 
 
 def split_by_effect(values, effects):
