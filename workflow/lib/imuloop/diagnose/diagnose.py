@@ -233,8 +233,8 @@ def with_validity_ranges(calibration, poses, recording, records, static_effects)
     ----------
     calibration : Calibration
     poses : PoseResult
-        The ranges of the sensors that it calibrates come from the poses; those of the gyroscope
-        come from the rotations too.
+        The ranges of the sensors that it calibrates come from the poses; the ranges of the
+        gyroscope come from the rotations too.
     recording : Recording
         Poses and rotations.
     records : dict of str to list of StaticRecord

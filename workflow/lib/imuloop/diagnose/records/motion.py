@@ -47,7 +47,7 @@ class MotionProblem(PoseProblem):
     def rows(self):
         """Index of the move of each row, in two equal columns, (n, 2), and kind of each row, (N,).
 
-        The index is -1 for rows of poses. The N - n last rows are those of a prior.
+        The index is -1 for rows of poses. The N - n last rows come from a prior.
         """
         poses, kind = super().rows
         move = np.searchsorted(self.recording.rotations.first, poses[:, :1])
@@ -58,7 +58,7 @@ class MotionProblem(PoseProblem):
     def error_scale(self):
         """Standard deviation of each row, (N,), by which held-out errors are divided.
 
-        It is that of the likeliest noise without effects: the noise of a move grows with its
+        It comes from the likeliest noise without effects: the noise of a move grows with its
         length, and so does the error of a missing effect.
         """
         likeliest = self.linearization().evidence.row_groups[0].noise.precision[-1]
@@ -79,7 +79,7 @@ def candidates_in_motion(nuisance_kinds):
 
 
 def motion_products(sensor):
-    """Return the Products that only motion shows: those of specific force and angular rate."""
+    """Return the Products that only motion shows: products of specific force and angular rate."""
     shapes = products(sensor, "fw") if sensor == "accelerometer" else ()
     return tuple(product for product in shapes if "motion" in product.records)
 
@@ -144,7 +144,7 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
 
 
 def move_faults(recording, gyroscope_bias):
-    """Return what makes each of the m moves of a recording unusable.
+    """Return the faults that make moves unusable, for each of the m moves of a recording.
 
     `gyroscope_bias`, (3,), is in nominal SI, rad/s.
 

@@ -213,7 +213,7 @@ def rejections(result, recording):
 def pose_products(recording, sensor):
     """Return the Products to try on a sensor at poses and rotations.
 
-    An accelerometer has those of specific force only, since at rest the angular rate is zero.
+    An accelerometer has products of specific force only: at rest the angular rate is zero.
     """
     channels = recording.pose_channels(sensor, lambda y: y, recording.poses.f)
     reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None
@@ -324,7 +324,7 @@ def judge_sensors(choices, sensors, kinds, errors):
         entry |= undersampled(problem, after.solution, entry["floor"])
     p_values = {k: c.p_value_as_estimated for k, c in zip(kinds, comparisons, strict=True)}
     if problem.recording.rotations.aliased.any():
-        # turns that were sampled too slowly have an error of their own, which is no slow noise
+        # turns that were sampled too slowly have their own error, which is not slow noise
         p_values.pop("rotation", None)
     significant = any(p < problem.settings.residual_significance for p in p_values.values())
     content["slow_noise"] = significant and content["verdict"] not in LEFT

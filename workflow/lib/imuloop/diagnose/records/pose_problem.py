@@ -76,8 +76,8 @@ class PoseProblem:
     def prior_rows(self):
         """Rows ``R θ - z`` of the prior, with variance one: R by effect, (k, q), and z, (k,).
 
-        θ are the q parameters of the effect. The k rows are those of the base model's prior, where
-        R is zero, and then those of the information from other records.
+        θ are the q parameters of the effect. The k rows are the base model's prior, where R is
+        zero, and then the information from other records.
         """
         z_of_base = self.base_rows[1]
         if self.information is None:
@@ -102,7 +102,7 @@ class PoseProblem:
     def rows(self):
         """Indices of the first and last pose of each row, (n, 2), and kind of each row, (N,).
 
-        The N - n last rows are those of the prior; their kind is an empty string.
+        The N - n last rows come from the prior; their kind is an empty string.
         """
         ends, kind = self.joint_fit.rows(self.recording)
         return ends, np.append(kind, np.full(len(self.prior_rows[1]), ""))
@@ -375,9 +375,9 @@ class PoseProblem:
 def kind_hypotheses(components, likelihood, likeliest):
     """Return noise hypotheses that treat each kind of residual separately.
 
-    Under each hypothesis, the sizes of one kind of residual are the likeliest and those of the
-    others as estimated, or the reverse. The first hypothesis has all sizes as estimated, and the
-    last one has all likeliest sizes.
+    Under each hypothesis, the components of one kind of residual have the likeliest sizes and all
+    others the sizes as estimated, or the reverse. The first hypothesis has all sizes as estimated,
+    and the last one has all likeliest sizes.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ FEW = f"fewer than {LEAST_WINDOWS} windows in which a reference is compared"
 
 
 def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
-    """Compare the recordings beside a reference with it.
+    """Compare a device with the reference of the sessions that have one.
 
     Parameters
     ----------
