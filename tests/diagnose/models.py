@@ -2,7 +2,7 @@
 
 from calibrate.devices import UNITS, known_noise
 from imuloop.calibrate.calibrate import start_fit
-from imuloop.diagnose.records.pose_diagnosis import diagnose_poses
+from imuloop.diagnose.records.pose_diagnosis import diagnose_poses, pose_problem
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.model.effects import EffectKind, SensorEffect
@@ -40,5 +40,6 @@ def problem_of(pair, recording, shapes=None, folds=10, **more):
 
 def diagnosed(truth, recording, noise=None, tests=0, **settings):
     """Return the PoseResult of a recording."""
-    found = fitted_pair(truth, recording, noise)
-    return diagnose_poses(*found, recording, DiagnoseSettings(**settings), tests)
+    pair, reasons = fitted_pair(truth, recording, noise)
+    problem = pair and pose_problem(pair, recording, DiagnoseSettings(**settings), tests)
+    return diagnose_poses(problem, reasons)

@@ -5,7 +5,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from imuloop.core.precision import precision
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.estimate.evidence import Evidence, Hypotheses, RowGroup
 from imuloop.estimate.search import Search
@@ -84,7 +83,7 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
         Largest p-value that passes.
     """
     n = len(values)
-    noise = Hypotheses.of(map(precision, covariances or [np.eye(n)]))
+    noise = Hypotheses.of(covariances or [np.eye(n)])
     fold_of_row = np.arange(n) % FOLDS
     group = RowGroup(values[:, None], nuisance, noise, fold_of_row[:, None])
     prior, shapes = np.zeros(len(noise.log_det)), {}
@@ -95,7 +94,7 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     def designs(effects):
         return [columns[effect].reshape(n, 1, -1) for effect in effects]
 
-    evidence = Evidence([group], prior, designs, least=1.0, as_estimated_mask=plain)
+    evidence = Evidence([group], prior, designs, least_scale=1.0, as_estimated_mask=plain)
     return Rows(evidence, shapes, DiagnoseSettings(significance=threshold), fold_of_row)
 
 

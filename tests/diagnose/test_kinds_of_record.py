@@ -10,7 +10,6 @@ from scipy.stats import f as f_distribution
 
 from diagnose import rows
 from diagnose.records import LENGTH, windows
-from imuloop.core.precision import precision
 from imuloop.diagnose.records.pose_problem import PoseProblem
 from imuloop.diagnose.records.slow_noise import ratios
 from imuloop.diagnose.records.static import StaticProblem
@@ -146,7 +145,7 @@ def static(problem):
         records.append(StaticRecord(f"s{number}", *still, np.tile(y[:, None], 3), channels))
     # every hypothesis of the grid is the same
     count = len(ratios(LENGTH * max(ROWS), LENGTH)[0])
-    noise = tuple(Hypotheses.of([precision(c)] * count) for c in problem.covariances)
+    noise = tuple(Hypotheses.of([c] * count) for c in problem.covariances)
     return StaticProblem(tuple(records), OF_CLASS, SETTINGS, TESTS, noise)
 
 

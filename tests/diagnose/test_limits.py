@@ -44,7 +44,7 @@ def test_an_effect_of_its_limit_is_found_nine_times_in_ten(effect, name, slow, s
     for _ in range(seeds):
         values = made @ rng.standard_normal((n, 3)) + np.median(limits) * add
         one = search([record(values)], [effect])
-        kept += type(effect) in map(type, Choices(one.problem).choice().base)
+        kept += type(effect) in map(type, Choices(one.problem).choice().effects)
     # each record knows its noise only so well
     assert kept >= least(seeds, 0.9, 1e-5)
     assert 0.3 < np.min(limits) / np.max(limits)
@@ -68,7 +68,7 @@ def limit_of(choices):
 def test_a_drift_of_its_limit_at_the_poses_is_found_though_a_walk_looks_like_it(seeds, monkeypatch):
     limit = np.median([limit_of(searched(0.0, seed)) for seed in range(3)])
     added = of_sensor("accelerometer", DRIFT)
-    found = [searched(limit, 10 + seed).choice().base == added for seed in range(seeds)]
+    found = [searched(limit, 10 + seed).choice().effects == added for seed in range(seeds)]
     assert sum(found) >= least(seeds, 0.9, 1 / 35)
     monkeypatch.setattr(PoseProblem, "is_like_slow_noise", lambda self, effect: False)
     assert np.median([limit_of(searched(0.0, seed)) for seed in range(3)]) < limit / 2

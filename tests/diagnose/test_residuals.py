@@ -7,8 +7,13 @@ from calibrate.devices import recording
 from diagnose.models import pair_of, problem_of
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.least_squares import chi_square
-from imuloop.estimate.residuals import chance, fold_fits, held_out_covariance, size
-from imuloop.estimate.verdict import Judged, above_floor, of_calibration, why_not_shown
+from imuloop.estimate.residuals import (
+    exceedance_probability,
+    fold_fits,
+    held_out_covariance,
+    rms_norm,
+)
+from imuloop.estimate.verdict import NoiseComparison, above_floor, of_calibration, why_not_shown
 from imuloop.model.effect import find_effect
 from imuloop.simulate.truth import example_truth
 
@@ -57,7 +62,7 @@ def test_the_variance_of_held_out_errors_is_that_of_simulated_ones():
     squares = (errors**2).sum(axis=0)
     for tail in (0.5, 0.1, 0.01, 0.002):
         largest = np.quantile(squares, 1 - tail)
-        assert chance(largest, [spread]) == pytest.approx(tail, rel=0.3), tail
+        assert exceedance_probability(largest, [spread]) == pytest.approx(tail, rel=0.3), tail
 
 
 def test_held_out_errors_of_a_good_model_are_at_their_floor():
@@ -67,11 +72,11 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
         made = recording(truth, seed)
         problem = problem_of(pair_of(truth, made), made, folds=5)
         about, errors = problem.linearization(), Choices(problem).errors_with(())
-        covariance = about.alternatives[0][1]
+        covariance = about.covariances[0]
         variance = np.diag(held_out_covariance(covariance, about.jacobian, problem.row_folds))
         for kind in ratios:
             rows, k = problem.of_kind(kind), problem.components(kind)
-            sizes = (size(v[rows].reshape(-1, k)) for v in (errors, np.sqrt(variance)))
+            sizes = (rms_norm(v[rows].reshape(-1, k)) for v in (errors, np.sqrt(variance)))
             ratios[kind].append(next(sizes) / next(sizes))
     for kind, values in ratios.items():
         assert np.mean(values) == pytest.approx(1, abs=0.12), kind
@@ -94,7 +99,7 @@ def test_held_out_errors_of_a_good_model_are_at_their_floor():
 def test_a_residual_is_above_its_floor_in_the_fit_or_held_out(
     in_sample, heldout, by_chance, chosen, above
 ):
-    judged = Judged(0.0 if in_sample else 0.5, by_chance, 0.5, 1.0)
+    judged = NoiseComparison(0.0 if in_sample else 0.5, by_chance, 0.5, 1.0)
     assert above_floor(judged, 0.01, heldout, 1.0, chosen) == above
 
 

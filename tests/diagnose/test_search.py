@@ -116,7 +116,7 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     assert each.significant_effects(each.kinds) == SENSITIVE
     assert again.search(held_out).significant_effects(each.kinds) == SENSITIVE
     about = problem.linearization(SENSITIVE)
-    noise = held_out_covariance(about.alternatives[0][1], about.jacobian, problem.row_folds)
+    noise = held_out_covariance(about.covariances[0], about.jacobian, problem.row_folds)
     # the prior's rows come last
     measured = problem.fold_of_row >= 0
     own = (problem.rows[0] == 0).any(axis=1)
@@ -163,7 +163,7 @@ def test_a_time_constant_between_those_of_the_library_is_found_as_it_is():
     # each 1.8 off
     shapes = shapes_of("accelerometer", WarmUp(330.0), WarmUp(1090.0))
     choices = Choices(problem_of(pair_of(truth, made), made, shapes))
-    (found,) = choices.choice().base
+    (found,) = choices.choice().effects
     assert found.effect.tau == pytest.approx(600.0, rel=0.1)
     fitted = choices.problem.linearization((found,)).solution.x[-3:]
     np.testing.assert_allclose(fitted, 0.5, rtol=0.1)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from diagnose.records import LENGTH, record, root, search
-from imuloop.diagnose.records.moves import separate
+from imuloop.diagnose.records.moves import cut_at_tilts
 from imuloop.diagnose.records.static import fitted_effects, information
-from imuloop.diagnose.records.static_diagnosis import find
+from imuloop.diagnose.records.static_diagnosis import search_records
 from imuloop.diagnose.settings import DiagnoseSettings
 from imuloop.effects.drifts import Ramp
 from imuloop.effects.steps import Steps
@@ -25,7 +25,7 @@ def found(values):
     """Return what is found in values (n, 3), or in those of several sessions by name."""
     values = values if isinstance(values, dict) else {"s": values}
     records = [record(v, session) for session, v in values.items()]
-    return find("accelerometer", records, DiagnoseSettings(), TESTS)
+    return search_records("accelerometer", records, DiagnoseSettings(), TESTS)
 
 
 def names(finding):
@@ -104,7 +104,7 @@ def test_what_a_held_out_part_holds_touches_nothing_that_predicts_it():
     rng = np.random.default_rng(11)
     values = {"a": noise(30) + 3 * pattern("steps")[0]}
     choices, part = found(values).choices, 4
-    assert choices.choice().base
+    assert choices.choice().effects
     changed = {s: v.copy() for s, v in values.items()}
     ends = np.cumsum([N] * len(values))[:-1]
     each = np.split(choices.problem.fold_of_row, ends)
@@ -193,6 +193,6 @@ def test_the_level_after_a_move_is_another_record(start, change, lengths):
         np.linspace(0, 0.3, N)[:, None] if isinstance(change, str) else np.outer(stretch, change)
     )
     values = 0.01 * noise(5) + [0.0, 0.0, 9.8] + added
-    parts = separate([record(values, stretch=stretch)], 16)
+    parts = cut_at_tilts([record(values, stretch=stretch)], 16)
     assert [len(p.windows) for p in parts] == lengths
     np.testing.assert_array_equal(parts[0].values, values[: lengths[0]])

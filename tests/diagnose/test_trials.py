@@ -78,6 +78,6 @@ def test_an_effect_of_its_detection_limit_is_found_with_the_stated_power(seeds):
         quiet.append(detection_limits(made, (), made.trial((), Column), power)["p"])
     limit = np.median(quiet)
     # it passes the test, and parts that are held out keep it
-    found = [choices(limit).choice().base == (Column(),) for _ in range(seeds)]
+    found = [choices(limit).choice().effects == (Column(),) for _ in range(seeds)]
     # three standard errors; a little less: the scale of the test is never below the noise model's
     assert np.mean(found) == pytest.approx(power, abs=1.2 / np.sqrt(seeds))

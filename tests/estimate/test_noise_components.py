@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from imuloop.estimate.noise_components import Component, likely_sizes, total
+from imuloop.estimate.noise_components import Component, likely_sizes, total_covariance
 
 N = 40
 T = np.arange(N)
@@ -16,7 +16,7 @@ def test_the_likelihood_is_the_one_that_is_written():
     parts = [Component(WALK, 0.8, 0.5), Component(np.diag(T < 20).astype(float))]
 
     def log_probability(sizes):
-        covariance = total(np.eye(N), parts, sizes)
+        covariance = total_covariance(np.eye(N), parts, sizes)
         weight = np.linalg.inv(covariance)
         normal = LINE.T @ weight @ LINE
         left = values - LINE @ np.linalg.solve(normal, LINE.T @ weight @ values)

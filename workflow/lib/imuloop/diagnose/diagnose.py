@@ -15,7 +15,12 @@ from imuloop.core.noise_model import NoiseModel
 from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.motion import diagnose_motion
-from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnose_poses, pose_candidates
+from imuloop.diagnose.records.pose_diagnosis import (
+    PoseResult,
+    diagnose_poses,
+    pose_candidates,
+    pose_problem,
+)
 from imuloop.diagnose.records.pose_tables import moves_table, poses_table
 from imuloop.diagnose.records.reference import diagnose_reference
 from imuloop.diagnose.records.rests import read_static
@@ -44,7 +49,6 @@ class Diagnosed:
     recording: Recording  # all poses and rotations
     names: list  # names of the sessions in the recording
     tables: dict  # columns of poses.parquet, moves.parquet and reference.parquet
-    motion: tuple = ()  # JointFit and Fit with the effects that moves show; empty without them
 
 
 def diagnose_device(
@@ -60,7 +64,7 @@ def diagnose_device(
     noise_settings,
     prior=None,
 ):
-    """Return the Diagnosed of a device.
+    """Search all records of a device for effects that its model lacks.
 
     Parameters
     ----------
@@ -77,11 +81,14 @@ def diagnose_device(
         estimated again with the effects that are found.
     prior : Prior, optional
         The data sheet by default.
+
+    Returns
+    -------
+    Diagnosed
     """
-    model = NoiseModel.from_json(noise)
     method, recording = largest_recording(sessions, calibrate_settings.longest_rotation)
-    stage = six_position if method == "six_position" else multi_position
-    base, data = Calibration.from_json(stage), read_static(sessions)
+    base = Calibration.from_json(six_position if method == "six_position" else multi_position)
+    data, noise = read_static(sessions), NoiseModel.from_json(noise)
     records = {s: data.records(s, base, settings.mean_time) for s in SENSORS}
     tests = settings.family * (
         static_tests(records, settings)
@@ -89,140 +96,166 @@ def diagnose_device(
     )
     # Static records come first: the poses get their effects, and the noise without these effects.
     # A long rest in the log of the poses gives no effects: the poses themselves show them better.
-    still = diagnose_static(
-        *(data, records, base, model, settings, noise_settings, tests),
-    )
+    static = diagnose_static(data, records, base, noise, settings, noise_settings, tests)
     has_static_session = "static" in data.kinds.values()
-    found, information = (), None
+    static_effects, information = (), None
     if has_static_session:
-        found, information = still.at_poses(recording.poses.temperature is not None)
+        has_temperature = recording.poses.temperature is not None
+        static_effects, information = static.effects_at_poses(has_temperature)
     # this noise is also without a ramp, which poses do not have but which would add slow noise
-    noise = still.noise
+    noise = static.noise
     units = {sensor: getattr(base, sensor).raw_unit for sensor in SENSORS}
     turns = read_turns(sessions, base.accelerometer)
-    how = recording, noise, gravity, units, prior, turns
-    pair, reasons = start_fit(*how)
-    how = recording, settings, tests
-    poses = diagnose_poses(pair, reasons, *how, found, information)
+    joint_fit, reasons = start_fit(recording, noise, gravity, units, prior, turns)
+    problem = None
+    if joint_fit:
+        problem = pose_problem(joint_fit, recording, settings, tests, static_effects, information)
+    poses = diagnose_poses(problem, reasons)
     refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())
     base = replace(base, **refused)
-    motion = diagnose_motion(poses.pair, poses.solution, *how, information)
-    # the gyroscope was calibrated with the direction of gravity by the accelerometer with effects
-    force = poses.calibrations.get("accelerometer", base.accelerometer)
-    by_new_force = "accelerometer" in poses.calibrations and force.effects
-    bias_refitted = by_new_force or calibrate_settings.gyroscope_bias != "initial_rest"
-    final = {}
-    for sensor in SENSORS:
-        own = poses.calibrations.get(sensor)
-        effects = still.effects[sensor] if has_static_session or not own else ()
-        given = getattr(base, sensor), own, effects, records[sensor]
-        final[sensor] = final_calibration(*given, bias_refitted)
-    final = replace(base, **final | motion.calibrations)
-    final = with_validity_ranges(final, poses.calibrations, recording, records, still.effects)
-    beside, windows = diagnose_reference(sessions, noise, gravity, settings, tests, final)
-    names, faces = (
-        [name for name, session in sessions.items() if usable_sessions({name: session}, *kinds)]
-        for kinds in (GROUPS[method], ("six_position",))
-    )
-    content = _content(device, poses.contents, still.content, motion.contents)
+    motion = diagnose_motion(poses, recording, settings, tests, information)
+    bias_held = calibrate_settings.gyroscope_bias == "initial_rest"
+    calibration = combine_calibrations(base, poses, static, records, has_static_session, bias_held)
+    calibration = replace(calibration, **motion.calibrations)
+    calibration = with_validity_ranges(calibration, poses, recording, records, static.effects)
+    reference, windows = diagnose_reference(sessions, noise, gravity, settings, tests, calibration)
+    names = _names(sessions, GROUPS[method])
+    contents = dict(zip(RECORDS, (poses.contents, static.content, motion.contents), strict=True))
+    contents |= {"reference": reference} if reference else {}
+    by_sensor = {s: {record: c[s] for record, c in contents.items()} for s in SENSORS}
     if left_out := recording.lost.contradicting:
         keys = ("session", "start_s", "end_s", "angle")
-        turns_of = [(names[session], *rest) for session, *rest in left_out]
-        turned = content["sensors"]["gyroscope"]["poses"]
-        turned["contradicting"] = [dict(zip(keys, turn, strict=True)) for turn in turns_of]
-    for sensor, own in content["sensors"].items():
-        own |= {"reference": beside[sensor]} if beside else {}
-        calibration = getattr(final, sensor)
-        if why := implausible_values(calibration, sensor):
-            good = [part for part, c in own.items() if c["verdict"] in ("consistent", "explained")]
-            own |= {part: not_testable(why) for part in good}
-            calibration = replace(calibration, not_testable=why)
-        verdict = of_calibration(own, has_static_session)
-        final = replace(final, **{sensor: replace(calibration, verdict=verdict)})
+        by_sensor["gyroscope"]["poses"]["contradicting"] = [
+            dict(zip(keys, (names[session], *values), strict=True)) for session, *values in left_out
+        ]
+    for sensor, by_record in by_sensor.items():
+        judged = judge_calibration(getattr(calibration, sensor), sensor, by_record, data.kinds)
+        calibration = replace(calibration, **{sensor: judged})
     residuals = poses.residuals | motion.residuals
-    # the calibration by the poses: effects of static records may need channels that poses lack
-    turned = poses.calibrations.get("gyroscope", base.gyroscope)
-    _, seen_force = recording.calibrated_force(force)
-    shown = [poses_table(recording.poses, names, residuals)]
+    tables = {"poses": poses_table(recording.poses, names, residuals), "reference": windows}
     if method != "six_position":
         # the poses on six faces are in the table, but are not diagnosed
-        shown.append(poses_table(read_poses(sessions, "six_position"), faces, {}))
-    tables = {
-        "poses": joined(shown),
-        "moves": moves_table(recording, names, turned, seen_force, residuals),
-        "reference": windows,
-    }
-    in_motion = (motion.pair, motion.solution) if motion.solution else ()
-    of_poses = poses, recording, names
-    return Diagnosed(content, final, still.allan, noise, *of_poses, tables, in_motion)
+        six_faces = read_poses(sessions, "six_position")
+        six_faces = poses_table(six_faces, _names(sessions, ("six_position",)), {})
+        tables["poses"] = joined([tables["poses"], six_faces])
+    # the calibration by the poses: effects of static records may need channels that poses lack
+    force, gyroscope = (poses.calibrations.get(s, getattr(base, s)) for s in SENSORS)
+    _, force_in_moves = recording.calibrated_force(force)
+    tables["moves"] = moves_table(recording, names, gyroscope, force_in_moves, residuals)
+    content = {"format": FORMAT, "device": device, "sensors": by_sensor}
+    return Diagnosed(content, calibration, static.allan, noise, poses, recording, names, tables)
 
 
-def _content(device, *records):
-    """Return the content of diagnosis.json.
-
-    `records` has for each of the `RECORDS` its content by sensor.
-    """
-    sensors = {s: {r: c[s] for r, c in zip(RECORDS, records, strict=True)} for s in SENSORS}
-    return {"format": FORMAT, "device": device, "sensors": sensors}
+def _names(sessions, kinds):
+    """Return the names of the sessions of some kinds that were not rejected, a list."""
+    return [name for name, session in sessions.items() if usable_sessions({name: session}, *kinds)]
 
 
-def final_calibration(base, found, effects, records, bias_refitted):
-    """Return the calibration of a sensor with every effect that was found.
+def combine_calibrations(base, poses, static, records, has_static_session, bias_held):
+    """Return the Calibration of both sensors with the effects of poses and static records.
 
     Parameters
     ----------
-    base : SensorCalibration
+    base : Calibration
         The calibration of the stage before, without effects.
-    found : SensorCalibration or None
-        The calibration by the poses. It is the result if it has effects or if `bias_refitted`.
-    effects : tuple of FittedEffect
-        Effects of the static records. Else they are added to `base`.
-    records : list of StaticRecord
-        For a sensor that only rested, the bias is the mean of these after subtracting the effects.
-    bias_refitted : bool
-        Whether the bias of `found` may replace the one of `base`: not if it is held at the first
-        rest.
+    poses : PoseResult
+        A sensor takes its calibration by the poses if that has effects, or if its bias counts.
+    static : StaticResult
+        Otherwise the effects of the static records are added to `base`.
+    records : dict of str to list of StaticRecord
+        Static records by sensor.
+    has_static_session : bool
+        Whether a static session has these records. The effects of other rests count only for a
+        sensor that the poses do not calibrate.
+    bias_held : bool
+        Whether the gyroscope keeps its bias at the first rest.
     """
-    if found and (bias_refitted or found.effects):
-        return found
-    if not effects:
-        return base
-    b = base.b
-    if base.method == "static":
+    # the gyroscope was calibrated with the direction of gravity by the accelerometer with effects
+    force = poses.calibrations.get("accelerometer")
+    bias_counts, calibrations = not bias_held or (force and force.effects), {}
+    for sensor in SENSORS:
+        calibration, at_poses = getattr(base, sensor), poses.calibrations.get(sensor)
+        if at_poses and (bias_counts or at_poses.effects):
+            calibration = at_poses
+        elif has_static_session or not at_poses:
+            calibration = with_static_effects(calibration, static.effects[sensor], records[sensor])
+        calibrations[sensor] = calibration
+    return replace(base, **calibrations)
+
+
+def judge_calibration(calibration, sensor, contents, static_kinds):
+    """Return the SensorCalibration with its verdict, and with the reason if it is implausible.
+
+    Parameters
+    ----------
+    calibration : SensorCalibration
+    sensor : str
+    contents : dict of str to dict
+        Content of diagnosis.json by kind of record. The good verdicts on an implausible calibration
+        are replaced here.
+    static_kinds : dict of str to str
+        Kinds of the sessions that the static records come from, by name.
+    """
+    if why := implausible_values(calibration, sensor):
+        for record, content in contents.items():
+            if content["verdict"] in ("consistent", "explained"):
+                contents[record] = not_testable(why)
+        calibration = replace(calibration, not_testable=why)
+    verdict = of_calibration(contents, "static" in static_kinds.values())
+    return replace(calibration, verdict=verdict)
+
+
+def with_static_effects(calibration, effects, records):
+    """Return the SensorCalibration of a sensor with the FittedEffects of its static records.
+
+    For a sensor that only rested, the bias is the mean over the `records`, a list of StaticRecord,
+    after the effects are subtracted.
+    """
+    b = calibration.b
+    if effects and calibration.method == "static":
         levels = [r.values - sum(e.output(r.channels) for e in effects) for r in records]
         lengths = np.concatenate([r.length for r in records])
-        b = b + np.average(np.concatenate(levels), axis=0, weights=lengths) / base.K
-    return replace(base, b=b, effects=effects)
+        b = b + np.average(np.concatenate(levels), axis=0, weights=lengths) / calibration.K
+    return replace(calibration, b=b, effects=effects)
 
 
-def with_validity_ranges(calibration, found, recording, records, static_effects):
+def with_validity_ranges(calibration, poses, recording, records, static_effects):
     """Return the Calibration with the range of inputs in which each effect was estimated.
 
-    The ranges of a sensor in `found`, its calibrations by the poses, come from the poses; those of
-    the gyroscope come from the rotations too. Effects in `static_effects`, by sensor, also have
-    the range of the static `records`, by sensor.
+    Parameters
+    ----------
+    calibration : Calibration
+    poses : PoseResult
+        The ranges of the sensors that it calibrates come from the poses; the ranges of the
+        gyroscope come from the rotations too.
+    recording : Recording
+        Poses and rotations.
+    records : dict of str to list of StaticRecord
+    static_effects : dict of str to tuple of FittedEffect
+        Effects of the static records by sensor: their ranges come from these records, too.
     """
     force, turn = calibration.accelerometer, calibration.gyroscope
-    at_poses, moving, sensors = {sensor: [] for sensor in SENSORS}, [], {}
-    if "accelerometer" in found and force.effects:
+    in_motion, inputs, sensors = [], {sensor: [] for sensor in SENSORS}, {}
+    if "accelerometer" in poses.calibrations and force.effects:
         rate, aligned = recording.poses.w, turn.aligned(recording.rotations.w)
-        at_poses["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
-        how = force.output, aligned, turn.aligned
-        moving = [recording.rotation_channels("accelerometer", *how)]
-    if "gyroscope" in found and turn.effects:
-        at_rest, along = recording.calibrated_force(force)
-        at_poses["gyroscope"] = [
+        arguments = "accelerometer", force.output
+        inputs["accelerometer"] = [recording.pose_channels(*arguments, rate)]
+        in_motion = [recording.rotation_channels(*arguments, aligned, turn.aligned)]
+    if "gyroscope" in poses.calibrations and turn.effects:
+        at_rest, in_moves = recording.calibrated_force(force)
+        inputs["gyroscope"] = [
             recording.pose_channels("gyroscope", turn.output, at_rest),
-            recording.rotation_channels("gyroscope", turn.output, along),
+            recording.rotation_channels("gyroscope", turn.output, in_moves),
         ]
-    for sensor, own in zip(SENSORS, (force, turn), strict=True):
-        effects, resting = [], [effect.name for effect in static_effects[sensor]]
-        for effect in own.effects:
-            seen = at_poses[sensor]
+    for sensor in SENSORS:
+        effects, static_names = [], [effect.name for effect in static_effects[sensor]]
+        model = getattr(calibration, sensor)
+        for effect in model.effects:
+            channels = inputs[sensor]
             if sensor == "accelerometer" and "motion" in effect.effect.records:
-                seen = moving
-            elif effect.name in resting:
-                seen = seen + [r.channels for r in records[sensor]]
-            effects.append(effect.with_ranges(seen))
-        sensors[sensor] = replace(own, effects=tuple(effects))
+                channels = in_motion
+            elif effect.name in static_names:
+                channels = channels + [r.channels for r in records[sensor]]
+            effects.append(effect.with_ranges(channels))
+        sensors[sensor] = replace(model, effects=tuple(effects))
     return replace(calibration, **sensors)

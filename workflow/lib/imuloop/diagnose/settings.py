@@ -4,6 +4,10 @@ from dataclasses import dataclass
 
 from imuloop.core.setting import setting
 
+# number of kinds of residuals of a device, which share the significance: gravity norm, pose rate,
+# rotation, two of velocity, and for each sensor the bias at rest and the comparison to a reference
+RESIDUALS = 9
+
 
 @dataclass(frozen=True)
 class DiagnoseSettings:
@@ -27,3 +31,8 @@ class DiagnoseSettings:
         "would give more than 200",
         gt=0,
     )
+
+    @property
+    def residual_significance(self):
+        """Significance for each kind of residual of a device."""
+        return self.significance / RESIDUALS / self.family

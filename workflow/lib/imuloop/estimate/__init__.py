@@ -10,6 +10,8 @@ effect, kind, shape
     shape are linear, and a fit estimates them.
 base
     The effects that are in the model already when another effect is tested.
+base model
+    The model of a sensor without effects: bias, scale factors and misalignments.
 pattern
     The derivative of all rows with respect to the parameters of one shape.
 column
@@ -24,6 +26,8 @@ fold
     The rows that cross-validation holds out together. Folds have numbers; -1 is no fold.
 training rows, training fit
     The rows that are not held out, and the least-squares fit to them.
+held-out error, floor
+    The error of a prediction of held-out rows. The floor is the error that the noise alone gives.
 trial
-    The test of one effect, in its best shape, added to the base.
+    The significance test of one effect, in its best shape, added to the base.
 """

@@ -1,47 +1,27 @@
 """The choice of effects: an effect is added if it is significant and lowers the held-out error."""
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
-from imuloop.estimate.error_ratio import ratio_interval
+from imuloop.estimate.error_ratio import ErrorChange, ratio_interval
 from imuloop.estimate.search import Search, Trial, kinds_of
-from imuloop.model.effect import Effect
-
-
-class ErrorChange(NamedTuple):
-    """The held-out errors without and with an effect."""
-
-    residual_kind: str  # kind of residual that the effect changes most
-    before: np.ndarray  # (n, k): held-out errors of that kind without the effect
-    after: np.ndarray  # (n, k): held-out errors of that kind with the effect
-    ratio: list  # 95 % interval of the root mean square after over before
-
-    @property
-    def certain(self):
-        """Whether the whole interval of the ratio is below one."""
-        return self.ratio[1] < 1
-
-
-@dataclass(frozen=True)
-class Added:
-    """An effect that was added to the model, tested with all other added effects in the base."""
-
-    effect: Effect  # the shape
-    trial: Trial
-    change: ErrorChange
 
 
 @dataclass(frozen=True)
 class Choice:
     """The effects that were added to the model, and those that failed cross-validation."""
 
-    base: tuple[Effect, ...] = ()  # the added effects, in their best shapes
-    added: tuple[Added, ...] = ()  # the tests of the same effects, in the same order
+    # test of each added effect, with all other added effects in the model
+    added: tuple[Trial, ...] = ()
     # effects that passed the test but did not lower the held-out error: interval of the ratio, by
     # kind
     failed: dict = field(default_factory=dict)
+
+    @property
+    def effects(self):
+        """The added effects, in their best shapes."""
+        return tuple(trial.effect for trial in self.added)
 
 
 class Choices:
@@ -61,22 +41,22 @@ class Choices:
             self._searches[held_out] = Search(self.problem, held_out)
         return self._searches[held_out]
 
-    def errors(self, chosen):
+    def errors(self, choose_effects):
         """Return the held-out error of every row on each axis, (N, a), SI.
 
-        Each fold is predicted by a fit to the other rows. `chosen` takes the Search without the
-        fold and returns the effects of that fit. Rows of no fold are nan. The verdict uses the
-        errors with `nested_choice` as `chosen`.
+        Each fold is predicted by a fit to the other rows. `choose_effects` takes the Search in
+        these rows and returns the effects of the fit. Rows of no fold are nan. The verdict uses
+        the errors with `nested_choice` as `choose_effects`.
         """
         errors, problem = None, self.problem
         for fold in range(problem.folds):
             search = self.search(frozenset({fold}))
-            base = chosen(search)
-            residuals = problem.residuals(search, base)
+            effects = choose_effects(search)
+            residuals = problem.residuals(search, effects)
             errors = np.full(residuals.shape, np.nan) if errors is None else errors
             rows = problem.fold_of_row == fold
             errors[rows] = residuals[rows]
-            search.training_fit(base).release()
+            search.training_fit(effects).release()
         return errors
 
     def errors_with(self, kinds):
@@ -94,105 +74,110 @@ class Choices:
         1. The effect with the smallest p-value is added if it lowers the held-out error. If no
            effect does so alone, two effects are added together if the pair does.
         2. Step 1 is repeated until nothing is added.
-        3. Each effect is tested with all others in the base. An effect that no longer lowers the
+        3. Each effect is tested with all others in the model. An effect that no longer lowers the
            held-out error is removed, and step 3 starts again.
         4. The constants of the remaining effects are refined between those of the shapes.
         """
         if self._choice is None:
-            self._choice = self._make_choice()
+            effects, (extended, failed) = (), self._with_next(())
+            while extended != effects:
+                effects, (extended, failed) = extended, self._with_next(extended)
+            trials = None
+            while trials is None:
+                effects, trials = self._confirm(effects, failed)
+            refined = zip(effects, self.search().refine(effects), strict=True)
+            added = tuple(replace(trials[effect], effect=shape) for effect, shape in refined)
+            self._choice = Choice(added, failed)
         return self._choice
 
-    def _make_choice(self):
-        """Return the Choice; `choice` describes the steps."""
-        search, base, (wide, failed) = self.search(), (), self._with_next(())
-        while wide != base:
-            base, (wide, failed) = wide, self._with_next(wide)
-        while True:
-            added = {}
-            # effects of time are removed first, before those of temperature
-            for effect in sorted(base, key=lambda e: not e.after_temperature):
-                others = tuple(e for e in base if e is not effect)
-                trial = search.test(others, effect)
-                # without a trial the other effects explain all that this one does
-                if trial is None:
-                    break
-                change = self._error_change(others, trial, base)
-                if not change.certain:
-                    failed[effect.kind] = change.ratio
-                    break
-                shapes = search.trial(others, effect.kind)
-                tries = shapes.tries if shapes else 0.0
-                trial = replace(trial, log_p=trial.log_p + tries, tries=tries)
-                added[effect] = Added(effect, trial, change)
-            else:
-                effects = search.refine(base)
-                added = tuple(
-                    replace(a, effect=e, trial=replace(a.trial, effect=e))
-                    for a, e in zip(map(added.get, base), effects, strict=True)
-                )
-                return Choice(effects, added, failed)
-            base = others
+    def _with_next(self, effects):
+        """Return the effects plus the next effect, or pair of them, that lowers held-out errors.
 
-    def _with_next(self, base):
-        """Return the base plus the next effect, or pair of effects, that lowers held-out errors.
-
-        The result is the base itself if there is no such effect. The second result has the effects
-        that failed on the way: the interval of the error ratio by kind.
+        The first result is `effects` itself if there is no such effect. The second result has the
+        effects that failed on the way: the interval of the error ratio by kind.
         """
         search, failed = self.search(), {}
-        while best := search.best_trial(base, [k for k in search.kinds if k not in failed]):
-            wide, change = self._extend(base, best)
+        while best := search.best_trial(effects, [k for k in search.kinds if k not in failed]):
+            extended, change = self._extend(effects, best)
             if change.certain:
-                return wide, failed
+                return extended, failed
             failed[best.effect.kind] = change.ratio
         # a second effect that the model lacks can hide that the first one lowers the errors
-        others = [kind for kind in search.kinds if kind not in failed]
-        for first in [search.trial(base, kind) for kind in failed]:
-            if more := search.best_trial((*base, first.effect), others):
-                wide, change = self._extend(base, first, more.effect)
+        further_kinds = [kind for kind in search.kinds if kind not in failed]
+        for first in [search.trial(effects, kind) for kind in failed]:
+            if second := search.best_trial((*effects, first.effect), further_kinds):
+                extended, change = self._extend(effects, first, second.effect)
                 if change.certain:
-                    return wide, failed
-        return base, failed
+                    return extended, failed
+        return effects, failed
 
-    def _extend(self, base, trial, *more):
-        """Return the base plus the effect of a trial and `more` effects, and their ErrorChange."""
-        wide = self.search().reshape((*base, trial.effect, *more))
-        self.problem.refit(wide)
-        return wide, self._error_change(base, trial, wide)
+    def _extend(self, effects, trial, *further):
+        """Return the effects plus the one of a trial and `further` ones, and their ErrorChange."""
+        extended = self.search().with_best_shapes((*effects, trial.effect, *further))
+        self.problem.refit(extended)
+        return extended, self._error_change(effects, trial, extended)
 
-    def _error_change(self, base, trial, wide):
-        """Return the ErrorChange from the base effects to the `wide` effects.
+    def _confirm(self, effects, failed):
+        """Test each effect with all others in the model, until one does not lower the errors.
+
+        Returns
+        -------
+        tuple of Effect
+            The effects without the one that failed.
+        dict of Effect to Trial, or None
+            The test of each effect; None if one failed. `failed`, a dict, then has the interval of
+            its error ratio by its kind.
+        """
+        search, trials = self.search(), {}
+        # effects of time are removed first, before those of temperature
+        for effect in sorted(effects, key=lambda e: not e.after_temperature):
+            other_effects = tuple(e for e in effects if e is not effect)
+            trial = search.test(other_effects, effect)
+            # without a trial the other effects explain all that this one does
+            if trial is None:
+                return other_effects, None
+            change = self._error_change(other_effects, trial, effects)
+            if not change.certain:
+                failed[effect.kind] = change.ratio
+                return other_effects, None
+            best_shape = search.trial(other_effects, effect.kind)
+            tries = best_shape.tries if best_shape else 0.0
+            trials[effect] = replace(trial, log_p=trial.log_p + tries, tries=tries, change=change)
+        return effects, trials
+
+    def _error_change(self, effects, trial, extended):
+        """Return the ErrorChange from a model with `effects` to one with the `extended` effects.
 
         The ratio is that of the axis on which the trial is clearest. If this axis does not confirm
         the effect, but all axes together do, it is the ratio of all axes, with the errors of each
         axis divided by their root mean square.
         """
+        problem = self.problem
         try:
-            errors = [self.errors_with(kinds_of(e)) for e in (base, wide)]
+            before, after = (self.errors_with(kinds_of(e)) for e in (effects, extended))
         except np.linalg.LinAlgError:
             # with few folds, the rows without one of them may not determine the parameters
             return ErrorChange("", np.zeros((0, 1)), np.zeros((0, 1)), [np.inf, np.inf])
-        residual_kind, rows = self.problem.most_changed_rows(self.search(), base, trial)
-        errors = [e[rows] for e in errors]
-        finite = np.isfinite(errors[0][:, 0]) & np.isfinite(errors[1][:, 0])
-        fold_of_row, errors = self.problem.fold_of_row[rows][finite], [e[finite] for e in errors]
-        before, after = (e[:, [trial.axis]] for e in errors)
-        scale = np.broadcast_to(self.problem.error_scale, len(self.problem.fold_of_row))
-        scale = scale[rows][finite, None]
-        change = ErrorChange(
-            residual_kind, before, after, ratio_interval(fold_of_row, before / scale, after / scale)
-        )
-        if not change.certain and errors[0].shape[1] > 1:
-            size = np.sqrt((errors[0] ** 2).mean(axis=0))
-            relative = (e / np.where(size > 0, size, 1.0) for e in errors)
-            of_all = ErrorChange(residual_kind, *errors, ratio_interval(fold_of_row, *relative))
-            return of_all if of_all.certain else change
+        residual_kind, rows = problem.most_changed_rows(self.search(), effects, trial)
+        index = np.arange(len(before))[rows]
+        index = index[np.isfinite(before[index, 0]) & np.isfinite(after[index, 0])]
+        before, after, folds = before[index], after[index], problem.fold_of_row[index]
+        scale = np.broadcast_to(problem.error_scale, len(problem.fold_of_row))[index, None]
+        on_axis = before[:, [trial.axis]], after[:, [trial.axis]]
+        ratio = ratio_interval(folds, *(errors / scale for errors in on_axis))
+        change = ErrorChange(residual_kind, *on_axis, ratio)
+        if not change.certain and before.shape[1] > 1:
+            size = np.sqrt((before**2).mean(axis=0))
+            size = np.where(size > 0, size, 1.0)
+            ratio = ratio_interval(folds, before / size, after / size)
+            on_all_axes = ErrorChange(residual_kind, before, after, ratio)
+            return on_all_axes if on_all_axes.certain else change
         return change
 
     def nested_choice(self, search):
-        """Return the effects that a Search without one fold finds significant.
+        """Return the effects that a Search without one fold finds significant, a tuple.
 
-        Of the kinds that all rows add. Whether they are significant, their shapes and their sizes
-        do not depend on the fold.
+        Only kinds of effects that all rows add are tried. Whether they are significant, their
+        shapes and their sizes do not depend on the fold.
         """
-        return search.significant_effects(kinds_of(self.choice().base))
+        return search.significant_effects(kinds_of(self.choice().effects))

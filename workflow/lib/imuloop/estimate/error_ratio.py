@@ -1,61 +1,87 @@
 """The ratio of held-out errors, with an effect over without it, and its confidence interval."""
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.special import stdtrit
+
+
+class ErrorChange(NamedTuple):
+    """The held-out errors of n residuals on k axes, without and with an effect."""
+
+    residual_kind: str  # kind of residual that the effect changes most
+    before: np.ndarray  # (n, k): held-out errors of that kind without the effect, SI
+    after: np.ndarray  # (n, k): held-out errors of that kind with the effect, SI
+    ratio: list  # 95 % interval of the root mean square after over before
+
+    @property
+    def certain(self):
+        """Whether the whole interval of the ratio is below one."""
+        return self.ratio[1] < 1
 
 
 def ratio_interval(fold_of_row, before, after):
     """Return the 95 % interval of the ratio of two root mean square errors, [low, high].
 
-    `before` and `after`, (n, k), are held-out errors without and with an effect; the ratio is after
-    over before. `fold_of_row`, (n,), is the fold of each row. A fold in which the errors change
-    much is cut into several, see `cut_folds`.
-    """
-    folds = cut_folds(fold_of_row, ((before - after) ** 2).sum(axis=1))
-    return jackknife(*((folds @ e**2).sum(axis=1) for e in (before, after))).tolist()
+    The standard error is that of the mean of the jackknife's pseudo-values. Each pseudo-value comes
+    from the ratio of all folds but one. A fold in which the errors change much is cut into several
+    before, see `cut_folds`. The interval uses Student's t, with one degree of freedom less than
+    there are folds. It is zero to infinity if fewer than two folds have errors. (An interval of the
+    logarithm has the same coverage, but is far wider if one fold has most of the error, as with a
+    step.)
 
-
-def cut_folds(fold_of_row, change):
-    """Return the rows of each fold, (folds, n) of bool, after cutting folds that change most.
-
-    `change`, (n,), is the squared change of the error of each row. A fold with m times the mean
-    change of a fold is cut into m consecutive folds of equal change. In a warm-up, for example,
-    the first fold has nearly all of the change, and a jackknife needs several that have some.
-    """
-    number, last, folds = np.empty(len(fold_of_row), dtype=int), 0, np.unique(fold_of_row)
-    for k in folds:
-        rows = fold_of_row == k
-        own = change[rows]
-        # the small term keeps rounding errors from changing the count
-        count = max(1, int(len(folds) * own.sum() / max(change.sum(), 1e-300) + 1e-6))
-        share = (np.cumsum(own) - own / 2) / max(own.sum(), 1e-300)
-        number[rows] = last + np.minimum((count * share + 1e-6).astype(int), count - 1)
-        last += count
-    return number == np.unique(number)[:, None]
-
-
-def jackknife(before, after):
-    """Return the lower and upper end of the 95 % interval of a ratio of root mean squares, (2, …).
-
-    `before` and `after`, (folds, …), are the sums of squared errors of each fold; the ratio is
-    after over before. Its standard error is that of the mean of the jackknife's pseudo-values, each
-    from all folds but one. Student's t has one degree of freedom less than there are folds. The
-    interval is zero to infinity if fewer than two folds have errors. (An interval of the logarithm
-    has the same coverage, but is far wider if one fold has most of the error, as with a step.)
+    Parameters
+    ----------
+    fold_of_row : ndarray, shape (n,)
+        Fold of each of n rows.
+    before, after : ndarray, shape (n, k)
+        Held-out errors on k axes, without and with an effect. The ratio is after over before.
 
     References
     ----------
     J. W. Tukey, Ann. Math. Statist. 29 (1958) 614; B. Efron, R. J. Tibshirani, An Introduction to
     the Bootstrap (1993), chapter 11.
     """
-    n = len(before)
-    without_one = 1.0 - np.eye(n)
+    folds = cut_folds(fold_of_row, ((before - after) ** 2).sum(axis=1))
+    before, after = ((folds @ errors**2).sum(axis=1) for errors in (before, after))
+    n, others = len(folds), 1.0 - np.eye(len(folds))
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.sqrt(after.sum(axis=0) / before.sum(axis=0))
-        others = np.tensordot(without_one, after, 1) / np.tensordot(without_one, before, 1)
-        values = n * ratio - (n - 1) * np.sqrt(others)
-        square = ((values - values.mean(axis=0)) ** 2).sum(axis=0) / np.float64(n * (n - 1))
-        half = stdtrit(n - 1, 0.975) * np.sqrt(square)
-    finite = np.isfinite(half)
-    low = np.where(finite, np.maximum(ratio - half, 0.0), 0.0)
-    return np.array([low, np.where(finite, ratio + half, np.inf)])
+        ratio = np.sqrt(after.sum() / before.sum())
+        without_one = np.sqrt((others @ after) / (others @ before))
+        values = n * ratio - (n - 1) * without_one
+        variance = ((values - values.mean()) ** 2).sum() / np.float64(n * (n - 1))
+        half_width = stdtrit(n - 1, 0.975) * np.sqrt(variance)
+    if not np.isfinite(half_width):
+        return [0.0, np.inf]
+    return [float(max(ratio - half_width, 0.0)), float(ratio + half_width)]
+
+
+def cut_folds(fold_of_row, change):
+    """Cut the folds in which the error changes most into several folds.
+
+    A fold with m times the mean change of a fold is cut into m consecutive folds of equal change.
+    In a warm-up, for example, the first fold has nearly all of the change, and a jackknife needs
+    several that have some.
+
+    Parameters
+    ----------
+    fold_of_row : ndarray, shape (n,)
+        Fold of each of n rows.
+    change : ndarray, shape (n,)
+        Squared change of the error of each row.
+
+    Returns
+    -------
+    ndarray, shape (folds, n) of bool
+        The rows of each fold after the cuts.
+    """
+    new_fold, first, folds = np.empty(len(fold_of_row), dtype=int), 0, np.unique(fold_of_row)
+    for fold in folds:
+        rows = fold_of_row == fold
+        in_fold = change[rows]
+        # the small term keeps rounding errors from changing the count
+        count = max(1, int(len(folds) * in_fold.sum() / max(change.sum(), 1e-300) + 1e-6))
+        share = (np.cumsum(in_fold) - in_fold / 2) / max(in_fold.sum(), 1e-300)
+        new_fold[rows] = first + np.minimum((count * share + 1e-6).astype(int), count - 1)
+        first += count
+    return new_fold == np.unique(new_fold)[:, None]

@@ -21,13 +21,13 @@ class Hypotheses:
     log_det: np.ndarray  # (h,): logarithm of the determinant of each covariance
 
     @classmethod
-    def of(cls, precisions):
-        """Return the Hypotheses from the inverse and the Cholesky root of each covariance.
-
-        `precisions` yields both, (n, n) each, as `imuloop.core.precision.precision` returns them.
-        """
-        pairs = ((inverse, 2 * np.log(np.diag(root)).sum()) for inverse, root in precisions)
-        inverses, log_det = zip(*pairs, strict=True)
+    def of(cls, covariances):
+        """Return the Hypotheses with the given covariances, an iterable of arrays (n, n)."""
+        inverses, log_det = [], []
+        for covariance in covariances:
+            inverse, root = precision(covariance)
+            inverses.append(inverse)
+            log_det.append(2 * np.log(np.diag(root)).sum())
         return cls(np.array(inverses), np.array(log_det))
 
     def mean(self, weights):
@@ -41,9 +41,9 @@ class Hypotheses:
 
 @dataclass(frozen=True)
 class RowGroup:
-    """Rows whose noise is correlated; the noise of different groups is independent."""
+    """n rows whose noise is correlated; the noise of different groups is independent."""
 
-    # (n, a): residuals of a axes. The covariances of the axes differ by a factor only
+    # (n, a): residuals on a axes. The covariances of the axes differ by a factor only
     values: np.ndarray
     nuisance: np.ndarray  # (n, p): derivative with respect to the nuisance parameters
     noise: Hypotheses  # covariances that the noise of these rows may have
@@ -66,22 +66,21 @@ class Pattern:
     parameters: tuple[list[int], ...]  # index of the parameter that each column belongs to
     scale: tuple[np.ndarray, ...]  # norm that each column was divided by
 
-    @property
-    def on_axes(self):
-        """Iterator over the axes: columns, parameters and scale of each."""
-        return zip(self.columns, self.parameters, self.scale, strict=True)
-
 
 @dataclass(eq=False)
 class Evidence:
-    """All N rows, group by group, and the columns of the patterns that may explain them."""
+    """All N rows, group by group, and the columns of the patterns that may explain them.
+
+    A column is one column of a pattern on one axis, (N,), scaled to length one. It is stored under
+    a number, as are the residuals of each axis. There are h noise hypotheses.
+    """
 
     row_groups: list[RowGroup]
-    prior: np.ndarray  # (h,): logarithm of the prior probability of each hypothesis
+    log_prior: np.ndarray  # (h,): logarithm of the prior probability of each hypothesis
     # takes effects; returns for each the derivative of all rows by its parameters, (N, a, q)
     designs: Callable
     # smallest factor on the variance of a hypothesis: 1 if the size of the noise is known
-    least: float = 0.0
+    least_scale: float = 0.0
     # (h,) of bool: the hypotheses that estimates of parameters may use; default: all
     estimation_mask: np.ndarray | None = None
     # (h,) of bool: the hypotheses without more slow noise than was estimated; default: as above
@@ -92,15 +91,17 @@ class Evidence:
     def __post_init__(self):
         """Store the residuals of each axis as columns."""
         if self.estimation_mask is None:
-            self.estimation_mask = np.ones(len(self.prior), dtype=bool)
+            self.estimation_mask = np.ones(len(self.log_prior), dtype=bool)
         if self.as_estimated_mask is None:
             self.as_estimated_mask = self.estimation_mask
         self.axes = self.row_groups[0].values.shape[1]
         # columns, (N,) each; for each group, the product of its precision and each column, (h, n)
-        self.columns, self.weighted = [], [[] for _ in self.row_groups]
+        self.columns, self._weighted = [], [[] for _ in self.row_groups]
         self._numbers, self._patterns, self._training_fits, self._variances = {}, {}, {}, {}
         self._ends = np.cumsum([len(g.values) for g in self.row_groups])[:-1]
-        self.sides = [g.noise.precision @ g.nuisance for g in self.row_groups]
+        # for each group, the product of its precision and the nuisance derivative, (h, n, p)
+        self.weighted_nuisance = [g.noise.precision @ g.nuisance for g in self.row_groups]
+        self.row_folds = np.concatenate([g.row_folds for g in self.row_groups])
         values = np.concatenate([g.values for g in self.row_groups])
         self.residual_columns = self.add_columns(values.T)
 
@@ -115,14 +116,19 @@ class Evidence:
             numbers.append(self._numbers[key])
         if new:
             self.columns += new
-            by_group = self.split(np.array(new).T)
-            for group, weighted, rows in zip(self.row_groups, self.weighted, by_group, strict=True):
+            by_group = zip(
+                self.row_groups, self._weighted, self.split(np.array(new).T), strict=True
+            )
+            for group, weighted, rows in by_group:
                 weighted += list(np.moveaxis(group.noise.precision @ rows, 2, 0))
         return tuple(numbers)
 
     def weighted_columns(self, i, numbers):
-        """Return the product of the precision of group i and k columns, (h, k, n)."""
-        return np.stack([self.weighted[i][c] for c in numbers], axis=1)
+        """Return the product of the precision of group i and k columns, (h, k, n).
+
+        `numbers` are the numbers of the columns.
+        """
+        return np.stack([self._weighted[i][c] for c in numbers], axis=1)
 
     def matrix(self, numbers):
         """Return the k columns with the given numbers, (N, k)."""
@@ -130,26 +136,20 @@ class Evidence:
         return np.reshape(columns, (len(numbers), len(self.columns[0]))).T
 
     def patterns(self, effects):
-        """Return the Pattern of each effect, after storing its columns."""
+        """Return the Pattern of each effect, a tuple, after storing its columns."""
         new = [effect for effect in dict.fromkeys(effects) if effect not in self._patterns]
         for effect, design in zip(new, self.designs(new) if new else (), strict=True):
-            self.add_pattern(effect, design)
+            by_axis = []
+            for matrix in design.swapaxes(0, 1):
+                used = np.flatnonzero(np.any(matrix != 0, axis=0))
+                scale = np.linalg.norm(matrix[:, used], axis=0)
+                columns = self.add_columns((matrix[:, used] / scale).T)
+                by_axis.append((columns, used.tolist(), scale))
+            self._patterns[effect] = Pattern(effect, design, *zip(*by_axis, strict=True))
         return tuple(self._patterns[effect] for effect in effects)
 
-    def add_pattern(self, key, design):
-        """Store the derivative `design`, (N, a, q), as the Pattern of an effect.
-
-        `key` is the effect, or any other object under which the pattern can be asked for.
-        """
-        by_axis = []
-        for matrix in design.swapaxes(0, 1):
-            used = np.flatnonzero(np.any(matrix != 0, axis=0))
-            scale = np.linalg.norm(matrix[:, used], axis=0)
-            by_axis.append((self.add_columns((matrix[:, used] / scale).T), used.tolist(), scale))
-        self._patterns[key] = Pattern(key, design, *zip(*by_axis, strict=True))
-
     def columns_of(self, effects, axis):
-        """Return the numbers of all columns that some effects have on one axis."""
+        """Return the numbers of all columns that some effects have on one axis, a tuple."""
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def with_noise(self, noise):
@@ -158,7 +158,12 @@ class Evidence:
         The new hypotheses are equally probable beforehand.
         """
         groups = [replace(g, noise=n) for g, n in zip(self.row_groups, noise, strict=True)]
-        return Evidence(groups, np.zeros(len(noise[0].log_det)), self.designs, self.least)
+        return Evidence(groups, np.zeros(len(noise[0].log_det)), self.designs, self.least_scale)
+
+    def with_folds(self, row_folds):
+        """Return the Evidence of the same rows with other folds, (N, 2), as in `RowGroup`."""
+        pairs = zip(self.row_groups, self.split(row_folds), strict=True)
+        return replace(self, row_groups=[replace(g, row_folds=folds) for g, folds in pairs])
 
     def held_out_variance(self, hypothesis):
         """Return the variance of the held-out error of each row, (N,), without any effect.
@@ -169,15 +174,12 @@ class Evidence:
             variances = []
             for group in self.row_groups:
                 weights = group.noise.precision[hypothesis]
-                how = precision(weights)[0], group.nuisance, group.row_folds, weights
-                variances.append(np.diag(held_out_covariance(*how)))
+                covariance = held_out_covariance(
+                    precision(weights)[0], group.nuisance, group.row_folds, weights
+                )
+                variances.append(np.diag(covariance))
             self._variances[hypothesis] = np.concatenate(variances)
         return self._variances[hypothesis]
-
-    def with_folds(self, row_folds):
-        """Return the Evidence of the same rows with other folds, (N, 2), as in `RowGroup`."""
-        pairs = zip(self.row_groups, self.split(row_folds), strict=True)
-        return replace(self, row_groups=[replace(g, row_folds=folds) for g, folds in pairs])
 
     def training_fit(self, held_out=frozenset()):
         """Return the TrainingFit of the rows that depend on no fold in `held_out`."""
@@ -190,11 +192,6 @@ class Evidence:
     def release(self):
         """Free the memory of all fits; they are recomputed if needed."""
         self._training_fits.clear()
-
-    @property
-    def row_folds(self):
-        """The folds of all rows, (N, 2), as in `RowGroup`."""
-        return np.concatenate([g.row_folds for g in self.row_groups])
 
     def split(self, rows):
         """Return a list that has the part of an array, (N, …), for each group of rows."""

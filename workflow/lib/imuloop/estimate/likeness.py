@@ -11,30 +11,44 @@ SHARE = 8 / 9
 ONE = 0.999
 
 
-def imitated_share(training_fit, base, first, second, axis=0):
-    """Return the share of the first effect that the second one imitates, and the reverse.
+def share_on_axes(training_fit, first, second):
+    """Return the share of the first effect that the second imitates, on the axis with the least.
 
-    The share is ``cos²`` of the largest principal angle between the patterns of both effects on one
-    axis, after the nuisance parameters and the base are projected out. The second effect explains
-    at least this share of the square of the first one, whatever the parameters of the first. The
-    metric is the likeliest noise hypothesis of the base model.
+    `training_fit` is the TrainingFit of the rows.
     """
-    columns_of = training_fit.evidence.columns_of
-    shared, own, other = (columns_of(e, axis) for e in (base, (first,), (second,)))
-    columns, k, m = (*shared, *own, *other), len(shared), len(shared) + len(own)
-    gram = training_fit.gram(columns)[training_fit.hypothesis(training_fit.fit(base, 0))]
-    if k:
-        gram = gram - gram[:, :k] @ np.linalg.solve(gram[:k, :k], gram[:k])
-    roots = [_root(gram[s, s]) for s in (slice(k, m), slice(m, None))]
-    if any(r is None for r in roots):
-        return 0.0, 0.0
-    cosines = np.linalg.svd(roots[0] @ gram[k:m, m:] @ roots[1].T, compute_uv=False)
-    least, more = float(cosines[-1] ** 2), len(own) - len(other)
-    return (least if more <= 0 else 0.0), (least if more >= 0 else 0.0)
+    first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
+    pairs = zip(first_pattern.columns, second_pattern.columns, strict=True)
+    return min(imitated_share(training_fit, *pair) for pair in pairs if pair[0])
+
+
+def imitated_share(training_fit, first, second):
+    """Return the share of the first effect that the second one imitates on one axis.
+
+    The share is ``cos²`` of the largest principal angle between the patterns of both effects, after
+    the nuisance parameters are projected out. The second effect explains at least this share of the
+    square of the first one, whatever the parameters of the first. It is zero if the second has
+    fewer columns. The metric is the likeliest noise hypothesis without effects.
+
+    Parameters
+    ----------
+    training_fit : TrainingFit
+    first, second : tuple of int
+        Numbers of the columns that both effects have on the axis.
+    """
+    if len(first) > len(second):
+        return 0.0
+    columns, k = (*first, *second), len(first)
+    hypothesis = training_fit.hypothesis(training_fit.fit((), 0))
+    gram = training_fit.products(columns, columns)[hypothesis]
+    roots = [_root(gram[:k, :k]), _root(gram[k:, k:])]
+    if any(root is None for root in roots):
+        return 0.0
+    cosines = np.linalg.svd(roots[0] @ gram[:k, k:] @ roots[1].T, compute_uv=False)
+    return float(cosines[-1] ** 2)
 
 
 def _root(gram):
-    """Return R with ``R G Rᵀ = 1`` for a Gram matrix G; None if G is singular."""
+    """Return R with ``R G Rᵀ = 1`` for a Gram matrix G, (k, k); None if G is singular."""
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     if not size.all():
         return None
@@ -52,53 +66,42 @@ def imitations(search, kinds):
     of the second is taken, on the axis with the least share; the share is the median over the
     shapes of the first kind.
     """
-    training_fit, shapes = search.training_fit(()), {}
+    training_fit, shapes_by_kind, pairs = search.training_fit(()), {}, []
     for kind in kinds:
-        own = search.problem.shapes.get(kind, ())
-        trials = search.tests((), own)
-        testable = [s for s, t in zip(own, trials, strict=True) if t]
-        if testable:
-            shapes[kind] = testable
-    pairs = []
-    for kind, other in permutations(shapes, 2):
-        others = shapes[other]
-        shares = [max(share_on_axes(training_fit, a, b) for b in others) for a in shapes[kind]]
+        shapes = search.problem.shapes.get(kind, ())
+        if testable := [trial.effect for trial in search.tests((), shapes) if trial]:
+            shapes_by_kind[kind] = testable
+    for (kind, shapes), (other, other_shapes) in permutations(shapes_by_kind.items(), 2):
+        shares = [max(share_on_axes(training_fit, a, b) for b in other_shapes) for a in shapes]
         share = float(np.median(shares))
         if share >= SHARE:
             pairs.append({"effect": kind.name, "with": other.name, "share": share})
     return pairs
 
 
-def share_on_axes(training_fit, a, b):
-    """Return the share of effect a that effect b imitates, on the axis with the least share."""
-    own, other = (pattern.columns for pattern in training_fit.evidence.patterns((a, b)))
-    axes = [axis for axis, columns in enumerate(own) if columns]
-    if not all(other[axis] for axis in axes):
-        return 0.0
-    return min(imitated_share(training_fit, (), a, b, axis)[0] for axis in axes)
-
-
 def twin(search, base, kind):
-    """Return the name of an effect in the base that a candidate could replace, or None.
+    """Return the name of an effect that a candidate could replace, or None.
 
-    It could if the candidate passes the test without this effect in the base, and the effect does
-    not pass it with the candidate in the base.
+    It could if the candidate passes the test without this effect in the model, and the effect does
+    not pass it with the candidate in the model. `base` has the effects in the model, and `kind` is
+    the kind of the candidate.
     """
     for effect in reversed(base):
-        others = tuple(e for e in base if e is not effect)
-        instead = search.trial(others, kind)
-        if not instead or instead.impossible or instead.log_p >= search.threshold(len(others)):
+        other_effects = tuple(e for e in base if e is not effect)
+        trial = search.trial(other_effects, kind)
+        if not trial or trial.impossible or trial.log_p >= search.threshold(len(other_effects)):
             continue
-        again = search.test((*others, instead.effect), effect)
-        if again is None or again.log_p >= search.threshold(len(base)):
+        reverse = search.test((*other_effects, trial.effect), effect)
+        if reverse is None or reverse.log_p >= search.threshold(len(base)):
             return effect.name
     return None
 
 
-def holder(search, base, kind):
-    """Return the name of an effect in the base that prevents the trial of a candidate, or None.
+def masking_effect(search, base, kind):
+    """Return the name of an effect that prevents the trial of a candidate, or None.
 
-    Without this effect in the base the candidate can be estimated.
+    Without this effect in the model the candidate can be estimated. `base` has the effects in the
+    model, and `kind` is the kind of the candidate.
     """
     alone = search.trial((), kind)
     for effect in base if alone else ():

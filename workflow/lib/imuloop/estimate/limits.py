@@ -1,6 +1,6 @@
 """Detection limits: the least size of an effect that the test and cross-validation would show."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -32,8 +32,8 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     constant or width lies between two neighbours of the library's grid, by the factor `BETWEEN`
     from one of them. The limit is the least of the `SIZES` that passes the test with the
     probability `power` and lowers the held-out error with confidence. Both conditions are computed
-    from expected values, see `passes_test` and `lowers_error`. For an effect that slow noise
-    imitates, the noise is estimated again with the effect in the data.
+    from expected values, see `AxisTest`. For an effect that slow noise imitates, the noise is
+    estimated again with the effect in the data.
 
     Parameters
     ----------
@@ -53,169 +53,204 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     dict of str to float
         The limits, SI, by parameter. A parameter that is not detectable at any size is left out.
     """
-    training_fit, limits, names = search.training_fit(base), {}, list(trial.effect.parameters)
-    pattern, moved = training_fit.evidence.patterns((trial.effect, trial.effect.moved(BETWEEN)))
+    problem, effect, limits = search.problem, trial.effect, {}
+    training_fit = search.training_fit(base)
+    pattern, moved = training_fit.evidence.patterns((effect, effect.moved(BETWEEN)))
+    threshold = search.threshold(len(base)) - trial.tries
     # the axes that do not have the parameter show p-values in the middle of chance
-    test = power, search.threshold(len(base)) - trial.tries, (trial.axes - 1) * [CHANCE]
-    for axis, added in enumerate(moved.columns):
-        # full model, base model, and the effect alone
-        effects = [(*base, trial.effect), base, (trial.effect,)]
-        fit = training_fit.fit(effects[0], axis) if pattern.columns[axis] else None
+    other_log_p = (trial.axes - 1) * [CHANCE]
+    for axis, columns in enumerate(moved.columns):
+        fit = training_fit.fit((*base, effect), axis) if pattern.columns[axis] else None
         if fit is None:
             continue
-        gain = chi_square_drop(training_fit, effects, axis, added) / fit.scale[:, None]
-        # under the likeliest hypothesis about the noise
-        gain = gain[np.argmax(fit.weight)]
-        sizes = SIZES[:, None] / np.sqrt(np.where(gain > 0, gain, np.inf))
-        certain = np.broadcast_to(gain > 0, sizes.shape)
+        test = AxisTest(training_fit, base, effect, axis, columns, power, threshold, other_log_p)
+        # information about each column under the likeliest noise hypothesis
+        information = test.chi_square_drop() / fit.scale[:, None]
+        information = information[np.argmax(fit.probability)]
+        shown = information > 0
+        sizes = SIZES[:, None] / np.sqrt(np.where(shown, information, np.inf))
+        passes = shown & test.passes(sizes)
         if must_lower_error:
-            how = search, training_fit, effects, axis, added, sizes
-            certain = certain & lowers_error(*how, ndtri(power))
-        passes = certain & passes_test(training_fit, effects, axis, added, sizes, *test)
-        if search.problem.is_like_slow_noise(trial.effect):
-            for k, column in enumerate(added):
-                how = search, training_fit, effects, axis, column, sizes[:, [k]]
-                passes[:, k] = passes_with_slow_noise(*how, passes[:, k], test)
+            passes &= test.lowers_error(problem, sizes)
+        if problem.is_like_slow_noise(effect):
+            for k, column in enumerate(columns):
+                column_test, part = replace(test, columns=(column,)), np.s_[:, [k]]
+                passes[part] &= column_test.passes_with_slow_noise(
+                    problem, sizes[part], passes[part]
+                )
         first = first_size(passes)
-        for k, parameter in enumerate(moved.parameters[axis]):
+        for k, index in enumerate(moved.parameters[axis]):
             if first[k] < len(SIZES):
-                limits[names[parameter]] = float(sizes[first[k], k] / moved.scale[axis][k])
-    return {name: limits[name] for name in names if name in limits}
+                name = list(effect.parameters)[index]
+                limits[name] = float(sizes[first[k], k] / moved.scale[axis][k])
+    return {name: limits[name] for name in effect.parameters if name in limits}
 
 
 def first_size(passes):
     """Return the index of the size from which on all sizes pass, (q,); s if the last one fails.
 
-    `passes`, (s, q) of bool, has s increasing sizes of each of q parameters.
+    `passes`, (s, q) of bool, says which of s increasing sizes of each of q columns pass.
     """
     failing = np.vstack([np.zeros_like(passes[:1]), passes])[::-1]
     return len(passes) - np.argmin(failing, axis=0)
 
 
-def passes_with_slow_noise(search, training_fit, effects, axis, column, sizes, passes, test):
-    """Return which sizes of a column, (s,) of bool, pass if the effect resembles slow noise.
+@dataclass(frozen=True)
+class AxisTest:
+    """The expected test of an effect on one axis, in data that have q columns of known sizes.
 
-    Data with such an effect raise the estimate of slow noise. So the noise is estimated again from
-    the residuals plus the effect, at `GROWN` times the least size that passes with the present
-    noise. `passes`, (s,) of bool, are the sizes that pass with the present noise; `test` has the
-    last arguments of `passes_test`.
+    In all methods `sizes`, (s, q), are s sizes of each column, and the data have one column at a
+    time. There are h noise hypotheses.
     """
-    evidence, first = training_fit.evidence, first_size(passes[:, None])[0]
-    if first == len(sizes):
-        return passes
-    one, values = evidence.columns[column], training_fit.residuals(effects[0], axis)
-    slower = evidence.with_noise(
-        search.problem.noise_with(effects[1], values + GROWN * sizes[first, 0] * one)
-    )
-    numbers = slower.add_columns([one])
-    return passes & passes_test(slower.training_fit(), effects, axis, numbers, sizes, *test)[:, 0]
 
+    training_fit: object  # TrainingFit of all rows
+    base: tuple  # effects that are in the model already
+    effect: object  # the effect that is tested
+    axis: int  # index of the axis
+    columns: tuple  # numbers of the q columns
+    power: float  # probability with which the test has to find the effect
+    threshold: float  # largest log p that passes
+    other_log_p: list  # log p of the other axes
 
-def chi_square_drop(training_fit, effects, axis, added):
-    """Return by how much a pattern lowers χ² of data that are one column of size one, (h, q).
+    @property
+    def fits(self):
+        """Fit without the effect and Fit with it."""
+        extended = (*self.base, self.effect)
+        return [self.training_fit.fit(effects, self.axis) for effects in (self.base, extended)]
 
-    `added` has the numbers of q columns. The result has one entry for each noise hypothesis and
-    column: χ² without the pattern in the model minus χ² with it. `effects` has the effects of the
-    full model first, then those of the base model.
-    """
-    every, base, _ = (training_fit.evidence.columns_of(e, axis) for e in effects)
-    gram, drops = training_fit.gram((*every, *added)), []
-    for n in (len(base), len(every)):
-        side = gram[:, :n, -len(added) :]
-        drops.append((side * np.linalg.solve(gram[:, :n, :n], side)).sum(axis=1))
-    return drops[1] - drops[0]
+    def chi_square_drop(self):
+        """Return by how much the effect lowers χ² of data that are one column of size one, (h, q).
 
+        The result is χ² without the effect in the model minus χ² with it.
+        """
+        columns_of, drops = self.training_fit.evidence.columns_of, []
+        base, extended = (columns_of(e, self.axis) for e in (self.base, (*self.base, self.effect)))
+        columns = (*extended, *self.columns)
+        gram = self.training_fit.products(columns, columns)
+        for n in (len(base), len(extended)):
+            side = gram[:, :n, len(extended) :]
+            drops.append((side * np.linalg.solve(gram[:, :n, :n], side)).sum(axis=1))
+        return drops[1] - drops[0]
 
-def passes_test(training_fit, effects, axis, added, sizes, power, threshold, others):
-    """Return which sizes of added columns, (s, q) of bool, pass the test with the wanted power.
+    def passes(self, sizes):
+        """Return which sizes pass the test with the wanted power, (s, q) of bool.
 
-    `sizes`, (s, q), are sizes of the q columns `added`. Under each noise hypothesis F has the
-    noncentrality ``size² drop/scale``, with the `chi_square_drop`; its lower quantile gives the
-    p-value that is reached with probability `power`. `averaged_log_p` averages these p-values over
-    the hypotheses. `threshold` is the largest log p that passes; `others` has the log p of the
-    other axes.
-    """
-    fit, without = (training_fit.fit(e, axis) for e in effects[:2])
-    q, scale = fit.theta.shape[1] - without.theta.shape[1], fit.scale[:, None, None]
-    gain = chi_square_drop(training_fit, effects, axis, added)[:, None]
-    square = np.maximum(sizes**2 * gain / scale, LEAST)
-    grid = np.geomspace(LEAST, max(square.max(), 2 * LEAST), GRID)
-    lowest = np.interp(np.log(square), np.log(grid), ncfdtri(q, fit.dof, grid, 1 - power))
-    rest = (without.log_weight + without.spent)[:, None, None]
-    one = replace(without, square=fit.square[:, None, None] + q * scale * lowest)
-    one = replace(one, log_weight=rest - one.spent)
-    weight = np.broadcast_to(fit.log_weight[:, None, None], square.shape)
-    wide = replace(fit, square=fit.square[:, None, None], log_weight=weight)
-    return fisher([averaged_log_p(one, wide, q), *others]) < threshold
+        Under each noise hypothesis F has the noncentrality ``size² drop/scale``, with the
+        `chi_square_drop`; its lower quantile gives the p-value that is reached with the probability
+        `power`. `averaged_log_p` averages these p-values over the hypotheses.
+        """
+        without, fit = self.fits
+        q, scale = without.dof - fit.dof, fit.scale[:, None, None]
+        square = np.maximum(sizes**2 * self.chi_square_drop()[:, None] / scale, LEAST)
+        grid = np.geomspace(LEAST, max(square.max(), 2 * LEAST), GRID)
+        quantiles = ncfdtri(q, fit.dof, grid, 1 - self.power)
+        lowest = np.interp(np.log(square), np.log(grid), quantiles)
+        # expected fits if F has its lower quantile, (h, s, q)
+        chi2 = fit.chi2[:, None, None] + np.zeros_like(square)
+        expected, expected_without = (
+            replace(f, chi2=x, log_prior=f.log_prior[:, None, None])
+            for f, x in ((fit, chi2), (without, chi2 + q * scale * lowest))
+        )
+        log_p = averaged_log_p(expected_without, expected, q)
+        return fisher([log_p, *self.other_log_p]) < self.threshold
 
+    def passes_with_slow_noise(self, problem, sizes, passes):
+        """Return which sizes pass if the effect resembles slow noise, (s, 1) of bool.
 
-def lowers_error(search, training_fit, effects, axis, added, sizes, quantile):
-    """Return which sizes of added columns, (s, q) of bool, lower the held-out error.
+        Data with such an effect raise the estimate of slow noise. So the noise is estimated again
+        from the residuals plus the effect, at `GROWN` times the least size that passes with the
+        present noise. `passes`, (s, 1) of bool, are the sizes that pass with the present noise; the
+        test has one column.
+        """
+        first = first_size(passes)[0]
+        if first == len(sizes):
+            return passes
+        evidence = self.training_fit.evidence
+        column = evidence.columns[self.columns[0]]
+        values = self.training_fit.residuals((*self.base, self.effect), self.axis)
+        noise = problem.noise_with(self.base, values + GROWN * sizes[first, 0] * column)
+        evidence = evidence.with_noise(noise)
+        columns = evidence.add_columns([column])
+        test = replace(self, training_fit=evidence.training_fit(), columns=columns)
+        return test.passes(sizes)
 
-    A size s counts if the confidence interval of the error ratio would lie below one.
+    def lowers_error(self, problem, sizes):
+        """Return which sizes lower the held-out error with confidence, (s, q) of bool.
 
-    - e, variance v: the held-out error of a row that the noise alone gives.
-    - ``e + s c``: the error of a model without the pattern; c is the held-out part of the column.
-    - ``e + s C - d δ``: the error of a model with it; C is what the pattern leaves of c, d the
-      held-out part of the pattern's columns, δ the error of their coefficients, V its covariance.
+        A size s counts if the confidence interval of the error ratio would lie below one.
 
-    The expected sums of squares over fold k, without the pattern and with it, are
+        - e, variance v: the held-out error of a row that the noise alone gives.
+        - ``e + s c``: the error of a model without the effect; c is the held-out part of the
+          column.
+        - ``e + s C - d δ``: the error of a model with it; C is what the effect's pattern leaves of
+          c, d the held-out part of the pattern's columns, δ the error of their coefficients, V its
+          covariance.
 
-        B_k = Σ (v + s² c²),    A_k = Σ (v + s² C² + d V dᵀ).
+        The expected sums of squares over fold k, without the effect and with it, are
 
-    The variance of their difference is ``Σ 4 v (s² (c - C)² + d V dᵀ)``. From these sums follow the
-    ratio ``√(A/B)`` over all folds and its jackknife error. `quantile` is the number of standard
-    deviations by which the ratio may vary, from the wanted power.
-    """
-    problem, evidence = search.problem, training_fit.evidence
-    groups, folds = evidence.row_groups, evidence.row_folds
-    fit = training_fit.fit(effects[0], axis)
-    h = training_fit.hypothesis(fit)
-    shared, own = (evidence.matrix(evidence.columns_of(e, axis)) for e in effects[1:])
-    shared = np.column_stack([block_diag(*(g.nuisance for g in groups)), shared])
-    weights, scale = block_diag(*(g.noise.precision[h] for g in groups)), fit.scale[h]
-    unit = np.broadcast_to(problem.error_scale, len(folds))
-    values, design = np.column_stack([evidence.matrix(added), own]), np.column_stack([shared, own])
-    q, k = len(added), shared.shape[1]
-    before, _ = fold_fits(values, weights, shared, folds)
-    after, inverses = fold_fits(values[:, :q], weights, design, folds)
-    v, before = scale * evidence.held_out_variance(h) / unit**2, before / unit[:, None]
-    c, C, d = before[:, :q], after / unit[:, None], before[:, q:]
-    kinds = np.array(problem.rows_by_kind()) & (folds[:, 0] >= 0)
-    spread, by_kind = np.zeros(len(folds)), 0.0
-    for fold, inverse in inverses.items():
-        rows, own = folds[:, 0] == fold, scale * inverse[k:, k:]
-        spread[rows] = np.einsum("na,ab,nb->n", d[rows], own, d[rows])
-        by_kind = by_kind + np.array([d[rows & kind].T @ d[rows & kind] @ own for kind in kinds])
-    # δ adds Σ δᵀ dᵀ d δ to the sum of squares of each kind; `most` is an upper quantile of it
-    most = np.trace(by_kind, axis1=1, axis2=2)
-    variance = np.maximum(2 * np.einsum("kab,kba->k", by_kind, by_kind), 0.0)
-    most = most + quantile * np.sqrt(variance)
-    lowers = np.zeros(sizes.shape, dtype=bool)
-    if np.any(most > (MARGIN**2 - 1) * (kinds @ v)):
+            B_k = Σ (v + s² c²),    A_k = Σ (v + s² C² + d V dᵀ).
+
+        The variance of their difference is ``Σ 4 v (s² (c - C)² + d V dᵀ)``. From these sums follow
+        the ratio ``√(A/B)`` over all folds and its jackknife error, see `is_below_one`.
+        """
+        evidence, quantile = self.training_fit.evidence, ndtri(self.power)
+        groups, folds, q = evidence.row_groups, evidence.row_folds, len(self.columns)
+        fit = self.fits[1]
+        h = self.training_fit.hypothesis(fit)
+        scale, weights = fit.scale[h], block_diag(*(g.noise.precision[h] for g in groups))
+        base, pattern = (
+            evidence.matrix(evidence.columns_of(e, self.axis)) for e in (self.base, (self.effect,))
+        )
+        base = np.column_stack([block_diag(*(g.nuisance for g in groups)), base])
+        columns = evidence.matrix(self.columns)
+        unit = np.broadcast_to(problem.error_scale, len(folds))[:, None]
+        c, _ = fold_fits(np.column_stack([columns, pattern]), weights, base, folds)
+        C, inverses = fold_fits(columns, weights, np.column_stack([base, pattern]), folds)
+        c, C, d = c[:, :q] / unit, C / unit, c[:, q:] / unit
+        v = scale * evidence.held_out_variance(h) / unit[:, 0] ** 2
+        # expected d V dᵀ of each row, and d V summed over the rows of each kind of residual
+        kinds = np.array(problem.rows_by_kind()) & (folds[:, 0] >= 0)
+        dVd, by_kind = np.zeros(len(folds)), 0.0
+        for fold, inverse in inverses.items():
+            rows, V = folds[:, 0] == fold, scale * inverse[base.shape[1] :, base.shape[1] :]
+            dVd[rows] = np.einsum("na,ab,nb->n", d[rows], V, d[rows])
+            by_kind = by_kind + np.array([d[rows & kind].T @ d[rows & kind] @ V for kind in kinds])
+        # δ adds Σ δᵀ dᵀ d δ to the sum of squares of each kind; `most` is an upper quantile of it
+        variance = np.maximum(2 * np.einsum("kab,kba->k", by_kind, by_kind), 0.0)
+        most = np.trace(by_kind, axis1=1, axis2=2) + quantile * np.sqrt(variance)
+        lowers = np.zeros(sizes.shape, dtype=bool)
+        if np.any(most > (MARGIN**2 - 1) * (kinds @ v)):
+            return lowers
+        for j in range(q):
+            change = (c[:, j] - C[:, j]) ** 2 / np.where(v > 0, v, 1.0)
+            # the kind of residual that the effect changes most
+            rows = kinds[np.argmax(kinds @ change)]
+            cut, noise = cut_folds(folds[rows, 0], change[rows]), v[rows]
+            square = sizes[:, [j]] ** 2
+            B = cut @ noise + square * (cut @ c[rows, j] ** 2)
+            A = cut @ (noise + dVd[rows]) + square * (cut @ C[rows, j] ** 2)
+            variance = 4 * (cut @ (noise * dVd[rows]))
+            variance = variance + 4 * square * (cut @ (noise * (c[rows, j] - C[rows, j]) ** 2))
+            lowers[:, j] = is_below_one(A, B, variance, quantile)
         return lowers
-    for j in range(q):
-        change = (c[:, j] - C[:, j]) ** 2 / np.where(v > 0, v, 1.0)
-        rows = kinds[np.argmax(kinds @ change)]
-        cut, noise, square = cut_folds(folds[rows, 0], change[rows]), v[rows], sizes[:, [j]] ** 2
-        B = cut @ noise + square * (cut @ c[rows, j] ** 2)
-        A = cut @ (noise + spread[rows]) + square * (cut @ C[rows, j] ** 2)
-        variance = 4 * (cut @ (noise * spread[rows]))
-        variance = variance + 4 * square * (cut @ (noise * (c[rows, j] - C[rows, j]) ** 2))
-        lowers[:, j] = is_below_one(A, B, variance, quantile)
-    return lowers
 
 
 def is_below_one(after, before, variance, quantile):
     """Return whether ratios of held-out errors are below one with confidence, (s,) of bool.
 
-    `before` and `after`, (s, folds), are the expected sums of squares of each fold, without and
-    with the effect; `variance`, (s, folds), is the variance of their difference. The upper end of
-    the 95 % interval has to stay below one if the ratio is `quantile` standard deviations larger.
+    Parameters
+    ----------
+    after, before : ndarray, shape (s, folds)
+        Expected sums of squares of each fold, with and without the effect, at s sizes.
+    variance : ndarray, shape (s, folds)
+        Variance of their difference.
+    quantile : float
+        Number of standard deviations by which the ratio may be larger: the upper end of its 95 %
+        interval has to stay below one even then.
     """
-    n, total = before.shape[1], (after.sum(axis=1), before.sum(axis=1))
-    ratio = np.sqrt(total[0] / total[1])
-    share = after / total[0][:, None] - before / total[1][:, None]
-    random = variance.sum(axis=1) / (total[0] * total[1])
+    n, total_after, total_before = before.shape[1], after.sum(axis=1), before.sum(axis=1)
+    ratio = np.sqrt(total_after / total_before)
+    share = after / total_after[:, None] - before / total_before[:, None]
+    random = variance.sum(axis=1) / (total_after * total_before)
     error = ratio / 2 * np.sqrt(n / (n - 1) * (share**2).sum(axis=1) + random)
     return ratio + stdtrit(n - 1, 0.975) * error + quantile * ratio / 2 * np.sqrt(random) < 1

@@ -41,8 +41,12 @@ class Component:
     kind: str = ""
 
 
-def total(fixed, components, sizes):
-    """Return the covariance ``Σ = Σ₀ + Σ_k s_k² V_k``, (n, n)."""
+def total_covariance(fixed, components, sizes):
+    """Return the covariance ``Σ = Σ₀ + Σ_k s_k² V_k`` of n residuals, (n, n).
+
+    `fixed` is Σ₀, (n, n), `components` are the k Components with the covariances V_k, and `sizes`
+    are s_k, (k,).
+    """
     covariance = np.array(fixed)
     for size, component in zip(sizes, components, strict=True):
         covariance += size**2 * component.covariance
@@ -72,8 +76,7 @@ def likely_sizes(values, jacobian, fixed, components, start=None):
     """
     if not components:
         return np.zeros(0)
-    likelihood = SizeLikelihood(jacobian, fixed, components)
-    return likelihood.maximise(values, likelihood.projection(start))
+    return SizeLikelihood(jacobian, fixed, components).maximise(values, start)
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,7 @@ class Projection:
 
 
 class SizeLikelihood:
-    """The restricted likelihood of the sizes of variance components.
+    """The restricted likelihood of the sizes of k variance components.
 
     The logarithm of likelihood times prior is
 
@@ -98,8 +101,16 @@ class SizeLikelihood:
 
     with ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``. r are the residuals and J their derivative with
     respect to the parameters. The covariance of r is ``Σ = Σ₀ + Σ_k s_k² V_k``: component k has the
-    covariance V_k, the size s_k, and the prior value s_k0 with the standard deviation σ_k. The
-    arguments are J, (n, p), Σ₀, (n, n), and at least one Component.
+    covariance V_k, the size s_k, and the prior value s_k0 with the standard deviation σ_k.
+
+    Parameters
+    ----------
+    jacobian : ndarray, shape (n, p)
+        J.
+    fixed : ndarray, shape (n, n)
+        Σ₀.
+    components : sequence of Component
+        At least one.
 
     References
     ----------
@@ -108,29 +119,23 @@ class SizeLikelihood:
     """
 
     def __init__(self, jacobian, fixed, components):
-        self.sizes = np.array([c.size for c in components])
+        self.prior_sizes = np.array([c.size for c in components])
         self.deviations = np.array([c.deviation for c in components])
         self.weight = self.deviations**-2.0
-        self.most = (self.sizes + FARTHEST * self.deviations) ** 2
+        self.largest_squares = (self.prior_sizes + FARTHEST * self.deviations) ** 2
         length = np.linalg.norm(jacobian, axis=0)
         self.jacobian, self.fixed = jacobian / np.where(length > 0, length, 1.0), fixed
         # (k, n²): a sum over all components is one matrix product
         self.covariances = np.reshape([c.covariance for c in components], (len(components), -1))
 
-    def projection(self, sizes=None):
-        """Return the Projection at some sizes, (k,), clipped to the bounds.
+    def covariance(self, squares):
+        """Return the covariance Σ, (n, n), at squares of the sizes, (k,)."""
+        return self.fixed + (squares @ self.covariances).reshape(self.fixed.shape)
 
-        By default these are the prior values, and a small size if the prior value is zero.
-        """
-        if sizes is None:
-            small = 0.3 * np.minimum(self.deviations, 1.0)
-            sizes = np.where(self.sizes > 0, self.sizes, small)
-        return self._projection(sizes**2)
-
-    def _projection(self, squares):
+    def _project(self, squares):
         """Return the Projection at squares of sizes, (k,), clipped to the bounds."""
-        n, squares = len(self.fixed), np.clip(squares, TINY**2, self.most)
-        inverse, root = precision(self.fixed + (squares @ self.covariances).reshape(n, n))
+        squares = np.clip(squares, TINY**2, self.largest_squares)
+        inverse, root = precision(self.covariance(squares))
         q, r = np.linalg.qr(solve_triangular(root, self.jacobian, lower=True))
         back = solve_triangular(root, q, lower=True, trans=1)
         matrix = inverse - back @ back.T
@@ -141,48 +146,64 @@ class SizeLikelihood:
         """Return minus the log likelihood, its gradient, (k,), and the information, (k, k).
 
         Gradient and information are those with respect to the squares of the sizes; `values` are
-        the residuals, (n,).
+        the residuals, (n,), and `projection` is the Projection at the sizes.
         """
         n, sizes = len(values), np.sqrt(projection.squares)
-        weighted, off = projection.matrix @ values, sizes - self.sizes
-        square = values @ weighted
-        loss = projection.log_det + (square + self.weight @ off**2) / 2
+        weighted, change = projection.matrix @ values, sizes - self.prior_sizes
+        chi2 = values @ weighted
+        loss = projection.log_det + (chi2 + self.weight @ change**2) / 2
         products = (self.covariances.reshape(-1, n) @ weighted).reshape(-1, n)
-        slope = (projection.trace - products @ weighted + self.weight * off / sizes) / 2
+        gradient = (projection.trace - products @ weighted + self.weight * change / sizes) / 2
         # at an upper bound the residuals may stay too large: the information is not scaled then
-        free = np.all(projection.squares < self.most)
-        excess = max(1.0, square / (n - self.jacobian.shape[1])) if free else 1.0
+        within = np.all(projection.squares < self.largest_squares)
+        excess = max(1.0, chi2 / (n - self.jacobian.shape[1])) if within else 1.0
         information = products @ projection.matrix @ products.T / (2 * excess)
-        of_prior = self.weight * self.sizes / (4 * sizes**3)
-        return loss, slope, information + np.diag(of_prior + 1e-12 * projection.trace**2)
+        of_prior = self.weight * self.prior_sizes / (4 * sizes**3)
+        return loss, gradient, information + np.diag(of_prior + 1e-12 * projection.trace**2)
 
-    def maximise(self, values, start, rise=RISE):
-        """Return the most likely sizes, (k,), for residuals `values`, (n,).
+    def maximise(self, values, start=None, rise=RISE):
+        """Return the most likely sizes, (k,), for n residuals.
 
-        Newton steps in the squares of the sizes start from the Projection `start` and stay within
-        the bounds. They use the average information ``rᵀ P V_k P V_l P r/2``, divided by the
-        reduced χ² if that is above one: the information falls by this factor when the sizes have
-        grown. Each step is damped until the likelihood rises. The search ends when it rises by
-        less than `rise`. Raises NotConverged if it still rises by more than `UNSETTLED` after the
-        last step.
+        Newton steps in the squares of the sizes stay within the bounds. They use the average
+        information ``rᵀ P V_k P V_l P r/2``, divided by the reduced χ² if that is above one: the
+        information falls by this factor when the sizes have grown. Each step is damped until the
+        likelihood rises.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n,)
+            Residuals r.
+        start : ndarray, shape (k,), optional
+            Sizes to start from. By default these are the prior values, and a small size if the
+            prior value is zero.
+        rise : float
+            The search ends when the log likelihood rises by less than this.
+
+        Raises
+        ------
+        NotConverged
+            If the likelihood still rises by more than `UNSETTLED` after the last step.
         """
-        point, damping = start, 1e-3
-        loss, slope, information = self._loss_and_derivatives(values, point)
+        if start is None:
+            small = 0.3 * np.minimum(self.deviations, 1.0)
+            start = np.where(self.prior_sizes > 0, self.prior_sizes, small)
+        point, damping = self._project(start**2), 1e-3
+        loss, gradient, information = self._loss_and_derivatives(values, point)
         for _ in range(STEPS):
             # the minimum of the quadratic approximation within the bounds
             root = np.linalg.cholesky(information + damping * np.diag(np.diag(information))).T
-            target = solve_triangular(root, -slope, trans=1)
-            bounds = TINY**2 - point.squares, self.most - point.squares
+            target = solve_triangular(root, -gradient, trans=1)
+            bounds = TINY**2 - point.squares, self.largest_squares - point.squares
             step = lsq_linear(root, target, bounds, method="bvls").x
-            if -slope @ step < rise:
+            if -gradient @ step < rise:
                 break
-            trial = self._projection(point.squares + step)
+            trial = self._project(point.squares + step)
             state = self._loss_and_derivatives(values, trial)
             if state[0] <= loss + 1e-12 * abs(loss):
-                point, (loss, slope, information), damping = trial, state, damping / 10
+                point, (loss, gradient, information), damping = trial, state, damping / 10
             else:
                 damping *= 10
         else:
-            if -slope @ step > UNSETTLED:
+            if -gradient @ step > UNSETTLED:
                 raise NotConverged(f"the size of the noise is not found in {STEPS} steps")
         return np.where(point.squares > 1.01 * TINY**2, np.sqrt(point.squares), 0.0)

@@ -1,9 +1,9 @@
 """P-values of the parameters that one fit has and another has not, averaged over hypotheses."""
 
-from dataclasses import replace
-
 import numpy as np
 from scipy.special import betainc, betaln
+
+from imuloop.estimate.training_fit import ChiSquare
 
 
 def log_f_tail(statistic, q, dof):
@@ -24,21 +24,21 @@ def log_f_tail(statistic, q, dof):
         return np.where(tail > 1e-280, np.log(tail), leading)
 
 
-def averaged_log_p(without, fit, q, hypotheses=slice(None)):
+def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
     """Return the logarithm of the p-value of the q parameters that only one of two fits has.
 
     Under each noise hypothesis the F test gives an exact p-value. The p-values are averaged with
     the probabilities of the hypotheses in the fit with the parameters. So a pattern that is as
     smooth as slow noise is not significant if the data cannot exclude this noise.
 
-    If other data say how large the noise is (`Fit.least` above zero), the average also includes
+    If other data say how large the noise is (`least_scale` above zero), the average also includes
     the probabilities in the fit without the parameters. They get the weight of that fit by
     Schwarz's criterion ``ln L - q/2 ln n``, half at most: q parameters fit some of the noise, too.
 
     Parameters
     ----------
-    without, fit : Fit
-        The `training_fit.Fit` without and with the parameters, of one fit or of m at once.
+    without, with_parameters : ChiSquare
+        χ² of the fit without and with the parameters, of one fit or of m at once.
     q : int
         Number of parameters.
     hypotheses : ndarray, shape (h,) of bool, optional
@@ -52,37 +52,40 @@ def averaged_log_p(without, fit, q, hypotheses=slice(None)):
     ----------
     G. Schwarz, Ann. Statist. 6 (1978) 461.
     """
-    drop = np.maximum(without.square - fit.square, 0.0)
+    log_sum, fit = np.logaddexp.reduce, with_parameters
+    drop = np.maximum(without.chi2 - fit.chi2, 0.0)
     tail = log_f_tail(drop / q / fit.scale, q, fit.dof)[hypotheses]
-    total = np.logaddexp.reduce
-    weight = fit.log_weight[hypotheses] - total(fit.log_weight[hypotheses])
-    if fit.least > 0:
-        plain = without.log_weight[hypotheses] - total(without.log_weight[hypotheses])
-        gain = total(plain + (without.spent - fit.spent)[hypotheses])
-        share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))
-        weight = np.logaddexp(weight + np.log1p(-np.exp(share)), plain + share)
-    return total(weight + tail)
+    log_with, log_without = (f.log_probability[hypotheses] for f in (fit, without))
+    log_weight, log_without = log_with - log_sum(log_with), log_without - log_sum(log_without)
+    if fit.least_scale > 0:
+        gain = log_sum(log_without + (without.loss - fit.loss)[hypotheses])
+        log_share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))
+        log_weight = log_weight + np.log1p(-np.exp(log_share))
+        log_weight = np.logaddexp(log_weight, log_without + log_share)
+    return log_sum(log_weight + tail)
 
 
 def log_p_values(pairs, hypotheses=slice(None)):
-    """Return the log p of each pair of Fits, a list of float, as `averaged_log_p`.
+    """Return the log p of each pair of fits, a list of float, as `averaged_log_p`.
 
-    A pair has the Fit without and the Fit with some parameters.
+    A pair has the ChiSquare of the fit without some parameters and of the fit with them.
+    `hypotheses` is as in `averaged_log_p`.
     """
     log_p, groups = [None] * len(pairs), {}
     for k, (without, fit) in enumerate(pairs):
         groups.setdefault((without.dof, fit.dof), []).append(k)
-    for (more, dof), indices in groups.items():
-        fits = [_combine([pairs[k][side] for k in indices]) for side in (0, 1)]
-        values = averaged_log_p(*fits, more - dof, hypotheses).tolist()
+    for (dof_without, dof), indices in groups.items():
+        # fits of equal degrees of freedom are tested at once
+        both = [_stack([pairs[k][side] for k in indices]) for side in (0, 1)]
+        values = averaged_log_p(*both, dof_without - dof, hypotheses).tolist()
         for k, value in zip(indices, values, strict=True):
             log_p[k] = value
     return log_p
 
 
-def _combine(fits):
-    """Return one Fit that has `square` and `log_weight`, (h, m), of m fits of equal `dof`."""
-    square, log_weight = (
-        np.stack([getattr(fit, name) for fit in fits], axis=-1) for name in ("square", "log_weight")
+def _stack(fits):
+    """Return one ChiSquare of m fits that have equal degrees of freedom, with shapes (h, m)."""
+    chi2, log_prior = (
+        np.stack([getattr(f, name) for f in fits], axis=-1) for name in ("chi2", "log_prior")
     )
-    return replace(fits[0], square=square, log_weight=log_weight)
+    return ChiSquare(chi2, log_prior, fits[0].dof, fits[0].least_scale)

@@ -1,4 +1,4 @@
-"""Held-out errors of linear fits, and the floor: the errors that the noise alone would give."""
+"""Held-out errors of linear fits, and the floor: the errors that the noise alone gives."""
 
 import numpy as np
 from scipy.special import chdtrc
@@ -10,18 +10,18 @@ SINGULAR = 1e-12
 
 
 def fold_fits(values, weights, jacobian, row_folds):
-    """Return the held-out errors: each fold is predicted by a linear fit to the other rows.
+    """Predict each fold by a linear fit to the other rows, and return the held-out errors.
 
     The fit to the training residuals r_s has the parameters ``A r_s``, with
     ``A = (Jᵀ W J)⁻¹ Jᵀ W``; W is the inverse of their covariance and J their Jacobian. The held-out
     error of the residuals r_h, with the Jacobian J_h, is ``E r = r_h - J_h A r_s``. Its covariance
-    is ``E Σ Eᵀ``. Slow noise that training and held-out rows share cancels there as far as a fitted
-    bias follows it.
+    is ``E Σ Eᵀ`` with the covariance Σ of all residuals. Slow noise that training and held-out rows
+    share cancels there as far as a fitted bias follows it.
 
     Parameters
     ----------
     values : ndarray, shape (n, m)
-        Residuals r; every column is treated alone.
+        Residuals r of n rows; each of the m columns is predicted alone.
     weights : ndarray, shape (n, n)
         Inverse of the covariance Σ of all residuals.
     jacobian : ndarray, shape (n, p)
@@ -33,8 +33,7 @@ def fold_fits(values, weights, jacobian, row_folds):
     Returns
     -------
     ndarray, shape (n, m)
-        The errors E r, zero in rows of no fold. They are linear in r, for fixed weights and
-        effects. `imuloop.estimate.choice.Choices.errors` chooses the effects again for each fold.
+        The errors E r, zero in rows of no fold. They are linear in r.
     dict of int to ndarray, shape (p, p)
         ``(Jᵀ W J)⁻¹`` of the training rows of each fold.
     """
@@ -44,11 +43,11 @@ def fold_fits(values, weights, jacobian, row_folds):
     product, information, moments = weights @ jacobian, [], []
     folds = sorted(set(row_folds[:, 0].tolist()) - {-1})
     for fold in folds:
-        held = np.flatnonzero((row_folds == fold).any(axis=1))
+        held_rows = np.flatnonzero((row_folds == fold).any(axis=1))
         # W J of the training rows, from the weights of all rows
-        block = weights[:, held]
-        weighted = product - block @ np.linalg.solve(block[held], product[held])
-        weighted[held] = 0.0
+        block = weights[:, held_rows]
+        weighted = product - block @ np.linalg.solve(block[held_rows], product[held_rows])
+        weighted[held_rows] = 0.0
         information.append(jacobian.T @ weighted)
         moments.append(weighted.T @ values)
     information = np.reshape(information, (-1, *2 * jacobian.shape[1:]))
@@ -61,22 +60,31 @@ def fold_fits(values, weights, jacobian, row_folds):
 
 
 def held_out_covariance(covariance, jacobian, row_folds, weights=None):
-    """Return the covariance of the held-out errors, (n, n), that the noise alone gives.
+    """Return the covariance of the held-out errors of n residuals, (n, n), by the noise alone.
 
-    `covariance`, (n, n), is that of the noise of the residuals, and `jacobian`, (n, p), is their
-    Jacobian; `row_folds`, (n, 2), and `weights`, (n, n), are as in `fold_fits`. The default of
-    `weights` is the inverse of the covariance.
+    Parameters
+    ----------
+    covariance : ndarray, shape (n, n)
+        Covariance of the noise of the residuals.
+    jacobian : ndarray, shape (n, p)
+        Jacobian of the residuals.
+    row_folds : ndarray, shape (n, 2)
+        Folds of each residual, as in `fold_fits`.
+    weights : ndarray, shape (n, n), optional
+        Weights of the fits to the training rows, as in `fold_fits`; by default the inverse of the
+        covariance.
     """
     weights = precision(covariance)[0] if weights is None else weights
     operator, _ = fold_fits(np.eye(len(row_folds)), weights, jacobian, row_folds)
     return operator @ covariance @ operator.T
 
 
-def chance(square, covariances):
+def exceedance_probability(square, covariances):
     """Return the probability that the sum of squares of normal errors is larger than `square`.
 
-    `covariances` has the covariance of the errors e of each independent group. The distribution of
-    ``Σ eᵀe`` is approximated by a scaled and shifted χ² of the same mean, variance and skewness.
+    `covariances` is a list with the covariance of the errors e of each independent group, (n, n).
+    The distribution of ``Σ eᵀe`` is approximated by a scaled and shifted χ² of the same mean,
+    variance and skewness.
 
     References
     ----------
@@ -90,6 +98,6 @@ def chance(square, covariances):
     return float(chdtrc(dof, max(dof + (square - moments[0]) * np.sqrt(dof / moments[1]), 0.0)))
 
 
-def size(values):
+def rms_norm(values):
     """Return the root mean square norm of n residuals of k components, (n, k), without nan."""
     return float(np.sqrt(np.nanmean((values**2).sum(axis=1))))

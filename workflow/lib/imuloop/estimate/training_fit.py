@@ -18,57 +18,60 @@ ROUNDING = 1e-12
 
 
 @dataclass(frozen=True)
-class Fit:
-    """Least squares of one axis with k columns, under each of h noise hypotheses.
+class ChiSquare:
+    """χ² of a least-squares fit under each of h noise hypotheses, and what follows from it.
 
-    Several fits that have the same number of columns can be combined into one object: `square` and
-    `log_weight` are (h, m) then, with one entry for each of the m fits.
+    It may also stand for m fits with the same degrees of freedom: then all shapes (h,) are (h, m).
     """
 
-    theta: np.ndarray  # (h, k): coefficients of the columns
-    # (h, k, k): normal matrix of the columns, each divided by its `size`
-    products: np.ndarray
-    size: np.ndarray  # (h, k): norms of the columns in the metric of the precision
-    square: np.ndarray  # (h,): χ² of the residuals
-    log_weight: np.ndarray  # (h,): logarithm of restricted likelihood times prior
+    chi2: np.ndarray  # (h,): χ² of the residuals
+    # (h,): log prior of each hypothesis, minus (log |Σ| + log |Jᵀ Σ⁻¹ J|)/2 with the covariance Σ
+    # of the rows and the Jacobian J
+    log_prior: np.ndarray
     dof: int  # degrees of freedom
-    least: float  # lower limit of `scale`
+    least_scale: float  # lower limit of `scale`
 
     @property
     def scale(self):
-        """Estimated variance of the noise over the variance of the hypothesis, (h,) or (h, m)."""
-        return np.maximum(self.least, self.square / self.dof)
+        """Estimated variance of the noise over the variance of the hypothesis, (h,)."""
+        return np.maximum(self.least_scale, self.chi2 / self.dof)
 
     @property
-    def spent(self):
-        """Term ``(dof log scale + χ²/scale)/2`` of minus the log likelihood, (h,) or (h, m)."""
-        return (self.dof * np.log(self.scale) + self.square / self.scale) / 2
-
-    @cached_property
-    def inverse(self):
-        """Covariance of the coefficients, (h, k, k), if `scale` were one."""
-        return np.linalg.inv(self.products) / self.size[:, :, None] / self.size[:, None]
+    def loss(self):
+        """Term ``(dof log scale + χ²/scale)/2`` of minus the log likelihood, (h,)."""
+        return (self.dof * np.log(self.scale) + self.chi2 / self.scale) / 2
 
     @property
-    def covariance(self):
-        """Covariance of the coefficients under each hypothesis, (h, k, k)."""
-        return self.inverse * self.scale[:, None, None]
+    def log_probability(self):
+        """Logarithm of restricted likelihood times prior of each hypothesis, (h,)."""
+        return self.log_prior - self.loss
+
+
+@dataclass(frozen=True)
+class Fit(ChiSquare):
+    """Least squares of one axis with k columns, under each of h noise hypotheses."""
+
+    # (h, k, k): normal matrix of the columns, each divided by its norm
+    normal: np.ndarray
+    norms: np.ndarray  # (h, k): norms of the columns in the metric of the precision
+    coefficients: np.ndarray  # (h, k): coefficients of the columns
 
     @property
-    def weight(self):
+    def probability(self):
         """Posterior probability of each hypothesis, (h,); the sum is one."""
-        return softmax(self.log_weight, axis=-1)
+        return softmax(self.log_probability)
 
-    def average(self, weight):
+    def average(self):
         """Return the coefficients, (k,), and their covariance, (k, k), averaged over hypotheses.
 
-        `weight`, (h,), has the probability of each hypothesis. The covariance includes the scatter
+        Each hypothesis has its posterior probability as weight. The covariance includes the scatter
         of the coefficients between hypotheses.
         """
-        values = weight @ self.theta
-        off = self.theta - values
-        spread = self.covariance + off[:, :, None] * off[:, None]
-        return values, np.einsum("h,hpq->pq", weight, spread)
+        mean = self.probability @ self.coefficients
+        change = self.coefficients - mean
+        inverse = np.linalg.inv(self.normal) / self.norms[:, :, None] / self.norms[:, None]
+        squares = inverse * self.scale[:, None, None] + change[:, :, None] * change[:, None]
+        return mean, np.einsum("h,hpq->pq", self.probability, squares)
 
 
 @dataclass
@@ -76,9 +79,12 @@ class TrainingFit:
     """Least squares of the training rows, those that are not held out.
 
     All products of columns use the precision P̃ of the training rows after the nuisance parameters
-    are projected out. For columns x and y of a group with precision P it is
-    ``xᵀ P̃ y = xᵀ P y - t_x·t_y``, where t_x, (u,), is called the correction of x. Corrections and
-    fits are stored, so that each is computed once.
+    are projected out. For columns x and y of a group of rows with precision P it is
+    ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. The vectors t_x and t_y, (u,), are called the corrections of x
+    and y. Corrections and fits are stored, so that each is computed once.
+
+    Shapes: h noise hypotheses, n rows of a group, N rows of all groups, k columns, and u parameters
+    that are projected out: one for each held-out row, and the nuisance parameters.
     """
 
     evidence: object  # the Evidence with all rows
@@ -89,7 +95,6 @@ class TrainingFit:
     # by column number: its square by the first hypothesis, with the nuisance parameters in it
     _squares: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict)
-    _steps: dict = field(default_factory=dict)
 
     @cached_property
     def _roots(self):
@@ -99,15 +104,15 @@ class TrainingFit:
         and then the derivative by the nuisance parameters. P is the precision of all rows of the
         group. R is upper triangular.
         """
-        roots = []
-        groups = zip(self.evidence.row_groups, self.evidence.sides, self.held_rows, strict=True)
-        for group, side, held_rows in groups:
+        roots, evidence = [], self.evidence
+        groups = zip(evidence.row_groups, evidence.weighted_nuisance, self.held_rows, strict=True)
+        for group, weighted_nuisance, held_rows in groups:
             if not np.all(np.any(np.delete(group.nuisance, held_rows, axis=0), axis=0)):
                 raise np.linalg.LinAlgError("a parameter that nothing seen depends on")
             normal = group.noise.precision[:, held_rows[:, None], held_rows]
-            mixed = side[:, held_rows]
-            corner = np.concatenate([np.swapaxes(mixed, 1, 2), group.nuisance.T @ side], axis=2)
-            normal = np.concatenate([np.concatenate([normal, mixed], axis=2), corner], axis=1)
+            mixed, corner = weighted_nuisance[:, held_rows], group.nuisance.T @ weighted_nuisance
+            below = np.concatenate([np.swapaxes(mixed, 1, 2), corner], axis=2)
+            normal = np.concatenate([np.concatenate([normal, mixed], axis=2), below], axis=1)
             size = np.sqrt(np.einsum("huu->hu", normal))
             lower = np.linalg.cholesky(normal / size[:, :, None] / size[:, None])
             # the transposed inverse of each lower triangle
@@ -118,8 +123,8 @@ class TrainingFit:
     @cached_property
     def free_rows(self):
         """Number of training rows minus number of nuisance parameters."""
-        groups = zip(self.evidence.row_groups, self.held_rows, strict=True)
-        return sum(len(g.values) - len(held_rows) - g.nuisance.shape[1] for g, held_rows in groups)
+        nuisances = sum(group.nuisance.shape[1] for group in self.evidence.row_groups)
+        return len(self.evidence.row_folds) - sum(map(len, self.held_rows)) - nuisances
 
     @cached_property
     def log_det(self):
@@ -132,10 +137,10 @@ class TrainingFit:
         return sum(g.noise.log_det - 2 * np.log(diagonal).sum(axis=1) for g, diagonal in diagonals)
 
     def products(self, first, second):
-        """Return the products ``Yᵀ P̃ Z`` of columns Y and Z, (h, a, b), summed over the groups.
+        """Return the products ``Yᵀ P̃ Z`` of columns Y and Z, (h, k, m), summed over the groups.
 
-        `first`, a numbers, are the columns Y and `second`, b numbers, the columns Z. With U as in
-        `_roots` a product is ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
+        `first` has the numbers of the k columns Y, and `second` those of the m columns Z. With U as
+        in `_roots` a product is ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
         """
         self._add_columns((*first, *second))
         total, by_group = 0.0, self.evidence.split(self.evidence.matrix(second))
@@ -144,26 +149,22 @@ class TrainingFit:
             total = total + self.evidence.weighted_columns(i, first) @ z - removed
         return total
 
-    def gram(self, columns):
-        """Return the products ``Zᵀ P̃ Z`` of k columns with each other, (h, k, k)."""
-        return self.products(columns, columns)
+    def _products_in_sets(self, sets):
+        """Return the products ``Zᵀ P̃ Z`` within each of s sets of q columns Z, (h, s, q, q).
 
-    def _blocks(self, sets):
-        """Return the products within each set of columns, (h, s, q, q).
-
-        `sets`, (s, q), has the numbers of q columns for each of s sets.
+        `sets`, (s, q), has the numbers of the columns.
         """
-        flat, total = tuple(sets.ravel().tolist()), 0.0
-        self._add_columns(flat)
-        for i, z in enumerate(self.evidence.split(self.evidence.matrix(flat))):
-            weighted, t = self.evidence.weighted_columns(i, flat), self.corrections(i, flat)
+        columns, total = tuple(sets.ravel().tolist()), 0.0
+        self._add_columns(columns)
+        for i, z in enumerate(self.evidence.split(self.evidence.matrix(columns))):
+            weighted, t = self.evidence.weighted_columns(i, columns), self.corrections(i, columns)
             weighted, t = (x.reshape(len(x), *sets.shape, -1) for x in (weighted, t))
             total = total + weighted @ z.T.reshape(*sets.shape, -1).swapaxes(1, 2)
             total = total - t @ np.swapaxes(t, 2, 3)
         return total
 
     def corrections(self, i, columns):
-        """Return the corrections of k columns in group i, (h, k, u)."""
+        """Return the stored corrections of k columns in group i, (h, k, u)."""
         return np.stack([self._corrections[c][i] for c in columns], axis=1)
 
     def _add_columns(self, columns):
@@ -171,18 +172,18 @@ class TrainingFit:
         new = [c for c in dict.fromkeys(columns) if c not in self._corrections]
         if not new:
             return
-        by_group, seen, full = [], 0.0, 0.0
+        by_group, squares, all_squares = [], 0.0, 0.0
         for i, z in enumerate(self.evidence.split(self.evidence.matrix(new))):
             weighted, held_rows = self.evidence.weighted_columns(i, new), self.held_rows[i]
             t = self.correction(i, slice(None), weighted)
             square = np.einsum("kn,nk->k", weighted[0], z)
-            full, seen = full + square, seen + square
-            seen = seen - (t[0, :, : len(held_rows)] ** 2).sum(axis=1)
+            all_squares = all_squares + square
+            squares = squares + square - (t[0, :, : len(held_rows)] ** 2).sum(axis=1)
             by_group.append(t)
         # a column that is zero in all training rows has a square of rounding errors only
-        seen = np.where(seen > ROUNDING * full, seen, np.inf)
+        squares = np.where(squares > ROUNDING * all_squares, squares, np.inf)
         self._corrections |= {c: [t[:, k] for t in by_group] for k, c in enumerate(new)}
-        self._squares |= dict(zip(new, seen.tolist(), strict=True))
+        self._squares |= dict(zip(new, squares.tolist(), strict=True))
 
     def release(self):
         """Free the memory of fits and products; they are recomputed if needed."""
@@ -199,15 +200,15 @@ class TrainingFit:
         result = precision @ columns
         fitted = self._roots[i][hypothesis] @ self.correction(i, hypothesis, result.T).T
         result -= precision[:, held_rows] @ fitted[: len(held_rows)]
-        result -= self.evidence.sides[i][hypothesis] @ fitted[len(held_rows) :]
+        result -= self.evidence.weighted_nuisance[i][hypothesis] @ fitted[len(held_rows) :]
         result[held_rows] = 0.0
         return result
 
     def correction(self, i, hypothesis, weighted):
         """Return the correction t, (..., u), of columns x in group i.
 
-        `weighted`, (..., n), has the products ``xᵀ P``; `hypothesis` is one index, or a slice of
-        all.
+        `weighted`, (..., n), has the products ``xᵀ P``; `hypothesis` is the index of one noise
+        hypothesis, or a slice of all.
         """
         nuisance = self.evidence.row_groups[i].nuisance
         side = np.concatenate([weighted[..., self.held_rows[i]], weighted @ nuisance], axis=-1)
@@ -216,15 +217,14 @@ class TrainingFit:
     def step_information(self, i, hypothesis):
         """Return ``xᵀ P̃ x``, (n,), of a unit step x before each row of group i.
 
-        It is the information of the group about the size of the step.
+        It is the information of the group about the size of the step. `hypothesis` is the index of
+        the noise hypothesis.
         """
-        if (i, hypothesis) not in self._steps:
-            precision = self.evidence.row_groups[i].noise.precision[hypothesis]
-            # the sum over all rows from row k on is the product with a step before row k
-            after = precision[::-1].cumsum(axis=0)[::-1]
-            removed = (self.correction(i, hypothesis, after) ** 2).sum(axis=1)
-            self._steps[i, hypothesis] = np.triu(after).sum(axis=1) - removed
-        return self._steps[i, hypothesis]
+        precision = self.evidence.row_groups[i].noise.precision[hypothesis]
+        # the sum over all rows from row k on is the product with a step before row k
+        weighted = precision[::-1].cumsum(axis=0)[::-1]
+        removed = (self.correction(i, hypothesis, weighted) ** 2).sum(axis=1)
+        return np.triu(weighted).sum(axis=1) - removed
 
     def fit(self, effects, axis):
         """Return the Fit of one axis to effects, or None if their columns are dependent."""
@@ -233,83 +233,94 @@ class TrainingFit:
             self._fits[key] = [fit for (fit,) in self.fits(effects, [()])]
         return self._fits[key][axis]
 
-    def fits(self, base, more):
-        """Return the Fits to the base effects plus each tuple of effects in `more`.
+    def fits(self, base, additions):
+        """Fit the base effects together with each of several tuples of further effects.
 
-        The result has a list for each axis, with one Fit for each tuple. It is None if the columns
-        are linearly dependent, or if there are as many columns as rows.
+        Parameters
+        ----------
+        base : tuple of Effect
+        additions : list of tuple of Effect
+
+        Returns
+        -------
+        list of list of Fit or None
+            For each axis a list with an entry for each tuple in `additions`. It is None if the
+            columns of the effects are linearly dependent, or if there are as many columns as rows.
         """
-        columns_of, groups = self.evidence.columns_of, {}
-        fits = [[None] * len(more) for _ in self.residual_columns]
-        for axis in range(len(self.residual_columns)):
+        axes, columns_of = range(len(self.residual_columns)), self.evidence.columns_of
+        fits, groups = [[None] * len(additions) for _ in axes], {}
+        for axis in axes:
             shared = columns_of(base, axis)
-            for k, effects in enumerate(more):
+            for k, effects in enumerate(additions):
                 added = columns_of(effects, axis)
                 groups.setdefault((shared, len(added)), {}).setdefault(added, []).append((axis, k))
-        for (shared, count), sets in groups.items():
+        for (shared, count), indices_by_set in groups.items():
             # axes that have the same columns share the products of these columns
-            added = np.reshape(list(sets), (len(sets), count)).astype(int)
-            for by_axis, indices in zip(self._fit(shared, added), sets.values(), strict=True):
+            sets = np.reshape(list(indices_by_set), (len(indices_by_set), count)).astype(int)
+            by_set = zip(self._fit(shared, sets), indices_by_set.values(), strict=True)
+            for by_axis, indices in by_set:
                 for axis, k in indices:
                     fits[axis][k] = by_axis and by_axis[axis]
         return fits
 
     def _fit(self, shared, sets):
-        """Return the Fits to `shared` columns plus each set of further columns.
+        """Fit `shared` columns plus each of s sets of q further columns.
 
-        `sets`, (s, q), has the numbers of q columns for each of s sets. The result has for each
-        set a list of Fits, one for each axis, or None if the columns are linearly dependent.
+        Parameters
+        ----------
+        shared : tuple of int
+            Numbers of the shared columns.
+        sets : ndarray, shape (s, q) of int
+            Numbers of the further columns.
+
+        Returns
+        -------
+        list of list of Fit, or None
+            For each set a Fit on each axis; None if the columns are linearly dependent.
         """
         axes, (count, q) = len(self.residual_columns), sets.shape
-        k, first = len(shared) + q, axes + len(shared)
-        dof, least = self.free_rows - k, self.evidence.least
+        k = len(shared) + q
+        dof = self.free_rows - k
         if dof < 1:
             return [None] * count
-        common, flat = (*self.residual_columns, *shared), tuple(sets.ravel().tolist())
-        products = self.products(common, (*common, *flat))
-        of_sets = products[:, :, first:].reshape(len(products), first, count, q)
-        of_sets = of_sets.transpose(0, 2, 3, 1)
-        gram = np.empty((len(products), count, k, k))
-        gram[:, :, : k - q, : k - q] = products[:, None, axes:, axes:first]
-        gram[:, :, k - q :, : k - q] = of_sets[..., axes:]
-        gram[:, :, : k - q, k - q :] = np.swapaxes(of_sets[..., axes:], 2, 3)
+        # products of residuals, shared columns and the columns of each set, (h, s, a + k, a + k)
+        common = (*self.residual_columns, *shared)
+        products, c = self.products(common, (*common, *sets.ravel().tolist())), len(common)
+        gram = np.empty((len(products), count, c + q, c + q))
+        gram[:, :, :c, :c] = products[:, None, :, :c]
+        gram[:, :, :c, c:] = products[:, :, c:].reshape(len(products), c, count, q).swapaxes(1, 2)
+        gram[:, :, c:, :c] = gram[:, :, :c, c:].swapaxes(2, 3)
         if q:
-            gram[:, :, k - q :, k - q :] = self._blocks(sets)
-        # products of columns and residuals, (h, s, k, axes), and squares of residuals, (h, 1, axes)
-        moment = np.broadcast_to(products[:, None, axes:, :axes], (*gram.shape[:2], k - q, axes))
-        moment = np.concatenate([moment, of_sets[..., :axes]], axis=2)
-        total = np.einsum("haa->ha", products[:, :axes, :axes])[:, None]
-        squares = np.array([[self._squares[c] for c in (*shared, *own)] for own in sets.tolist()])
-        size = np.sqrt(np.maximum(np.einsum("hskk->hsk", gram), 0.0))
-        independent = np.all(size[0] ** 2 > ABSORBED * squares.reshape(count, k), axis=1)
-        size = np.where(size > 0, size, 1.0)
-        gram, moment = gram / size[..., :, None] / size[..., None, :], moment / size[..., None]
-        independent &= np.linalg.eigvalsh(gram[0]).min(axis=1, initial=1.0) > ABSORBED
+            gram[:, :, c:, c:] = self._products_in_sets(sets)
+        normal, moment = gram[:, :, axes:, axes:], gram[:, :, axes:, :axes]
+        total = np.einsum("hsaa->hsa", gram[:, :, :axes, :axes])
+        # dependent columns, and a nearly singular matrix, give no fit
+        squares = np.array([[self._squares[c] for c in (*shared, *row)] for row in sets.tolist()])
+        norms = np.sqrt(np.maximum(np.einsum("hskk->hsk", normal), 0.0))
+        independent = np.all(norms[0] ** 2 > ABSORBED * squares.reshape(count, k), axis=1)
+        norms = np.where(norms > 0, norms, 1.0)
+        normal, moment = normal / norms[..., None] / norms[:, :, None], moment / norms[..., None]
+        independent &= np.linalg.eigvalsh(normal[0]).min(axis=1, initial=1.0) > ABSORBED
         # a singular matrix is replaced, so that the others can be solved with it
-        gram[:, ~independent] = np.eye(k)
-        theta = np.linalg.solve(gram, moment)
-        square = np.maximum(total - (theta * moment).sum(axis=2), 1e-12 * total)
-        log_det = self.log_det[:, None] + np.linalg.slogdet(gram)[1] + 2 * np.log(size).sum(axis=2)
-        theta = theta / size[..., None]
-        scale = np.maximum(least, square / dof)
-        log_weight = (self.evidence.prior[:, None] - log_det / 2)[..., None]
-        log_weight = log_weight - (dof * np.log(scale) + square / scale) / 2
-
-        def by_axis(s):
-            of_axes = ((x[:, s, ..., a] for x in (theta, square, log_weight)) for a in range(axes))
-            return [
-                Fit(theta, gram[:, s], size[:, s], square, log_weight, dof, least)
-                for theta, square, log_weight in of_axes
-            ]
-
-        return [by_axis(s) if independent[s] else None for s in range(count)]
+        normal[:, ~independent] = np.eye(k)
+        scaled = np.linalg.solve(normal, moment)
+        chi2 = np.maximum(total - (scaled * moment).sum(axis=2), 1e-12 * total)
+        coefficients = scaled / norms[..., None]
+        log_det = np.linalg.slogdet(normal)[1] + 2 * np.log(norms).sum(axis=2)
+        log_prior = (self.evidence.log_prior - self.log_det / 2)[:, None] - log_det / 2
+        fits = [None] * count
+        for s in np.flatnonzero(independent):
+            terms = log_prior[:, s], dof, self.evidence.least_scale, normal[:, s], norms[:, s]
+            fits[s] = [Fit(chi2[:, s, a], *terms, coefficients[:, s, :, a]) for a in range(axes)]
+        return fits
 
     def hypothesis(self, fit):
         """Return the index of the noise hypothesis for estimates of parameters.
 
         It is the likeliest hypothesis of a Fit that `Evidence.estimation_mask` allows.
         """
-        return int(np.argmax(np.where(self.evidence.estimation_mask, fit.log_weight, -np.inf)))
+        allowed = np.where(self.evidence.estimation_mask, fit.log_probability, -np.inf)
+        return int(np.argmax(allowed))
 
     def solve(self, effects, axis):
         """Return the estimates of one axis: nuisance parameters and coefficients of columns.
@@ -325,12 +336,11 @@ class TrainingFit:
         hypothesis = self.hypothesis(fit)
         index = self.evidence.nuisance_index
         index = hypothesis if index is None else index
-        theta = fit.theta[hypothesis]
-        nuisances = []
+        coefficients, nuisances = fit.coefficients[hypothesis], []
         for i, (root, held_rows) in enumerate(zip(self._roots, self.held_rows, strict=True)):
             t = self.corrections(i, (self.residual_columns[axis], *columns))[index]
-            nuisances.append((root[index] @ (t[0] - theta @ t[1:]))[len(held_rows) :])
-        return nuisances, theta
+            nuisances.append((root[index] @ (t[0] - coefficients @ t[1:]))[len(held_rows) :])
+        return nuisances, coefficients
 
     def parameters(self, effects, axis):
         """Return the estimates of one axis: nuisance parameters and parameters of the effects.
@@ -339,22 +349,22 @@ class TrainingFit:
         the effects are a dict of arrays, (q,), SI, by effect; they are zero where the rows of the
         axis do not depend on them.
         """
-        nuisances, theta = self.solve(effects, axis)
+        nuisances, coefficients = self.solve(effects, axis)
         parameters = {}
         for pattern in self.evidence.patterns(effects):
-            used = pattern.parameters[axis]
+            index, scale = pattern.parameters[axis], pattern.scale[axis]
             parameters[pattern.effect] = np.zeros(pattern.design.shape[2])
-            parameters[pattern.effect][used] = theta[: len(used)] / pattern.scale[axis]
-            theta = theta[len(used) :]
+            parameters[pattern.effect][index] = coefficients[: len(index)] / scale
+            coefficients = coefficients[len(index) :]
         return nuisances, parameters
 
     def residuals(self, effects, axis):
         """Return the residuals of all rows on one axis, (N,), from the fit to the training rows."""
-        nuisances, theta = self.solve(effects, axis)
+        nuisances, coefficients = self.solve(effects, axis)
         groups = zip(self.evidence.row_groups, nuisances, strict=True)
         fitted = np.concatenate([g.nuisance @ nuisance for g, nuisance in groups])
-        fitted = fitted + self.evidence.matrix(self.evidence.columns_of(effects, axis)) @ theta
-        return self.evidence.columns[self.residual_columns[axis]] - fitted
+        columns = self.evidence.matrix(self.evidence.columns_of(effects, axis))
+        return self.evidence.columns[self.residual_columns[axis]] - fitted - columns @ coefficients
 
     def estimate(self, effects, axis):
         """Return the coefficients of the effects' columns, (k,), and their covariance, (k, k).
@@ -369,50 +379,64 @@ class TrainingFit:
         if not fit.scale.any():
             # all residuals of the axis are zero, so the coefficients are exactly zero
             return np.zeros(len(columns)), np.zeros((len(columns), len(columns)))
-        information, spread = self.moments(fit, self.evidence.matrix(columns))
-        size = np.sqrt(np.diag(information))
-        inverse = np.linalg.inv(information / np.outer(size, size)) / np.outer(size, size)
-        return fit.theta[self.hypothesis(fit)], inverse @ spread @ inverse
+        information, variance = self.moments(fit, self.evidence.matrix(columns))
+        inverse = scaled_inverse(information)
+        return fit.coefficients[self.hypothesis(fit)], inverse @ variance @ inverse
 
-    def moments(self, fit, rows):
+    def moments(self, fit, columns):
         """Return the information ``Zᵀ P̃ Z`` and its variance ``Zᵀ P̃ Σ P̃ Z``, both (k, k).
 
-        `rows` are the columns Z, (N, k). The precision P̃ of the training rows is that of one
-        hypothesis, see `hypothesis`. The noise covariance Σ is averaged over all hypotheses.
+        `columns` are Z, (N, k). The precision P̃ of the training rows is that of one hypothesis of
+        the Fit, see `hypothesis`. The noise covariance Σ is averaged over all hypotheses.
         """
-        hypothesis, information, spread = self.hypothesis(fit), 0.0, 0.0
-        for i, z in enumerate(self.evidence.split(rows)):
+        hypothesis, information, variance = self.hypothesis(fit), 0.0, 0.0
+        for i, z in enumerate(self.evidence.split(columns)):
             weighted = self.apply_precision(i, hypothesis, z)
-            noise = self.evidence.row_groups[i].noise.mean(fit.weight * fit.scale)
+            noise = self.evidence.row_groups[i].noise.mean(fit.probability * fit.scale)
             information = information + z.T @ weighted
-            spread = spread + weighted.T @ noise @ weighted
-        return information, spread
+            variance = variance + weighted.T @ noise @ weighted
+        return information, variance
+
+
+def scaled_inverse(matrix):
+    """Return the inverse of a positive definite matrix, computed with ones on its diagonal."""
+    size = np.sqrt(np.diag(matrix))
+    return np.linalg.inv(matrix / np.outer(size, size)) / np.outer(size, size)
 
 
 def combined_axes(count, estimates):
-    """Return the values of p parameters, (p,), and their covariance, (p, p), from several axes.
+    """Combine the estimates of p parameters from several axes.
 
-    `count` is p. `estimates` has for each axis the indices of its parameters, their values θ_a and
-    their covariance C_a. Parameters that several axes share are averaged with the weights C_a⁻¹:
+    Parameters that several axes share are averaged with the weights C_a⁻¹:
     ``C = (Σ C_a⁻¹)⁻¹`` and ``θ = C Σ C_a⁻¹ θ_a``. Parameters of no axis are zero.
+
+    Parameters
+    ----------
+    count : int
+        The number p of parameters.
+    estimates : list of (index, ndarray, ndarray)
+        For each axis the indices of its parameters, their values θ_a and their covariance C_a.
+
+    Returns
+    -------
+    ndarray, shape (p,), and ndarray, shape (p, p)
+        The values θ and their covariance C.
     """
     values, covariance = np.zeros(count), np.zeros((count, count))
-    for index, theta, spread in estimates:
-        values[index], covariance[np.ix_(index, index)] = theta, spread
+    for index, axis_values, axis_covariance in estimates:
+        values[index], covariance[np.ix_(index, index)] = axis_values, axis_covariance
     indices = np.concatenate([np.zeros(0, int), *(index for index, _, _ in estimates)])
     # an axis that never changes has estimates of variance zero, which cannot be averaged
     estimates = [e for e in estimates if np.all(np.diag(e[2]) > 0)]
     if len(np.unique(indices)) == len(indices) or not estimates:
         return values, covariance
     precision, moment = np.zeros((count, count)), np.zeros(count)
-    for index, theta, spread in estimates:
-        size = np.sqrt(np.diag(spread))
-        inverse = np.linalg.inv(spread / np.outer(size, size)) / np.outer(size, size)
+    for index, axis_values, axis_covariance in estimates:
+        inverse = scaled_inverse(axis_covariance)
         precision[np.ix_(index, index)] += inverse
-        moment[index] += inverse @ theta
-    seen = np.flatnonzero(np.diag(precision))
-    size = np.sqrt(np.diag(precision)[seen])
-    inverse = np.linalg.inv(precision[np.ix_(seen, seen)] / np.outer(size, size))
-    covariance[np.ix_(seen, seen)] = inverse / np.outer(size, size)
-    values[seen] = covariance[np.ix_(seen, seen)] @ moment[seen]
+        moment[index] += inverse @ axis_values
+    index = np.flatnonzero(np.diag(precision))
+    block = np.ix_(index, index)
+    covariance[block] = scaled_inverse(precision[block])
+    values[index] = covariance[block] @ moment[index]
     return values, covariance

@@ -6,15 +6,12 @@ import numpy as np
 from scipy.special import chdtrc, softmax
 
 from imuloop.estimate.least_squares import chi_square
-from imuloop.estimate.residuals import chance, held_out_covariance
+from imuloop.estimate.residuals import exceedance_probability, held_out_covariance
 
 # ratio of held-out error to floor that an error of the floor itself can explain
 MARGIN = 1.25
 # verdicts after a test, from the best to the worst
 TESTED = ("consistent", "explained", "partly_explained", "unexplained")
-# number of kinds of residuals of a device, which share the significance: gravity norm, pose rate,
-# rotation, two of velocity, and for each sensor the bias at rest and the comparison to a reference
-RESIDUALS = 9
 # verdicts after which a missing effect may still be found
 LEFT = ("unexplained", "partly_explained")
 
@@ -26,62 +23,71 @@ def not_testable(why):
 
 
 @dataclass(frozen=True)
-class Judged:
-    """The residuals of one kind, compared with what the noise alone would leave."""
+class ResidualGroup:
+    """n residuals whose noise is independent of all others, with the m covariances it may have."""
+
+    values: np.ndarray  # (n,): residuals of a fit
+    jacobian: np.ndarray  # (n, p): derivative with respect to the parameters of the fit
+    covariances: list  # m arrays, (n, n): each is one alternative; the noise as estimated is first
+    row_folds: np.ndarray  # (n, 2): folds that a residual is held out with, as in `RowGroup`
+    kinds: list  # the residuals of each kind, (n,) of bool
+
+
+@dataclass(frozen=True)
+class NoiseComparison:
+    """The residuals of one kind, compared with those that the noise alone would give."""
 
     # the first two are averaged over the alternatives of the noise
     p_value: float  # probability that the noise gives so large a χ² of the fit
-    heldout: float  # probability that the noise gives so large held-out errors
-    estimated: float  # as `p_value`, with the noise as estimated, which is the first alternative
+    heldout_p_value: float  # probability that the noise gives so large held-out errors
+    p_value_as_estimated: float  # as `p_value`, with the noise as estimated
     reduced_chi2: float  # reduced χ² of the fit with the noise as estimated
 
 
-def judge(alternatives, squares, fitted=0, predicted=True):
-    """Compare residuals with what the noise alone would leave.
+def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
+    """Compare residuals with those that the noise alone would give.
 
     Parameters
     ----------
-    alternatives : list of (float, list of tuple)
-        Alternatives of the noise. Each has the logarithm of its prior probability, and a tuple for
-        each independent group of n rows: residuals, (n,), their covariance, (n, n), Jacobian,
-        (n, p), folds, (n, 2), and the rows of each kind, (n,) of bool.
+    groups : list of ResidualGroup
+        The residuals, with m alternatives of their noise.
+    log_prior : sequence of float
+        Logarithm of the prior probability of each of the m alternatives.
     squares : list of float
-        Sum of the squared held-out errors of each kind.
+        Sum of the squared held-out errors of each kind of residual.
     fitted : int
-        Number of fitted parameters that are not columns of the Jacobian.
+        Number of fitted parameters that are not columns of a Jacobian.
     predicted : ndarray, shape (n,) of bool, or True
-        Rows that have held-out errors; all by default.
+        Residuals of a group that have held-out errors; all by default.
 
     Returns
     -------
-    ndarray
+    ndarray, shape (m,)
         Posterior probability of each alternative.
-    list of Judged
+    list of NoiseComparison
         The comparison for each kind of residual.
     """
-
-    def of_predicted(covariance, rows):
-        return covariance[np.ix_(rows & predicted, rows & predicted)]
-
-    chi2, heldout, logs = [], [], []
-    for prior, groups in alternatives:
-        fits = [chi_square(values, c, jacobian, kinds) for values, c, jacobian, _, kinds in groups]
+    chi2, heldout_p_values, log_weights = [], [], []
+    rows_of_groups = [[rows & predicted for rows in group.kinds] for group in groups]
+    for m, prior in enumerate(log_prior):
+        fits = [chi_square(g.values, g.covariances[m], g.jacobian, g.kinds) for g in groups]
         chi2.append(np.sum([by_kind for by_kind, _ in fits], axis=0) - [0, fitted])
-        logs.append(prior + sum(likelihood for _, likelihood in fits))
-        spreads = [(held_out_covariance(*g[1:4]), g[4]) for g in groups]
-        heldout.append(
-            [
-                chance(square, [of_predicted(spread, rows[k]) for spread, rows in spreads])
-                for k, square in enumerate(squares)
-            ]
-        )
-    weights, judged = softmax(logs), []
-    for of_fit, of_errors in zip(np.swapaxes(chi2, 0, 1), np.transpose(heldout), strict=True):
-        p_values = [float(chdtrc(dof, square)) for square, dof in of_fit]
-        square, dof = of_fit[0]
-        means = float(weights @ p_values), float(weights @ of_errors)
-        judged.append(Judged(*means, p_values[0], float(square / dof)))
-    return weights, judged
+        log_weights.append(prior + sum(likelihood for _, likelihood in fits))
+        covariances = [
+            held_out_covariance(g.covariances[m], g.jacobian, g.row_folds) for g in groups
+        ]
+        p_values = []
+        for k, square in enumerate(squares):
+            pairs = zip(covariances, rows_of_groups, strict=True)
+            blocks = [covariance[np.ix_(rows[k], rows[k])] for covariance, rows in pairs]
+            p_values.append(exceedance_probability(square, blocks))
+        heldout_p_values.append(p_values)
+    weights, comparisons = softmax(log_weights), []
+    for fits, heldout in zip(np.swapaxes(chi2, 0, 1), np.transpose(heldout_p_values), strict=True):
+        p_values = [float(chdtrc(dof, square)) for square, dof in fits]
+        means, (square, dof) = (float(weights @ p_values), float(weights @ heldout)), fits[0]
+        comparisons.append(NoiseComparison(*means, p_values[0], float(square / dof)))
+    return weights, comparisons
 
 
 def verdict(above_before, above_after, effects):
@@ -98,17 +104,23 @@ def verdict(above_before, above_after, effects):
 def of_calibration(records, static):
     """Return the worst verdict of the records that a sensor's calibration comes from.
 
-    `records` has the content of diagnosis.json for each kind of record of the sensor. Poses and the
-    comparison to a reference always count. A static record counts if there is a static session,
-    `static`. Other records, such as motion, count if they added an effect.
+    Poses and the comparison to a reference always count. Other records, such as motion, count if
+    they added an effect.
+
+    Parameters
+    ----------
+    records : dict of str to dict
+        Content of diagnosis.json for each kind of record of the sensor.
+    static : bool
+        Whether there is a static session: then the static record counts, too.
     """
     kinds = ("poses", "reference", *["static_record"] * static)
     verdicts = [c["verdict"] for kind, c in records.items() if kind in kinds or c["effects"]]
     return max((v for v in verdicts if v in TESTED), key=TESTED.index, default="not_testable")
 
 
-def leaves(content):
-    """Return whether an effect may still be missing, by a record's content of diagnosis.json.
+def may_lack_effect(content):
+    """Return whether a record may lack an effect, from its content of diagnosis.json.
 
     It may if the verdict says so, or if only more slow noise than was estimated explains the
     residuals: a missing effect can look like slow noise.
@@ -116,7 +128,7 @@ def leaves(content):
     return content["verdict"] in LEFT or content.get("slow_noise", False)
 
 
-def above_floor(judged, share, heldout, floor, chosen):
+def above_floor(comparison, significance, heldout, floor, has_effects):
     """Return whether a residual is larger than the noise explains.
 
     It is in two cases:
@@ -125,21 +137,28 @@ def above_floor(judged, share, heldout, floor, chosen):
     - The held-out error is above its floor by more than `MARGIN`, and is too large for the noise.
       χ² does not matter here: a wrong effect fits the data that it was chosen by.
 
-    `judged` is the Judged of the residual, `share` the significance, `heldout` the held-out error
-    and `floor` the one that the noise alone predicts. `chosen` says whether the model has effects,
-    which the data chose. Without effects the first case is the main test, and the second one has a
-    tenth of the significance.
+    Parameters
+    ----------
+    comparison : NoiseComparison
+        P-values of the residual.
+    significance : float
+        Largest p-value that counts as too large a residual.
+    heldout, floor : float
+        Held-out error, and the held-out error that the noise alone predicts.
+    has_effects : bool
+        Whether the model has effects, which the data chose. Without effects the first case is the
+        main test, and the second one has a tenth of the significance.
     """
-    level = share if chosen else share / 10
-    beyond = judged.heldout < level and heldout > MARGIN * floor
-    return (judged.p_value < share and heldout > floor) or beyond
+    level = significance if has_effects else significance / 10
+    far_above = comparison.heldout_p_value < level and heldout > MARGIN * floor
+    return (comparison.p_value < significance and heldout > floor) or far_above
 
 
 def why_not_shown(kind, limits, units):
     """Return the reason, text, why these data cannot show an effect of any possible size, or None.
 
-    `kind` is the kind of effect; `limits` are its detection limits, SI, and `units` the units, both
-    by parameter.
+    `kind` is the kind of effect. `limits` are its detection limits, SI, and `units` their units,
+    both dicts by parameter.
     """
     if not limits:
         return "at no size that was tried would held-out parts confirm it for certain"

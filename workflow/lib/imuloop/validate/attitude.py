@@ -98,12 +98,12 @@ def held_out_models(diagnosed, problem):
     added. Effects are searched only if all poses together show one, as in the diagnosis. If the
     poses do not determine the accelerometer, its calibration is given.
     """
-    pair, searched = problem.sensor, bool(diagnosed.poses.choices.choice().base)
+    pair, searched = problem.joint_fit, bool(diagnosed.poses.choices.choice().effects)
     given = diagnosed.calibration
     raw = replace(given, **{s: SensorCalibration.nominal(pair.units[s], None) for s in SENSORS})
     plain = problem
-    if problem.given_effects:
-        plain = replace(problem, given_effects=(), information=None, _fits={}, _columns={})
+    if problem.nuisance_effects:
+        plain = replace(problem, nuisance_effects=(), information=None, _fits={}, _columns={})
 
     def without(problem, base, held_out):
         return replace(given, **pair.calibrations(problem.fit(base, held_out)))
@@ -170,8 +170,8 @@ def _summary(rows, method):
 
 def _rotation_floor(problem, solution):
     """Return the root mean square error of a rotation that the noise alone causes, rad."""
-    at, own = problem.sensor.linearise(solution, problem.recording), slice(len(solution.white))
-    noise = at.noise.by(problem.sensor.noise)
+    at, own = problem.joint_fit.linearise(solution, problem.recording), slice(len(solution.white))
+    noise = at.noise.by(problem.joint_fit.noise)
     covariance = held_out_covariance(noise, at.jacobian, problem.row_folds[own])
     return np.sqrt(2 * np.diag(covariance)[problem.of_kind("rotation")[own]].mean())
 

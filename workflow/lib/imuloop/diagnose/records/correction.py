@@ -13,12 +13,33 @@ from imuloop.noise.records import RecordedSession
 ROWS = 1 << 14
 
 
-def correct_samples(session, samples, log, calibration, found):
+def corrected_sessions(data, calibration, effects):
+    """Return the sessions of static records with the output of some effects subtracted.
+
+    Parameters
+    ----------
+    data : StaticData
+    calibration : Calibration
+        It computes the output ``K (raw - b)``. Effects are errors of this output.
+    effects : dict of str to sequence of FittedEffect
+        The effects of each sensor.
+
+    Returns
+    -------
+    list of RecordedSession
+    """
+    sessions = []
+    for name, samples in data.samples.items():
+        columns = correct_samples(name, samples, data.logs[name], calibration, effects)
+        sessions.append(RecordedSession(name, data.kinds[name], columns, data.segments[name]))
+    return sessions
+
+
+def correct_samples(session, samples, log, calibration, effects):
     """Return the samples of a session, by column, with the output of some effects subtracted.
 
-    `samples` and the result are in nominal SI; `log` is the Log of the same samples. `found` has
-    the FittedEffects of each sensor. They are errors of the output ``K (raw - b)``, which
-    `calibration` computes.
+    `session` is its name. `samples` and the result are in nominal SI; `log` is the Log of the same
+    samples. `calibration` and `effects` are as in `corrected_sessions`.
     """
     t, columns = log.t, {name: np.array(samples[name], dtype=float) for name in CHANNELS}
     # at rest the effects see the mean output of each sensor
@@ -26,39 +47,22 @@ def correct_samples(session, samples, log, calibration, found):
         s: getattr(calibration, s).output(np.array([[columns[name].mean() for name in names]]))
         for s, names in SENSORS.items()
     }
-    for sensor, effects in found.items():
-        if not effects:
+    for sensor, fitted in effects.items():
+        if not fitted:
             continue
         model = getattr(calibration, sensor)
-        channels = Channels(
-            t,
-            *(np.broadcast_to(levels[s], (len(t), 3)) for s in (sensor, other_sensor(sensor))),
-            log.temperature,
-            cache(partial(log.evaluate, sensor)),
+        output, other = (
+            np.broadcast_to(levels[s], (len(t), 3)) for s in (sensor, other_sensor(sensor))
         )
+        history = cache(partial(log.evaluate, sensor))
+        channels = Channels(t, output, other, log.temperature, history)
         for first in range(0, len(t), ROWS):
             rows = slice(first, first + ROWS)
-            inputs, instants = channels.map(itemgetter(rows)), np.column_stack([t[rows], t[rows]])
-            total = sum(e.effect.in_session(inputs, session, instants) @ e.vector for e in effects)
-            total *= model.raw_unit.scale / model.K
-            for name, values in zip(SENSORS[sensor], total.T, strict=True):
+            part, windows = channels.map(itemgetter(rows)), np.column_stack([t[rows], t[rows]])
+            error = sum(e.effect.in_session(part, session, windows) @ e.vector for e in fitted)
+            error *= model.raw_unit.scale / model.K
+            for name, values in zip(SENSORS[sensor], error.T, strict=True):
                 columns[name][rows] -= values
-    warmth = {} if log.temperature is None else {TEMPERATURE: log.temperature}
+    temperature = {} if log.temperature is None else {TEMPERATURE: log.temperature}
     times = {name: np.asarray(samples[name]) for name in OWN_TIME.values() if name in samples}
-    return {TIME: t, **columns, **warmth, **times}
-
-
-def corrected_sessions(data, calibration, found):
-    """Return a RecordedSession with corrected samples for each session of StaticData.
-
-    `calibration` and `found` are as in `correct_samples`.
-    """
-    return [
-        RecordedSession(
-            name,
-            data.kinds[name],
-            correct_samples(name, samples, data.logs[name], calibration, found),
-            data.segments[name],
-        )
-        for name, samples in data.samples.items()
-    ]
+    return {TIME: t, **columns, **temperature, **times}

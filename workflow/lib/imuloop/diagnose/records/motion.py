@@ -10,11 +10,10 @@ from imuloop.core.errors import plural
 from imuloop.core.precision import precision
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.content import untried
-from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnose
+from imuloop.diagnose.records.pose_diagnosis import PoseResult, diagnose_record
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
 from imuloop.effects.products import products
 from imuloop.effects.steps import Steps
-from imuloop.estimate.choice import Choices
 from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.search import kinds_of
 from imuloop.estimate.verdict import not_testable
@@ -46,116 +45,142 @@ class MotionProblem(PoseProblem):
 
     @cached_property
     def rows(self):
-        """Index of the move of each row, twice, (n, 2), and kind of each row, (N,).
+        """Index of the move of each row, in two equal columns, (n, 2), and kind of each row, (N,).
 
-        The index is -1 for rows of poses. The N - n last rows are those of a prior.
+        The index is -1 for rows of poses. The N - n last rows come from a prior.
         """
-        ends, kind = super().rows
-        move = np.searchsorted(self.recording.rotations.first, ends[:, :1])
-        at_rest = np.isin(kind[: len(ends), None], AT_RESTS)
+        poses, kind = super().rows
+        move = np.searchsorted(self.recording.rotations.first, poses[:, :1])
+        at_rest = np.isin(kind[: len(poses), None], AT_RESTS)
         return np.where(at_rest, -1, move).repeat(2, axis=1), kind
 
     @cached_property
     def error_scale(self):
         """Standard deviation of each row, (N,), by which held-out errors are divided.
 
-        It is that of the likeliest noise without effects: the noise of a move grows with its
+        It comes from the likeliest noise without effects: the noise of a move grows with its
         length, and so does the error of a missing effect.
         """
         likeliest = self.linearization().evidence.row_groups[0].noise.precision[-1]
         return np.sqrt(np.diag(precision(likeliest)[0]))
 
 
-def candidates_in_motion(given):
-    """Return the shapes to try in motion, by kind of effect, without the kinds in `given`."""
+def candidates_in_motion(nuisance_kinds):
+    """Return the shapes to try in motion, by kind of effect, without the kinds of other records.
+
+    `nuisance_kinds` are the kinds of effects that other records showed.
+    """
     shapes = {}
     for cls in Effect.library.values():
         kind = EffectKind(cls, cls.sensors[0])
-        if "motion" in cls.records and kind not in given:
+        if "motion" in cls.records and kind not in nuisance_kinds:
             shapes[kind] = tuple(SensorEffect(shape, kind.sensor) for shape in cls.shapes(None))
     return shapes
 
 
 def motion_products(sensor):
-    """Return the Products that only motion shows: those of specific force and angular rate."""
+    """Return the Products that only motion shows: products of specific force and angular rate."""
     shapes = products(sensor, "fw") if sensor == "accelerometer" else ()
     return tuple(product for product in shapes if "motion" in product.records)
 
 
-def diagnose_motion(pair, solution, recording, settings, tests, information=None):
-    """Return the PoseResult of a device in motion; it has calibrations if an effect was added.
+def diagnose_motion(poses, recording, settings, tests, information=None):
+    """Search for effects in the moves of a device, and judge the velocities that remain.
 
     Parameters
     ----------
-    pair : JointFit
-        The fit at the poses.
-    solution : Fit or None
-        Its result, with effects; None if the poses determine nothing.
+    poses : PoseResult
+        The diagnosis at the poses, with the fit to start from.
     recording : Recording
         Poses and moves.
     settings : DiagnoseSettings
     tests : int
         Number of tests of the other records, which share the significance.
     information : callable, optional
-        As `PoseProblem.information`.
+        Information of the static records, as `PoseProblem.information`.
+
+    Returns
+    -------
+    PoseResult
+        It has calibrations if an effect was added.
     """
-    if solution is None or set(pair.estimated) != set(SENSORS):
+    joint_fit, solution = poses.joint_fit, poses.solution
+    if solution is None or set(joint_fit.estimated) != set(SENSORS):
         return no_result("the poses do not determine both sensors")
     if recording.slow_force:
         why = "the accelerometer is slower than the gyroscope, and misses what a move does between"
         return no_result(f"{why} two of its samples: log both at one rate")
-    given, start = solution.effects, solution.x[:COUNT]
-    knock = knocks(recording, start[BIAS])
-    # a rest with a tilt has a velocity that is not zero
-    first, tilt = recording.rotations.first, recording.poses.tilt
-    tilts = (tilt[first] > 0) | (tilt[first + 1] > 0)
-    lossy, columns = hidden_velocity(recording, start[BIAS]) > HIDDEN, {"knock_m_s": knock}
-    quiet = (knock <= SPOILED) & ~lossy & ~tilts & ~_jumps(recording, given)
-    pair = replace(pair, factors=replace(pair.factors, quiet=quiet), start=start)
-    if quiet.sum() < LEAST_MOVES:
-        why = f"{quiet.sum()} of {plural(len(quiet), 'move')} without a knock"
-        why += " and between rests without a tilt" * bool(tilts.any())
-        if np.isnan(knock).any():
-            why += " and within the accelerometer's range"
-        why += " and without samples that are lost" * bool(lossy.any())
-        why += f", at least {LEAST_MOVES} needed{recording.lost.reason}"
-        how = WHOLE if lossy.sum() > np.sum(~(knock <= SPOILED)) else SOFTER
-        return replace(no_result(f"{why}: {how}", columns), pair=pair, solution=solution)
-    state = State(solution.x, given)
-    factors = pair.factors.without_rotation(recording, state, pair.noise)
-    pair = replace(pair, factors=factors)
-    shapes = candidates_in_motion(kinds_of(given))
+    start = solution.x[:COUNT]
+    knock, lossy, tilted = move_faults(recording, start[BIAS])
+    columns = {"knock_m_s": knock}
+    usable = (knock <= SPOILED) & ~lossy & ~tilted & ~_has_step(recording, solution.effects)
+    if usable.sum() < LEAST_MOVES:
+        return no_result(_too_few_moves(recording, usable, knock, lossy, tilted), columns)
+    state, factors = State(solution.x, solution.effects), replace(joint_fit.factors, quiet=usable)
+    factors = factors.without_rotation(recording, state, joint_fit.noise)
+    joint_fit = replace(joint_fit, factors=factors, start=start)
+    shapes = candidates_in_motion(kinds_of(solution.effects))
+    tests += settings.family * len(shapes)
+    # the last entry, at index -1, is the fold of the poses: none
+    folds = np.append(interleaved_folds(len(usable), settings.folds), -1)
+    effects, prior = solution.effects, joint_fit.known
     problem = MotionProblem(
-        pair,
-        recording,
-        shapes,
-        settings,
-        tests + settings.family * len(shapes),
-        # the last entry, at index -1, is the fold of the poses: none
-        np.append(interleaved_folds(len(quiet), settings.folds), -1),
-        given,
-        information,
-        pair.known,
+        joint_fit, recording, shapes, settings, tests, folds, effects, information, prior
     )
-    # the same residuals judge both sensors
-    kinds = {tuple(SENSORS): VELOCITY}
     try:
-        result = diagnose(Choices(problem), kinds, {}, motion_products)
+        # the same residuals judge both sensors
+        result = diagnose_record(problem, {tuple(SENSORS): VELOCITY}, {}, motion_products)
     except LinAlgError as error:
         return no_result(why_no_fit(error), columns)
     result.contents["gyroscope"]["candidates"].append(untried("time_offset", "confounded", BOTH))
     for content in result.contents.values():
-        content["moves"] = {"all": len(quiet), "left_out": int((~quiet).sum())}
+        content["moves"] = {"all": len(usable), "left_out": int((~usable).sum())}
     for name, values in result.residuals.items():
-        columns[name] = np.full(len(quiet), np.nan)
-        columns[name][quiet] = values
-    added = len(result.solution.effects) > len(given)
-    calibrations = result.calibrations if added else {}
+        columns[name] = np.full(len(usable), np.nan)
+        columns[name][usable] = values
+    has_new_effects = len(result.solution.effects) > len(solution.effects)
+    calibrations = result.calibrations if has_new_effects else {}
     return replace(result, calibrations=calibrations, residuals=columns)
 
 
-def _jumps(recording, effects):
-    """Return the moves in which a bias has a step, (m,) of bool: its time there is not known."""
+def move_faults(recording, gyroscope_bias):
+    """Return the faults that make moves unusable, for each of the m moves of a recording.
+
+    `gyroscope_bias`, (3,), is in nominal SI, rad/s.
+
+    Returns
+    -------
+    knock : ndarray, shape (m,)
+        Velocity that the move may lose between two samples, m/s, see `knocks`.
+    lossy : ndarray, shape (m,) of bool
+        Whether dropped samples may hide too large a velocity.
+    tilted : ndarray, shape (m,) of bool
+        Whether a rest before or after the move has a tilt, and so a velocity that is not zero.
+    """
+    first, tilt = recording.rotations.first, recording.poses.tilt
+    lossy = hidden_velocity(recording, gyroscope_bias) > HIDDEN
+    return knocks(recording, gyroscope_bias), lossy, (tilt[first] > 0) | (tilt[first + 1] > 0)
+
+
+def _too_few_moves(recording, usable, knock, lossy, tilted):
+    """Return the reason, text, why too few moves are usable, with a remedy.
+
+    `usable`, (m,) of bool, are the usable moves; the last arguments are as in `move_faults`.
+    """
+    why = f"{usable.sum()} of {plural(len(usable), 'move')} without a knock"
+    why += " and between rests without a tilt" * bool(tilted.any())
+    if np.isnan(knock).any():
+        why += " and within the accelerometer's range"
+    why += " and without samples that are lost" * bool(lossy.any())
+    remedy = WHOLE if lossy.sum() > np.sum(~(knock <= SPOILED)) else SOFTER
+    return f"{why}, at least {LEAST_MOVES} needed{recording.lost.reason}: {remedy}"
+
+
+def _has_step(recording, effects):
+    """Return the moves in which a bias has a step, (m,) of bool: its time there is not known.
+
+    `effects` are the SensorEffects of the model.
+    """
     mid, first = recording.poses.mid_s, recording.rotations.first
     times = [effect.effect.times[0] for effect in effects if effect.name == Steps.name]
     inside = [(mid[first] <= time) & (time <= mid[first + 1]) for time in times]
@@ -175,15 +200,15 @@ def knocks(recording, gyroscope_bias):
     """Return the velocity that each move may lose between two samples, m/s, (m,).
 
     A knock shorter than a sample interval may not be sampled. So the result is the largest
-    `unsampled_velocity` of a move, and nan if the specific force is saturated. `gyroscope_bias`,
-    (3,), is in nominal SI, rad/s.
+    `unsampled_velocity` of each of the m moves, and nan if the specific force is saturated.
+    `gyroscope_bias`, (3,), is in nominal SI, rad/s.
     """
-    lost = unsampled_velocity(recording.rotations, gyroscope_bias).max(axis=1)
-    return np.where(recording.rotations.force_clipped, np.nan, lost)
+    velocity = unsampled_velocity(recording.rotations, gyroscope_bias).max(axis=1)
+    return np.where(recording.rotations.force_clipped, np.nan, velocity)
 
 
 def hidden_velocity(recording, gyroscope_bias):
-    """Return the velocity that dropped samples of each move hide, over that of the noise, (m,).
+    """Return the velocity that dropped samples of each move may hide, divided by its noise, (m,).
 
     Specific force is interpolated over a gap, with an error of about a third of
     `unsampled_velocity`. White noise with the variance σ² of a sample gives a velocity error of
@@ -191,21 +216,21 @@ def hidden_velocity(recording, gyroscope_bias):
     nominal SI, rad/s.
     """
     rotations = recording.rotations
-    lost = unsampled_velocity(rotations, gyroscope_bias) * rotations.uneven / 3
-    variance = recording.poses.variance[rotations.first, :3].sum(axis=1)
     if not len(rotations):
         return np.zeros(0)
-    usual = np.median(rotations.steps[rotations.steps > 0])
-    noise = np.sqrt(variance * usual * (rotations.end_s - rotations.start_s))
-    return np.linalg.norm(lost, axis=1) / noise
+    errors = unsampled_velocity(rotations, gyroscope_bias) * rotations.uneven / 3
+    variance = recording.poses.variance[rotations.first, :3].sum(axis=1)
+    interval = np.median(rotations.steps[rotations.steps > 0])
+    noise = np.sqrt(variance * interval * (rotations.end_s - rotations.start_s))
+    return np.linalg.norm(errors, axis=1) / noise
 
 
 def unsampled_velocity(rotations, gyroscope_bias):
-    """Return the velocity that each sample interval may hide, m/s, (m, k - 1).
+    """Return the velocity that each sample interval of m moves may hide, m/s, (m, k - 1).
 
     It is ``|Δf + w × f Δt| Δt`` for the change Δf of specific force over the interval Δt, without
-    the change that the turn at the angular rate w makes. `gyroscope_bias`, (3,), is in nominal SI,
-    rad/s.
+    the change that the turn at the angular rate w makes. `rotations` are the Rotations, with k
+    samples each; `gyroscope_bias`, (3,), is in nominal SI, rad/s.
     """
     f, w, steps = rotations.f, rotations.w - gyroscope_bias, rotations.steps[..., None]
     change = np.diff(f, axis=1) + np.cross(midpoints(w), midpoints(f)) * steps

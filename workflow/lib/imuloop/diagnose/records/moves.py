@@ -12,7 +12,7 @@ from imuloop.estimate.search import Search
 MOVED = 1e-3
 
 
-def separate(records, least):
+def cut_at_tilts(records, least):
     """Return the StaticRecords of an accelerometer, cut where a disturbance tilted the device.
 
     A tilt changes the means of an accelerometer, and it is no effect of the sensor. A record is cut
@@ -20,30 +20,29 @@ def separate(records, least):
     included, and if the magnitude of gravity is the same. A piece with fewer than `least` windows
     is left out.
     """
-    edges = [(r, float(t)) for r in records for t in _edges(r)]
-    if not edges:
+    steps = [Steps((t,), (r.session,)) for r in records for t in _disturbances(r)]
+    if not steps:
         return list(records)
-    settings = DiagnoseSettings(significance=MOVED)
-    search = Search(StaticProblem(records, {}, settings, len(edges)), frozenset())
-    steps, base = [Steps((t,), (r.session,)) for r, t in edges], ()
+    problem = StaticProblem(records, {}, DiagnoseSettings(significance=MOVED), len(steps))
+    search, significant = Search(problem, frozenset()), ()
     while True:
-        trials = search.tests(base, [s for s in steps if s not in base])
+        trials = search.tests(significant, [s for s in steps if s not in significant])
         best = min((t for t in trials if t), key=lambda t: t.log_p, default=None)
-        if best is None or best.log_p >= search.threshold(len(base)):
+        if best is None or best.log_p >= search.threshold(len(significant)):
             break
-        base = (*base, best.effect)
-    jumps, pieces = fitted_effects(search, base), []
+        significant = (*significant, best.effect)
+    jumps, pieces = fitted_effects(search, significant), []
     for record in records:
-        starts, times, last = record.windows[:, 0], [], -np.inf
-        own = [jump for jump in jumps if jump.effect.sessions == (record.session,)]
-        for jump in sorted(own, key=lambda jump: jump.effect.times):
+        starts, cuts, last = record.windows[:, 0], [], -np.inf
+        in_record = [jump for jump in jumps if jump.effect.sessions == (record.session,)]
+        for jump in sorted(in_record, key=lambda jump: jump.effect.times):
             (t,) = jump.effect.times
             before = (starts >= last) & (starts < t)
             if is_tilt(jump, record.values[before].mean(axis=0)):
-                times.append(t)
+                cuts.append(t)
             last = t
-        number = np.searchsorted(times, starts, side="right")
-        pieces += [record.part(number == k) for k in np.unique(number)]
+        piece = np.searchsorted(cuts, starts, side="right")
+        pieces += [record.part(piece == k) for k in np.unique(piece)]
     return [piece for piece in pieces if len(piece.windows) >= least]
 
 
@@ -60,9 +59,12 @@ def is_tilt(jump, level):
     return bool(abs(along) <= 3 * np.linalg.norm(level / size * std))
 
 
-def _edges(record):
-    """Return the start times, s, of stretches with enough windows in them and just before them."""
+def _disturbances(record):
+    """Return the times, s, of disturbances with enough windows just before and after them, a list.
+
+    They are the starts of the undisturbed stretches that follow them.
+    """
     first = np.flatnonzero(np.diff(record.stretch)) + 1
     sizes = np.diff(np.concatenate([[0], first, [len(record.windows)]]))
-    far = (sizes[:-1] >= BESIDE) & (sizes[1:] >= BESIDE)
-    return record.windows[first[far], 0]
+    enough = (sizes[:-1] >= BESIDE) & (sizes[1:] >= BESIDE)
+    return record.windows[first[enough], 0].tolist()

@@ -12,7 +12,7 @@ from imuloop.core.errors import plural
 from imuloop.core.samples import SENSORS
 from imuloop.core.sphere import count_attitudes
 from imuloop.diagnose.candidates import candidates
-from imuloop.diagnose.content import residual_entry, search_content, size_of, untried
+from imuloop.diagnose.content import residuals_content, search_content, size_of, untried
 from imuloop.diagnose.records.pose_problem import PoseProblem, interleaved_folds
 from imuloop.diagnose.records.pose_tables import residual_columns
 from imuloop.diagnose.records.scan import pose_step
@@ -24,7 +24,13 @@ from imuloop.estimate.joint_fit import JointFit
 from imuloop.estimate.least_squares import Fit, why_no_fit
 from imuloop.estimate.residuals import held_out_covariance
 from imuloop.estimate.search import kinds_of
-from imuloop.estimate.verdict import RESIDUALS, judge, leaves, not_testable, verdict
+from imuloop.estimate.verdict import (
+    LEFT,
+    ResidualGroup,
+    compare_with_noise,
+    may_lack_effect,
+    not_testable,
+)
 from imuloop.factors.factors import OF_SENSOR, VELOCITY
 from imuloop.model.effects import EffectKind, SensorEffect
 
@@ -49,7 +55,7 @@ class PoseResult:
     """The diagnosis of both sensors at the poses, or in motion."""
 
     contents: dict  # content of diagnosis.json, by sensor
-    pair: JointFit | None = None  # None if the poses determine no sensor
+    joint_fit: JointFit | None = None  # None if the poses determine no sensor
     # the fit with the added effects; None if nothing could be fitted
     solution: Fit | None = None
     calibrations: dict = field(default_factory=dict)  # calibration of each fitted sensor
@@ -60,98 +66,108 @@ class PoseResult:
     rejected: dict = field(default_factory=dict)
 
 
-def pose_candidates(sensor, recording, found=()):
+def pose_candidates(sensor, recording, static_effects=()):
     """Return the shapes to try on a sensor at the poses, and the effects that are not tried.
 
     Both are dicts by type of effect: a tuple of shapes, and a status with its reason. Effects of
-    the sensor in `found` are in neither. Both are empty without poses.
+    the sensor in `static_effects`, SensorEffects that static records showed, are in neither. Both
+    are empty without poses.
     """
     poses = recording.poses
     if not len(poses):
         return {}, {}
     other = poses.w if sensor == "accelerometer" else poses.f
     channels = recording.pose_channels(sensor, lambda y: y, other)
-    available, others = candidates(sensor, "poses", channels)
+    shapes, reasons = candidates(sensor, "poses", channels)
     if np.ptp(poses.session):
-        del available[Steps]
-        others[Steps] = ("not_available", "a step is looked for in poses of one session")
-    for cls in [e.kind.cls for e in found if e.sensor == sensor]:
-        available.pop(cls, None)
-        others.pop(cls, None)
-    return available, others
+        del shapes[Steps]
+        reasons[Steps] = ("not_available", "a step is looked for in poses of one session")
+    for cls in [e.kind.cls for e in static_effects if e.sensor == sensor]:
+        shapes.pop(cls, None)
+        reasons.pop(cls, None)
+    return shapes, reasons
 
 
-def pose_problem(pair, recording, settings, tests, found=(), information=None, sensors=None):
+def pose_problem(joint_fit, recording, settings, tests, static_effects=(), information=None):
     """Return the PoseProblem of a device with interleaved folds.
 
-    Effects are tried on `sensors`, by default on all estimated ones. `found` and `information` are
-    the attributes `given_effects` and `information` of PoseProblem.
-    """
-    shapes, scans = {}, {}
-    for sensor in pair.estimated if sensors is None else sensors:
-        for cls, own in pose_candidates(sensor, recording, found)[0].items():
-            if cls is Steps:
-                scans[EffectKind(cls, sensor)] = partial(pose_step, sensor)
-            else:
-                shapes[EffectKind(cls, sensor)] = tuple(
-                    SensorEffect(shape, sensor) for shape in own
-                )
-    folds, rows = interleaved_folds(len(recording.poses), settings.folds), pair.known
-    return PoseProblem(
-        pair, recording, shapes, settings, tests, folds, tuple(found), information, rows, scans
-    )
-
-
-def diagnose_poses(pair, reasons, recording, settings, tests, found=(), information=None):
-    """Return the PoseResult of a device.
+    Effects are tried on the fitted sensors that have enough poses and turns.
 
     Parameters
     ----------
-    pair : JointFit or None
-        The fit to start from; None if the poses determine no sensor.
-    reasons : dict of str to str
-        Reason why a sensor is not in the fit, by sensor.
+    joint_fit : JointFit
+        The fit to start from.
     recording : Recording
         Poses and rotations.
     settings : DiagnoseSettings
     tests : int
         Number of tests that share the significance.
-    found : sequence of SensorEffect
-        Effects that static records showed; every fit estimates them.
+    static_effects : sequence of SensorEffect
+        Effects that static records showed; every fit estimates those of the fitted sensors.
     information : callable, optional
-        As `PoseProblem.information`.
+        Information of the static records, as `PoseProblem.information`.
+    """
+    shapes, scans, few = {}, {}, too_few(recording)
+    for sensor in (s for s in joint_fit.estimated if s not in few):
+        for cls, tried in pose_candidates(sensor, recording, static_effects)[0].items():
+            kind = EffectKind(cls, sensor)
+            if cls is Steps:
+                scans[kind] = partial(pose_step, sensor)
+            else:
+                shapes[kind] = tuple(SensorEffect(shape, sensor) for shape in tried)
+    folds = interleaved_folds(len(recording.poses), settings.folds)
+    nuisances = tuple(e for e in static_effects if e.sensor in joint_fit.estimated)
+    prior = joint_fit.known
+    return PoseProblem(
+        joint_fit, recording, shapes, settings, tests, folds, nuisances, information, prior, scans
+    )
+
+
+def diagnose_poses(problem, reasons):
+    """Search for effects of both sensors at the poses, and judge the residuals that remain.
+
+    Parameters
+    ----------
+    problem : PoseProblem or None
+        The poses, from `pose_problem`; None if they determine no sensor.
+    reasons : dict of str to str
+        Reason why a sensor is not in the fit, by sensor.
+
+    Returns
+    -------
+    PoseResult
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
-    if pair is None:
+    if problem is None:
         return PoseResult(contents)
-    found = [e for e in found if e.sensor in pair.estimated]
-    few = too_few(recording)
-    contents |= {s: not_testable(few[s]) for s in pair.estimated if s in few}
-    tested = [sensor for sensor in pair.estimated if sensor not in few]
-    problem = pose_problem(pair, recording, settings, tests, found, information, tested)
+    joint_fit, recording = problem.joint_fit, problem.recording
+    sensors, static_effects, few = joint_fit.estimated, problem.nuisance_effects, too_few(recording)
+    contents |= {s: not_testable(few[s]) for s in sensors if s in few}
+    tested = [sensor for sensor in sensors if sensor not in few]
     try:
         if not tested:
-            result = PoseResult(contents, pair, *final_solution(problem, ()))
+            result = PoseResult(contents, joint_fit, *final_solution(problem, ()))
         else:
             kinds = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
-            others = {s: pose_candidates(s, recording, found)[1] for s in tested}
-            choices = Choices(problem)
-            result = diagnose(choices, kinds, others, partial(pose_products, recording))
+            not_tried = {s: pose_candidates(s, recording, static_effects)[1] for s in tested}
+            result = diagnose_record(problem, kinds, not_tried, partial(pose_products, recording))
             result = replace(result, contents=contents | result.contents)
     except LinAlgError as error:
         why = why_no_fit(error)
-        return PoseResult(contents | {s: not_testable(why) for s in tested}, pair)
-    for effect in (e for e in found if e.sensor in tested):
+        return PoseResult(contents | {s: not_testable(why) for s in tested}, joint_fit)
+    for effect in (e for e in static_effects if e.sensor in tested):
         entry = untried(effect.name, "added", "found in the static record")
         result.contents[effect.sensor]["candidates"].append(entry)
     rejected = rejections(result, recording)
     if not rejected:
         return result
-    if "accelerometer" in rejected or "accelerometer" not in pair.estimated:
+    if "accelerometer" in rejected or "accelerometer" not in sensors:
         lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
-        return PoseResult(contents | lost, pair, rejected=rejected)
-    alone, how = pair.of_sensors(["accelerometer"]), (recording, settings, tests)
-    again = diagnose_poses(alone, reasons | rejected, *how, found, information)
+        return PoseResult(contents | lost, joint_fit, rejected=rejected)
+    accelerometer = joint_fit.of_sensors(["accelerometer"])
+    settings, tests, information = problem.settings, problem.tests, problem.information
+    alone = pose_problem(accelerometer, recording, settings, tests, static_effects, information)
+    again = diagnose_poses(alone, reasons | rejected)
     return replace(again, rejected=rejected | again.rejected)
 
 
@@ -161,12 +177,12 @@ def too_few(recording):
     A sensor that can be tested is not in the result.
     """
     poses, turns, lost = len(recording.poses), len(recording.rotations), recording.lost
-    start, count = "calibrated; too few", count_attitudes(recording.poses.f, APART)
-    if poses < TESTABLE or count < ATTITUDES:
+    start, attitudes = "calibrated; too few", count_attitudes(recording.poses.f, APART)
+    if poses < TESTABLE or attitudes < ATTITUDES:
         few = f"{start} poses to test for missing effects: {plural(poses, 'pose')} found, "
         few += f"{TESTABLE} needed"
         if poses >= TESTABLE:
-            few += f" in {ATTITUDES} attitudes, not {count}"
+            few += f" in {ATTITUDES} attitudes, not {attitudes}"
         return {"accelerometer": few + lost.rests_reason, "gyroscope": few + lost.reason}
     if turns < TESTABLE_TURNS:
         few = f"{start} turns to test for missing effects: {plural(turns, 'turn')} between poses, "
@@ -182,7 +198,7 @@ def rejections(result, recording):
     """
     rejected = {}
     if result.solution is not None:
-        rejected = contradictions(result.pair, result.solution, recording)
+        rejected = contradictions(result.joint_fit, result.solution, recording)
     for sensor in result.calibrations:
         # a step that is in the model leaves no large residuals
         residuals = result.contents[sensor]["residuals"].values()
@@ -197,158 +213,203 @@ def rejections(result, recording):
 def pose_products(recording, sensor):
     """Return the Products to try on a sensor at poses and rotations.
 
-    An accelerometer has those of specific force only, since at rest the angular rate is zero.
+    An accelerometer has products of specific force only: at rest the angular rate is zero.
     """
     channels = recording.pose_channels(sensor, lambda y: y, recording.poses.f)
     reference = whole_degrees(channels) if span(channels) > LEAST_SPAN else None
     return products(sensor, "f" if sensor == "accelerometer" else "wf", reference)
 
 
-def diagnose(choices, kinds_by_sensors, others, formulas):
-    """Return the PoseResult of the Choices of a record that can be tested.
+def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
+    """Search for effects in a record and judge the residuals that remain.
 
     Parameters
     ----------
-    choices : Choices
-        The searches in the record.
+    problem : PoseProblem
+        The rows of the record.
     kinds_by_sensors : dict of tuple to tuple
         Kinds of residuals by the sensors, a tuple of names, that these residuals judge.
-    others : dict of str to dict
+    reasons : dict of str to dict
         By sensor, status and reason of the effects that are not tried.
     formulas : callable
         Takes a sensor; returns the Products to try if its residuals are still above their floor
         with all other effects.
+
+    Returns
+    -------
+    PoseResult
     """
-    result, contents, more = judge_records(choices, kinds_by_sensors), {}, {}
-    for sensor in (s for s, content in result.contents.items() if leaves(content)):
-        if own := formulas(sensor):
-            more[EffectKind(Product, sensor)] = tuple(SensorEffect(shape, sensor) for shape in own)
-    if more:
-        choices = Choices(choices.problem.with_formulas(more))
+    result, formulas_by_kind = judge_records(Choices(problem), kinds_by_sensors), {}
+    for sensor in (s for s, content in result.contents.items() if may_lack_effect(content)):
+        if shapes := formulas(sensor):
+            kind = EffectKind(Product, sensor)
+            formulas_by_kind[kind] = tuple(SensorEffect(shape, sensor) for shape in shapes)
+    if formulas_by_kind:
+        choices = Choices(problem.with_formulas(formulas_by_kind))
         result = judge_records(choices, kinds_by_sensors)
-    fitted = fitted_effects(result)
-    for sensor, own in result.contents.items():
-        why_not = others.get(sensor, {})
-        contents[sensor] = own | search_content(choices, fitted, why_not, sensor)
-    return replace(result, contents=contents, pair=choices.problem.sensor, choices=choices)
+    fitted = {(s, f.effect): f for s, c in result.calibrations.items() for f in c.effects}
+    added = [fitted[e.sensor, e.effect] for e in result.choices.choice().effects]
+    contents = {
+        sensor: content | search_content(result.choices, added, reasons.get(sensor, {}), sensor)
+        for sensor, content in result.contents.items()
+    }
+    return replace(result, contents=contents)
 
 
 def judge_records(choices, kinds_by_sensors):
     """Compare the residuals of a record with their floors; return a PoseResult.
 
     Its contents have the verdict and the residuals by sensor, but no effects and candidates yet.
-    `choices` are the Choices of the record; `kinds_by_sensors` has the kinds of residual that judge
-    a sensor, a tuple, by a tuple of the names of the sensors that they judge together.
+    `choices` are the Choices of the record; `kinds_by_sensors` is as in `diagnose_record`.
     """
-    problem, errors = choices.problem, choices.errors(choices.nested_choice)
-    contents, columns = {}, {}
+    errors, contents, columns = choices.errors(choices.nested_choice), {}, {}
     for sensors, kinds in kinds_by_sensors.items():
-        content, more = judged_residuals(choices, kinds, errors, sensors)
+        content, columns_of_kinds = judge_sensors(choices, sensors, kinds, errors)
         contents |= dict.fromkeys(sensors, content)
-        columns |= more
-    fit = final_solution(problem, choices.choice().base)
-    return PoseResult(contents, problem.sensor, *fit, choices, columns)
+        columns |= columns_of_kinds
+    fit = final_solution(choices.problem, choices.choice().effects)
+    return PoseResult(contents, choices.problem.joint_fit, *fit, choices, columns)
 
 
-def fitted_effects(result):
-    """Return a list with the FittedEffect of each effect that the Choices of a PoseResult added."""
-    fitted = {(s, f.effect): f for s, c in result.calibrations.items() for f in c.effects}
-    return [fitted[e.sensor, e.effect] for e in result.choices.choice().base]
+def judge_sensors(choices, sensors, kinds, errors):
+    """Compare the residuals that judge some sensors with their floors.
 
+    Residuals 'before' are those without the added effects of these sensors.
 
-def judged_residuals(choices, kinds, errors, sensors=()):
-    """Return verdict and residuals of a PoseProblem, for some kinds of residual.
+    Parameters
+    ----------
+    choices : Choices
+        Searches and choice of effects for a PoseProblem of N rows.
+    sensors : tuple of str
+    kinds : tuple of str
+        Kinds of residuals.
+    errors : ndarray, shape (N, 1)
+        Held-out errors with all added effects.
 
-    The first result is a dict with the verdict and the residuals for diagnosis.json; the second one
-    has the columns of `residual_columns`. Residuals 'before' are those without the added effects of
-    the `sensors`; by default without all added effects. `errors`, (N, 1), are the held-out errors
-    with all added effects.
+    Returns
+    -------
+    dict
+        Fields of diagnosis.json: ``verdict``, ``slow_noise`` and ``residuals``.
+    dict of str to ndarray
+        Columns of these kinds, as from `residual_columns`.
     """
-    problem, added = choices.problem, choices.choice().base
-    pair, settings = problem.sensor, problem.settings
-    others = tuple(e for e in added if sensors and e.sensor not in sensors)
-    more = len(others) < len(added)
-    plain = choices.errors_with(kinds_of(others)) if more else errors
-    predicted = np.isfinite(plain) & np.isfinite(errors)
-    errors = [np.where(predicted, each, np.nan) for each in (plain, errors)]
-    base = problem.linearization(others if more else added)
-    final = problem.linearization(added)
-    groups, both = [problem.of_kind(kind) for kind in kinds], []
-    # without added effects 'before' and 'after' are the same
-    for about, held_out in ((final, errors[1]), (base, errors[0]))[: 1 + more]:
-        alternatives = [
-            (prior, [(about.values, covariance, about.jacobian, problem.row_folds, groups)])
-            for prior, covariance in about.alternatives
-        ]
-        squares = [np.nansum(held_out[rows] ** 2) for rows in groups]
-        both.append(judge(alternatives, squares, predicted=predicted[:, 0]))
+    problem, added = choices.problem, choices.choice().effects
+    effects_before = tuple(e for e in added if e.sensor not in sensors)
+    has_effects = len(effects_before) < len(added)
+    errors_before = choices.errors_with(kinds_of(effects_before)) if has_effects else errors
+    predicted = np.isfinite(errors_before) & np.isfinite(errors)
+    errors = [np.where(predicted, e, np.nan) for e in (errors_before, errors)]
+    before, after = problem.linearization(effects_before), problem.linearization(added)
+    weights, comparisons = compare_rows(problem, after, kinds, errors[1])
+    comparisons_before = comparisons
+    if has_effects:
+        _, comparisons_before = compare_rows(problem, before, kinds, errors[0])
     # the floor uses the probabilities of the alternatives in the fit with effects
-    (weights, judged_final), (_, judged_base) = both[0], both[-1]
-    how = base.jacobian, problem.row_folds
-    spreads = (held_out_covariance(c, *how) for _, c in final.alternatives)
-    floors = [np.where(predicted, np.diag(spread)[:, None], np.nan) for spread in spreads]
+    arguments = before.jacobian, problem.row_folds
+    floors = [np.diag(held_out_covariance(c, *arguments))[:, None] for c in after.covariances]
+    floors = np.where(predicted, floors, np.nan)
     floor = np.tensordot(weights, floors, 1)
-    share = settings.significance / RESIDUALS / settings.family
-    residuals, above, slow = {}, (False, False), False
-    for k, (kind, rows) in enumerate(zip(kinds, groups, strict=True)):
-        unit = pair.kinds[kind][0]
-        judged = judged_base[k], judged_final[k]
-        entry, found = residual_entry(problem, kind, unit, rows, judged, errors, floor, share, more)
-        above = np.logical_or(above, found)
-        if kind != "rotation" or not problem.recording.rotations.aliased.any():
-            slow |= judged[1].estimated < share
-        sizes = (size_of(problem, kind, np.sqrt(v[rows])) for v in floors)
-        likely = [s for s, weight in zip(sizes, weights, strict=True) if weight >= NEGLIGIBLE]
-        likely.append(entry["floor"])
-        residuals[kind] = entry | {
-            "floor_range": [min(likely), max(likely)],
-            "in_sample_before": size_of(problem, kind, base.values[rows][:, None]),
-            "in_sample_after": size_of(problem, kind, final.values[rows][:, None]),
-        }
-        if kind == "rotation":
-            residuals[kind] |= undersampled(problem, final.solution, entry["floor"])
-    found = {
-        "verdict": verdict(*above, more),
-        "slow_noise": bool(slow and not above[1]),
-        "residuals": residuals,
-    }
-    if found["verdict"] == "unexplained" and MOVED.intersection(kinds):
+    units = {kind: problem.joint_fit.kinds[kind][0] for kind in kinds}
+    pair = comparisons_before, comparisons
+    content = residuals_content(problem, units, pair, errors, floor, has_effects)
+    for kind, entry in content["residuals"].items():
+        rows = problem.of_kind(kind)
+        sizes = [size_of(problem, kind, np.sqrt(f[rows])) for f in floors[weights >= NEGLIGIBLE]]
+        sizes.append(entry["floor"])
+        entry["floor_range"] = [min(sizes), max(sizes)]
+        entry["in_sample_before"] = size_of(problem, kind, before.values[rows][:, None])
+        entry["in_sample_after"] = size_of(problem, kind, after.values[rows][:, None])
+    if "rotation" in kinds:
+        entry = content["residuals"]["rotation"]
+        entry |= undersampled(problem, after.solution, entry["floor"])
+    p_values = {k: c.p_value_as_estimated for k, c in zip(kinds, comparisons, strict=True)}
+    if problem.recording.rotations.aliased.any():
+        # turns that were sampled too slowly have their own error, which is not slow noise
+        p_values.pop("rotation", None)
+    significant = any(p < problem.settings.residual_significance for p in p_values.values())
+    content["slow_noise"] = significant and content["verdict"] not in LEFT
+    if content["verdict"] == "unexplained" and MOVED.intersection(kinds):
         moved = problem.recording.poses.tilt > 0
         if moved.mean() >= MOVED_RESTS:
             why = f"the device moved in {moved.sum()} of {plural(len(moved), 'rest')}, and what is "
-            found |= {"verdict": "not_testable", "why": why + STILL}
+            content |= {"verdict": "not_testable", "why": why + STILL}
     # held-out errors get the sign of the residuals of the fit
-    signed = (*(-e[:, 0] for e in errors), base.values, final.values)
-    return found, residual_columns(problem, kinds, signed, floor[:, 0])
+    signed = (*(-e[:, 0] for e in errors), before.values, after.values)
+    return content, residual_columns(problem, kinds, signed, floor[:, 0])
+
+
+def compare_rows(problem, linearization, kinds, errors):
+    """Compare the residuals of a fit of all poses with the noise.
+
+    Parameters
+    ----------
+    problem : PoseProblem
+        It has N rows.
+    linearization : Linearization
+        The fit, with m alternatives of the noise.
+    kinds : sequence of str
+        Kinds of residuals.
+    errors : ndarray, shape (N, 1)
+        Held-out errors with the effects of the fit; nan in rows that are not predicted.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Probability of each alternative.
+    list of NoiseComparison
+        The comparison for each kind.
+    """
+    rows, fit = [problem.of_kind(kind) for kind in kinds], linearization
+    group = ResidualGroup(fit.values, fit.jacobian, fit.covariances, problem.row_folds, rows)
+    squares = [np.nansum(errors[of_kind] ** 2) for of_kind in rows]
+    return compare_with_noise([group], fit.log_prior, squares, predicted=np.isfinite(errors[:, 0]))
 
 
 def undersampled(problem, solution, floor):
     """Return the error of the rotations by slow sampling, if it exceeds all other noise.
 
-    The result has one field, ``undersampled``, or none. It has the ``error`` by sampling and that
-    of all ``others``, rad, the sample rate, and the rate ``enough_hz`` at which both would be
-    equal: the variance by sampling falls with the rate as the spectrum of the turns does. Both
-    errors come from the noise as estimated; together they are not larger than the `floor`, rad.
+    Both errors come from the noise as estimated.
+
+    Parameters
+    ----------
+    problem : PoseProblem
+    solution : Fit
+        The fit of all poses.
+    floor : float
+        Held-out error of the rotations that the noise alone gives, rad. It limits both errors
+        together.
+
+    Returns
+    -------
+    dict
+        One field, ``undersampled``, or none. It has the ``error`` by sampling and that of all
+        ``others``, rad, the sample rate ``rate_hz``, and the rate ``enough_hz`` at which both would
+        be equal: the variance by sampling falls with the rate as the spectrum of the turns does.
     """
-    sensor, recording, rotations = problem.sensor, problem.recording, problem.recording.rotations
+    joint_fit, recording = problem.joint_fit, problem.recording
+    rotations = recording.rotations
     if not rotations.aliased.any():
         return {}
-    noise = sensor.linearise(solution, recording).noise
-    covariances = [noise.by(sensor.noise, aliasing) for aliasing in (True, False)]
-    sums = (np.diag(covariance)[-2 * len(rotations) :].sum() for covariance in covariances)
-    whole, others = (total / len(rotations) for total in sums)
-    own, rate = min(whole, floor**2) - others, 1 / np.median(rotations.steps[rotations.steps > 0])
-    if own <= others:
+    noise, variances = joint_fit.linearise(solution, recording).noise, []
+    for aliasing in (True, False):
+        covariance = noise.by(joint_fit.noise, aliasing)
+        variances.append(np.diag(covariance)[-2 * len(rotations) :].sum() / len(rotations))
+    total, others = variances
+    sampling = min(total, floor**2) - others
+    if sampling <= others:
         return {}
-    enough = rate * (own / others) ** (1 / np.average(rotations.fall, weights=rotations.aliased))
-    found = {"error": own**0.5, "others": others**0.5, "rate_hz": rate, "enough_hz": enough}
-    return {"undersampled": {name: float(value) for name, value in found.items()}}
+    rate = 1 / np.median(rotations.steps[rotations.steps > 0])
+    fall = np.average(rotations.fall, weights=rotations.aliased)
+    enough = rate * (sampling / others) ** (1 / fall)
+    names = "error", "others", "rate_hz", "enough_hz"
+    values = map(float, (sampling**0.5, others**0.5, rate, enough))
+    return {"undersampled": dict(zip(names, values, strict=True))}
 
 
-def final_solution(problem, base):
-    """Return the Fit of all poses with the base effects, and the calibrations from it, by sensor.
+def final_solution(problem, effects):
+    """Return the Fit of all poses with some effects, and the calibrations from it, by sensor.
 
     The covariance of the calibrations includes the uncertainty of the noise.
     """
-    solution = problem.linearization(base).solution
-    return solution, problem.sensor.calibrations(solution, problem.covariance(base))
+    solution = problem.linearization(effects).solution
+    return solution, problem.joint_fit.calibrations(solution, problem.covariance(effects))

@@ -19,7 +19,7 @@ COMPONENTS = {
 
 
 def _of_residual(kind):
-    """Return the names of the columns of one kind of residual."""
+    """Return the names of the columns of one kind of residual, a list."""
     ends = ("", *(f"_{component}" for component in COMPONENTS[kind]))
     return [*(f"{kind}_{error}{end}" for error in ERRORS for end in ends), f"{kind}_floor"]
 
@@ -42,8 +42,18 @@ MOVES = _PLACE | dict.fromkeys(_OF_MOVE, float)
 def residual_columns(problem, kinds, errors, floor):
     """Return the columns of some kinds of residuals, a dict of arrays in SI.
 
-    Each column has an entry per pose or move. `errors`, four arrays (N,), are in the order of
-    `ERRORS`; `floor`, (N,), is the variance of the held-out errors that the noise alone gives.
+    Each column has an entry per pose or move.
+
+    Parameters
+    ----------
+    problem : PoseProblem
+        It has N rows.
+    kinds : sequence of str
+        Kinds of residuals.
+    errors : sequence of ndarray, shape (N,)
+        Four errors of each row, in the order of `ERRORS`.
+    floor : ndarray, shape (N,)
+        Variance of the held-out errors that the noise alone gives.
     """
     table = {}
     for kind in kinds:
@@ -111,10 +121,17 @@ def no_tables():
 
 
 def _place(poses, indices, names, times):
-    """Return the columns session, number of the pose in it, start and end.
+    """Return the columns session, number of the pose in the session, start and end.
 
-    `indices` selects poses; `times` has the start and end of these poses, or of the moves that
-    start at them.
+    Parameters
+    ----------
+    poses : Poses
+    indices : slice or ndarray of int
+        The poses of the table, or those at which its moves start.
+    names : list of str
+        Names of the sessions.
+    times : Poses or Rotations
+        It has the start and end of these poses or moves, s.
     """
     number = np.arange(len(poses)) - np.searchsorted(poses.session, poses.session)
     return {

@@ -9,106 +9,156 @@ from imuloop.core.samples import SENSORS
 from imuloop.core.tables import joined
 from imuloop.diagnose.records.pose_tables import no_tables
 from imuloop.estimate.error_ratio import ratio_interval
-from imuloop.estimate.residuals import size
-from imuloop.estimate.verdict import RESIDUALS, not_testable, verdict
+from imuloop.estimate.residuals import rms_norm
+from imuloop.estimate.verdict import not_testable, verdict
 from imuloop.model.effect import OUTPUT
 
 FEW = f"fewer than {LEAST_WINDOWS} windows in which a reference is compared"
 
 
 def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
-    """Return the fields of diagnosis.json by sensor, and the columns of reference.parquet.
+    """Compare a device with the reference of the sessions that have one.
 
-    The fields are an empty dict without a session with a reference, and “not testable” where too
-    few windows can be compared. `sessions` has ``kind``, ``samples``
-    and ``segments`` of each session by name; `noise` is the NoiseModel, `gravity` local gravity,
-    m/s^2, `tests` the number of tests of the other records, which share the significance, and
-    `calibration` the Calibration from these records.
+    Parameters
+    ----------
+    sessions : dict of str to dict
+        ``kind``, ``samples`` and ``segments`` of each session by name.
+    noise : NoiseModel
+    gravity : float
+        Local gravity, m/s^2.
+    settings : DiagnoseSettings
+    tests : int
+        Number of tests of the other records, which share the significance.
+    calibration : Calibration
+        The calibration from the other records.
+
+    Returns
+    -------
+    dict
+        Fields of diagnosis.json by sensor; empty without a session with a reference, and
+        “not testable” where too few windows can be compared.
+    dict of str to ndarray
+        Columns of reference.parquet.
     """
     content, tables = dict.fromkeys(SENSORS, not_testable(FEW)), [no_tables()["reference"]]
     if "reference_motion" not in [session["kind"] for session in sessions.values()]:
         return {}, *tables
     logs = read_reference(sessions, calibration)
-    windows = windows_of([*logs.values()], gravity, calibration)
-    if not windows:
+    windows_by_sensor = windows_of([*logs.values()], gravity, calibration)
+    if not windows_by_sensor:
         return content, *tables
-    found, (log, *others), count = fit_set_up(windows, noise), windows[0].logs, settings.folds
-    tests += settings.family * sum(len(w.effects) for w in windows)
+    set_up, (log, *other_logs) = fit_set_up(windows_by_sensor, noise), windows_by_sensor[0].logs
+    tests += settings.family * sum(len(w.effects) for w in windows_by_sensor)
     # a fold is a whole session, or a stretch of time where there is one session
-    folds = found.of_windows(lambda w: w.session if others else count * w.first // len(log.t))
-    for w in windows:
-        block, columns = _judged(found, w, folds, settings, tests)
-        block["set_up"] = _of_sessions(found, w, logs, getattr(calibration, w.sensor))
-        content[w.sensor], number = block, np.searchsorted(w.session, w.session)
-        columns |= {"session": np.array([*logs], object)[w.session], "start_s": w.t[:, 0]}
-        columns |= {"pose": np.arange(len(number)) - number, "end_s": w.t[:, -1]}
-        tables.append(dict.fromkeys(tables[0], np.full(len(number), np.nan)) | columns)
+    count = settings.folds
+    folds = set_up.of_windows(lambda w: w.session if other_logs else count * w.first // len(log.t))
+    for windows in windows_by_sensor:
+        sensor, session = windows.sensor, windows.session
+        content[sensor], columns = _diagnose_sensor(set_up, windows, folds, settings, tests)
+        sensor_calibration = getattr(calibration, sensor)
+        content[sensor]["set_up"] = _by_session(set_up, windows, logs, sensor_calibration)
+        number = np.arange(len(session)) - np.searchsorted(session, session)
+        columns |= {"session": np.array([*logs], object)[session], "pose": number}
+        columns |= {"start_s": windows.t[:, 0], "end_s": windows.t[:, -1]}
+        tables.append(dict.fromkeys(tables[0], np.full(len(session), np.nan)) | columns)
     return content, joined(tables)
 
 
-def _judged(found, w, folds, settings, tests):
-    """Return the fields of diagnosis.json of one sensor, and its columns of reference.parquet.
+def _diagnose_sensor(set_up, windows, folds, settings, tests):
+    """Test the effects of the set-up on one sensor and compare its residuals with their floor.
 
-    `found` is the fit of the set-up, `w` the Windows of the sensor, and `folds` the fold of each
-    row.
+    Parameters
+    ----------
+    set_up : SetUp
+        The fit of the set-up, with N rows of all sensors.
+    windows : Windows
+        Windows of the sensor.
+    folds : ndarray, shape (N,)
+        Fold of each row.
+    settings : DiagnoseSettings
+    tests : int
+        Number of tests that share the significance.
+
+    Returns
+    -------
+    dict
+        Fields of diagnosis.json.
+    dict of str to ndarray
+        Columns of reference.parquet with an entry per window.
     """
-    rows = found.of_windows(lambda each: np.full(len(each.session), each is w))
-    after, scale = found.errors(folds)[rows, None], np.sqrt(found.variance[rows, None])
+    rows = set_up.of_windows(lambda w: np.full(len(w.session), w is windows))
+    after, scale = set_up.errors(folds)[rows, None], np.sqrt(set_up.variance[rows, None])
     effects, candidates, added, chance = [], [], [], settings.significance / tests
-    for name, units in w.effects.items():
-        at = w.shared[[[*w.units].index(name) for name in units]].tolist()
-        own, before = found.covariance[np.ix_(at, at)], found.errors(folds, at)[rows, None]
+    for name, units in windows.effects.items():
+        index = windows.shared[[[*windows.units].index(name) for name in units]].tolist()
+        covariance = set_up.covariance[np.ix_(index, index)]
+        before = set_up.errors(folds, index)[rows, None]
         interval = ratio_interval(folds[rows], before / scale, after / scale)
-        p_value = chdtrc(len(at), found.x[at] @ np.linalg.solve(own, found.x[at]))
-        entry = {"name": name, "p_value": float(p_value), "residual": w.kind}
-        entry |= _parameters(units, found.x[at], own) | {"heldout_after": size(_norm(after))}
+        values, q = set_up.x[index], len(index)
+        p_value = chdtrc(q, values @ np.linalg.solve(covariance, values))
+        entry = {"name": name, "p_value": float(p_value), "residual": windows.kind}
+        entry |= _parameters(units, values, covariance) | {"heldout_after": _size(after)}
         passed = p_value < chance and interval[1] < 1
         if passed:
-            added = added + at
-            effects.append(entry | {"heldout_before": size(_norm(before)), "ratio_ci95": interval})
+            added = added + index
+            effects.append(entry | {"heldout_before": _size(before), "ratio_ci95": interval})
         # size, in standard errors, at which χ² passes the test with the wanted power
-        least = chndtrinc(chdtri(len(at), chance), len(at), 1 - settings.power) ** 0.5
+        least = chndtrinc(chdtri(q, chance), q, 1 - settings.power) ** 0.5
         entry["detection_limit"] = {name: least * std for name, std in entry["std"].items()}
         entry["why"] = "fitted; ratio of held-out errors {:.3f} to {:.3f}".format(*interval)
         entry |= {"status": "added" if passed else "rejected", "confounded_with": None}
         candidates.append(entry)
-    floor, above = np.sqrt(found.floor[rows]), []
-    residual = {"unit": w.unit, "n": len(w.session), "floor": size(_norm(floor))}
-    columns = {"residual": np.full(len(w.session), w.kind, object)}
-    columns[f"{w.kind}_floor"] = _norm(floor)[:, 0]
+    floor, above = np.sqrt(set_up.floor[rows]), []
+    residual = {"unit": windows.unit, "n": len(windows.session), "floor": _size(floor)}
+    columns = {"residual": np.full(len(windows.session), windows.kind, object)}
+    columns[f"{windows.kind}_floor"] = _norm(floor)
+    dof = max(len(floor) - len(windows.shared) - windows.places.size, 1)
     for key, without in (("before", added), ("after", [])):
-        held, fitted = (found.errors(p, without)[rows] for p in (folds, np.full_like(folds, -1)))
-        dof = max(len(floor) - len(w.shared) - w.places.size, 1)
-        chi2 = ((fitted / floor) ** 2).sum()
-        residual |= {key: size(_norm(held)), f"chi2_{key}": float(chi2 / dof)}
-        columns[f"{w.kind}_{key}"] = _norm(held)[:, 0]
-        share = settings.significance / RESIDUALS / settings.family
-        above.append(chdtrc(dof, chi2) < share and residual[key] > residual["floor"])
-    content = {"verdict": verdict(*above, bool(added)), "residuals": {w.kind: residual}}
+        heldout = set_up.errors(folds, without)[rows]
+        in_sample = set_up.errors(np.full_like(folds, -1), without)[rows]
+        chi2 = ((in_sample / floor) ** 2).sum()
+        residual |= {key: _size(heldout), f"chi2_{key}": float(chi2 / dof)}
+        columns[f"{windows.kind}_{key}"] = _norm(heldout)
+        too_large = chdtrc(dof, chi2) < settings.residual_significance
+        above.append(too_large and residual[key] > residual["floor"])
+    content = {"verdict": verdict(*above, bool(added)), "residuals": {windows.kind: residual}}
     content |= {"effects": effects, "candidates": candidates, "confounded": []}
     return content, columns
 
 
-def _of_sessions(found, w, logs, calibration):
-    """Return bias b, nominal SI, and mounting, a rotation vector m, rad, for each session."""
-    names, units = ("bx", "by", "bz", "mx", "my", "mz"), [OUTPUT[w.sensor]] * 3 + ["rad"] * 3
+def _by_session(set_up, windows, logs, calibration):
+    """Return bias b, nominal SI, and mounting, a rotation vector m, rad, for each session.
+
+    The result has the fields of diagnosis.json by name of the session. `set_up` is the fit of the
+    set-up, `windows` the Windows of the sensor, `logs` has the ReferenceLog of each session, and
+    `calibration` is the SensorCalibration.
+    """
+    names, units = ("bx", "by", "bz", "mx", "my", "mz"), [OUTPUT[windows.sensor]] * 3 + ["rad"] * 3
     content, units = {}, dict(zip(names, units, strict=True))
-    back = np.linalg.inv(calibration.T * calibration.K / calibration.raw_unit.scale)
-    for (name, log), at in zip(logs.items(), w.places[:, :6], strict=True):
-        bias = calibration.raw_unit.to_si(calibration.b) + back @ found.x[at[:3]]
-        turn = Rotation.from_matrix(log.frame) * Rotation.from_rotvec(found.x[at[3:]])
-        values = np.append(bias, turn.as_rotvec())
-        content[name] = _parameters(units, values, found.covariance[np.ix_(at, at)])
+    to_nominal = np.linalg.inv(calibration.T * calibration.K / calibration.raw_unit.scale)
+    for (name, log), index in zip(logs.items(), windows.places[:, :6], strict=True):
+        bias = calibration.raw_unit.to_si(calibration.b) + to_nominal @ set_up.x[index[:3]]
+        mounting = Rotation.from_matrix(log.frame) * Rotation.from_rotvec(set_up.x[index[3:]])
+        values = np.append(bias, mounting.as_rotvec())
+        content[name] = _parameters(units, values, set_up.covariance[np.ix_(index, index)])
     return content
 
 
 def _parameters(units, values, covariance):
-    """Return the fields of diagnosis.json for parameters: values, standard errors and units."""
-    found = {"parameters": values, "std": np.sqrt(np.diag(covariance))}
-    found = {k: dict(zip(units, v.tolist(), strict=True)) for k, v in found.items()}
-    return found | {"units": units, "constants": {}}
+    """Return the fields of diagnosis.json for p parameters: values, standard errors and units.
+
+    `units` is a dict by parameter; `values`, (p,), and `covariance`, (p, p), are in these units.
+    """
+    std = np.sqrt(np.diag(covariance))
+    values, std = (dict(zip(units, x.tolist(), strict=True)) for x in (values, std))
+    return {"parameters": values, "std": std, "units": units, "constants": {}}
 
 
 def _norm(errors):
-    """Return the norms of residuals of three components, (3 m,) or (3 m, 1), as (m, 1)."""
-    return np.linalg.norm(errors.reshape(-1, 3), axis=1, keepdims=True)
+    """Return the norms, (m,), of m residuals of three components, (3 m,)."""
+    return np.linalg.norm(errors.reshape(-1, 3), axis=1)
+
+
+def _size(errors):
+    """Return the root mean square norm of m residuals of three components, (3 m,) or (3 m, 1)."""
+    return rms_norm(errors.reshape(-1, 3))

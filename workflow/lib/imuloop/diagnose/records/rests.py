@@ -23,8 +23,8 @@ class StaticData:
     """Samples at rest."""
 
     kinds: dict  # kind of each session that is used, by name
-    samples: dict  # Samples of each, nominal SI
-    segments: dict  # segments of each, from `rests_to_use`
+    samples: dict  # Samples of each session, nominal SI
+    segments: dict  # segments of each session, from `rests_to_use`
 
     @cached_property
     def logs(self):
@@ -35,7 +35,7 @@ class StaticData:
         """Return a list with a StaticRecord of one sensor for each power cycle of all sessions.
 
         `calibration` computes the output ``K (raw - b)``. `mean_time`, s, is the wanted length of a
-        window; 0 gives the shortest windows that `window_length` allows.
+        window; 0 gives the shortest windows that are allowed.
         """
         records = []
         for name, table in self.segments.items():
@@ -52,20 +52,18 @@ def read_static(sessions):
     """
     kinds = {name: s["kind"] for name, s in sessions.items()}
     segments = {n: read_columns(s["segments"], COLUMNS) for n, s in sessions.items()}
-    used = rests_to_use(kinds, segments)
-    return StaticData(
-        {name: kinds[name] for name in used},
-        {name: Samples(sessions[name]["samples"]) for name in used},
-        used,
-    )
+    segments = rests_to_use(kinds, segments)
+    samples = {name: Samples(sessions[name]["samples"]) for name in segments}
+    return StaticData({name: kinds[name] for name in segments}, samples, segments)
 
 
 def rests_to_use(kinds, segments):
     """Return the segments that are the static records of a device, by session.
 
     They are all segments of the static sessions in which the device did not move. Without such a
-    session, they are the longest rest of all other sessions, if it lasts `LONG_REST`. `kinds` and
-    `segments` are by session; the result has the `COLUMNS` of each session that is used.
+    session, they are the longest rest of all other sessions, if it lasts `LONG_REST`. `kinds` has
+    the kind and `segments` the table of segments of each session; the result has the `COLUMNS` of
+    the segments of each session that is used.
     """
     tables = {n: {c: np.asarray(t[c]) for c in COLUMNS} for n, t in segments.items()}
     rests = [
@@ -73,11 +71,8 @@ def rests_to_use(kinds, segments):
         for name, table in tables.items()
         for row in np.flatnonzero(table["kind"] == STATIC)
     ]
-    static = {
-        name: tables[name]
-        for _, name, _ in rests
-        if kinds[name] == "static" and MOTION not in tables[name]["kind"]
-    }
+    names = [name for _, name, _ in rests if kinds[name] == "static"]
+    static = {name: tables[name] for name in names if MOTION not in tables[name]["kind"]}
     seconds, name, row = max(rests, key=lambda rest: rest[0], default=(0.0, "", 0))
     if static or seconds < LONG_REST:
         return static

@@ -21,31 +21,41 @@ MOST_TIMES, CLOSE = 50, 0.01
 def residuals_by_record(search, base, axis):
     """Return the residuals of one axis after a fit of the base effects.
 
-    The result is a list of the residuals of each record, (n,), the degrees of freedom of the fit,
-    and the index of the likeliest noise hypothesis. The residuals are divided by the estimated size
-    of this noise, so that they have the covariance of the hypothesis.
+    `search` is the Search, and `base` has the effects that are in the model already.
+
+    Returns
+    -------
+    list of ndarray, shape (n,)
+        Residuals of each record, divided by the estimated size of the noise, so that they have the
+        covariance of the noise hypothesis.
+    int
+        Degrees of freedom of the fit.
+    int
+        Index of the likeliest noise hypothesis.
     """
     training_fit = search.training_fit(base)
     fit, columns = training_fit.fit(base, axis), training_fit.evidence.columns_of(base, axis)
-    hypothesis = int(np.argmax(fit.log_weight))
-    left = training_fit.evidence.matrix((training_fit.residual_columns[axis], *columns))
-    left = left @ np.append(1.0, -fit.theta[hypothesis]) / np.sqrt(fit.scale[hypothesis])
-    return training_fit.evidence.split(left), fit.dof, hypothesis
+    hypothesis = int(np.argmax(fit.log_probability))
+    matrix = training_fit.evidence.matrix((training_fit.residual_columns[axis], *columns))
+    residuals = matrix @ np.append(1.0, -fit.coefficients[hypothesis])
+    residuals /= np.sqrt(fit.scale[hypothesis])
+    return training_fit.evidence.split(residuals), fit.dof, hypothesis
 
 
-def best_steps(search, base, hopeful=False):
+def best_steps(search, base, may_give_up=False):
     """Return the Trial of the best number of steps of the bias, or None.
 
     Steps are added one by one, each at the time that is clearest with the others in the model. The
     search ends if one more step does not lower log p. A single one of two steps may not be
     significant, because the other looks like a random walk: so a second step is tried even then.
-    With `hopeful` it is not tried if log p of the first is above `HOPELESS`.
+    With `may_give_up` it is not tried if log p of the first is above `HOPELESS`. `base` has the
+    effects that are in the model already.
     """
     best, steps, tries, shapes = None, (), 0.0, ()
     for number in range(1, MOST_STEPS + 1):
         log_p, step, count = most_promising_step(search, base + shapes, steps)
         tries += np.log(max(count, 1) / number)
-        if not step or (hopeful and number == 1 and log_p + np.log(3) + tries > HOPELESS):
+        if not step or (may_give_up and number == 1 and log_p + np.log(3) + tries > HOPELESS):
             break
         steps = (*steps, step)
         shapes = (joined(steps),)
@@ -60,62 +70,65 @@ def most_promising_step(search, base, earlier=()):
     """Return log p of the step that one axis shows most clearly, the step, and the number of tries.
 
     Windows close to the `earlier` steps are not tried. The step is None if no window is left.
+    `base` has the effects that are in the model, those steps included.
     """
-    steps, training_fit, places = [(0.0, 3, None)], search.training_fit(base), []
+    steps, training_fit = [(0.0, 3, None)], search.training_fit(base)
+    starts, count = [], 0
     for i, record in enumerate(search.problem.records):
         rows = np.delete(np.arange(len(record.windows)), training_fit.held_rows[i])
         windows, length = record.windows[rows], np.median(record.length)
         rows = rows[BESIDE : len(rows) - BESIDE + 1]
-        for one in earlier:
-            if one.sessions == (record.session,):
-                distance = np.abs(record.windows[rows, 0] - one.times[0]) - one.spans[0] / 2
+        for step in earlier:
+            if step.sessions == (record.session,):
+                distance = np.abs(record.windows[rows, 0] - step.times[0]) - step.spans[0] / 2
                 rows = rows[distance > (BESIDE - 0.5) * length]
         if len(rows):
-            places.append((i, record, windows, length, rows))
-    count = WITHIN * sum(len(rows) for *_, rows in places)
+            starts.append((i, record, windows, length, rows))
+            count += WITHIN * len(rows)
     for axis in range(3):
-        left_by_record, dof, hypothesis = residuals_by_record(search, base, axis)
+        residuals, dof, hypothesis = residuals_by_record(search, base, axis)
         most, step = -1.0, None
-        for i, record, windows, length, rows in places:
-            left, starts = left_by_record[i], record.windows[rows, 0]
-            weighted = training_fit.apply_precision(i, hypothesis, left[:, None])[:, 0]
+        for i, record, windows, length, rows in starts:
+            weighted = training_fit.apply_precision(i, hypothesis, residuals[i][:, None])[:, 0]
+            # a step at the start of a window, for all windows at once
             score = weighted[::-1].cumsum()[::-1][rows]
-            gain = _chi_square_drops(score, training_fit.step_information(i, hypothesis)[rows])
+            drop = _chi_square_drops(score, training_fit.step_information(i, hypothesis)[rows])
             # the time of the step is refined within the two windows next to the best start
-            within = starts[np.argmax(gain)] + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
-            shares = share_after(record.windows, within)
-            gains = _chi_square_drops(
-                weighted @ shares,
-                np.einsum("nf,nf->f", shares, training_fit.apply_precision(i, hypothesis, shares)),
-            )
-            if gains.max() > most:
-                time, span = span_between(within[np.argmax(gains)], windows)
-                most, step = gains.max(), Steps((time,), (record.session,), (span,))
+            start = record.windows[rows[np.argmax(drop)], 0]
+            times = start + length * np.arange(-1, 1 + 1 / WITHIN, 1 / WITHIN)
+            shares = share_after(record.windows, times)
+            weighted_shares = training_fit.apply_precision(i, hypothesis, shares)
+            information = np.einsum("nf,nf->f", shares, weighted_shares)
+            drops = _chi_square_drops(weighted @ shares, information)
+            if drops.max() > most:
+                time, span = span_between(times[np.argmax(drops)], windows)
+                most, step = drops.max(), Steps((time,), (record.session,), (span,))
         if step:
             steps.append((log_f_tail(most, 1, dof - 1), axis, step))
     log_p, _, step = min(steps, key=lambda s: s[:2])
     return log_p, step, count
 
 
-def pose_step(sensor, search, base, hopeful=False):
+def pose_step(sensor, search, base, may_give_up=False):
     """Return the Trial of the step of a sensor's bias that poses show most clearly, or None.
 
     Times in the middle of the poses are tried first. If the best of them is clearer than chance,
     times ever closer to it are tried, since a step may lie within a pose or between two. The tests
     use the noise as estimated: under the likeliest noise, the residuals that a step causes in the
-    turns would count as noise. `hopeful` changes nothing here: the first times are quick to test.
+    turns would count as noise. `base` has the effects that are in the model already. `may_give_up`
+    changes nothing: the first times are quick to test.
     """
-    middle, count = search.problem.recording.poses.mid_s, POSES_BESIDE[sensor]
-    if len(middle) < 2 * count:
+    middle, least = search.problem.recording.poses.mid_s, POSES_BESIDE[sensor]
+    if len(middle) < 2 * least:
         return None
-    inner = middle[count - 1 : len(middle) - count + 1]
+    inner = middle[least - 1 : len(middle) - least + 1]
     number = np.linspace(0, len(inner) - 1, min(len(inner), MOST_TIMES))
     times = np.interp(number, np.arange(len(inner)), inner)
     spacing, tries = np.diff(times).max() / 2, np.log(2 * WITHIN * len(times))
-    estimated = search.training_fit(base).evidence.as_estimated_mask
+    as_estimated = search.training_fit(base).evidence.as_estimated_mask
     while True:
         shapes = [SensorEffect(Steps((float(t),)), sensor) for t in times]
-        trials = [t for t in search.tests(base, shapes, estimated) if t]
+        trials = [t for t in search.tests(base, shapes, as_estimated) if t]
         if not trials:
             return None
         clearest = min(trials, key=lambda t: t.log_p)
@@ -130,7 +143,7 @@ def span_between(time, windows):
     """Return the middle and the length, s, of the gap between two windows that a time lies in.
 
     The data cannot tell two step times in one gap apart. A time within a window is returned
-    unchanged, with length zero. `windows`, (n, 2), has start and end of each window, s.
+    unchanged, with length zero. `windows`, (n, 2), has start and end of each of n windows, s.
     """
     after = np.searchsorted(windows[:, 1], time, side="right")
     if 0 < after < len(windows) and time <= windows[after, 0]:
@@ -146,5 +159,5 @@ def _chi_square_drops(score, information):
     of the columns, in the metric of the precision.
     """
     # a column that the level of the record explains has a square of rounding errors only
-    seen = information > 1e-9 * information.max()
-    return np.where(seen, score**2, 0.0) / np.where(seen, information, 1.0)
+    shown = information > 1e-9 * information.max()
+    return np.where(shown, score**2, 0.0) / np.where(shown, information, 1.0)

@@ -3,7 +3,6 @@
 import numpy as np
 
 from imuloop.core.noise_model import AxisNoise, Coefficient
-from imuloop.core.precision import precision
 from imuloop.estimate.evidence import Hypotheses
 
 # ratio of neighbouring variances of flicker, and of random walk, on the grid
@@ -44,4 +43,4 @@ def hypotheses(windows, grid):
     `windows`, (n, 2), are start and end of each window, s; `grid`, (g, 2), is from `ratios`.
     """
     white, flicker, walk = (unit_noise(name).mean_covariance(windows) for name in "NBK")
-    return Hypotheses.of(precision(white + b * flicker + k * walk) for b, k in grid)
+    return Hypotheses.of(white + b * flicker + k * walk for b, k in grid)

@@ -20,8 +20,9 @@ from imuloop.model.effect import FittedEffect
 class StaticProblem:
     """The static records of one sensor, as a problem for `imuloop.estimate.choice.Choices`.
 
-    A row is the mean over one window, on the three axes of the sensor. Each record is a group of
-    rows with its own level, since bias and attitude change from one power cycle to the next.
+    One of the N rows is the mean over one window, on the three axes of the sensor. Each record is a
+    group of rows with its own level, since bias and attitude change from one power cycle to the
+    next. The methods and properties are the same as those of `PoseProblem`.
     """
 
     records: tuple  # StaticRecords; a session with several power cycles has several
@@ -40,32 +41,20 @@ class StaticProblem:
         return self.settings.blocks
 
     @cached_property
-    def fold_of_windows(self):
-        """Fold of each window, a list with one array, (n,), per record.
-
-        A fold is one stretch of time in each record. It is at a different place in each record, so
-        that the start of one record is predicted from the starts of the others.
-        """
-        n = len(self.records)
-        return [
-            (fold_in_time(r, self.folds) + i * self.folds // n) % self.folds
-            for i, r in enumerate(self.records)
-        ]
-
-    @property
     def fold_of_row(self):
-        """Fold of each row, (N,)."""
-        return np.concatenate(self.fold_of_windows)
+        """Fold of each row, (N,).
 
-    @property
-    def session(self):
-        """Name of the session of each row, (N,)."""
-        return np.concatenate([np.repeat(r.session, len(r.windows)) for r in self.records])
-
-    @property
-    def row_folds(self):
-        """Folds of each row, (N, 2), as in `RowGroup`: there is no second one."""
-        return _pairs(self.fold_of_row)
+        A fold is one stretch of time in each record; all folds of a record have equal time at rest.
+        It is at a different place in each record, so that the start of one record is predicted from
+        the starts of the others.
+        """
+        folds = []
+        for i, record in enumerate(self.records):
+            # middle of each window as a share of the time at rest
+            share = (np.cumsum(record.length) - record.length / 2) / record.length.sum()
+            fold = np.minimum((share * self.folds).astype(int), self.folds - 1)
+            folds.append((fold + i * self.folds // len(self.records)) % self.folds)
+        return np.concatenate(folds)
 
     @cached_property
     def evidence(self):
@@ -74,9 +63,12 @@ class StaticProblem:
         length = min(np.median(r.length) for r in self.records)
         grid, prior = ratios(span, length)
         noise = self.noise or [hypotheses(r.windows, grid) for r in self.records]
+        # no row depends on a second fold
+        folds = np.column_stack([self.fold_of_row, np.full(len(self.fold_of_row), -1)])
+        ends = np.cumsum([len(r.values) for r in self.records])[:-1]
         groups = [
-            RowGroup(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, _pairs(fold))
-            for r, h, fold in zip(self.records, noise, self.fold_of_windows, strict=True)
+            RowGroup(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, row_folds)
+            for r, h, row_folds in zip(self.records, noise, np.split(folds, ends), strict=True)
         ]
         # Parameters are estimated without random walk: its weights would use the fastest changes
         # only, where a lag that the model lacks matters most.
@@ -90,41 +82,49 @@ class StaticProblem:
         """All rows minus the mean of their record, (N, 3), SI."""
         return np.concatenate([g.values for g in self.evidence.row_groups])
 
-    def design(self, effect):
-        """Return the derivative of all rows with respect to an effect's parameters, (N, 3, p)."""
-        return np.concatenate([r.derivative(effect) for r in self.records])
+    def subtract(self, effects):
+        """Return the `values` after FittedEffects are subtracted, (N, 3), SI."""
+        designs = self.designs([fitted.effect for fitted in effects])
+        outputs = (d @ fitted.vector for d, fitted in zip(designs, effects, strict=True))
+        return self.values - sum(outputs, np.zeros(()))
 
     def designs(self, effects):
-        """Return the `design` of each of several effects, a list."""
-        return [self.design(effect) for effect in effects]
+        """Return for each effect the derivative of all rows by its p parameters, (N, 3, p), SI."""
+        return [
+            np.concatenate([e.in_session(r.channels, r.session, r.windows) for r in self.records])
+            for e in effects
+        ]
 
-    def residuals(self, search, base):
-        """Return the residuals of all rows, (N, 3), SI, by a fit to the training rows."""
-        training_fit = search.training_fit(base)
-        return np.column_stack([training_fit.residuals(base, axis) for axis in range(3)])
+    def residuals(self, search, effects):
+        """Return the residuals of all rows, (N, 3), SI, by a fit of effects to the training rows.
 
-    def release(self):
-        """Free the memory of a search; it is recomputed if needed."""
-        self.evidence.release()
+        `search` is the Search that has these training rows.
+        """
+        training_fit = search.training_fit(effects)
+        return np.column_stack([training_fit.residuals(effects, axis) for axis in range(3)])
 
     def training_fit(self, base, held_out):
         """Return the TrainingFit without some folds; the rows are linear in all effects."""
         return self.evidence.training_fit(held_out)
 
-    def refit(self, base):
+    def refit(self, effects):
         """Do nothing: the rows are linear in all effects, so no new linearisation is needed."""
 
     def most_changed_rows(self, search, base, trial):
-        """Return the kind of residual that a trial changes most, and its rows: there is one."""
+        """Return the kind of residual that a trial changes most, and its rows: all, of one kind."""
         return "bias", slice(None)
 
     def is_like_slow_noise(self, effect):
         """Return False: the grid of hypotheses has the slow noise that an effect may resemble."""
         return False
 
+    def of_kind(self, kind):
+        """Return the rows of one kind of residual, (N,) of bool: all, there is one kind."""
+        return np.ones(len(self.fold_of_row), dtype=bool)
+
     def rows_by_kind(self):
         """Return a list with the rows of each kind of residual, (N,) of bool."""
-        return [np.ones(len(self.fold_of_row), dtype=bool)]
+        return [self.of_kind("bias")]
 
     def components(self, kind):
         """Return the number of rows of one residual."""
@@ -135,74 +135,75 @@ class StaticProblem:
         return "what it adds in these data is taken up by the bias"
 
 
-def _pairs(fold):
-    """Return `fold` as first column and no fold, -1, as second column, (n, 2)."""
-    return np.column_stack([fold, np.full(len(fold), -1)])
+def fitted_effects(search, effects):
+    """Return a FittedEffect for each of some effects, fitted together to the records, a tuple.
 
-
-def fold_in_time(record, count):
-    """Return the fold of each window of a record, (n,), for `count` folds of equal time at rest."""
-    middle = np.cumsum(record.length) - record.length / 2
-    return np.minimum((middle / record.length.sum() * count).astype(int), count - 1)
-
-
-def fitted_effects(search, base):
-    """Return a FittedEffect for each effect in the base; None if an axis cannot estimate them."""
-    training_fit = search.training_fit(base)
-    patterns = training_fit.evidence.patterns(base)
-    ends, estimates = np.cumsum([0, *(len(e.parameters) for e in base)]), []
+    The result is None if an axis cannot estimate them. `search` is the Search of the records.
+    """
+    training_fit = search.training_fit(effects)
+    patterns = training_fit.evidence.patterns(effects)
+    ends, estimates = np.cumsum([0, *(len(e.parameters) for e in effects)]), []
     for axis in range(training_fit.evidence.axes):
-        if not training_fit.evidence.columns_of(base, axis):
+        if not training_fit.evidence.columns_of(effects, axis):
             continue
-        theta, covariance = training_fit.estimate(base, axis)
-        if theta is None:
+        coefficients, covariance = training_fit.estimate(effects, axis)
+        if coefficients is None:
             return None
         starts = zip(ends, patterns, strict=False)
-        index = np.concatenate([first + np.array(p.parameters[axis], int) for first, p in starts])
+        index = np.concatenate([start + np.array(p.parameters[axis], int) for start, p in starts])
         scale = np.concatenate([p.scale[axis] for p in patterns])
-        estimates.append((index, theta / scale, covariance / np.outer(scale, scale)))
+        estimates.append((index, coefficients / scale, covariance / np.outer(scale, scale)))
     values, covariance = combined_axes(ends[-1], estimates)
-    std = np.sqrt(np.diag(covariance))
-    return tuple(
-        FittedEffect(
-            e, *(dict(zip(e.parameters, x[i:j].tolist(), strict=True)) for x in (values, std))
-        )
-        for e, (i, j) in zip(base, pairwise(ends), strict=True)
-    )
+    std, fitted = np.sqrt(np.diag(covariance)), []
+    for effect, (i, j) in zip(effects, pairwise(ends), strict=True):
+        by_name = (zip(effect.parameters, x[i:j].tolist(), strict=True) for x in (values, std))
+        fitted.append(FittedEffect(effect, *map(dict, by_name)))
+    return tuple(fitted)
 
 
 def information(search, base, effects):
     """Return the information of static records about the q parameters θ of some effects.
 
-    The result is A, (q, q), and b, (q,), SI: the logarithm of the likelihood of θ is
-    ``-θᵀ A θ/2 + bᵀ θ``. Parameters that the records do not show have zeros. The other effects in
-    the base are nuisance parameters.
+    On each axis ``A = Dᵀ P̃ D/κ``, where D is the derivative of the rows with respect to θ, and P̃
+    the precision of the noise after the levels of the records are projected out. κ makes the errors
+    as large as those of `fitted_effects`: it is the largest ratio of ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d``
+    of all columns d of D, with the noise covariance Σ averaged over the noise hypotheses.
 
-    On each axis ``A = Dᵀ P̃ D/κ``, where D is the pattern of the effects and P̃ the precision after
-    the levels are projected out. κ makes the errors as large as those of `fitted_effects`: it is
-    the largest ratio of ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise
-    covariance Σ averaged over the hypotheses.
+    Parameters
+    ----------
+    search : Search
+        The search in the records.
+    base : tuple of Effect
+        Effects that the records have. Those that are not in `effects` are nuisance parameters.
+    effects : tuple of Effect
+        The effects with the parameters θ.
+
+    Returns
+    -------
+    ndarray, shape (q, q), and ndarray, shape (q,)
+        A and b, SI: the logarithm of the likelihood of θ is ``-θᵀ A θ/2 + bᵀ θ``. Parameters that
+        the records do not show have zeros.
     """
-    others = tuple(e for e in base if e not in effects)
-    training_fit, count = search.training_fit(base), sum(len(e.parameters) for e in effects)
+    nuisances = tuple(e for e in base if e not in effects)
+    training_fit, q = search.training_fit(base), sum(len(e.parameters) for e in effects)
     evidence = training_fit.evidence
-    design = np.concatenate([p.design for p in evidence.patterns((*effects, *others))], axis=2)
+    design = np.concatenate([p.design for p in evidence.patterns((*effects, *nuisances))], axis=2)
     size = np.linalg.norm(design.reshape(-1, design.shape[2]), axis=0)
     size[size == 0] = 1.0
     precision, moment = np.zeros((len(size),) * 2), np.zeros(len(size))
-    values = np.concatenate([g.values for g in evidence.row_groups])
+    values = search.problem.values
     for axis in range(evidence.axes):
         fit = training_fit.fit(base, axis)
-        rows = np.column_stack([design[:, axis] / size, values[:, axis]])
-        plain, spread = training_fit.moments(fit, rows)
-        square, spread = np.diag(plain)[:-1], np.diag(spread)[:-1]
-        seen = square > ABSORBED * square.max()
-        if seen.any():
-            plain = plain / np.max(spread[seen] / square[seen])
-            precision, moment = precision + plain[:-1, :-1], moment + plain[:-1, -1]
-    # the other effects are eliminated
-    inverse = np.linalg.pinv(precision[count:, count:], rcond=ABSORBED, hermitian=True)
-    share = precision[:count, count:] @ inverse
-    A = precision[:count, :count] - share @ precision[count:, :count]
-    b = moment[:count] - share @ moment[count:]
-    return A * np.outer(size[:count], size[:count]), b * size[:count]
+        columns = np.column_stack([design[:, axis] / size, values[:, axis]])
+        products, variance = training_fit.moments(fit, columns)
+        square, variance = np.diag(products)[:-1], np.diag(variance)[:-1]
+        shown = square > ABSORBED * square.max()
+        if shown.any():
+            products = products / np.max(variance[shown] / square[shown])
+            precision, moment = precision + products[:-1, :-1], moment + products[:-1, -1]
+    # the nuisance parameters are eliminated
+    inverse = np.linalg.pinv(precision[q:, q:], rcond=ABSORBED, hermitian=True)
+    share = precision[:q, q:] @ inverse
+    A = precision[:q, :q] - share @ precision[q:, :q]
+    b = moment[:q] - share @ moment[q:]
+    return A * np.outer(size[:q], size[:q]), b * size[:q]

@@ -3,13 +3,12 @@
 import numpy as np
 
 from imuloop.core.samples import SENSORS
-from imuloop.diagnose.content import residual_entry, search_content, untried
+from imuloop.diagnose.content import residuals_content, search_content, untried
 from imuloop.estimate.noise_components import FARTHEST
 from imuloop.estimate.residuals import held_out_covariance
-from imuloop.estimate.verdict import MARGIN, RESIDUALS, judge, verdict
-from imuloop.model.effect import Effect
+from imuloop.estimate.verdict import LEFT, MARGIN, ResidualGroup, compare_with_noise
+from imuloop.model.effect import OUTPUT, Effect
 
-UNITS = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 # reasons why a static record cannot show effects that poses can show
 NOT_SHOWN = {
     "bias_drift": "in a static record it is called ramp",
@@ -18,19 +17,7 @@ NOT_SHOWN = {
 ONE_ATTITUDE = "in one attitude, without a turn, it cannot be told from the bias"
 
 
-def searched_content(sensor, finding):
-    """Return the fields of diagnosis.json about the search: effects and candidates.
-
-    `finding` is the StaticFinding of the sensor.
-    """
-    choices, axes = finding.choices, SENSORS[sensor]
-    found = search_content(choices, finding.effects, finding.others, sensor)
-    for entry, own in zip(found["effects"], choices.choice().added, strict=True):
-        entry["axis"] = axes[own.trial.axis] if own.change.before.shape[1] == 1 else None
-    return found
-
-
-def static_content(sensor, finding, searched, noise, change):
+def static_content(sensor, finding, noise, noise_change):
     """Return the fields of diagnosis.json about the static records of a sensor.
 
     Parameters
@@ -38,122 +25,131 @@ def static_content(sensor, finding, searched, noise, change):
     sensor : str
     finding : StaticFinding
         Result of the search.
-    searched : dict
-        Its fields, from `searched_content`.
     noise : NoiseModel
         Noise after the effects were subtracted; it gives the floor.
-    change : dict
+    noise_change : dict
         Coefficients of the noise before and after that, by axis; empty without effects.
     """
     axes, problem, effects = SENSORS[sensor], finding.choices.problem, finding.effects
-    settings = problem.settings
-    floor = _floor(problem, noise, axes)
-    added = bool(effects)
-    share, errors = settings.significance / RESIDUALS / settings.family, finding.errors
-    sides = zip(((), effects), errors, strict=True)
-    judged = [_judged(problem, *side, noise, axes) for side in sides]
-    how = judged, errors, floor, share, added
-    residual, above = residual_entry(problem, "bias", UNITS[sensor], slice(None), *how)
-    listed = {c["name"] for c in searched["candidates"]}
-    not_shown = (
+    content = search_content(finding.choices, effects, finding.reasons, sensor)
+    for entry, trial in zip(content["effects"], finding.choices.choice().added, strict=True):
+        entry["axis"] = axes[trial.axis] if trial.change.before.shape[1] == 1 else None
+    names = {candidate["name"] for candidate in content["candidates"]}
+    content["candidates"] += [
         untried(name, "not_observable", NOT_SHOWN.get(name, ONE_ATTITUDE))
         for name, cls in Effect.library.items()
-        if sensor in cls.sensors and name not in listed
-    )
-    return searched | {
-        "verdict": verdict(*above, added),
-        # the noise was estimated from these residuals, so it may include a missing effect
-        "slow_noise": bool(residual["after"] > MARGIN * residual["floor"] and not above[1]),
-        "residuals": {"bias": residual | {"sessions": _by_axis(axes, problem, errors, floor)}},
-        "candidates": [*searched["candidates"], *not_shown],
-        "noise": change,
-        "points": _points(problem, effects, errors, floor),
-    }
-
-
-def _floor(problem, noise, axes):
-    """Return the variance of the held-out errors that the noise alone gives, (N, 3).
-
-    The level of a record is the mean of its training rows.
-    """
-    columns = []
-    for name in axes:
-        pairs = zip(problem.records, problem.evidence.row_groups, strict=True)
-        covariances = [
-            held_out_covariance(
-                noise.axes[name].mean_covariance(r.windows),
-                *(g.nuisance, g.row_folds, np.diag(r.length)),
-            )
-            for r, g in pairs
-        ]
-        columns.append(np.concatenate([np.diag(c) for c in covariances]))
-    return np.column_stack(columns)
-
-
-def _judged(problem, effects, errors, noise, axes):
-    """Return the Judged of the rows after some FittedEffects are subtracted.
-
-    `errors`, (N, 3), are the held-out errors with these effects. The alternatives of the noise are
-    the noise as estimated, and flicker and random walk at the upper ends of their intervals.
-    """
-    evidence = problem.evidence
-    left = np.concatenate([g.values for g in evidence.row_groups])
-    left = left - sum((problem.design(e.effect) @ e.vector for e in effects), np.zeros(()))
-    fitted = sum(len(c) for p in evidence.patterns([e.effect for e in effects]) for c in p.columns)
+        if sensor in cls.sensors and name not in names
+    ]
+    # alternatives of the noise: as estimated, and with the largest flicker and random walk
     sizes = {(axis, term): noise.known(axis, term) for axis in axes for term in "BK"}
-    most = noise.with_sizes({key: size + FARTHEST * std for key, (size, std) in sizes.items()})
-    alternatives = []
-    for model in (noise, most):
-        groups = []
-        for values, group, record in zip(
-            evidence.split(left), evidence.row_groups, problem.records, strict=True
-        ):
-            for k, name in enumerate(axes):
-                covariance = model.axes[name].mean_covariance(record.windows)
-                rows = [np.ones(len(values), dtype=bool)]
-                groups.append((values[:, k], covariance, group.nuisance, group.row_folds, rows))
-        alternatives.append((0.0, groups))
-    _, (judged,) = judge(alternatives, [(errors**2).sum()], fitted)
-    return judged
+    largest = noise.with_sizes({key: size + FARTHEST * std for key, (size, std) in sizes.items()})
+    covariances = [
+        [[model.axes[a].mean_covariance(r.windows) for model in (noise, largest)] for a in axes]
+        for r in problem.records
+    ]
+    errors, floor = finding.errors, _floor(problem, covariances)
+    pairs = zip(((), effects), errors, strict=True)
+    comparisons = [_comparisons(problem, *pair, covariances) for pair in pairs]
+    units = {"bias": OUTPUT[sensor]}
+    content |= residuals_content(problem, units, comparisons, errors, floor, bool(effects))
+    residual = content["residuals"]["bias"]
+    # the noise was estimated from these residuals, so it may include a missing effect
+    too_large = residual["after"] > MARGIN * residual["floor"]
+    content["slow_noise"] = bool(too_large and content["verdict"] not in LEFT)
+    residual["sessions"] = _errors_by_session(axes, problem, errors, floor)
+    return content | {"noise": noise_change, "points": _points(problem, effects, errors, floor)}
 
 
-def _by_axis(axes, problem, errors, floor):
-    """Return the root mean square held-out error before and after, and the floor.
+def _floor(problem, covariances):
+    """Return the variance of the held-out errors that the noise as estimated gives, (N, 3).
 
-    The result is a dict by session and axis; `errors` has the errors before and after, (N, 3) each.
+    A held-out error is a mean minus the level of its record, which is the mean of the training
+    rows. `covariances` has, for each record and each axis, the covariances that the noise of the n
+    means may have, (n, n) each; the noise as estimated is the first.
     """
-    squares = dict(zip(("before", "after", "floor"), (*(e**2 for e in errors), floor), strict=True))
-    return {
-        str(own): {
-            name: {
-                key: float(np.sqrt(s[problem.session == own, k].mean()))
-                for key, s in squares.items()
-            }
-            for k, name in enumerate(axes)
+    floors = []
+    for record, group, by_axis in zip(
+        problem.records, problem.evidence.row_groups, covariances, strict=True
+    ):
+        weights = np.diag(record.length)
+        of_errors = [
+            held_out_covariance(estimated, group.nuisance, group.row_folds, weights)
+            for estimated, _ in by_axis
+        ]
+        floors.append(np.column_stack([np.diag(covariance) for covariance in of_errors]))
+    return np.concatenate(floors)
+
+
+def _comparisons(problem, effects, errors, covariances):
+    """Compare all rows with the noise, after some effects are subtracted.
+
+    Parameters
+    ----------
+    problem : StaticProblem
+    effects : sequence of FittedEffect
+    errors : ndarray, shape (N, 3)
+        Held-out errors with these effects.
+    covariances : list of list of list of ndarray
+        For each record and each axis, the covariances that the noise may have, as in `_floor`.
+
+    Returns
+    -------
+    list of NoiseComparison
+        One entry: there is one kind of residual.
+    """
+    evidence, groups = problem.evidence, []
+    by_record = evidence.split(problem.subtract(effects))
+    for values, rows, by_axis in zip(by_record, evidence.row_groups, covariances, strict=True):
+        every_row = [np.ones(len(values), dtype=bool)]
+        groups += [
+            ResidualGroup(column, rows.nuisance, alternatives, rows.row_folds, every_row)
+            for column, alternatives in zip(values.T, by_axis, strict=True)
+        ]
+    patterns = evidence.patterns([effect.effect for effect in effects])
+    fitted = sum(len(columns) for pattern in patterns for columns in pattern.columns)
+    return compare_with_noise(groups, (0.0, 0.0), [(errors**2).sum()], fitted)[1]
+
+
+def _errors_by_session(axes, problem, errors, floor):
+    """Return root mean square held-out errors before and after, and the floor, SI.
+
+    The result is a dict by session and axis. `errors` has the errors without and with effects, and
+    `floor` the variance that the noise alone gives, (N, 3) each.
+    """
+    squares = {"before": errors[0] ** 2, "after": errors[1] ** 2, "floor": floor}
+    names = np.concatenate([np.repeat(r.session, len(r.windows)) for r in problem.records])
+    content = {}
+    for session in dict.fromkeys(names):
+        sizes = {key: np.sqrt(x[names == session].mean(axis=0)) for key, x in squares.items()}
+        content[str(session)] = {
+            axis: {key: float(size[k]) for key, size in sizes.items()}
+            for k, axis in enumerate(axes)
         }
-        for own in dict.fromkeys(problem.session)
-    }
+    return content
 
 
 def _points(problem, effects, errors, floor):
-    """Return a list with one dict per window: times, errors, floor and values, for plots."""
-    points, start = [], 0
-    taken = sum((problem.design(e.effect) @ e.vector for e in effects), np.zeros(()))
-    for record in problem.records:
-        own = slice(start, start + len(record.windows))
-        raw, left = (v[own] - v[own].mean(axis=0) for v in (problem.values, problem.values - taken))
-        before, after = (np.linalg.norm(e[own], axis=1) for e in errors)
-        for k, begin in enumerate(record.windows[:, 0]):
+    """Return a list with one dict per window: times, errors, floor and values, SI, for plots.
+
+    `effects` are the added FittedEffects; `errors` and `floor` are as in `_errors_by_session`.
+    """
+    split = problem.evidence.split
+    norms = [np.linalg.norm(e, axis=1) for e in (*errors, np.sqrt(floor))]
+    by_record = zip(*map(split, (problem.values, problem.subtract(effects), *norms)), strict=True)
+    points = []
+    for record, (values, corrected, *record_norms) in zip(problem.records, by_record, strict=True):
+        centred, corrected = ((x - x.mean(axis=0)).tolist() for x in (values, corrected))
+        before, after, noise = (x.tolist() for x in record_norms)
+        for k, start in enumerate(record.windows[:, 0].tolist()):
             point = {
                 "residual": "bias",
                 "index": k,
                 "session": record.session,
-                "start_s": float(begin),
-                "before": float(before[k]),
-                "after": float(after[k]),
-                "values": raw[k].tolist(),
-                "floor": float(np.sqrt(floor[own][k].sum())),
+                "start_s": start,
+                "before": before[k],
+                "after": after[k],
+                "values": centred[k],
+                "floor": noise[k],
             }
-            points.append(point | ({"corrected": left[k].tolist()} if effects else {}))
-        start = own.stop
+            points.append(point | ({"corrected": corrected[k]} if effects else {}))
     return points

@@ -10,10 +10,10 @@ from imuloop.core.noise_model import NoiseModel, without_weight
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.records.correction import corrected_sessions
-from imuloop.diagnose.records.moves import separate
+from imuloop.diagnose.records.moves import cut_at_tilts
 from imuloop.diagnose.records.rests import LONG_REST
 from imuloop.diagnose.records.static import StaticProblem, fitted_effects, information
-from imuloop.diagnose.records.static_content import searched_content, static_content
+from imuloop.diagnose.records.static_content import static_content
 from imuloop.estimate.choice import Choices
 from imuloop.estimate.least_squares import why_no_fit
 from imuloop.estimate.verdict import not_testable
@@ -39,27 +39,36 @@ class StaticResult:
     # StaticFinding of each sensor that could be tested
     findings: dict = field(default_factory=dict)
 
-    def at_poses(self, warm):
-        """Return the effects that the poses have too, and the `information` of PoseProblem.
+    def effects_at_poses(self, has_temperature):
+        """Return the effects of the static records that the poses have too, and their information.
 
-        The effects are SensorEffects; the second result is a function or None. `warm` says whether
-        the poses have a temperature.
+        The effects are a tuple of SensorEffects. The second result is the attribute `information`
+        of PoseProblem: a function, or None if no static record could be tested. `has_temperature`
+        says whether the poses have a temperature.
         """
-        found = tuple(
-            SensorEffect(e.effect, sensor)
-            for sensor, effects in self.effects.items()
-            for e in effects
-            if warm or "temperature" not in e.effect.needs
+        effects = tuple(
+            SensorEffect(fitted.effect, sensor)
+            for sensor, of_sensor in self.effects.items()
+            for fitted in of_sensor
+            if has_temperature or "temperature" not in fitted.effect.needs
         )
-        return found, partial(self.information, found) if self.findings else None
+        return effects, partial(self.information, effects) if self.findings else None
 
-    def information(self, found, effects):
-        """Return the information of static records about q parameters θ of effects.
+    def information(self, shown, effects):
+        """Return the information of static records about the q parameters θ of some effects.
 
-        The result is A, (q, q), and b, (q,), SI: the logarithm of the likelihood of θ is
-        ``-θᵀ A θ/2 + bᵀ θ``. `effects` are SensorEffects of both sensors, with q parameters
-        together. Static records are used for the effects in `found` and for other effects of the
-        temperature; the parameters of all other effects have zeros.
+        Parameters
+        ----------
+        shown : tuple of SensorEffect
+            Effects that the static records showed.
+        effects : sequence of SensorEffect
+            Effects of both sensors, with q parameters together.
+
+        Returns
+        -------
+        ndarray, shape (q, q), and ndarray, shape (q,)
+            A and b, SI: the logarithm of the likelihood of θ is ``-θᵀ A θ/2 + bᵀ θ``. Parameters
+            have zeros unless their effect is in `shown` or is an effect of the temperature.
         """
         ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
         A, b = np.zeros((ends[-1],) * 2), np.zeros(ends[-1])
@@ -67,7 +76,7 @@ class StaticResult:
             numbers = [
                 k
                 for k, e in enumerate(effects)
-                if e.sensor == sensor and (e in found or ("temperature" in e.needs and not e.timed))
+                if e.sensor == sensor and (e in shown or ("temperature" in e.needs and not e.timed))
             ]
             if numbers:
                 index = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in numbers])
@@ -79,10 +88,10 @@ class StaticResult:
 
 @dataclass(frozen=True)
 class StaticFinding:
-    """The result of the search in the static records of one sensor."""
+    """The result of the search in the static records of one sensor, with N rows."""
 
     choices: Choices  # the searches and the choice of effects
-    others: dict  # status and reason of effects that cannot be tried
+    reasons: dict  # status and reason of effects that cannot be tried
     effects: tuple  # FittedEffects that were added
     # the same plus the best effect that passes the test but that cross-validation does not confirm
     doubtful: tuple
@@ -93,13 +102,13 @@ class StaticFinding:
 def static_tests(records, settings):
     """Return the number of tests of the static records of both sensors.
 
-    `records` has the StaticRecords of each sensor.
+    `records` has a list of StaticRecords for each sensor.
     """
-    usable_ones = {sensor: usable(own, settings) for sensor, own in records.items()}
-    return sum(len(static_candidates(s, own)[0]) for s, own in usable_ones.items() if own)
+    used = {sensor: usable_records(records[sensor], settings) for sensor in SENSORS}
+    return sum(len(static_candidates(sensor, r)[0]) for sensor, r in used.items() if r)
 
 
-def usable(records, settings):
+def usable_records(records, settings):
     """Return the records that have at least two windows for each fold."""
     return [r for r in records if len(r.windows) >= 2 * settings.blocks]
 
@@ -109,19 +118,17 @@ def static_candidates(sensor, records):
 
     Both are dicts by type of effect: a tuple of shapes, and a status with its reason.
     """
-
-    def joined(name):
-        parts = [getattr(r.channels, name) for r in records]
-        return None if any(p is None for p in parts) else np.concatenate(parts)
-
-    channels = Channels(*(joined(n) for n in ("t", "output", "other", "temperature")))
-    found, others = candidates(sensor, "static_record", channels)
+    columns = []
+    for name in ("t", "output", "other", "temperature"):
+        parts = [getattr(record.channels, name) for record in records]
+        columns.append(None if any(p is None for p in parts) else np.concatenate(parts))
+    shapes, reasons = candidates(sensor, "static_record", Channels(*columns))
     # shapes with a price are for shorter records: hours at rest show the lag of a thermometer
-    return {cls: tuple(e for e in own if not e.price) for cls, own in found.items()}, others
+    return {cls: tuple(s for s in tried if not s.price) for cls, tried in shapes.items()}, reasons
 
 
 def diagnose_static(data, records, calibration, noise, settings, noise_settings, tests):
-    """Return the StaticResult of both sensors of a device.
+    """Search the static records of both sensors of a device for effects.
 
     Parameters
     ----------
@@ -138,49 +145,45 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
         Settings of the noise stage.
     tests : int
         Number of tests that share the significance.
+
+    Returns
+    -------
+    StaticResult
     """
-    findings, reasons = {}, {}
+    findings, content = {}, {}
     for sensor, axes in SENSORS.items():
-        own = usable(records[sensor], settings)
-        if sensor == "accelerometer" and own:
-            own = separate(own, 2 * settings.blocks)
-        reason = why_untestable(own, [noise.axes[name] for name in axes], settings)
+        used = usable_records(records[sensor], settings)
+        if sensor == "accelerometer" and used:
+            used = cut_at_tilts(used, 2 * settings.blocks)
+        reason = why_untestable(used, [noise.axes[name] for name in axes], settings)
         try:
             if not reason:
-                findings[sensor] = find(sensor, own, settings, tests)
+                findings[sensor] = search_records(sensor, used, settings, tests)
         except LinAlgError as error:
             reason = why_no_fit(error)
-        reasons[sensor] = reason
-
-    def without(found):
-        """Return the noise after subtracting FittedEffects, by sensor, and the corrected sessions.
-
-        Without effects they are the noise as given and an empty list.
-        """
-        if not any(found.values()):
-            return noise, []
-        sessions = corrected_sessions(data, calibration, found)
-        return estimate_noise(noise.device, sessions, noise_settings, views=False).model, sessions
-
-    found = {sensor: finding.effects for sensor, finding in findings.items()}
-    (whole, sessions), made = without(found), {}
-    curves = {s.name: session_curves(s, noise_settings, "corrected") for s in sessions}
-    del sessions
+        content[sensor] = not_testable(reason)
+    effects = {sensor: finding.effects for sensor, finding in findings.items()}
+    doubtful = {sensor: finding.doubtful for sensor, finding in findings.items()}
+    corrected, allan = noise, {}
+    if any(effects.values()):
+        sessions = corrected_sessions(data, calibration, effects)
+        corrected = estimate_noise(noise.device, sessions, noise_settings, views=False).model
+        curves = {s.name: session_curves(s, noise_settings, "corrected") for s in sessions}
+        allan = {name: table for name, table in curves.items() if len(table["tau_s"])}
+        # the samples are freed before those without doubtful effects are computed
+        del sessions
     for sensor, finding in findings.items():
         change = {
-            name: {"before": asdict(noise.axes[name]), "after": asdict(whole.axes[name])}
+            name: {"before": asdict(noise.axes[name]), "after": asdict(corrected.axes[name])}
             for name in (SENSORS[sensor] if finding.effects else ())
         }
-        searched = searched_content(sensor, finding)
-        made[sensor] = static_content(sensor, finding, searched, whole, change)
-    doubtful = {sensor: finding.doubtful for sensor, finding in findings.items()}
-    if doubtful != found:
+        content[sensor] = static_content(sensor, finding, corrected, change)
+    if doubtful != effects:
         # a warm-up in one record only is not confirmed, but it must not count as random walk
-        whole = without(doubtful)[0]
-    lasting = {s: tuple(e for e in found.get(s, ()) if e.effect.lasting) for s in SENSORS}
-    content = {s: made.get(s) or not_testable(reasons[s]) for s in SENSORS}
-    allan = {name: table for name, table in curves.items() if len(table["tau_s"])}
-    return StaticResult(content, lasting, whole, allan, findings)
+        sessions = corrected_sessions(data, calibration, doubtful)
+        corrected = estimate_noise(noise.device, sessions, noise_settings, views=False).model
+    lasting = {s: tuple(e for e in effects.get(s, ()) if e.effect.lasting) for s in SENSORS}
+    return StaticResult(content, lasting, corrected, allan, findings)
 
 
 def why_untestable(records, axes, settings):
@@ -204,16 +207,19 @@ def why_untestable(records, axes, settings):
     return None
 
 
-def find(sensor, records, settings, tests):
-    """Return the StaticFinding of a sensor: search its StaticRecords for effects."""
-    available, others = static_candidates(sensor, records)
-    shapes = {cls: s for cls, s in available.items() if s}
+def search_records(sensor, records, settings, tests):
+    """Return the StaticFinding of a sensor: search its StaticRecords for effects.
+
+    `tests` is the number of tests that share the significance.
+    """
+    candidate_shapes, reasons = static_candidates(sensor, records)
+    shapes = {cls: s for cls, s in candidate_shapes.items() if s}
     choices = Choices(StaticProblem(tuple(records), shapes, settings, tests))
     choice, search = choices.choice(), choices.search()
     errors = choices.errors_with(()), choices.errors(choices.nested_choice)
     unconfirmed = [k for k in choice.failed if k.lasting]
-    trial = search.trial(choice.base, unconfirmed[0]) if unconfirmed else None
-    effects = fitted_effects(search, choice.base)
-    doubtful = fitted_effects(search, (*choice.base, trial.effect)) if trial else effects
-    choices.problem.release()
-    return StaticFinding(choices, others, effects, doubtful or effects, errors)
+    trial = search.trial(choice.effects, unconfirmed[0]) if unconfirmed else None
+    effects = fitted_effects(search, choice.effects)
+    doubtful = fitted_effects(search, (*choice.effects, trial.effect)) if trial else effects
+    choices.problem.evidence.release()
+    return StaticFinding(choices, reasons, effects, doubtful or effects, errors)

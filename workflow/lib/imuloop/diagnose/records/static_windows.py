@@ -34,10 +34,6 @@ class StaticRecord:
         """Length of each window, s, (n,)."""
         return np.diff(self.windows, axis=1)[:, 0]
 
-    def derivative(self, effect):
-        """Return the derivative of the means by the p parameters of an effect, (n, 3, p), SI."""
-        return effect.in_session(self.channels, self.session, self.windows)
-
     def part(self, rows):
         """Return the StaticRecord of some windows; `rows` is a mask, (n,) of bool."""
         windows, stretch, values = (x[rows] for x in (self.windows, self.stretch, self.values))
@@ -45,56 +41,69 @@ class StaticRecord:
         return StaticRecord(self.session, windows, stretch, values, channels)
 
 
-def window_length(seconds, interval, mean_time):
-    """Return the window length, s, for a record that has `seconds` at rest.
-
-    It is `mean_time`, s, if that gives neither too few nor too many windows. `interval` is the
-    sample interval, s.
-    """
-    length = min(mean_time, seconds / LEAST_MEANS)
-    return max(length, LEAST_SAMPLES * interval, seconds / MOST_MEANS)
-
-
 def static_record(session, log, segments, calibration, sensor, mean_time):
     """Return the StaticRecord of a session for one sensor.
 
-    Every window lies within one undisturbed stretch. `log` and `segments` are those of the session;
-    `calibration` computes the output ``K (raw - b)`` of both sensors; `mean_time`, s, is the wanted
-    length of a window.
+    Every window lies within one undisturbed stretch.
+
+    Parameters
+    ----------
+    session : str
+        Name of the session.
+    log : Log
+    segments : dict of str to ndarray
+        Segments of the session.
+    calibration : Calibration
+        It computes the output ``K (raw - b)`` of both sensors.
+    sensor : str
+    mean_time : float
+        Wanted length of a window, s.
     """
-    static = np.asarray(segments["kind"]) == STATIC
-    seconds = np.array([np.asarray(segments[c], float)[static] for c in ("start_s", "end_s")]).T
-    interval = np.median(np.diff(log.t)) if len(log.t) > 1 else mean_time
-    length = window_length(np.diff(seconds).sum(), interval, mean_time)
-    # the small term keeps rounding errors from removing the last window of a stretch
-    counts = (np.diff(seconds)[:, 0] / length + 1e-6).astype(int)
-    stretch = np.repeat(np.arange(len(counts)), counts)
-    place = np.arange(len(stretch)) - np.repeat(np.cumsum(counts) - counts, counts)
-    starts = seconds[stretch, 0] + length * place
-    windows = np.column_stack([starts, starts + length])
+    windows, stretch = _static_windows(log, segments, mean_time)
     ends = np.searchsorted(log.t, windows)
     keep = ends[:, 0] < ends[:, 1]
     windows, stretch, ends = windows[keep], stretch[keep], ends[keep]
-
-    def means(x):
-        return (sums_over(x, ends).T / (ends[:, 1] - ends[:, 0])).T
-
-    @cache
-    def history(function, *constants):
-        return means(log.evaluate(sensor, function, *constants))
-
-    def mean_output(name):
-        x = getattr(log, OWN[name][0])
+    outputs = {}
+    for name, (attribute, _) in OWN.items():
+        x = getattr(log, attribute)
         # the output is linear in x, and sums of small differences lose no digits
-        return getattr(calibration, name).output(x[0] + means(x - x[0]))
-
-    values, other = mean_output(sensor), mean_output(other_sensor(sensor))
+        outputs[name] = getattr(calibration, name).output(x[0] + _means(x - x[0], ends))
+    values, other = outputs[sensor], outputs[other_sensor(sensor)]
     level = values.mean(axis=0) if len(values) else np.zeros(3)
     channels = Channels(
         windows.mean(axis=1),
         np.tile(level, (len(windows), 1)),
         other,
-        None if log.temperature is None else means(log.temperature),
-        history,
+        None if log.temperature is None else _means(log.temperature, ends),
+        cache(lambda *function: _means(log.evaluate(sensor, *function), ends)),
     )
     return StaticRecord(session, windows, stretch, values, channels)
+
+
+def _static_windows(log, segments, mean_time):
+    """Return the windows in the undisturbed stretches of a session, and the stretch of each.
+
+    The windows are start and end, s, (n, 2), and the stretches an index, (n,). The arguments are
+    those of `static_record`.
+    """
+    static = np.asarray(segments["kind"]) == STATIC
+    seconds = np.array([np.asarray(segments[c], float)[static] for c in ("start_s", "end_s")]).T
+    interval = np.median(np.diff(log.t)) if len(log.t) > 1 else mean_time
+    # the wanted length, if that gives neither too few nor too many windows
+    duration = np.diff(seconds).sum()
+    length = min(mean_time, duration / LEAST_MEANS)
+    length = max(length, LEAST_SAMPLES * interval, duration / MOST_MEANS)
+    # the small term keeps rounding errors from removing the last window of a stretch
+    counts = (np.diff(seconds)[:, 0] / length + 1e-6).astype(int)
+    stretch = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(len(stretch)) - np.repeat(np.cumsum(counts) - counts, counts)
+    starts = seconds[stretch, 0] + length * number
+    return np.column_stack([starts, starts + length]), stretch
+
+
+def _means(x, ends):
+    """Return the means of samples, (k, …), over n windows, (n, …).
+
+    `ends`, (n, 2), has the indices of the first sample of each window and of the first after it.
+    """
+    return (sums_over(x, ends).T / (ends[:, 1] - ends[:, 0])).T
