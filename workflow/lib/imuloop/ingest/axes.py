@@ -37,14 +37,14 @@ MAPPINGS = np.array(
 CROSS = np.cross(np.eye(3)[:, None], np.eye(3)[None]).transpose(2, 0, 1)
 
 
-def fit_axes(means):
-    """Return how well the axes of `rests.Means` fit, `axes` in quality.schema.yaml.
+def fit_axes(means, step):
+    """Return how well the axes of the sensors fit, `axes` in quality.schema.yaml.
 
-    None if the log has too few turns.
+    Takes the means of the six channels, (6, m) SI, `step` s each. None if there are too few turns.
     """
-    fine = max(round(TURN_WINDOW / means.step), 1)
-    count = means.force.shape[1] // fine
-    force, rate = (x[:, : count * fine].reshape(3, count, fine) for x in (means.force, means.rate))
+    fine = max(round(TURN_WINDOW / step), 1)
+    count = means.shape[1] // fine
+    force, rate = means[:, : count * fine].reshape(2, 3, count, fine)
     size = np.linalg.norm(force, axis=0)
     gravity = np.nanmedian(size) if np.isfinite(size).any() else np.nan
     u = force / np.where(size > 0, size, 1.0)
@@ -58,7 +58,7 @@ def fit_axes(means):
         return None
     rests = rate.mean(axis=2)[:, :-1][:, calm & (angle < LEAST_STEP / 4)]
     bias = np.median(rests, axis=1) if rests.size else np.zeros(3)
-    rise = (np.arange(fine) + 0.5) / fine * means.step
+    rise = (np.arange(fine) + 0.5) / fine * step
     weighted = np.concatenate([u[:, steps] * rise, u[:, steps + 1] * rise[::-1]], axis=2)
     both = np.concatenate([rate[:, steps], rate[:, steps + 1]], axis=2) - bias[:, None, None]
     by_axis = np.einsum("ijk,jnt,lnt->nkli", CROSS, weighted, both, optimize=True)

@@ -5,6 +5,7 @@ all is well. Else it returns what the message needs: a text, a number, a list of
 name. Message and remedy may also name the quality figures, as in ``{rate_hz:.4g}``.
 """
 
+from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -67,8 +68,8 @@ class Evidence:
 
     @property
     def faults(self):
-        """The faults of the samples."""
-        return self.figures["faults"]
+        """The faults of the samples, none where they were not measured."""
+        return self.figures["faults"] or defaultdict(dict)
 
     @property
     def inside(self):
@@ -79,10 +80,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Check:
-    """A row of the table. Of the checks about one subject the first that finds something counts.
-
-    A check that `needs` figures is made where all of these are known: ``faults`` or ``gravity``.
-    """
+    """A row of the table. Of the checks about one subject the first that finds something counts."""
 
     name: str
     severity: int
@@ -90,7 +88,6 @@ class Check:
     message: str
     remedy: str = ""
     about: str = ""
-    needs: str = ""
 
 
 def listed(by_name, text="{0} {1}"):
@@ -131,15 +128,14 @@ def _rate(e):
 
 def _in_turn(e):
     rows, turns = e.figures["rows"], e.faults["in_turn"]
-    both = min(turns.values()) > MOST_DROPPED * rows and sum(turns.values()) > 0.9 * rows
-    return both and listed(turns)
+    both = min(turns.values(), default=0) > MOST_DROPPED * rows
+    return both and sum(turns.values()) > 0.9 * rows and listed(turns)
 
 
 def _failed_reads(e):
     failed = {n: rows for n, rows in e.faults["failed_reads"].items() if rows}
-    share = max(failed.values(), default=0) / e.figures["rows"]
-    often = "every other row holds" if 0.48 < share < 0.52 else f"{share:.0%} of rows hold"
-    return share > MOST_DROPPED and f"{', '.join(failed)}: {often}"
+    share = max(failed.values(), default=0) / max(e.figures["rows"], 1)
+    return share > MOST_DROPPED and f"{', '.join(failed)}: {share:.0%}"
 
 
 def _unresolved(e):
@@ -184,34 +180,36 @@ def _saturated(e):
     return listed({n: f for n, f in found if not e.figures["clipped"][n]}, "{0} {1[rows]} samples")
 
 
+def _held(e):
+    return [f"{s} for {n:.3g} rows" for s, n in e.faults["rows_a_value"].items() if n > 1]
+
+
 _LOST = f"at most {MOST_DROPPED:.0%} may be lost"
 _SLOWER = "rests, turns and moves with them are left out: choose a wider range or turn more slowly"
-_WRAP = "values jump from one end of the range to the other and stay there: {}"
-_WIDEN = "an integer that wraps around: widen it in the logger, or choose a wider full scale"
+_WRAP = "an integer that wraps around from one end of its range to the other: {}"
+_WIDEN = "widen it in the logger, or choose a wider full scale"
+_STILL = "a static session lies still: declare another kind, or crop it with time_range"
 
 CHECKS = [
     # what cannot be read
     Check("joined seconds", UNREADABLE, lambda e: e.counts.clock.fault(), "{}"),
     Check("gravity as rate", UNREADABLE, lambda e: misread.is_gravity(e.counts),
           "the columns of the angular rate hold gravity: vectors of constant length along the "
-          "acceleration, as a fusion filter gives them", "name the gyroscope's own columns in "
-          "columns.angular_rate, or declare it as null where it was not logged"),
+          "acceleration", "name the gyroscope's own columns in columns.angular_rate, or give null"),
     Check("two units", UNREADABLE, lambda e: misread.repeated(e.counts),
           "{n} rows repeat the one before, with its time stamp, in another unit: the {sensor} "
           "in {unit} and again in {other}", "log each sample once, or keep the rows of one unit"),
     Check("rate", UNREADABLE, _rate, "{rate_hz:.3g} Hz is no rate of an IMU{}"),
-    Check("sensors in turn", UNREADABLE, _in_turn, "exactly zero on all axes in turn: {} rows: "
-          "rows of two sensors, each with zeros for the other",
-          "leave these fields empty, or write a log for each sensor", needs="faults"),
-    Check("failed reads", UNREADABLE, _failed_reads, "{} the same value, far from those between: "
-          "failed reads", "look at the bus, the driver and the read rate", needs="faults"),
+    Check("sensors in turn", UNREADABLE, _in_turn, "exactly zero on all axes, in turn: {} rows",
+          "leave the fields of the other sensor empty, or write a log for each sensor"),
+    Check("failed reads", UNREADABLE, _failed_reads, "{} of rows hold the same value, far from "
+          "those between: failed reads", "look at the bus, the driver and the read rate"),
     # what cannot be used
     Check("time range", UNUSABLE, lambda e: not e.inside and e.counts.read,
           "none of the log's {} rows lies in the time range", about="rows length"),
     Check("no rows", UNUSABLE, lambda e: not e.inside, "the log has no rows", about="rows length"),
-    Check("dropped rows", UNUSABLE, _dropped_rows, "{}", _LOST, about="rows"),
-    Check("lost text", UNUSABLE, _lost_text, "{} of the log's bytes are in lines that are no row",
-          _LOST, about="rows"),
+    Check("dropped rows", UNUSABLE, _dropped_rows, "{}", _LOST, "rows"),
+    Check("lost text", UNUSABLE, _lost_text, "{} of the log's bytes are no rows", _LOST, "rows"),
     Check("few rows", UNUSABLE, lambda e: e.figures["rows"] < LEAST_ROWS,
           f"{{rows}} usable rows, at least {LEAST_ROWS} needed", about="length"),
     Check("short log", UNUSABLE, lambda e: e.figures["duration_s"] < LEAST_DURATION,
@@ -221,38 +219,32 @@ CHECKS = [
           "the acceleration never changes: the sensor was not read"),
     Check("unresolved change", UNUSABLE, _unresolved, "{} in the whole log, which no sensor "
           "resolves", "see units and nominal"),
-    # what is not as declared
+    # what is not as declared: faults and gravity are known
     Check("overflow", MISDECLARED, lambda e: _wraps(e, MOST_WRAPS), _WRAP, _WIDEN,
-          "overflow force rate gap rest", "faults gravity"),
-    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN,
-          "overflow", "faults gravity"),
+          "overflow force rate gap rest"),
+    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN, "overflow"),
     Check("increments", MISDECLARED, plausible.increments, "{words} the step of {step:.4g} s, so "
           "the log looks like increments of velocity and angle per sample", "declare {unit}",
-          "force rate gap", "faults gravity"),
+          "force rate gap"),
     Check("turn in a gap", DOUBTFUL, lambda e: _rests(e, lambda r: r["gap_turn"] > MOST_TILT),
           "gravity turns by {gap_turn_deg:.0f}° within the gap at {gap_s:.6g} s: the device was "
-          "turned while nothing was logged, and this turn is left out", "", "gap",
-          "faults gravity"),
-    Check("jump of force", DOUBTFUL, plausible.jump_of_force, "at {jump_s:.6g} s the specific "
-          "force at rest changes by {jump_m_s2:.3g} m/s^2 and the gyroscope shows no turn; scale "
-          "or bias changed amid the log, or logs were joined", "crop it with time_range",
-          "force", "faults gravity"),
-    Check("unit of force", MISDECLARED, plausible.unit_of_force, "{}", "", "force",
-          "faults gravity"),
+          "turned while nothing was logged, and this turn is left out", about="gap"),
+    Check("jump of force", DOUBTFUL, plausible.jump_of_force, "at {jump_s:.6g} s the force at rest "
+          "changes by {jump_m_s2:.3g} m/s^2 without a turn: scale or bias changed amid the log, or "
+          "logs were joined", "crop it with time_range", "force"),
+    Check("unit of force", MISDECLARED, plausible.unit_of_force, "{}", about="force"),
     Check("size of force", DOUBTFUL, plausible.size_of_force, "{}",
-          "see units.acceleration and nominal.acceleration", "force", "faults gravity"),
+          "see units.acceleration and nominal.acceleration", "force"),
     Check("unit of rate", MISDECLARED, plausible.unit_of_rate, "{}",
-          "or the log's rate is off by as much", "rate", "faults gravity"),
+          "or the log's rate is off by as much", "rate"),
     Check("size of rate", DOUBTFUL, _fast, "the mean angular rate is {mean_angular_rate:.4g} "
-          "rad/s, too much for a {}", "see units.angular_rate", "rate", "faults gravity"),
+          "rad/s, too much for a {}", "see units.angular_rate", "rate"),
     Check("scale of rate", DOUBTFUL, plausible.scale_of_rate, "{}", "see units.angular_rate and "
-          "nominal.angular_rate; or the log's rate is off by as much", "rate", "faults gravity"),
-    Check("motion", MISDECLARED,
-          lambda e: e.kind == "static" and _rests(e, _moves),
+          "nominal.angular_rate; or the log's rate is off by as much", "rate"),
+    Check("motion", MISDECLARED, lambda e: e.kind == "static" and _rests(e, _moves),
           "the device rests for {share:.0%} of the time, its mean angular rate changes by "
           "{change_deg:.2g} deg/s from half a second to the next, and gravity turns by up to "
-          "{turned_deg:.0f}° in its axes, in {attitudes} attitudes", "a static session lies still: "
-          "declare another kind, or crop it with time_range", "rest", "faults gravity"),
+          "{turned_deg:.0f}° in its axes, in {attitudes} attitudes", _STILL),
     # what a user should look at
     Check("dead channel", WARNING, lambda e: [n for n in e.figures["constant"] if n in CHANNELS],
           "never changing: {}"),
@@ -265,47 +257,37 @@ CHECKS = [
           "the stamps give {rate_hz:.4g} Hz, declared are {} Hz; stamps used"),
     Check("lines without stamps", WARNING, lambda e: e.log.bad_lines and "time" not in e.log.found,
           "lines that are no row shorten a log without stamps by one step each"),
-    Check("identical rows", WARNING, lambda e: e.counts.identical, "{} rows identical to the one "
-          "before, stamp and values: dropped, nothing is lost"),
-    Check("spikes", WARNING, lambda e: e.counts.spiked and {"n": e.counts.spiked,
-          "by": ", ".join(listed(e.counts.spike_values))}, "{n} rows dropped for a spike that no "
-          "body makes: {by}", "check the wiring and the logger"),
+    Check("identical rows", WARNING, lambda e: e.counts.identical,
+          "{} rows identical to the one before, stamp and values: dropped, nothing is lost"),
+    Check("spikes", WARNING, lambda e: listed(e.counts.spike_values),
+          "rows dropped for a spike that no body makes: {}", "check the wiring and the logger"),
     Check("impossible values", WARNING, lambda e: listed(e.counts.impossible_values),
-          f"counted as missing, as beyond ± {BEYOND:g} in SI, which no sensor gives: {{}}",
-          "see units and nominal"),
+          f"missing, as beyond ± {BEYOND:g} in SI, which no sensor gives: {{}}", "see units"),
     Check("missing temperatures", WARNING, lambda e: e.counts.missing_values.get(TEMPERATURE),
           "{} temperatures are missing"),
     Check("zeros", WARNING, lambda e: listed(e.faults["zero_rows"], "{} in {} rows"),
-          "exactly zero on all axes: {}", "padding or failed reads, no motion: crop them with "
-          "time_range or take them out of the log", needs="faults"),
+          "exactly zero on all axes: {}", "padding or failed reads: take them out of the log"),
     Check("stuck values", WARNING, lambda e: listed(e.faults["stuck"], "{0} {1[rows]} samples, "
-          "first at {1[first_s]:.6g} s"), "stuck at one value: {}",
-          "left out as a gap: look at the cable and the driver", needs="faults"),
+          "first at {1[first_s]:.6g} s"), "stuck at one value: {}", "look at the cable and driver"),
     Check("silence", WARNING, lambda e: e.faults["silent_at_rest"], "no noise at rest: {}",
-          "a step too coarse, or firmware that holds the value: noise and bias cannot be known "
-          "from this log", needs="faults"),
+          "a step too coarse, or firmware that holds the value: no noise or bias can be known"),
     Check("spikes on several channels", WARNING, lambda e: listed(e.faults["spikes"]),
-          "spikes of a single sample: {}", "check the wiring and the logger", needs="faults"),
+          "spikes of a single sample: {}", "check the wiring and the logger"),
     Check("saturation", WARNING, _saturated, "clipped at a repeated extreme value: {}",
-          f"{_SLOWER}, and declare full_scale", needs="faults"),
-    Check("held values", WARNING, lambda e: listed({sensor: n for sensor, n in
-          e.faults["rows_a_value"].items() if n > 1}, "{} for {:.3g} rows"),
-          "a value is held: {}", "log each new value once, else noise comes out wrong",
-          needs="faults"),
+          f"{_SLOWER}, and declare full_scale"),
+    Check("held values", WARNING, _held, "a value is held: {}", "log each new value once"),
     Check("copies", WARNING, lambda e: [f"{b} is a copy of {a}" for a, b in e.faults["copies"]],
-          "{}: see columns", needs="faults"),
+          "{}: see columns"),
     Check("temperature", WARNING, _temperature, "temperature from {range[temperature][0]:.5g} to "
-          "{range[temperature][1]:.5g} degC: counts, failed reads, or in K",
-          "see units.temperature", "temperature"),
+          "{range[temperature][1]:.5g} degC: counts, failed reads, or in K", "see units", "warmth"),
     Check("constant temperature", WARNING, lambda e: TEMPERATURE in e.figures["constant"] and
-          e.figures["duration_s"] >= CONSTANT_TEMPERATURE,
-          "temperature is {range[temperature][0]:.5g} degC throughout: not read, or too coarse; it "
-          "can show no effect of temperature", "", "temperature"),
+          e.figures["duration_s"] >= CONSTANT_TEMPERATURE, "temperature is "
+          "{range[temperature][0]:.5g} degC throughout: not read, or too coarse", about="warmth"),
     # one axis in two places fits nowhere
     Check("axes", WARNING, lambda e: not e.faults["copies"] and e.faults["axes"] and
           mapping_words(e.faults["axes"]["mapping"]), "the angular rate fits the turns of gravity "
           "with {}; gravity does not tell which sensor is at fault", "columns.acceleration and "
-          "columns.angular_rate put axes in order, and -NAME turns a sign", needs="faults"),
+          "columns.angular_rate put axes in order, and -NAME turns a sign"),
 ]  # fmt: skip
 
 
@@ -315,17 +297,16 @@ def findings(evidence):
     Of a log that is `UNREADABLE` nothing else is said.
     """
     found, done = {severity: [] for severity in range(WARNING + 1)}, set()
-    known = {"faults": evidence.figures["faults"], "gravity": evidence.gravity}
+    unknown = () if evidence.gravity and evidence.figures["faults"] else (MISDECLARED, DOUBTFUL)
     for check in CHECKS:
         about = {*check.about.split()}
-        if done & about or not all(known[need] for need in check.needs.split()):
+        if check.severity in unknown or done & about or not (facts := check.measure(evidence)):
             continue
-        if facts := check.measure(evidence):
-            done |= about
-            named = facts if isinstance(facts, dict) else {}
-            fact = ", ".join(facts) if isinstance(facts, list) else facts
-            text = "; ".join(filter(None, (check.message, check.remedy)))
-            found[check.severity].append(text.format(fact, **evidence.figures | named))
-            if check.severity == UNREADABLE:
-                break
+        done |= about
+        named = facts if isinstance(facts, dict) else {}
+        fact = ", ".join(facts) if isinstance(facts, list) else facts
+        text = "; ".join(filter(None, (check.message, check.remedy)))
+        found[check.severity].append(text.format(fact, **evidence.figures | named))
+        if check.severity == UNREADABLE:
+            break
     return found

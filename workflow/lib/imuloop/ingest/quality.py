@@ -10,12 +10,14 @@ import pandas as pd
 
 from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import (
+    ACCELERATION,
     CHANNELS,
     OWN_TIME,
     ROWS,
     SENSORS,
     TEMPERATURE,
     TIME,
+    other_sensor,
     own_rows,
 )
 from imuloop.ingest import channel, spikes
@@ -134,31 +136,17 @@ def _faults(columns, names, zeros, figures):
     `names` are the channels among the `columns`, `zeros` the values that zero counts have, and
     `figures` the other quality figures.
     """
-    t, x, number = (
-        columns[TIME],
-        {name: columns[name] for name in names},
-        np.arange(len(columns[TIME])),
-    )
+    t, x = columns[TIME], {name: columns[name] for name in names}
     steps = {name: step or 0.0 for name, step in figures["quantisation_step"].items()}
-    # the samples of each sensor: row numbers, or all rows
-    rows, rates, added = (
-        dict.fromkeys(SENSORS, slice(None)),
-        dict.fromkeys(SENSORS, figures["rate_hz"]),
-        {},
-    )
-    single = spikes.isolated([x[n] for n in CHANNELS], [steps[n] for n in CHANNELS])
+    # the rows with a new sample of each sensor, and its rate
+    rows, rates, added = dict.fromkeys(SENSORS, slice(None)), {}, {}
+    groups = [(slice(None), CHANNELS)]
     for sensor in (each for each, stamps in OWN_TIME.items() if stamps in columns):
         rows[sensor] = first = own_rows(columns[OWN_TIME[sensor]])
         rates[sensor] = time_figures(columns[OWN_TIME[sensor]][first])["rate_hz"]
         added["slower"] = {"sensor": sensor, "rate_hz": rates[sensor], "rows": len(first)}
-        # a spike of a slower sensor is in all rows that hold it
-        own = spikes.isolated([x[n][first] for n in CHANNELS], [steps[n] for n in CHANNELS])
-        ends = np.append(first[1:], len(t))
-        held = [(row, k) for i, k in own.T for row in range(first[i], ends[i])]
-        both = [each for each in single.T if CHANNELS[each[1]] not in SENSORS[sensor]]
-        both += [each for each in held if CHANNELS[each[1]] in SENSORS[sensor]]
-        single = np.array(both, dtype=int).reshape(-1, 2).T
-
+        groups = [(slice(None), SENSORS[other_sensor(sensor)]), (first, SENSORS[sensor])]
+    single = np.hstack([_isolated(x, steps, *group) for group in groups])
     zero = [np.all([x[n] == zeros[n] for n in axes], axis=0) for axes in SENSORS.values()]
     # a gyroscope at rest may well show three zeros; an accelerometer never does
     padding = zero[0], zero[0] & zero[1]
@@ -174,28 +162,23 @@ def _faults(columns, names, zeros, figures):
         "silent_at_rest": [],
     } | {name: {} for name in ("failed_reads", "stuck", "spikes", "wraps", "clipped_at")}
     for k, (sensor, (quantity, axes)) in enumerate(zip(SENSORS, QUANTITIES.items(), strict=True)):
-        at, rate = rows[sensor], rates[sensor]
+        at, rate = rows[sensor], rates.get(sensor, figures["rate_hz"])
         if padding[k].any():
             x |= {name: np.where(padding[k], np.nan, x[name]) for name in axes}
         channels = {n: Channel(x[n][at], steps[n], *figures["range"][n]) for n in axes}
-        force = [columns[name][at] for name in SENSORS["accelerometer"]]
-        silent = channel.silent(channels, force)
+        silent = channel.silent(channels, [columns[n][at] for n in ACCELERATION])
         clipped = channel.saturation(channels, rate)
         # a silent channel is not stuck, and a saturated one not at the end of its range
         stuck = {
-            name: {run for run in c.stuck if c.x[run[0]] not in clipped[name]["values"]}
-            for name, c in channels.items()
-        } | {name: set() for name in silent}
-        # all axes of a gyroscope stuck at zero are padding too
-        zeros_of = ({r for r in stuck[n] if channels[n].x[r[0]] == zeros[n]} for n in axes)
-        padded = set.intersection(*zeros_of)
+            n: [r for r in c.stuck if n not in silent and c.x[r[0]] not in clipped[n]["values"]]
+            for n, c in channels.items()
+        }
         wraps = {name: c.wraps() for name, c in channels.items()}
-        alone = zero[k][at]
-        alone = np.count_nonzero(alone[1:-1] & ~alone[:-2] & ~alone[2:])
-        alone = alone if alone > channel.OFTEN * len(number[at]) else 0
-        faults["zero_rows"][quantity] += sum(length for _, length in padded)
+        is_zero = zero[k][at]
+        alone = np.count_nonzero(is_zero[1:-1] & ~is_zero[:-2] & ~is_zero[2:])
+        alone = alone if alone > channel.OFTEN * len(is_zero) else 0
         faults["failed_reads"] |= {n: alone or c.failed_reads() for n, c in channels.items()}
-        faults["stuck"] |= {n: _stuck(sorted(stuck[n] - padded), t[at], rate) for n in axes}
+        faults["stuck"] |= {n: _stuck(stuck[n], t[at], rate) for n in axes}
         faults["spikes"] |= {n: spikes.count_jumps(c.x, c.step) for n, c in channels.items()}
         faults["wraps"] |= {name: len(before) for name, before in wraps.items()}
         faults["clipped_at"] |= clipped
@@ -205,7 +188,7 @@ def _faults(columns, names, zeros, figures):
         for name, before in wraps.items():
             if len(before):
                 x[name] = x[name].copy()
-                x[name][number[at][np.append(before, before + 1)]] = np.nan
+                x[name][np.arange(len(t))[at][np.append(before, before + 1)]] = np.nan
     if TEMPERATURE in x:
         faults["spikes"][TEMPERATURE] = spikes.count_jumps(x[TEMPERATURE], steps[TEMPERATURE])
     long = np.diff(t)
@@ -214,6 +197,18 @@ def _faults(columns, names, zeros, figures):
     rate = (len(t) - 1 - len(gaps)) / (figures["duration_s"] - long[gaps].sum())
     faults["axes"], faults["rests"] = measure_turns(x, rate, t, gaps)
     return {"faults": faults, "isolated": single} | added
+
+
+def _isolated(x, steps, at, names):
+    """Return rows and channel numbers of the spikes of some channels, (2, k).
+
+    `at` are the rows with a new sample. A spike is in all rows that hold it.
+    """
+    found = spikes.isolated([x[n][at] for n in CHANNELS], [steps[n] for n in CHANNELS])
+    edges = np.append(np.arange(len(x["ax"]))[at], len(x["ax"]))
+    kept = [(i, k) for i, k in found.T if CHANNELS[k] in names]
+    held = [(row, k) for i, k in kept for row in range(edges[i], edges[i + 1])]
+    return np.array(held, dtype=int).reshape(-1, 2).T
 
 
 def _stuck(runs, t, rate):
@@ -234,15 +229,13 @@ def rails(figures, full_scale=None):
     A value there may be any beyond it. The ends are those of the declared `full_scale`, else the
     repeated extreme values among the `figures`; None for an end that is not reached.
     """
-    ends = {}
-    for quantity, axes in QUANTITIES.items():
-        for name in axes:
-            values = figures["faults"].get("clipped_at", {}).get(name, {"values": []})["values"]
-            if figures["clipped"][name]:
-                limit = CLIPPED_SHARE * full_scale[quantity]
-                ends[name] = [-limit, limit]
-            elif values:
-                ends[name] = [end if end in values else None for end in figures["range"][name]]
+    ends, found = {}, figures["faults"].get("clipped_at", {})
+    for name, limits in figures["range"].items():
+        if figures["clipped"].get(name):
+            limit = CLIPPED_SHARE * full_scale["acceleration" if name[0] == "a" else "angular_rate"]
+            ends[name] = [-limit, limit]
+        elif values := found.get(name, {}).get("values"):
+            ends[name] = [end if end in values else None for end in limits]
     return ends
 
 

@@ -10,13 +10,12 @@ scale k, which is one in a good log,
 The device rests where a move begins and ends, so no acceleration of the hand enters.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from imuloop.core.rotation import exponential, matrix, prefix_product
-from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, sums_over
+from imuloop.core.samples import CHANNELS, sums_over
 from imuloop.core.sphere import count_attitudes
 from imuloop.core.stretches import stretches_of
 from imuloop.ingest.axes import AGREEMENT, KEPT, fit_axes
@@ -41,37 +40,18 @@ APART = 0.17
 WINDOWS_BETWEEN, UNTURNED = 3, 5.0
 
 
-@dataclass(frozen=True)
-class Means:
-    """Specific force and angular rate, (3, m) SI, as means of `rows` rows each, `step` s apart."""
-
-    force: np.ndarray
-    rate: np.ndarray
-    rows: int
-    step: float
-
-
-def fine_means(x, rate):
-    """Return the `Means` of channels, arrays (n,) by name, at a rate, Hz."""
-    rows = max(round(FINE * rate), 1)
-    end = len(x["ax"]) // rows * rows
-    force, turning = (
-        np.array([np.einsum("ij->i", x[name][:end].reshape(-1, rows)) / rows for name in names])
-        for names in (ACCELERATION, ANGULAR_RATE)
-    )
-    return Means(force, turning, rows, rows / rate)
-
-
 def measure_turns(x, rate, t, gaps=()):
     """Return what channels, (n,) by name, at a rate, Hz, show of turns and of rests.
 
     These are `axes` and `rests` in quality.schema.yaml. `t` is the time of each row, s, and `gaps`
     are the rows before gaps.
     """
-    means = fine_means(x, rate)
-    axes = fit_axes(means)
+    rows = max(round(FINE * rate), 1)
+    parts = [x[name][: len(t) // rows * rows].reshape(-1, rows) for name in CHANNELS]
+    means = np.array([np.einsum("ij->i", part) / rows for part in parts])
+    axes = fit_axes(means, rows / rate)
     guess = axes["ratio"] if axes and axes["best"] > AGREEMENT else None
-    return axes, measure_rests(means, gaps, t, guess)
+    return axes, measure_rests(means, rows, rows / rate, t, gaps, guess)
 
 
 def angle_between(u, v):
@@ -79,23 +59,23 @@ def angle_between(u, v):
     return np.arccos(np.clip((u * v).sum(axis=0), -1.0, 1.0))
 
 
-def measure_rests(means, gaps, t, guess=None):
+def measure_rests(means, rows, step, t, gaps, guess=None):
     """Return what the stops of a log show, `rests` in quality.schema.yaml; None without a stop.
 
     Parameters
     ----------
-    means : Means
-        Of the log.
-    gaps : array_like of int
-        The rows before gaps.
+    means : array, shape (6, m)
+        Specific force, m/s^2, and angular rate, rad/s, as means of `rows` rows, `step` s each.
     t : array_like, shape (n,)
         Time of each row, s.
+    gaps : array_like of int
+        The rows before gaps.
     guess : float, optional
         The scale of the angular rate that turns inside moves show.
     """
-    fine = max(round(WINDOW / means.step), 4)
-    count, width = means.force.shape[1] // fine, fine * means.rows
-    force, rate = (x[:, : count * fine].reshape(3, count, fine) for x in (means.force, means.rate))
+    fine = max(round(WINDOW / step), 4)
+    count, width = means.shape[1] // fine, fine * rows
+    force, rate = means[:, : count * fine].reshape(2, 3, count, fine)
     centre, turning = force.mean(axis=2), rate.mean(axis=2)
     spread, size = force.var(axis=2).sum(axis=0) * fine, np.linalg.norm(centre, axis=0)
     known = np.isfinite(spread) & np.isfinite(turning.sum(axis=0)) & (size > 0)
@@ -116,15 +96,15 @@ def measure_rests(means, gaps, t, guess=None):
 
     def gap_row(i, j):
         """Return the last rows before gaps from windows i to windows j, -1 where there is none."""
-        rows = gaps[np.searchsorted(gaps, i * width)]
-        return np.where(rows < (j + 1) * width, rows, -1)
+        last = gaps[np.searchsorted(gaps, i * width)]
+        return np.where(last < (j + 1) * width, last, -1)
 
     moves, half = [], fine // 2
     for (_, a), (b, _) in pairwise(rests):
         far = angle_between(u[:, a - 1], u[:, b]) > LEAST_TURN
-        if far and gap_row(a - 1, b) < 0 and (b - a) * fine * means.step < LONGEST_MOVE:
-            steps = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - fine]
-            moves.append((u[:, a - 1], u[:, b], (steps.T - bias) * means.step))
+        if far and gap_row(a - 1, b) < 0 and (b - a) * fine * step < LONGEST_MOVE:
+            rates = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - fine]
+            moves.append((u[:, a - 1], u[:, b], (rates.T - bias) * step))
     ratio = turn_ratio(moves[:: len(moves) // MOST_MOVES + 1], NEAR * (guess or 1.0))
     scale = ratio["value"] if ratio else guess or 1.0
 
@@ -132,7 +112,7 @@ def measure_rests(means, gaps, t, guess=None):
     i, j = i[j - i <= WINDOWS_BETWEEN + 1], j[j - i <= WINDOWS_BETWEEN + 1]
     row = gap_row(i, j)
     in_gap = np.where(row >= 0, angle_between(u[:, i], u[:, j]), 0.0)
-    speed = np.linalg.norm(turning - bias[:, None], axis=0) * fine * means.step / scale
+    speed = np.linalg.norm(turning - bias[:, None], axis=0) * fine * step / scale
     turned = sums_over(speed, np.column_stack([i, j + 1])) * size[i]
     jump = np.linalg.norm(centre[:, j] - centre[:, i], axis=0)
     jump[(row >= 0) | (jump <= UNTURNED * turned)] = 0.0
