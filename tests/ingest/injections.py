@@ -263,7 +263,7 @@ UNITS = [
         ("t", 2, {}, "or the log's rate is off by as much"),
         (RATE, 1e3, counts(2e-3), "0.5 times the one that nominal.angular_rate.scale or range."),
         (RATE, 1e3, counts(1e-3 / DEGREE),
-         "nominal.angular_rate.scale is in rad/s per count, and looks like deg/s")]],
+         "nominal.angular_rate.scale is in SI per count, and looks like deg/s")]],
     Injection("a rate that is 14 % too large", "poses", scaled(RATE, 1.14),
               ("times as far as gravity turns in its axes, over 8 moves",)),
     Injection("a rate that is 8 % too large", "poses", scaled(RATE, 1.08)),

@@ -49,8 +49,9 @@ def milliseconds(columns, figures, points, rate=None):
     if not figures["faults"] or not taken or taken * factor > MOST_RATE:
         return None
     axes, rests = measure_turns(columns, taken * factor, columns["t"])
-    seen = figures | {"faults": figures["faults"] | {"axes": axes, "rests": rests}}
-    ratio, error, _ = turn_ratio(seen)
+    ratio, error, _ = turn_ratio(
+        figures | {"faults": figures["faults"] | {"axes": axes, "rests": rests}}
+    )
     if rate:
         if rate > taken * factor / 2:
             why = f"the declared rate is {_about(rate / taken)} times the rate in seconds"
@@ -69,23 +70,20 @@ def _about(number):
 
 def unit_factors(quantity, unit):
     """Return what a log is off by if its unit is another one, and the words on each."""
-    known = _UNITS[quantity]
+    scale, words = unit.scale, f"taken as {unit.name}, it looks like {{}}; see units.{quantity}"
     if unit.name == "count":
-        words = f"nominal.{quantity}.scale is in {next(iter(known))} per count, and looks like"
-        return [(1 / si, f"{words} {name} per count") for name, si in known.items() if si != 1]
-    words = f"taken as {unit.name}, it looks like"
-    factors = {name: unit.scale / si for name, si in known.items() if name != unit.name}
-    return [(f, f"{words} {name}; see units.{quantity}") for name, f in factors.items()]
+        scale, words = 1, f"nominal.{quantity}.scale is in SI per count, and looks like {{}}"
+    known = _UNITS[quantity].items()
+    return [(scale / si, words.format(name)) for name, si in known if si != scale]
 
 
 def increment_factors(quantity, unit, rate):
     """Return what a log is off by if it holds increments, and what to declare for each."""
-    known, counts = INCREMENTS[quantity], unit.name == "count"
-    words = f"nominal.{quantity}.scale: {{:.6g}}" if counts else f"units.{quantity}: {{1}}"
-    return [
-        ((1 if counts else unit.scale) / (si * rate), words.format(unit.scale * si * rate, name))
-        for name, si in known.items()
-    ]
+    scale, words = unit.scale, f"units.{quantity}: {{0}}"
+    if unit.name == "count":
+        scale, words = 1, f"nominal.{quantity}.scale: {{1:.6g}}"
+    steps = {name: si * rate for name, si in INCREMENTS[quantity].items()}
+    return [(scale / f, words.format(name, unit.scale * f)) for name, f in steps.items()]
 
 
 def full_scale_factors(quantity, unit):
@@ -101,6 +99,13 @@ def nearest(value, factors, share=NEAR):
     fits = [(abs(log(value / factor)), words) for factor, words in factors if value > 0]
     away, words = min(fits, default=(np.inf, None))
     return words if away <= log(1 + share) else None
+
+
+def _cause(e, quantity, ratio, cut, share=NEAR):
+    """Return which unit a ratio of a sensor looks like, or full scale if its range is not cut."""
+    unit = e.units[quantity]
+    cause = nearest(ratio, unit_factors(quantity, unit), share)
+    return cause or (not cut and nearest(ratio, full_scale_factors(quantity, unit), share))
 
 
 def force_off(e):
@@ -156,11 +161,11 @@ def unit_of_force(e):
     """Return which unit, full scale or counts the specific force looks like, where it is off."""
     ratio, rests, words = force_off(e) or (0, None, "")
     unit, axes = e.units["acceleration"], e.faults["stuck"]
-    cause = nearest(ratio, unit_factors("acceleration", unit))
     # an axis that is dead, stuck or clipped takes its part of gravity away
     cut = [n for n in axes if axes[n]["stretches"] or e.faults["clipped_at"][n]["rows"]]
-    if not cause and not cut and not e.figures["constant"] and _spread(rests, 0.5):
-        cause = nearest(ratio, full_scale_factors("acceleration", unit))
+    cause = _cause(
+        e, "acceleration", ratio, cut or e.figures["constant"] or not _spread(rests, 0.5)
+    )
     steps = [(e.figures["quantisation_step"][name] or 0) / unit.scale for name in ACCELERATION]
     if ratio and not cause and unit.name in ("m/s^2", "g") and np.allclose(steps, 1, 1e-6):
         scale = "" if (e.nominal or {}).get("acceleration") else ", and nominal.acceleration"
@@ -227,11 +232,7 @@ def unit_of_rate(e):
     value, error, words = turn_ratio(e.figures)
     if not error or error > MOST_ERROR:
         return None
-    unit = e.units["angular_rate"]
-    factors = unit_factors("angular_rate", unit)
-    cause = nearest(value, factors, error)
-    if not (cause or is_cut(e)):
-        cause = nearest(value, full_scale_factors("angular_rate", unit), error)
+    cause = _cause(e, "angular_rate", value, is_cut(e), error)
     return cause and f"{words}: {cause}"
 
 

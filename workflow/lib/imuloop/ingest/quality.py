@@ -162,7 +162,7 @@ def _faults(columns, names, zeros, figures):
         "silent_at_rest": [],
     } | {name: {} for name in ("failed_reads", "stuck", "spikes", "wraps", "clipped_at")}
     for k, (sensor, (quantity, axes)) in enumerate(zip(SENSORS, QUANTITIES.items(), strict=True)):
-        at, rate = rows[sensor], rates.get(sensor, figures["rate_hz"])
+        at, rate = rows[sensor], rates.get(sensor) or figures["rate_hz"]
         if padding[k].any():
             x |= {name: np.where(padding[k], np.nan, x[name]) for name in axes}
         channels = {n: Channel(x[n][at], steps[n], *figures["range"][n]) for n in axes}
@@ -195,7 +195,7 @@ def _faults(columns, names, zeros, figures):
     gaps = np.flatnonzero(long > max(figures["gaps"]["longer_than_s"], TURN_GAP))
     # where single rows are lost fewer come in a second than the usual step says
     rate = (len(t) - 1 - len(gaps)) / (figures["duration_s"] - long[gaps].sum())
-    faults["axes"], faults["rests"] = measure_turns(x, rate, t, gaps)
+    faults["axes"], faults["rests"] = measure_turns(x, np.fmin(rate, FASTEST), t, gaps)
     return {"faults": faults, "isolated": single} | added
 
 
