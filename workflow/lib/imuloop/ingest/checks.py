@@ -209,7 +209,8 @@ CHECKS = [
           "none of the log's {} rows lies in the time range", about="rows length"),
     Check("no rows", UNUSABLE, lambda e: not e.inside, "the log has no rows", about="rows length"),
     Check("dropped rows", UNUSABLE, _dropped_rows, "{}", _LOST, "rows"),
-    Check("lost text", UNUSABLE, _lost_text, "{} of the log's bytes are no rows", _LOST, "rows"),
+    Check("lost text", UNUSABLE, _lost_text, "{} of the log's bytes are in lines that are "
+          "no row", _LOST, "rows"),
     Check("few rows", UNUSABLE, lambda e: e.figures["rows"] < LEAST_ROWS,
           f"{{rows}} usable rows, at least {LEAST_ROWS} needed", about="length"),
     Check("short log", UNUSABLE, lambda e: e.figures["duration_s"] < LEAST_DURATION,
