@@ -34,12 +34,27 @@ def blocks(x):
     return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
 
 
+def least_stuck(lengths):
+    """Return the least of the lengths of runs, (m,), that is too long for chance."""
+    counts = np.bincount(lengths)
+    length = np.flatnonzero(counts)
+    count, rows = np.cumsum([counts[length], counts[length] * length], axis=1)[:, :-1]
+    # the longest run of n with a mean m has about m ln n rows by chance
+    by_chance = length[:-1] <= 1 + 3 * rows / count * np.log(count)
+    least = STUCK_FACTOR * np.where(by_chance, 1, COARSE) * length[:-1]
+    long = (length[1:] >= np.maximum(LEAST_STUCK, least)) & (count >= FEWEST)
+    return length[1:][long].min(initial=lengths.sum() + 1)
+
+
 @dataclass
 class Channel:
-    """The samples of a channel, (n,) SI, with the runs of equal values in them.
+    """The samples of a channel, (n,) SI, and what runs of equal values among them show.
 
     `step` is the quantisation step, 0 if it is not known, `low` and `high` are the ends of its
-    range; `starts`, `lengths` and `values` are those of the runs.
+    range. `is_fine` tells whether noise spans the step in half of the blocks that change. `stuck`
+    are first row and rows of the runs that are too long for chance, and `tops` the values of flat
+    tops. `failed_reads` is the number of rows that hold one value again and again, far from those
+    beside them.
     """
 
     x: np.ndarray
@@ -48,38 +63,23 @@ class Channel:
     high: float
 
     def __post_init__(self):
-        edges = np.flatnonzero(self.x[1:] != self.x[:-1]) + 1
-        self.starts = np.concatenate([[0], edges])
-        self.lengths = np.diff(self.starts, append=len(self.x))
-        self.values = self.x[self.starts]
-        # whether each run but the first and the last lies far from both beside it
-        far = np.abs(np.diff(self.values)) > FAR_STEPS * self.step
-        self.apart = far[:-1] & far[1:]
-        # whether noise spans the quantisation step in half of the blocks that change
         width = np.ptp(blocks(self.x), axis=1)
         changing = np.count_nonzero(width > 0)
         self.is_fine = np.count_nonzero(width > SPAN * self.step) >= changing / 2 > 0
-        self.stuck = self._stuck() if self.is_fine else []
-
-    def _stuck(self):
-        """Return (first row, rows) of each run of equal values that is too long for chance."""
-        counts = np.bincount(self.lengths)
-        length = np.flatnonzero(counts)
-        count, rows = np.cumsum([counts[length], counts[length] * length], axis=1)[:, :-1]
-        # the longest run of n with a mean m has about m ln n rows by chance
-        by_chance = length[:-1] <= 1 + 3 * rows / count * np.log(count)
-        least = STUCK_FACTOR * np.where(by_chance, 1, COARSE) * length[:-1]
-        long = (length[1:] >= np.maximum(LEAST_STUCK, least)) & (count >= FEWEST)
-        runs = self.lengths >= length[1:][long].min(initial=len(self.x) + 1)
-        return list(zip(self.starts[runs].tolist(), self.lengths[runs].tolist(), strict=True))
-
-    def failed_reads(self):
-        """Return the number of rows that hold one value again and again, far from those beside."""
-        values = self.values[1:-1][self.apart & (self.lengths[1:-1] == 1)]
-        if not self.step or len(values) < OFTEN * len(self.x):
-            return 0
-        rows = np.count_nonzero(values == pd.Series(values[:1000]).mode()[0])
-        return rows if rows > OFTEN * len(self.x) else 0
+        starts = np.append(0, np.flatnonzero(self.x[1:] != self.x[:-1]) + 1)
+        lengths, values = np.diff(starts, append=len(self.x)), self.x[starts]
+        long = lengths >= (least_stuck(lengths) if self.is_fine else len(self.x) + 1)
+        self.stuck = list(zip(starts[long].tolist(), lengths[long].tolist(), strict=True))
+        far = np.abs(np.diff(values)) > FAR_STEPS * self.step
+        far, lengths, values = far[:-1] & far[1:], lengths[1:-1], values[1:-1]
+        # values that are held have flat tops everywhere
+        tops = values[far & (lengths >= FLAT_TOP)]
+        self.tops = tops if np.isin(tops, (self.low, self.high)).all() else tops[:0]
+        alone, often = values[far & (lengths == 1)], OFTEN * len(self.x)
+        rows = 0
+        if self.step and len(alone) > often:
+            rows = np.count_nonzero(alone == pd.Series(alone[:1000]).mode()[0])
+        self.failed_reads = rows if rows > often else 0
 
     def wraps(self):
         """Return the rows before jumps from one end of the range to the other that stay there.
@@ -109,16 +109,13 @@ def saturation(channels, rate):
     """
     ends, found = [], {name: {"values": [], "rows": 0} for name in channels}
     for name, c in channels.items():
-        tops = c.values[1:-1][c.apart & (c.lengths[1:-1] >= FLAT_TOP)]
-        # values that are held have flat tops everywhere
-        tops = tops if np.isin(tops, (c.low, c.high)).all() else tops[:0]
         width = c.step or np.finfo(float).tiny
         for value in sorted({c.low, c.high} - {0.0}) if c.low < c.high else ():
             near = c.x[(c.x > value - 1.5 * width) & (c.x < value + 1.5 * width)]
             rows = np.count_nonzero(np.abs(near - value) < 0.5 * width)
             beside = len(near) - rows
             here = [length for start, length in c.stuck if c.x[start] == value]
-            flat = np.count_nonzero(tops == value)
+            flat = np.count_nonzero(c.tops == value)
             flat += rows > 1 and round(abs(value) / width) in RAILS
             if (c.is_fine or flat) and not (len(here) == 1 and here[0] >= max(rate, MOST * rows)):
                 ends.append((name, value, rows, beside, flat, width))

@@ -11,6 +11,7 @@ import pandas as pd
 from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import (
     ACCELERATION,
+    ANGULAR_RATE,
     CHANNELS,
     OWN_TIME,
     ROWS,
@@ -57,10 +58,9 @@ def measure(columns, raw_units, full_scale=None):
         None stands for what the rows cannot give. ``isolated`` holds the rows and the channel
         numbers of the spikes to be dropped, two arrays (k,).
     """
-    t, scales, empty = columns[TIME], full_scale or {}, not len(columns[TIME])
+    t, scales = columns[TIME], full_scale or {}
     names = [name for name in (*CHANNELS, TEMPERATURE) if name in columns]
     ranges = {name: _range(columns[name]) for name in names}
-    force, rate = (np.sqrt(sum(columns[n] ** 2 for n in axes)) for axes in SENSORS.values())
     limits = {
         n: CLIPPED_SHARE * scales.get(q, np.nan) for q, axes in QUANTITIES.items() for n in axes
     }
@@ -73,18 +73,24 @@ def measure(columns, raw_units, full_scale=None):
         "constant": [n for n, ends in ranges.items() if len(t) > 1 and ends and not np.ptp(ends)],
         "range": ranges,
         "quantisation_step": {name: quantisation_step(columns[name]) for name in names},
-        "mean_specific_force": None if empty else float(force.mean()),
-        "mean_angular_rate": None if empty else float(rate.mean()),
+        "mean_specific_force": _mean_size(columns, ACCELERATION),
+        "mean_angular_rate": _mean_size(columns, ANGULAR_RATE),
         "temperature_range": ranges.get(TEMPERATURE),
         "faults": {},
         "isolated": np.empty((2, 0), dtype=int),
     }
-    if not empty and 0 < (figures["rate_hz"] or 0) < FASTEST:
+    if 0 < (figures["rate_hz"] or 0) < FASTEST:
         zeros = {
             n: -raw_units[q].offset * raw_units[q].scale for q, a in QUANTITIES.items() for n in a
         }
         figures |= _faults(columns, names, zeros, figures)
     return figures
+
+
+def _mean_size(columns, axes):
+    """Return the mean magnitude of the vectors of some columns, None without rows."""
+    size = np.sqrt(sum(columns[name] ** 2 for name in axes))
+    return float(size.mean()) if len(size) else None
 
 
 def time_figures(t):
@@ -177,7 +183,7 @@ def _faults(columns, names, zeros, figures):
         is_zero = zero[k][at]
         alone = np.count_nonzero(is_zero[1:-1] & ~is_zero[:-2] & ~is_zero[2:])
         alone = alone if alone > channel.OFTEN * len(is_zero) else 0
-        faults["failed_reads"] |= {n: alone or c.failed_reads() for n, c in channels.items()}
+        faults["failed_reads"] |= {n: alone or c.failed_reads for n, c in channels.items()}
         faults["stuck"] |= {n: _stuck(stuck[n], t[at], rate) for n in axes}
         faults["spikes"] |= {n: spikes.count_jumps(c.x, c.step) for n, c in channels.items()}
         faults["wraps"] |= {name: len(before) for name, before in wraps.items()}
