@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from imuloop.core.units import DEGREE, STANDARD_GRAVITY
-from ingest.logs import ALL, FORCE, RATE, poses, swaying
+from ingest.logs import ALL, FORCE, RATE, brief, increments, poses, swaying
 
 
 def harm(function):
@@ -52,6 +52,22 @@ def at(log, labels, name, values):
 
 
 @harm
+def added(log, labels, names, value):
+    """Add a value in some rows, in all of None."""
+    log.loc[slice(None) if labels is None else labels, names] += value
+
+
+@harm
+def in_counts(log, scales):
+    log[ALL] = (log[ALL] / scales).round()
+
+
+@harm
+def summed(log, rate, *factors):
+    return increments(log, rate, *factors)
+
+
+@harm
 def scaled(log, names, factor, offset=0.0):
     log[names] = log[names] * factor + offset
 
@@ -71,6 +87,31 @@ def clipped_share(log, name, share):
     """Clip the largest samples, those above a share of all, or the smallest."""
     limit = np.sort(log[name].to_numpy())[int(share * len(log))]
     log[name] = log[name].clip(upper=limit) if share > 0.5 else log[name].clip(lower=limit)
+
+
+@harm
+def flat_top(log, rows, count):
+    """Clip gx to so many rows, then hold each value for so many."""
+    log["gx"] = log["gx"].clip(upper=log["gx"].nlargest(rows).iloc[-1])
+    log[ALL] = log[ALL].to_numpy()[np.arange(len(log)) // count * count]
+
+
+@harm
+def reached(log, limit, rows):
+    """Let each axis of the gyroscope reach one end of a range in so many rows."""
+    for name, sign in zip(RATE, (1, -1, 1), strict=True):
+        largest = log[name].mul(sign).nlargest(rows).index
+        log[name] = log[name].clip(-0.99 * limit, 0.99 * limit)
+        log.loc[largest, name] = sign * limit
+
+
+@harm
+def sixteen_bits(log, zero):
+    """Write the rate as counts of 1e-4 rad/s, the largest of gx at the ends of 16 bits."""
+    log[RATE] = (log[RATE] / 1e-4).round()
+    fastest = log.gx.abs().nlargest(18).index
+    log.loc[fastest, "gx"] = np.where(log.gx[fastest] > 0, 32767, -32768)
+    log[RATE] += zero
 
 
 @harm
@@ -121,6 +162,34 @@ def turned(log, acceleration, angular_rate):
     """Log as x, y, z of each sensor its true axes of these numbers, with these signs."""
     for names, numbers in ((FORCE, acceleration), (RATE, angular_rate)):
         log[names] = log[names].to_numpy()[:, np.abs(numbers) - 1] * np.sign(numbers)
+
+
+@harm
+def distorted(log, seed):
+    """Give the gyroscope biases, misalignments of 5°, scale errors of 10 % and a narrow range."""
+    rng = np.random.default_rng(seed)
+    mixing = (np.eye(3) + 0.08 * rng.normal(size=(3, 3))) * rng.uniform(0.9, 1.1, 3)
+    log[RATE] = log[RATE].to_numpy() @ mixing + rng.uniform(-0.3, 0.3, 3)
+    log[RATE] = log[RATE].clip(*np.array([-0.6, 0.6]) * log[RATE].abs().max().max())
+    return log[(rng.random(len(log)) > 0.03) & ((log.index < 2000) | (log.index > 2150))]
+
+
+def about_x():
+    """A log that is turned about x alone."""
+    t = np.arange(6000) / 100
+    angle = 1.2 * np.sin(2 * np.pi * t / 6) * (t > 6)
+    log = brief(6000).assign(ax=0.0, ay=9.8 * np.sin(angle), az=9.8 * np.cos(angle), gy=0.0, gz=0.0)
+    log["gx"] = np.gradient(angle, t)
+    log[ALL] += np.random.default_rng(1).normal(size=(6000, 6)) * 0.02
+    return log
+
+
+@harm
+def gravity_as_rate(log, size, digits):
+    """Write a fusion filter's vector of gravity in place of the rate."""
+    smooth = log[FORCE].rolling(20, min_periods=1).mean()
+    unit = smooth.div(np.linalg.norm(smooth, axis=1), axis=0)
+    log[RATE] = (size * unit).round(digits).to_numpy()
 
 
 @harm
@@ -176,7 +245,25 @@ def written_twice(log, start, each):
     return log.iloc[np.sort(np.r_[np.arange(len(log)), np.arange(start, len(log), each)])]
 
 
+@harm
+def twice(log, force, rate, order=1):
+    """Write each row twice, with one time stamp, in other units."""
+    again = log.assign(**log[FORCE] * force, **log[RATE] * rate)
+    return pd.concat([log, again][::order]).sort_values("t", kind="stable", ignore_index=True)
+
+
 # --- stamps
+
+
+@harm
+def held_back(log):
+    """Stamps of transfers that come after random pauses of some tenths of a second."""
+    rng, number = np.random.default_rng(8), np.arange(len(log))
+    first = np.cumsum(np.r_[0, rng.integers(2, 60, len(log))])
+    transfer = np.searchsorted(first, number, side="right") - 1
+    sent = np.cumsum(rng.exponential(0.31, len(log)))
+    log["t"] = sent[transfer] + 0.002 * (number - first[transfer])
+    return log.sort_values("t", ignore_index=True)
 
 
 @harm

@@ -13,6 +13,7 @@ of quality.json, reasons before warnings. Then, by name,
 """
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -24,24 +25,41 @@ from imuloop.core.units import DEGREE
 # isort: off
 # fmt: off
 from ingest.harm import (
-    after, at, changed_amid, clipped, clipped_share, copied, counter, deadened, every, first,
-    held, in_bursts, in_packets, late, later, lost, lost_each, nothing, on_grid, put, rounded,
-    sampled_unevenly, scaled, scattered, spikes, stamps, turned, turned_in_a_gap,
-    unpadded, without, wrapped, written_twice,
+    about_x, added, after, at, changed_amid, clipped, clipped_share, copied, counter, deadened,
+    distorted, every, first, flat_top, gravity_as_rate, held, held_back, in_bursts, in_counts,
+    in_packets, late, later, lost, lost_each, nothing, on_grid, put, reached, rounded,
+    sampled_unevenly, scaled, scattered, sixteen_bits, spikes, stamps, summed,
+    turned, turned_in_a_gap, twice, unpadded, without, wrapped, written_twice,
 )
 # fmt: on
 # isort: on
-from ingest.logs import ALL, FORCE, RATE, brief, poses, rest, swaying
+from ingest.logs import (
+    ALL,
+    FORCE,
+    RATE,
+    between_two_levels,
+    brief,
+    drifting_with_temperature,
+    flight,
+    gait,
+    poses,
+    rest,
+    simulated,
+    swaying,
+    swinging,
+    tilting,
+    turning_at_once,
+)  # fmt: skip
 
 LOGS = {"poses": poses, "rest": rest, "brief": brief, "swaying": swaying}
-KINDS = {"rest": "static"}
+STATIC = {"kind": "static"}
 
 
 @dataclass(frozen=True)
 class Injection:
     name: str
-    log: str
-    harm: object
+    log: object
+    harm: object = nothing()
     says: tuple = ()
     rejected: bool = False
     drops: tuple | None = ()
@@ -65,21 +83,25 @@ def check_figures(quality, figures):
 
 def injected(case):
     """Return the harmed log of a row, its rows labelled as in the sound one."""
-    return case.harm(LOGS[case.log]())
+    return case.harm(LOGS.get(case.log, case.log)())
 
 
 # --- the table
 
 GOOD, SWAPPED = (1, 2, 3), (2, 1, 3)
-MIRRORED = "swapped or mirrored axes, a left-handed frame"
+MIRRORED = "swapped or mirrored axes"
 BURSTS = "in bursts (median step 2 ms, mean 9.97 ms)"
 SCATTER = "scatter about a regular clock"
 PACKETS = "as of packets of samples: t is rebuilt from the row number"
 REBUILT, NOT_REBUILT = {"clock.rebuilt": True}, {"clock.rebuilt": False}
 NS, US = {"units": {"time": "ns"}}, {"units": {"time": "us"}}
 IN_DEGREES = {"units": {"angular_rate": "deg/s"}}
-FULL_SCALE = "full scale was {} the one that {} is for"
-SCALE = "nominal.angular_rate.scale or range.angular_rate"
+COUNTS = dict.fromkeys(("acceleration", "angular_rate"), "count")
+SCALES = [9.80665 / 16384] * 3 + [DEGREE / 131] * 3
+GRAVITY = "hold gravity: vectors of constant length along the acceleration"
+INCREMENTS = ("increments of velocity and angle per sample; declare units.acceleration: {} and "
+              "units.angular_rate: {}")  # fmt: skip
+TWICE = "500 rows repeat the one before, with its time stamp, in another unit: "
 NO_FAULT_OF_VALUES = {
     "faults.stuck": lambda found: not any(f["stretches"] for f in found.values()),
     "faults.clipped_at": lambda found: not any(f["rows"] for f in found.values()),
@@ -97,6 +119,10 @@ def unit(name):
     return {"units": {"acceleration": name}, "gravity": 9.818}
 
 
+def sensors(*units):
+    return {"units": dict(zip(COUNTS, units, strict=True))}
+
+
 def both(name, harm, says, at_rest=None, **more):
     """Rows of one harm to a log at rest and to one of poses; at rest another line may be said."""
     return [
@@ -109,42 +135,51 @@ def both(name, harm, says, at_rest=None, **more):
 VALUES = [
     *both("zeros on all axes for 2 s", put(ALL, 0.0, 0.4, 200),
           "zero on all axes: acceleration in 200 rows, angular_rate in 200"),
-    *both("zeros in one row", put(ALL, 0.0, 0.3, 1), "zero on all axes: acceleration in 1 row,"),
     *both("zeros of the force", put(FORCE, 0.0, 0.6, 30), "axes: acceleration in 30 rows;"),
-    *both("zeros of the rate", put(RATE, 0.0, 0.6, 300), "axes: angular_rate in 300 rows;"),
+    *both("zeros of the rate", put(RATE, 0.0, 0.6, 300), "stuck at one value: gx 300 samples"),
     *both("one axis stuck for 5 s", put(["ay"], None, 0.3, 500),
-          "stuck at one value: ay 500 samples, 1 time,"),
+          "stuck at one value: ay 500 samples,"),
     *both("one axis at zero", put(["gz"], 0.0, 0.3, 120), "stuck at one value: gz 1"),
-    *both("the force stuck", put(FORCE, None, 0.5, 400), "az 40"),
-    *both("the rate stuck to the end", put(RATE, None, 0.7), "stuck at one value: gx"),
     *both("spikes on all channels", spikes(-300.0),
           "spikes of a single sample: ax 3, ay 3, az 3, gx 3, gy 3, gz 3;"),
     *both("clipped above", clipped_share("ax", 0.93), "at a repeated extreme value: ax "),
-    *both("clipped below", clipped_share("gy", 0.05), "at a repeated extreme value: gy "),
-    *both("both sensors at half the rate", held(ALL, 2), "held: acceleration for 2 rows (50 Hz"),
-    *both("the rate at a quarter of it", held(RATE, 4), "held: angular_rate for 4 rows"),
+    *both("both sensors at half the rate", held(ALL, 2), "held: acceleration for 2 rows,"),
     *both("the force at no whole share", held(FORCE, 2.5), "held: acceleration for 2.5 rows"),
-    *both("an axis written twice", copied("ax", "ay"), "ay is a copy of ax: see columns"),
     *both("an axis as one of the other sensor", copied("ax", "gx"), "gx is a copy of ax: see col"),
     *both("a dead zone", deadened(RATE, 0.04), "no noise at rest: gx, gy, gz;",
           "never changing: gx, gy, gz"),
-    *both("a step far above the noise", rounded(["gy"], 0.02), "no noise at rest: gy;",
-          "never changing: gy"),
-    *both("an axis that never changes", put(["gx"], 0.25), "never changing: gx"),
-    *both("a temperature in counts", scaled(TEMPERATURE, 340, -12420), "counts, or failed reads"),
-    *both("a temperature in K", scaled(TEMPERATURE, 1, 273.15), "it looks like K"),
+    *both("a temperature in K", scaled(TEMPERATURE, 1, 273.15), "counts, failed reads, or in K"),
     *both("a temperature that never changes", put([TEMPERATURE], 21.0), "is 21 degC throughout"),
     *both("a force a hundred times too small", scaled(FORCE, 0.01), "gravity is in it, in 9 ",
           "has gravity been taken out"),
     *both("a rate that no hand makes", scaled(RATE, 1e4), "too much for a turn by hand"),
     *both("a gap", later((2000, 0.7)), "1 gap, 0.71 s together"),
-    *[Injection(f"nothing at all, {log}", log, nothing()) for log in LOGS],
+    *[Injection(f"nothing at all, {log}", log) for log in LOGS],
     Injection("a force that never changes", "rest", put(FORCE, 0.5),
               ("the acceleration never changes", "never changing: ax, ay, az",
                "has gravity been taken out"), rejected=True),
     Injection("turns that are clipped", "poses", clipped(RATE, -0.5, 0.5), ("clipped at",),
               figures={"faults.failed_reads": lambda found: not any(found.values())}),
+    *[Injection(f"a flat top of {rows} rows, values held for {count}", "poses",
+                flat_top(rows, count), None, figures={"faults.clipped_at.gx.rows": found})
+      for rows, count, found in ((5, 1, 5), (1, 1, 0), (5, 3, 0))],
+    # too few on any axis alone: fast turns reach the end of a range at their peaks only
+    Injection("an end of the range that each axis reaches for 9 rows", "poses", reached(5.0, 9),
+              None, drops=None,
+              figures={"rails": {"gx": [None, 5.0], "gy": [-5.0, None], "gz": [None, 5.0]}}),
+    *[Injection(f"the end of sixteen bits, zero at {zero}", "poses", sixteen_bits(zero),
+                ("clipped at a repeated extreme value: gx 18 samples",), declared=counts(1e-4) |
+                {"nominal": {"angular_rate": {"scale": 1e-4, "offset": zero}}})
+      for zero in (0, 32768)],
     Injection("a gyroscope of coarse steps", "poses", rounded(RATE, 0.2), ("no noise at rest",)),
+    Injection("noise far below the step", between_two_levels, says=None, declared=STATIC,
+              figures=NO_FAULT_OF_VALUES),
+    Injection("a walk, which never rests", gait, says=(),
+              figures={"faults.rests.share": lambda share: share < 0.1}),
+    Injection("turns that begin at once, which wrap around no integer", turning_at_once, says=None,
+              figures={"faults.wraps": dict.fromkeys(ALL, 0)}),
+    Injection("a bias that drifts with temperature", lambda: drifting_with_temperature(1),
+              declared=STATIC),
     *[Injection(f"a {what} that changes amid the log", "rest", changed_amid(*by),
                 ("scale or bias changed amid the log",),
                 figures={"faults.rests.jump_s": lambda s: abs(s - 35) < 8})
@@ -152,21 +187,24 @@ VALUES = [
     # failed reads: such rows would pass for clipped ones, or padding
     *[Injection(f"failed reads: {said}", "poses", every(*what), (said,), rejected=True)
       for *what, said in [
-        (2, ["gy", "gz"], 32767 * 0.001, "gy, gz: every other row holds"),
-        (3, ["gx"], 32767 * 0.001, "gx: 33% of rows hold"),
-        (2, FORCE, -1 / 2048, "ax, ay, az: every other row holds"),
-        (2, FORCE, 0.0, "ax, ay, az: every other row holds"),
-        (3, RATE, 0.0, "gx, gy, gz: 33% of rows hold"),
-        (2, ALL, 0.0, "ax, ay, az, gx, gy, gz: every other row holds")]],
-    *[Injection(f"an integer that wraps around {n} times, units wrong", "poses", wrapped(n),
-                ("taken as m/s^2, it looks like g", "taken as rad/s, it looks like deg/s",
-                 *clipped_too, "an integer that wraps around"), rejected=True,
-                figures={"faults.wraps.gx": lambda found, n=n: found >= n})
-      for n, clipped_too in ((3, ()), (12, ("gx 36 samples at -3276.7 and 3276.7 rad/s",)))],
+        (2, ["gy", "gz"], 32767 * 0.001, "gy, gz: 50% of rows hold"),
+        (2, FORCE, 0.0, "ax, ay, az: 50% of rows hold"),
+        (3, RATE, 0.0, "gx, gy, gz: 33% of rows hold")]],
+    Injection("an integer that wraps around 3 times, units wrong", "poses", wrapped(3),
+              ("taken as m/s^2, it looks like g", "taken as rad/s, it looks like deg/s",
+               "an integer that wraps around"), rejected=True,
+              figures={"faults.wraps.gx": lambda found: found >= 3}),
     Injection("a turn while nothing is logged", "poses", turned_in_a_gap(),
               ("1 gap", "was turned while nothing was logged"),
               figures={"faults.rests.gap_s": lambda s: s > 1}),
     # rows that cannot be used: dropped and counted
+    Injection("spikes", "rest", after(first(2000), *(added([row], name, 3.0) for row, name in
+              ((99, "ay"), (299, "gz"), (1234, "gz"), (1400, "gx")))),
+              ("rows dropped for a spike that no body makes: ay 1, gx 1, gz 2",),
+              drops=(99, 299, 1234, 1400), figures={"spiked": 4, "gaps.count": 0,
+              "faults.spikes": lambda found: not any(found.values())}),
+    Injection("a spike in each 15th row", "rest", added(range(50, 6950, 15), "gx", 1.0),
+              ("with a spike (gx ", "rows dropped", "spikes of a single sample"), rejected=True),
     *[Injection(f"a value that no sensor gives, {name} {size}", "brief", at([100, 250], name, size),
                 ("2 gaps", f"beyond ± 1e+10 in SI, which no sensor gives: {name} 2;"),
                 drops=(100, 250), figures={"non_finite": 2, f"impossible_values.{name}": 2,
@@ -177,8 +215,8 @@ VALUES = [
     Injection("one value more missing", "brief", at(range(26), "gz", np.nan),
               ("26 of 500 rows (5.2%) cannot be used",), rejected=True, figures={"non_finite": 26}),
     *[Injection(f"changes that no sensor resolves: {names}", "brief", scaled(names, 1e-200),
-                ("in the whole log, which no sensor resolves",) * len(names) + more, rejected=True)
-      for names, more in ((FORCE, ("has gravity been taken out",)), (RATE, ()), (["gz"], ()))],
+                ("in the whole log, which no sensor resolves", *more), rejected=True)
+      for names, more in ((FORCE, ("has gravity been taken out",)), (["gz"], ()))],
     Injection("temperatures that are missing", "brief",
               lambda log: log.assign(temperature=np.where(log.index % 10, np.nan, 25.0)),
               ("450 temperatures are missing",),
@@ -187,12 +225,18 @@ VALUES = [
     Injection("samples at the end of the full scale", "brief",
               at(range(5, 9), "ax", [16.0, -15.9, 15.68, 15.6]),
               ("samples at the end of the full scale: ax 3; rests, turns and moves with them",),
-              declared={"full_scale": {"acceleration": 16.0}},
-              figures={"clipped.ax": 3, "clipped.ay": 0, "clipped.gx": None}),
+              declared={"full_scale": {"acceleration": 16.0}}, figures={"clipped.ax": 3,
+              "clipped.ay": 0, "clipped.gx": None, "rails": {"ax": [-15.68, 15.68]}}),
     Injection("too few rows", "brief", first(99),
               ("99 usable rows, at least 100 needed",), rejected=True),
     Injection("too short", "brief", first(150),
               ("the log lasts 1.49 s, at least 2 s needed",), rejected=True),
+    Injection("few blocks of white noise", lambda: brief(1100), scaled("t", 100 / 350),
+              declared=STATIC),
+    Injection("steps of the gyroscope and a gap", "brief", after(rounded(["gx"], 0.00106),
+              later((100, 0.5))), None, figures={"duration_s": 5.49, "rate_hz": 100.0,
+              "mean_specific_force": lambda f: abs(f - 9.8025) < 2e-3,
+              "quantisation_step.gx": 0.00106}),
 ]  # fmt: skip
 
 # what is taken in a wrong unit, scale or frame; gravity and turns show it
@@ -201,15 +245,13 @@ UNITS = [
                 (text,), rejected, declared=unit(name))
       for name, factor, rejected, text in [
         ("m/s^2", 1 / 9.80665, True, "gravity 9.818: taken as m/s^2, it looks like g"),
-        ("m/s^2", 1e3 / 9.80665, True, "taken as m/s^2, it looks like mg"),
         ("g", 1, True, "taken as g, it looks like m/s^2"),
-        ("m/s^2", 2, True, FULL_SCALE.format("1/2 of", "the logger's scale")),
+        ("m/s^2", 2, True, "full scale was 0.5 times the one that the logger has"),
         ("m/s^2", 1 / 4, True, "full scale was 4 times the one"),
         ("m/s^2", 400, False, "see units.acceleration"),
-        ("m/s^2", 1.4, False, "see units.acceleration"),
-        ("m/s^2", 0.01, False, "has gravity been taken out")]],
+        ("m/s^2", 1.4, False, "see units.acceleration")]],
     *[Injection(f"a scale error of the force of {f - 1:+.0%}, {log}", log, scaled(FORCE, f))
-      for f in (0.85, 0.93, 1.06, 1.15) for log in ("brief", "rest")],
+      for f in (0.85, 1.15) for log in ("brief", "rest")],
     Injection("force / 20 in all attitudes", "poses", scaled(FORCE, 1 / 20),
               ("gravity is in it, in 9 attitudes, 0.05",)),
     # of the rate: shown by turns alone; at rest, a bias in the wrong unit is as good as another
@@ -217,30 +259,80 @@ UNITS = [
       for names, factor, declared, text in [
         (RATE, 1.0, IN_DEGREES, "taken as deg/s, it looks like rad/s"),
         (RATE, 1 / DEGREE, {}, "taken as rad/s, it looks like deg/s"),
-        (RATE, 2, {}, FULL_SCALE.format("1/2 of", "the logger's scale")),
-        (RATE, 1 / 4, {}, FULL_SCALE.format("4 times", "the logger's scale")),
+        (RATE, 1 / 4, {}, "full scale was 4 times the one that the logger has"),
         ("t", 2, {}, "or the log's rate is off by as much"),
-        (RATE, 1e3, counts(2e-3), FULL_SCALE.format("1/2 of", SCALE)),
+        (RATE, 1e3, counts(2e-3), "0.5 times the one that nominal.angular_rate.scale or range."),
         (RATE, 1e3, counts(1e-3 / DEGREE),
-         "nominal.angular_rate.scale is in rad/s per count, and looks like deg/s")]],
+         "nominal.angular_rate.scale is in SI per count, and looks like deg/s")]],
     Injection("a rate that is 14 % too large", "poses", scaled(RATE, 1.14),
               ("times as far as gravity turns in its axes, over 8 moves",)),
     Injection("a rate that is 8 % too large", "poses", scaled(RATE, 1.08)),
+    *[Injection(f"counts taken as {name}", log, in_counts(SCALES), None, rejected=True,
+                declared={"units": {"acceleration": name}}, figures={
+                "reasons": lambda lines: "declare units.acceleration: count" in str(lines)})
+      for name, log in (("m/s^2", partial(simulated, "static", duration_s=60.0)),
+                        ("g", partial(simulated, "multi_position", poses=6)))],
+    Injection("counts that are declared", "poses", in_counts(SCALES), declared={
+              "units": COUNTS, "nominal": {"acceleration": {"scale": SCALES[0]},
+                                           "angular_rate": {"scale": SCALES[5]}}}),
+    # increments of velocity and angle
+    *[Injection(f"increments taken as {units}, in {found}", partial(log, 50.0), summed(50.0, *by),
+                (f"off by the step of 0.02 s, so the log looks like {INCREMENTS.format(*found)}",),
+                rejected=True, declared=sensors(*units), figures={"misdeclared": True})
+      for log, units, by, found in [
+        (poses, ("m/s^2", "rad/s"), (1, 1), ("m/s", "rad")),
+        (swinging, ("m/s^2", "rad/s"), (1, 1 / DEGREE), ("m/s", "deg")),
+        (swinging, ("m/s^2", "rad/s"), (1e3, 1e3), ("mm/s", "mrad")),
+        (poses, ("g", "deg/s"), (1, 1), ("m/s", "rad"))]],
+    Injection("increments that are declared", partial(swinging, 200.0), summed(200.0), None,
+              declared=sensors("m/s", "rad")),
+    Injection("increments in counts", "poses", after(summed(100.0, 1e7, 1e9), rounded(ALL, 1)),
+              None, rejected=True, declared=sensors(*COUNTS.values()) | {"nominal":
+              {"acceleration": {"scale": 1e-7}, "angular_rate": {"scale": 1e-9}}},
+              figures={"reasons.0": lambda line: line.endswith("nominal.acceleration.scale: 1e-05 "
+                       "and nominal.angular_rate.scale: 1e-07")}),
+    Injection("increments at rest", "rest", summed(100.0), ("hold increments per sample?",)),
+    Injection("g and deg/s at 1 kHz, where increments look the same", lambda: poses(1000.0),
+              says=("taken as g, it looks like m/s^2", "taken as deg/s, it looks like rad/s"),
+              rejected=True, declared=sensors("g", "deg/s")),
+    # axes
     *[Injection(f"axes of force {force}, of rate {rate}", "poses", turned(force, rate), (text,))
       for force, rate, text in [
         (GOOD, SWAPPED, f"x as gy, y as gx, z as gz: {MIRRORED}"),
         (GOOD, (1, -2, 3), f"y as -gy, z as gz: {MIRRORED}"),
         ((1, 2, -3), GOOD, "x as -gx, y as -gy, z as gz: turned axes;"),
-        (SWAPPED, GOOD, "x as -gy, y as -gx, z as -gz: turned axes;"),
         (SWAPPED, SWAPPED, f"x as -gx, y as -gy, z as -gz: {MIRRORED}"),
         (GOOD, (1, 3, -2), "x as gx, y as -gz, z as gy: turned")]],
+    *[Injection(f"axes {axes} behind bias, scale errors and a narrow range, seed {seed}", "poses",
+                after(distorted(seed), turned(GOOD, axes)), None, drops=None,
+                figures={"faults.axes.mapping": found})
+      for seed in (0, 1) for axes, found in ((GOOD, None), ((1, -3, 2), [1, 3, -2]))],
+    # what is never turned may be swapped or not: nobody can tell
+    Injection("turns about x alone, y and z swapped", about_x, turned(GOOD, (1, 3, -2))),
+    Injection("turns about x alone, x and y swapped", about_x, turned(GOOD, (2, -1, 3)),
+              (f"with x as -gy: {MIRRORED}",)),
+    # columns and rows that are not what they are taken for
+    *[Injection(f"gravity as the rate, {size} {digits} {log}", log, gravity_as_rate(size, digits),
+                (GRAVITY,), rejected=True)
+      for size, digits, log in ((1, 5, "brief"), (-9.80665, 3, "poses"))],
+    *[Injection(f"a turn of {w} rad/s about the vertical", "brief", added(None, "gz", w), None)
+      for w in (1.1, 5.0)],
+    *[Injection(f"each row again with factors {factors}", "brief", after(added(None, RATE, 0.1),
+                twice(*factors, order)), (f"{TWICE}the {sensor} in",), rejected=True)
+      for *factors, order, sensor in ((1 / 9.80665, 1, 1, "accelerometer"),
+                                      (1, 1 / DEGREE, -1, "gyroscope"))],
+    # motion
+    *[Injection(f"{name}, which is not static", log, says=(said,), rejected=True, declared=STATIC)
+      for name, log, said in [
+        ("poses", lambda: poses(), "in 9 attitudes; a static session lies still"),
+        ("a flight", flight, "changes by 31 deg/s from half a second to the next"),
+        ("a slow tilt", lambda: tilting(30.0), "gravity turns by up to ")]],
     *[Injection(f"Unix time in {name}, declared as s", "brief",
                 stamps(lambda t, ticks=ticks: np.rint((t + 1.7e9) * ticks).astype("int64")),
                 (f"in {name} it is 2023-11-14", f"units.time is s, the log says {name}"),
                 declared={"units": {"time": "s"}}, rejected=True)
-      for name, ticks in (("ms", 1e3), ("us", 1e6), ("ns", 1e9))],
-    *[Injection(f"stamps in ms taken as s, {log}", log, scaled("t", 1e3),
-                (text, "0.1 Hz is unusual for an IMU"), rejected=True)
+      for name, ticks in (("ms", 1e3), ("ns", 1e9))],
+    *[Injection(f"stamps in ms taken as s, {log}", log, scaled("t", 1e3), (text,), rejected=True)
       for log, text in (("rest", "the stamps look like milliseconds: they are whole"),
                         ("poses", "the gyroscope are 1,000 times those of gravity"))],
     Injection("stamps in us taken as s", "rest", scaled("t", 1e6),
@@ -305,6 +397,10 @@ CLOCKS = [
               figures={"clock.drift_ppm": None,
                        "clock.jitter_ppm": lambda ppm: abs(ppm - 1e5) < 1e3}),
     Injection("a counter of days", "brief", stamps(lambda t: t + 400 * 86400)),
+    *[Injection(f"{rows} rows that are held back at random", partial(brief, rows), held_back(),
+                None, rejected, figures=NOT_REBUILT | {"misdeclared": rejected, where: lambda lines:
+                "lie on no line" in str(lines) and "columns.time: null, and about" in str(lines)})
+      for rows, rejected, where in ((20_000, False, "warnings"), (60_000, True, "reasons"))],
     # of bursts 99 pauses are logged, and rows that are dropped keep their place
     Injection("samples in bursts, two missing", "brief",
               after(in_bursts(), at([7, 300], "ax", np.nan)), (BURSTS, "2 gaps"), drops=(7, 300),

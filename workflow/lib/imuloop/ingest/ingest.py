@@ -13,12 +13,12 @@ from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME, schema
 from imuloop.core.units import STANDARD_GRAVITY, raw_unit
-from imuloop.ingest import clocks, even_stamps, increments, quality, reference, slower_sensor
+from imuloop.ingest import checks, clocks, even_stamps, increments, quality, reference
 from imuloop.ingest import pps as marks
 from imuloop.ingest.convert import Counts, all_rows, no_samples, si_samples
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.places import PAIR, for_reader, in_config
-from imuloop.ingest.plausible import judged, milliseconds
+from imuloop.ingest.plausible import milliseconds
 from imuloop.ingest.raw_log import RawLog, absent_sensor
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.spellings import SENSORS, UNITS, is_iso, stated_unit, unknown_unit
@@ -110,11 +110,7 @@ def ingest(
     reasons, counts = [], Counts()
 
     def measured():
-        if log.slower:
-            figures = slower_sensor.measure(samples, log.slower, raw_units, full_scale)
-        else:
-            figures = quality.measure(samples, raw_units, full_scale)
-        return _without(absent, figures)
+        return _without(absent, quality.measure(samples, raw_units, full_scale))
 
     try:
         _check_paths(paths)
@@ -150,8 +146,7 @@ def ingest(
             figures = measured()
             unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
             if unstated and counts.time_unit == "s":
-                what = samples, figures, counts.points, declared.gravity, rate
-                wrong_unit = milliseconds(*what)
+                wrong_unit = milliseconds(samples, figures, counts.points, rate)
             summed = bool(increments.factors(units))
             packets = even_stamps.packet_step(counts, rate) or even_stamps.packet_step(counts)
             even = even_stamps.even_samples(samples, counts, figures, rate, summed, packets)
@@ -181,22 +176,23 @@ def ingest(
             figures = measured() | gaps
             del figures["isolated"]
         known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
-        origin |= {name: found for name, found in known.items() if found}
+        origin |= {name: each for name, each in known.items() if each}
         if _state(paths) != before:
             reasons = ["the file changed while it was read"]
         wrong, doubted = [], []
-        # without gravity there is no yardstick
-        if absent != "acceleration":
-            wrong, doubted = judged(figures, raw_units, declared.gravity, kind, declared.nominal)
+        # without an accelerometer there is no yardstick
+        gravity = None if absent == "acceleration" else declared.gravity
+        units_and_kind = raw_units, gravity, kind, declared.nominal
+        found = checks.findings(checks.Evidence(figures, counts, log, *units_and_kind, rate))
+        wrong, doubted = found[checks.MISDECLARED], found[checks.DOUBTFUL]
         if fault:
             # the rate is wrong, and what was found by it
             wrong, doubted = ([fault], []) if many else ([], [fault])
         if wrong_unit:
             wrong.append(wrong_unit)
-        lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
-        if unread := quality.unread(figures, counts):
+        if unread := found[checks.UNREADABLE]:
             reasons, wrong, doubted, logged = reasons or unread, [], [], None
-        reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
+        reasons = reasons or found[checks.UNUSABLE]
         if declared.reference and not (reasons or wrong):
             own = declared.of_log() | {"units": units}
             both = reference_file, files.get("log")
@@ -227,7 +223,7 @@ def ingest(
     if absent:
         why = f"what needs it is not testable; give both files where another holds it, {PAIR}"
         doubts.append(f"the log holds no {absent}: {why}")
-    doubts += quality.warnings(figures, counts, log, rate=rate) + doubted
+    doubts += log.notes + (found[checks.WARNING] if figures["rows"] else []) + doubted
     told = {
         "misdeclared": misdeclared,
         "warnings": [*map(for_reader, doubts)],

@@ -10,49 +10,44 @@ import numpy as np
 from imuloop.core.samples import SENSORS
 from imuloop.core.units import ACCELERATION, ANGULAR_RATE, STANDARD_GRAVITY
 
-# length of gravity's vector as a filter gives it, in g or m/s^2, and how far one may be from it, as
-# a share; cosine of its angle to the acceleration
-_LENGTHS, _NEAR, _ALONG = (1.0, STANDARD_GRAVITY), 0.005, 0.9
-# one row in so many is looked at for it, and the share of these rows that have it
-_STRIDE, _SHARE = 8, 0.8
+# share by which the length of gravity's vector may be off 1 g as a filter gives it, and by which
+# a ratio may be off the ratio of two units
+_NEAR, _OFF = 0.005, 0.03
+# least cosine of the angle of two vectors that are parallel
+_PARALLEL = 0.9
+# share of the rows that look like gravity, and that repeat the one before, in a log that is so
+_SHARE, _REPEATED = 0.8, 0.25
 # ratio of a value in one unit to that in another, where they differ by a factor of two or more: to
-# the two units
-_UNITS = {"accelerometer": ACCELERATION, "gyroscope": ANGULAR_RATE}
-_RATIOS = {
-    sensor: {
-        known[one] / known[other]: (one, other)
-        for one, other in permutations(known, 2)
-        if not 0.5 < known[one] / known[other] < 2
-    }
-    for sensor, known in _UNITS.items()
-}
-# share by which a ratio may differ from it, least cosine, and the share of rows that repeat one
-_OFF, _PARALLEL, _REPEATED = 0.03, 0.95, 0.25
+# the sensor and the two units
+_RATIOS = [
+    (sensor, one, other, units[one] / units[other])
+    for sensor, units in (("accelerometer", ACCELERATION), ("gyroscope", ANGULAR_RATE))
+    for one, other in permutations(units, 2)
+    if not 0.5 < units[one] / units[other] < 2
+]
 
 
-# values of a broken log can be of any size
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def _lengths_and_cosine(one, other):
     """Return the lengths of two sets of vectors, (3, n), and the cosine of their angles."""
     lengths = np.linalg.norm(one, axis=0), np.linalg.norm(other, axis=0)
     return *lengths, (one * other).sum(axis=0) / (lengths[0] * lengths[1])
 
 
+# values of a broken log can be of any size
+@np.errstate(all="ignore")
 def like_gravity(raw):
     """Return in how many rows the rate is gravity's vector, and how many rows were looked at.
 
     `raw` are the values of each channel as logged, (n,).
     """
-    force, rate = (np.array([raw[axis][::_STRIDE] for axis in axes]) for axes in SENSORS.values())
+    # each eighth row will do
+    force, rate = (np.array([raw[axis][::8] for axis in axes]) for axes in SENSORS.values())
     _, length, cosine = _lengths_and_cosine(force, rate)
-    near = [np.abs(length / each - 1) < _NEAR for each in _LENGTHS]
-    return np.array(
-        [np.count_nonzero(np.any(near, axis=0) & (np.abs(cosine) > _ALONG)), len(length)]
-    )
+    near = np.minimum(np.abs(length - 1), np.abs(length / STANDARD_GRAVITY - 1)) < _NEAR
+    return np.array([np.count_nonzero(near & (np.abs(cosine) > _PARALLEL)), len(length)])
 
 
-# values of a broken log can be of any size
-@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+@np.errstate(all="ignore")
 def in_two_units(x, raw):
     """Return (sensor, unit, other unit) -> rows that repeat the one before in the other unit.
 
@@ -60,38 +55,31 @@ def in_two_units(x, raw):
     another unit too.
     """
     at = np.flatnonzero(x[1:] == x[:-1]) + 1
-    if not len(at):
-        return {}
-    found, repeats = {}, np.ones(len(at), dtype=bool)
+    fits, repeats = {}, len(at) > 0
     for sensor, axes in SENSORS.items():
         one, other = (np.array([raw[axis][rows] for axis in axes]) for rows in (at - 1, at))
         length, longer, cosine = _lengths_and_cosine(one, other)
-        scaled = np.zeros(len(at), dtype=bool)
-        for ratio, units in _RATIOS[sensor].items():
-            fits = (np.abs(longer / length / ratio - 1) < _OFF) & (cosine > _PARALLEL)
-            found[sensor, *units] = fits
-            scaled |= fits
-        repeats &= scaled | (one == other).all(axis=0)
-    rows = {key: np.count_nonzero(fits & repeats) for key, fits in found.items()}
+        scaled = (one == other).all(axis=0)
+        for whose, *units, ratio in _RATIOS:
+            if whose == sensor:
+                near = np.abs(longer / length / ratio - 1) < _OFF
+                fits[sensor, *units] = near & (cosine > _PARALLEL)
+                scaled |= fits[sensor, *units]
+        repeats &= scaled
+    rows = {key: np.count_nonzero(each & repeats) for key, each in fits.items()}
     return {key: count for key, count in rows.items() if count}
 
 
-def fault(counts):
-    """Return why the rows of a log are not what they are taken for, or None; of `Counts`."""
+def is_gravity(counts):
+    """Return whether the angular rate of a log is gravity, by its `Counts`."""
     alike, looked_at = counts.like_gravity
-    if alike > _SHARE * looked_at:
-        return (
-            "the columns of the angular rate hold gravity: vectors of constant length along the "
-            "acceleration, as a fusion filter gives them; name the gyroscope's own columns in "
-            "columns.angular_rate, or declare it as null where it was not logged"
-        )
-    (sensor, unit, other), rows = max(
-        counts.in_two_units.items(), key=lambda each: each[1], default=(("", "", ""), 0)
-    )
-    if rows > _REPEATED * counts.read:
-        return (
-            f"{rows} rows repeat the one before, with its time stamp, in another unit: the "
-            f"{sensor} in {unit} and again in {other}; log each sample once, or keep the rows of "
-            "one unit"
-        )
-    return None
+    return alike > _SHARE * looked_at
+
+
+def repeated(counts):
+    """Return sensor, units and rows where a log holds each sample in two units, by its `Counts`."""
+    found = max(counts.in_two_units, key=counts.in_two_units.get, default=None)
+    if not found or counts.in_two_units[found] <= _REPEATED * counts.read:
+        return None
+    names = ("sensor", "unit", "other", "n")
+    return dict(zip(names, (*found, counts.in_two_units[found]), strict=True))

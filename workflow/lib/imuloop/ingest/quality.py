@@ -1,313 +1,251 @@
-"""How good a log is: steps of time, gaps, faults, plausibility, and whether it can be used."""
+"""How good a log is, in figures: steps of time, gaps, ranges, and the faults of its channels.
+
+What the figures mean for the user is said by the table of `checks`.
+"""
+
+from itertools import combinations
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.compute as pc
+import pandas as pd
 
-from imuloop.core.errors import plural
 from imuloop.core.gaps import gap_limit
 from imuloop.core.samples import (
     ACCELERATION,
     ANGULAR_RATE,
     CHANNELS,
+    OWN_TIME,
+    ROWS,
+    SENSORS,
     TEMPERATURE,
     TIME,
-    Samples,
+    other_sensor,
+    own_rows,
 )
-from imuloop.core.units import TIME as TIME_SCALES
-from imuloop.ingest import fault_lines, faults, misread
-from imuloop.ingest.convert import BEYOND
-from imuloop.ingest.increments import SENSORS
-from imuloop.ingest.stamps import declare
+from imuloop.ingest import channel, spikes
+from imuloop.ingest.channel import Channel
+from imuloop.ingest.increments import SENSORS as QUANTITIES
+from imuloop.ingest.rests import measure_turns
 
 # at most so many gaps are listed; all are counted
 LISTED_GAPS = 50
-# output at or beyond this share of the full scale counts as clipped
+# samples at this share of the declared full scale and beyond are clipped
 CLIPPED_SHARE = 0.98
-# a log with fewer samples, or shorter, holds no rest worth a mean
-LEAST_ROWS = 100
-LEAST_DURATION = 2.0
-# a channel that changes by less in a whole log is none: a thousandth of the best sensors' noise, SI
-LEAST_CHANGE = dict.fromkeys(ACCELERATION, 1e-9) | dict.fromkeys(ANGULAR_RATE, 1e-12)
-# a log that loses a larger share of its rows to faults is not to be trusted
-MOST_DROPPED = 0.05
-# rows in which one sensor alone is zero are those of two sensors in turn if there are so many
-IN_TURN = 0.9
-# rates at which IMUs log, Hz
-PLAUSIBLE_RATE = (0.05, 1e5)
+# a gap that a device may be turned in is longer, s
+TURN_GAP = 0.2
+# no sensor is faster, Hz: stamps of a damaged file may lie 1e-300 s apart
+FASTEST = 1e9
 
 
+# values of a damaged file can be of any size
+@np.errstate(all="ignore")
 def measure(columns, raw_units, full_scale=None):
-    """Return the quality figures of samples, columns by name, as in quality.json.
+    """Return the quality figures of samples, as in quality.json.
 
-    `raw_units` are the `RawUnit` of each sensor; `full_scale` holds ``acceleration`` (m/s^2) and
-    ``angular_rate`` (rad/s), for clipping. What the rows cannot give is None. Under ``isolated``
-    are row and channel of each spike to be dropped.
+    The figures of a sensor with a slower clock of its own are by its own samples.
+
+    Parameters
+    ----------
+    columns : dict of str to array
+        Samples by column.
+    raw_units : dict of str to RawUnit
+        Unit of each sensor in the log by quantity.
+    full_scale : dict, optional
+        Full scale by quantity, m/s^2 and rad/s.
+
+    Returns
+    -------
+    dict
+        None stands for what the rows cannot give. ``isolated`` holds the rows and the channel
+        numbers of the spikes to be dropped, two arrays (k,).
     """
-    samples = Samples(columns)
-    names = [name for name in (*CHANNELS, TEMPERATURE) if name in samples]
-    figures = _time_figures(samples[TIME]) | _channel_figures(samples, names, _scales(full_scale))
-    found, isolated = faults.measure(samples, raw_units, figures)
-    return {**figures, "faults": found, "isolated": isolated}
-
-
-def _time_figures(t):
-    """Return the figures of the steps of time."""
-    gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
-    figures = {
-        "rows": len(t),
-        "duration_s": 0.0,
-        "rate_hz": None,
-        "jitter": {"std_s": None, "max_s": None},
-        "gaps": gaps,
+    t, scales = columns[TIME], full_scale or {}
+    names = [name for name in (*CHANNELS, TEMPERATURE) if name in columns]
+    ranges = {name: _range(columns[name]) for name in names}
+    limits = {
+        n: CLIPPED_SHARE * scales.get(q, np.nan) for q, axes in QUANTITIES.items() for n in axes
     }
+    figures = time_figures(t) | {
+        "clipped": {
+            name: int(np.count_nonzero(np.abs(columns[name]) >= limit)) if limit > 0 else None
+            for name, limit in limits.items()
+        },
+        # one row changes nothing
+        "constant": [n for n, ends in ranges.items() if len(t) > 1 and ends and not np.ptp(ends)],
+        "range": ranges,
+        "quantisation_step": {name: quantisation_step(columns[name]) for name in names},
+        "mean_specific_force": _mean_size(columns, ACCELERATION),
+        "mean_angular_rate": _mean_size(columns, ANGULAR_RATE),
+        "temperature_range": ranges.get(TEMPERATURE),
+        "faults": {},
+        "isolated": np.empty((2, 0), dtype=int),
+    }
+    if 0 < (figures["rate_hz"] or 0) < FASTEST:
+        zeros = {
+            n: -raw_units[q].offset * raw_units[q].scale for q, a in QUANTITIES.items() for n in a
+        }
+        figures |= _faults(columns, names, zeros, figures)
+    return figures
+
+
+def _mean_size(columns, axes):
+    """Return the mean magnitude of the vectors of some columns, None without rows."""
+    size = np.sqrt(sum(columns[name] ** 2 for name in axes))
+    return float(size.mean()) if len(size) else None
+
+
+def time_figures(t):
+    """Return the figures of the steps of time stamps, (n,) s, as in quality.json."""
+    gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
+    jitter = {"std_s": None, "max_s": None}
+    figures = {"rows": len(t), "duration_s": 0.0, "rate_hz": None, "jitter": jitter, "gaps": gaps}
     if len(t) < 2:
         return figures
     steps = np.diff(t)
-    figures["duration_s"] = float(steps.sum())
     median = float(np.median(steps))
     limit = gaps["longer_than_s"] = gap_limit(median)
     wide = np.flatnonzero(steps > limit)
     gaps["count"], gaps["total_s"] = len(wide), float(steps[wide].sum())
-    listed = wide[:LISTED_GAPS]
-    listed = zip(t[listed].tolist(), steps[listed].tolist(), strict=True)
-    gaps["list"] = [{"start_s": start, "duration_s": step} for start, step in listed]
-    away, count = steps - median, len(steps) - gaps["count"]
-    away[wide] = 0.0
-    mean = away.sum() / count
+    gaps["list"] = [
+        {"start_s": float(t[i]), "duration_s": float(steps[i])} for i in wide[:LISTED_GAPS]
+    ]
+    away = np.delete(steps, wide) - median
+    mean = away.mean()
     # infinite where the steps of a damaged file are 1e-318 s
-    with np.errstate(over="ignore", divide="ignore"):
-        figures["rate_hz"] = float(np.divide(1, median + mean))
-    figures["jitter"] = {
-        "std_s": float(np.sqrt(max(away @ away / count - mean**2, 0.0))),
-        "max_s": float(max(away.max(), -away.min())),
-    }
+    figures |= {"duration_s": float(steps.sum()), "rate_hz": float(np.divide(1, median + mean))}
+    jitter["std_s"] = float(np.sqrt(max(away @ away / len(away) - mean**2, 0.0)))
+    jitter["max_s"] = float(np.abs(away).max())
     return figures
 
 
-def _scales(full_scale):
-    """Return the full scale of each channel, SI, None where it is not declared."""
-    return {n: (full_scale or {}).get(s) for s, axes in SENSORS.items() for n in axes}
+def _range(x):
+    """Return the least and the largest value of a channel, None without a value."""
+    ends = [float(np.fmin.reduce(x)), float(np.fmax.reduce(x))] if len(x) else [np.nan]
+    return ends if np.isfinite(ends).all() else None
 
 
-# a damaged file may hold 1e306
-@np.errstate(over="ignore", invalid="ignore")
-def _channel_figures(samples, names, scales):
-    """Return the figures of the channels, those of `names`; `scales` are as in `_scales`."""
-    rows, x = len(samples), samples.read(names, 0, len(samples))
-    # without a value there is neither an end nor a step
-    ends = np.array([[(np.nan, np.nan, np.inf)] * len(names)])
-    if rows:
-        pieces = (columns for _, columns in samples.pieces(names))
-        ends = np.array([[_levels(values) for values in columns] for columns in pieces])
-    low, high = np.fmin.reduce(ends[..., 0]), np.fmax.reduce(ends[..., 1])
-    step = ends[..., 2].min(axis=0)
-    ranges = {
-        name: [a, b] if a <= b else None
-        for name, a, b in zip(names, low.tolist(), high.tolist(), strict=True)
-    }
-    clipped = [
-        scale and np.count_nonzero(np.abs(values) >= CLIPPED_SHARE * scale)
-        for values, scale in zip(x, scales.values(), strict=False)
-    ]
-    magnitudes = [
-        float(np.sqrt(sum(v * v for v in axes)).mean()) if rows else None
-        for axes in (x[:3], x[3:6])
-    ]
-    return {
-        "clipped": dict(zip(scales, clipped, strict=True)),
-        # one row changes nothing
-        "constant": [n for n, ends in ranges.items() if rows > 1 and ends and ends[0] == ends[1]],
-        "range": ranges,
-        "quantisation_step": {
-            name: float(each) if each < np.inf else None
-            for name, each in zip(names, step, strict=True)
-        },
-        "mean_specific_force": magnitudes[0],
-        "mean_angular_rate": magnitudes[1],
-        "temperature_range": ranges.get(TEMPERATURE),
-    }
+def quantisation_step(x):
+    """Return the smallest step between values of a channel, None where most are distinct."""
+    # a part of a long log shows it
+    x = x[:ROWS][np.isfinite(x[:ROWS])]
+    levels = np.sort(pd.unique(x))
+    if not 2 <= len(levels) <= len(x) / 2:
+        return None
+    steps = np.diff(levels)
+    # closer than rounding of the conversion to SI is the same value
+    steps = steps[steps > 1e-12 * np.abs(levels).max()]
+    return float(steps.min()) if len(steps) else None
 
 
-def _levels(x):
-    """Return the ends of values and their smallest step, infinite where most are distinct."""
-    # a table of those seen takes a quarter of the time of a sort
-    levels = pc.unique(pa.array(x)).to_numpy(zero_copy_only=False)
-    levels = levels[np.isfinite(levels)]
-    if not levels.size:
-        return np.nan, np.nan, np.inf
-    low, high, step = levels.min(), levels.max(), np.inf
-    if 2 <= levels.size <= np.count_nonzero(np.isfinite(x)) / 2:
-        steps = np.diff(np.sort(levels))
-        # closer than rounding of the conversion to SI is the same value
-        step = steps[steps > 1e-12 * max(abs(low), abs(high))].min(initial=np.inf)
-    return low, high, step
+def _faults(columns, names, zeros, figures):
+    """Return the figures ``faults``, ``isolated`` and, of two clocks, ``slower`` of samples.
 
-
-def reasons(figures, counts, bad_lines, lost_share=0.0):
-    """Return why a log cannot be used, one text per reason; empty if it can.
-
-    `lost_share` is the share of a text's bytes that is in lines that are no row: one can hold half
-    of a log.
+    `names` are the channels among the `columns`, `zeros` the values that zero counts have, and
+    `figures` the other quality figures.
     """
-    found = []
-    lost = counts.non_finite + counts.duplicates + counts.out_of_order + bad_lines + counts.spiked
-    inside = counts.read - counts.outside - counts.identical + bad_lines
-    if inside == 0 and counts.read:
-        return [f"none of the log's {plural(counts.read, 'row')} lies in the time range"]
-    if inside == 0:
-        return ["the log has no rows"]
-    if lost > MOST_DROPPED * inside:
-        lacking = _listed({n: c for n, c in counts.missing_values.items() if n != TEMPERATURE})
-        lacking = f" ({lacking})" if lacking else ""
-        missing = f"with missing or non-finite values{lacking}{_impossible(counts)}"
-        parts = (
-            (counts.non_finite, missing),
-            (counts.duplicates, "with a repeated stamp, see columns.time"),
-            (counts.out_of_order, "with a stamp before an earlier one"),
-            (bad_lines, "lines that are no row"),
-            (counts.spiked, f"with a spike ({_listed(counts.spike_values)})"),
-        )
-        listed = ", ".join(f"{count} {what}" for count, what in parts if count)
-        found.append(
-            f"{lost} of {inside} rows ({lost / inside:.1%}) cannot be used: {listed}; "
-            f"at most {MOST_DROPPED:.0%} may be lost"
-        )
-    elif lost_share > MOST_DROPPED:
-        found.append(
-            f"{lost_share:.1%} of the log's bytes are in {bad_lines} lines that are no row; "
-            f"at most {MOST_DROPPED:.0%} may be lost"
-        )
-    rate = figures["rate_hz"]
-    if figures["rows"] < LEAST_ROWS:
-        found.append(f"{figures['rows']} usable rows, at least {LEAST_ROWS} needed")
-    elif figures["duration_s"] < LEAST_DURATION:
-        found.append(
-            f"the log lasts {figures['duration_s']:.3g} s, at least {LEAST_DURATION:g} s needed"
-            + (_time_hint(rate, counts.time_unit) if rate > 1e4 else "")
-        )
-    if set(ACCELERATION) <= set(figures["constant"]):
-        found.append("the acceleration never changes: the sensor was not read")
-    for name, least in LEAST_CHANGE.items():
-        low, high = figures["range"][name] or (0.0, 0.0)
-        if 0 < high - low < least:
-            quantity = "acceleration" if name in ACCELERATION else "angular_rate"
-            found.append(
-                f"{name} changes by {high - low:.3g} in the whole log, which no sensor resolves: "
-                f"see units.{quantity} and nominal.{quantity}"
-            )
-    return found
+    t, x = columns[TIME], {name: columns[name] for name in names}
+    steps = {name: step or 0.0 for name, step in figures["quantisation_step"].items()}
+    # the rows with a new sample of each sensor, and its rate
+    rows, rates, added = dict.fromkeys(SENSORS, slice(None)), {}, {}
+    groups = [(slice(None), CHANNELS)]
+    for sensor in (each for each, stamps in OWN_TIME.items() if stamps in columns):
+        rows[sensor] = first = own_rows(columns[OWN_TIME[sensor]])
+        rates[sensor] = time_figures(columns[OWN_TIME[sensor]][first])["rate_hz"]
+        added["slower"] = {"sensor": sensor, "rate_hz": rates[sensor], "rows": len(first)}
+        groups = [(slice(None), SENSORS[other_sensor(sensor)]), (first, SENSORS[sensor])]
+    single = np.hstack([_isolated(x, steps, *group) for group in groups])
+    zero = [np.all([x[n] == zeros[n] for n in axes], axis=0) for axes in SENSORS.values()]
+    # a gyroscope at rest may well show three zeros; an accelerometer never does
+    padding = zero[0], zero[0] & zero[1]
+    faults = {
+        "zero_rows": dict(zip(QUANTITIES, map(np.count_nonzero, padding), strict=True)),
+        "in_turn": {q: np.count_nonzero(zero[k] & ~zero[1 - k]) for k, q in enumerate(QUANTITIES)},
+        "copies": [
+            [one, other]
+            for one, other in combinations(names, 2)
+            if one not in figures["constant"] and np.array_equal(x[one], x[other])
+        ],
+        "rows_a_value": {},
+        "silent_at_rest": [],
+    } | {name: {} for name in ("failed_reads", "stuck", "spikes", "wraps", "clipped_at")}
+    for k, (sensor, (quantity, axes)) in enumerate(zip(SENSORS, QUANTITIES.items(), strict=True)):
+        at, rate = rows[sensor], rates.get(sensor) or figures["rate_hz"]
+        if padding[k].any():
+            x |= {name: np.where(padding[k], np.nan, x[name]) for name in axes}
+        channels = {n: Channel(x[n][at], steps[n], *figures["range"][n]) for n in axes}
+        silent = channel.silent(channels, [columns[n][at] for n in ACCELERATION])
+        clipped = channel.saturation(channels, rate)
+        # a silent channel is not stuck, and a saturated one not at the end of its range
+        stuck = {
+            n: [r for r in c.stuck if n not in silent and c.x[r[0]] not in clipped[n]["values"]]
+            for n, c in channels.items()
+        }
+        wraps = {name: c.wraps() for name, c in channels.items()}
+        is_zero = zero[k][at]
+        alone = np.count_nonzero(is_zero[1:-1] & ~is_zero[:-2] & ~is_zero[2:])
+        alone = alone if alone > channel.OFTEN * len(is_zero) else 0
+        faults["failed_reads"] |= {n: alone or c.failed_reads for n, c in channels.items()}
+        faults["stuck"] |= {n: _stuck(stuck[n], t[at], rate) for n in axes}
+        faults["spikes"] |= {n: spikes.count_jumps(c.x, c.step) for n, c in channels.items()}
+        faults["wraps"] |= {name: len(before) for name, before in wraps.items()}
+        faults["clipped_at"] |= clipped
+        faults["rows_a_value"][quantity] = channel.rows_a_value(channels.values())
+        faults["silent_at_rest"] += silent
+        # where an integer wraps around nothing is known of a turn
+        for name, before in wraps.items():
+            if len(before):
+                x[name] = x[name].copy()
+                x[name][np.arange(len(t))[at][np.append(before, before + 1)]] = np.nan
+    if TEMPERATURE in x:
+        faults["spikes"][TEMPERATURE] = spikes.count_jumps(x[TEMPERATURE], steps[TEMPERATURE])
+    long = np.diff(t)
+    gaps = np.flatnonzero(long > max(figures["gaps"]["longer_than_s"], TURN_GAP))
+    # where single rows are lost fewer come in a second than the usual step says
+    rate = (len(t) - 1 - len(gaps)) / (figures["duration_s"] - long[gaps].sum())
+    faults["axes"], faults["rests"] = measure_turns(x, np.fmin(rate, FASTEST), t, gaps)
+    return {"faults": faults, "isolated": single} | added
 
 
-def unread(figures, counts):
-    """Return why stamps or rows are none: of such a log nothing else can be said."""
-    if fault := counts.clock.fault() or misread.fault(counts):
-        return [fault]
-    faults, rows, rate = figures["faults"], figures["rows"], figures["rate_hz"]
-    if rows >= LEAST_ROWS and rate and not PLAUSIBLE_RATE[0] <= rate <= PLAUSIBLE_RATE[1]:
-        return [f"{rate:.3g} Hz is no rate of an IMU{_time_hint(rate, counts.time_unit)}"]
-    turns = faults.get("in_turn", {"none": 0})
-    if sum(turns.values()) > IN_TURN * rows and min(turns.values()) > MOST_DROPPED * rows:
-        listed = " and ".join(f"{sensor} in {n} rows" for sensor, n in turns.items())
-        return [
-            f"exactly zero on all axes: {listed}, in turn: rows of two sensors, each with "
-            "zeros for the other; leave these fields empty, or write a log for each sensor"
-        ]
-    failed = {n: count for n, count in faults.get("failed_reads", {}).items() if count}
-    if failed and max(failed.values()) > MOST_DROPPED * rows:
-        share = max(failed.values()) / rows
-        often = "every other row holds" if abs(share - 0.5) < 0.02 else f"{share:.0%} of rows hold"
-        return [
-            f"{', '.join(failed)}: {often} the same value, an end of the range, zero or another, "
-            "far from those between: failed reads; look at the bus, the driver and the read rate"
-        ]
-    return []
+def _isolated(x, steps, at, names):
+    """Return rows and channel numbers of the spikes of some channels, (2, k).
+
+    `at` are the rows with a new sample. A spike is in all rows that hold it.
+    """
+    found = spikes.isolated([x[n][at] for n in CHANNELS], [steps[n] for n in CHANNELS])
+    edges = np.append(np.arange(len(x["ax"]))[at], len(x["ax"]))
+    kept = [(i, k) for i, k in found.T if CHANNELS[k] in names]
+    held = [(row, k) for i, k in kept for row in range(edges[i], edges[i + 1])]
+    return np.array(held, dtype=int).reshape(-1, 2).T
+
+
+def _stuck(runs, t, rate):
+    """Return how often, for how many rows, how long at most and when a channel was stuck."""
+    spans = [[t[i].item(), t[i + n - 1].item()] for i, n in runs]
+    return {
+        "stretches": len(runs),
+        "rows": sum(n for _, n in runs),
+        "longest_s": max((n for _, n in runs), default=0) / rate,
+        "first_s": spans[0][0] if spans else None,
+        "spans_s": spans,
+    }
 
 
 def rails(figures, full_scale=None):
-    """Return the ends of the range that channels reach, SI: {channel: [low, high]}, None of none.
+    """Return the ends of the range that channels reach, SI: {channel: [low, high]}.
 
-    A value there may be any beyond it: of quality figures the repeated extremes that were found,
-    and the declared full scale, of ``acceleration`` and ``angular_rate``.
+    A value there may be any beyond it. The ends are those of the declared `full_scale`, else the
+    repeated extreme values among the `figures`; None for an end that is not reached.
     """
-    found = {}
-    for sensor, axes in SENSORS.items():
-        for name in axes:
-            values = figures["faults"].get("clipped_at", {}).get(name, {"values": []})["values"]
-            ends = [end if end in values else None for end in figures["range"][name] or ()]
-            if figures["clipped"][name]:
-                limit = CLIPPED_SHARE * full_scale[sensor]
-                ends = [-limit, limit]
-            if ends != [None, None]:
-                found[name] = ends
-    return {name: ends for name, ends in found.items() if ends}
+    ends, found = {}, figures["faults"].get("clipped_at", {})
+    for name, limits in figures["range"].items():
+        if figures["clipped"].get(name):
+            limit = CLIPPED_SHARE * full_scale["acceleration" if name[0] == "a" else "angular_rate"]
+            ends[name] = [-limit, limit]
+        elif values := found.get(name, {}).get("values"):
+            ends[name] = [end if end in values else None for end in limits]
+    return ends
 
 
 def stuck(figures):
-    """Return the spans in which a channel keeps one value, (n, 2), s: it shows nothing."""
+    """Return the spans in which a channel keeps one value, (n, 2) s: it shows nothing."""
     each = figures["faults"].get("stuck", {}).values()
     return sorted(span for channel in each for span in channel["spans_s"])
-
-
-def _listed(by_channel):
-    """Name the channels with a count, and how many; empty without."""
-    return ", ".join(f"{name} {n}" for name, n in by_channel.items() if n)
-
-
-def _impossible(counts):
-    """Name the channels with values that no sensor gives, and how many; empty without."""
-    found = _listed(counts.impossible_values)
-    quantity = "acceleration" if found.startswith("a") else "angular_rate"
-    beyond = f"beyond ± {BEYOND:g} in SI, which no sensor gives: {found}"
-    return f" ({beyond}; see units.{quantity} and nominal.{quantity})" if found else ""
-
-
-def _time_hint(rate, unit):
-    """Name the units of the stamps that would make a rate, in the unit they have, plausible."""
-    steps = rate * TIME_SCALES[unit] if unit in TIME_SCALES else 0.0
-    fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= 1e4]
-    if not fits:
-        return ""
-    return f": the stamps look like {' or '.join(fits)}; {declare(fits[0])}"
-
-
-def warnings(figures, counts, log, *, rate):
-    """Return what a user should look at, though the log, read to its end, can be used."""
-    found = list(log.notes)
-    if not figures["rows"] or unread(figures, counts):
-        return found
-    dead = [name for name in figures["constant"] if name in CHANNELS]
-    if dead:
-        found.append(f"never changing: {', '.join(dead)}")
-    at_limit = {name: n for name, n in figures["clipped"].items() if n}
-    if at_limit:
-        listed = ", ".join(f"{name} {n}" for name, n in at_limit.items())
-        found.append(
-            f"samples at the end of the full scale: {listed}; rests, turns and moves with them are "
-            "left out: choose a wider range or turn more slowly"
-        )
-    if figures["gaps"]["count"]:
-        gaps = figures["gaps"]
-        found.append(f"{plural(gaps['count'], 'gap')}, {gaps['total_s']:.4g} s together")
-    if rate and figures["rate_hz"] and abs(figures["rate_hz"] / rate - 1) > 0.02:
-        found.append(
-            f"the stamps give {figures['rate_hz']:.4g} Hz, declared are {rate:g} Hz; stamps used"
-        )
-    if log.bad_lines and "time" not in log.found:
-        found.append("lines that are no row shorten a log without stamps by one step each")
-    if counts.identical:
-        found.append(
-            f"{plural(counts.identical, 'row')} identical to the one before, stamp and values: "
-            "dropped, nothing is lost"
-        )
-    if counts.spiked:
-        found.append(
-            f"{plural(counts.spiked, 'row')} dropped for a spike that no body makes: "
-            f"{_listed(counts.spike_values)}; check the wiring and the logger"
-        )
-    if impossible := _impossible(counts):
-        found.append(f"counted as missing{impossible}")
-    missing = counts.missing_values.get(TEMPERATURE)
-    if missing:
-        found.append(f"{missing} temperatures are missing")
-    return found + fault_lines.warnings(figures)

@@ -1,0 +1,159 @@
+"""One channel of a log: how its values repeat, keep to an end of its range, or jump."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+# rows of a block, and quantisation steps that noise spans in it: to two steps only, of noise below
+# the step, says nothing
+BLOCK, SPAN = 128, 2.5
+# a run of equal values is stuck where it has so many rows, and so many times those of the longest
+# of at least `FEWEST` others; ten times that where others vary more than chance lets them (noise
+# below the quantisation step)
+LEAST_STUCK, STUCK_FACTOR, COARSE, FEWEST = 10, 5, 10, 50
+# quantisation steps to a value that is far away; rows of equal values between such are a flat top
+FAR_STEPS, FLAT_TOP = 8, 3
+# the square of the rows at a saturated end of the range is so many times the rows at the level
+# beside it: noise of 0.55 steps or more leaves e^-11 for none beyond
+CUT_TAIL = 300
+# steps to the ends of 16 bits, which two rows saturate
+RAILS = (2**15 - 1, 2**15)
+# a value between far ones is a failed read in this share of the rows: at random it comes to a
+# seventh at most, p (1 - p)^2
+OFTEN = 0.2
+# least rows of a value that is held
+LEAST_HELD = 1.25
+# share that is nearly all: of the range, which an integer jumps that wraps around; of the runs of a
+# value that is held; of the quieter half of the blocks, in which a silent axis never changes
+MOST = 0.9
+
+
+def blocks(x):
+    """Return samples, (n,), in blocks, (n // BLOCK, BLOCK)."""
+    return x[: len(x) // BLOCK * BLOCK].reshape(-1, BLOCK)
+
+
+def least_stuck(lengths):
+    """Return the least of the lengths of runs, (m,), that is too long for chance."""
+    counts = np.bincount(lengths)
+    length = np.flatnonzero(counts)
+    count, rows = np.cumsum([counts[length], counts[length] * length], axis=1)[:, :-1]
+    # the longest run of n with a mean m has about m ln n rows by chance
+    by_chance = length[:-1] <= 1 + 3 * rows / count * np.log(count)
+    least = STUCK_FACTOR * np.where(by_chance, 1, COARSE) * length[:-1]
+    long = (length[1:] >= np.maximum(LEAST_STUCK, least)) & (count >= FEWEST)
+    return length[1:][long].min(initial=lengths.sum() + 1)
+
+
+@dataclass
+class Channel:
+    """The samples of a channel, (n,) SI, and what runs of equal values among them show.
+
+    `step` is the quantisation step, 0 if it is not known, `low` and `high` are the ends of its
+    range. `is_fine` tells whether noise spans the step in half of the blocks that change. `stuck`
+    are first row and rows of the runs that are too long for chance, and `tops` the values of flat
+    tops. `failed_reads` is the number of rows that hold one value again and again, far from those
+    beside them.
+    """
+
+    x: np.ndarray
+    step: float
+    low: float
+    high: float
+
+    def __post_init__(self):
+        width = np.ptp(blocks(self.x), axis=1)
+        changing = np.count_nonzero(width > 0)
+        self.is_fine = np.count_nonzero(width > SPAN * self.step) >= changing / 2 > 0
+        starts = np.append(0, np.flatnonzero(self.x[1:] != self.x[:-1]) + 1)
+        lengths, values = np.diff(starts, append=len(self.x)), self.x[starts]
+        long = lengths >= (least_stuck(lengths) if self.is_fine else len(self.x) + 1)
+        self.stuck = list(zip(starts[long].tolist(), lengths[long].tolist(), strict=True))
+        far = np.abs(np.diff(values)) > FAR_STEPS * self.step
+        far, lengths, values = far[:-1] & far[1:], lengths[1:-1], values[1:-1]
+        # values that are held have flat tops everywhere
+        tops = values[far & (lengths >= FLAT_TOP)]
+        self.tops = tops if np.isin(tops, (self.low, self.high)).all() else tops[:0]
+        alone, often = values[far & (lengths == 1)], OFTEN * len(self.x)
+        rows = 0
+        if self.step and len(alone) > often:
+            rows = np.count_nonzero(alone == pd.Series(alone[:1000]).mode()[0])
+        self.failed_reads = rows if rows > often else 0
+
+    def wraps(self):
+        """Return the rows before jumps from one end of the range to the other that stay there.
+
+        A value that swings from end to end changes more beside the jump. One that saturates is held
+        at an end. One that is switched on goes from zero to an end.
+        """
+        size, span = np.abs(np.diff(self.x)), self.high - self.low
+        rows = np.flatnonzero(size[1:-1] >= MOST * span) + 1
+        bits = np.log2(max(span, 1))
+        whole = self.low >= 0 and bits > 11 and 2 ** (np.ceil(bits) - bits) <= 1 / MOST
+        if not (whole or abs(self.low + self.high) / 2 <= (1 - MOST) * span):
+            return rows[:0]
+        before, after = size[rows - 1], size[rows + 1]
+        from_end, to_end = (np.isin(self.x[rows + k], (self.low, self.high)) for k in (0, 1))
+        held = ((before == 0) & from_end) | ((after == 0) & to_end)
+        beside = np.maximum(before, after)
+        return rows[(0 < beside) & (2 * beside < (1 - MOST) * span) & ~held]
+
+
+def saturation(channels, rate):
+    """Return the ends of the range that channels of a sensor keep to: {name: {"values", "rows"}}.
+
+    An end is saturated if many rows are there and few at the levels beside it, or if it is reached
+    in flat tops, which no smooth motion has. Ends of equal size are one end, as each axis may reach
+    it for a few rows only. A single run of a second or more is a stuck value. `rate` is in Hz.
+    """
+    ends, found = [], {name: {"values": [], "rows": 0} for name in channels}
+    for name, c in channels.items():
+        width = c.step or np.finfo(float).tiny
+        for value in sorted({c.low, c.high} - {0.0}) if c.low < c.high else ():
+            near = c.x[(c.x > value - 1.5 * width) & (c.x < value + 1.5 * width)]
+            rows = np.count_nonzero(np.abs(near - value) < 0.5 * width)
+            beside = len(near) - rows
+            here = [length for start, length in c.stuck if c.x[start] == value]
+            flat = np.count_nonzero(c.tops == value)
+            flat += rows > 1 and round(abs(value) / width) in RAILS
+            if (c.is_fine or flat) and not (len(here) == 1 and here[0] >= max(rate, MOST * rows)):
+                ends.append((name, value, rows, beside, flat, width))
+    for name, value, rows, *_, width in ends:
+        same = [e for e in ends if abs(abs(e[1]) - abs(value)) <= 1.01 * width]
+        total, beside, flat = (sum(e[k] for e in same) for k in (2, 3, 4))
+        if flat or total**2 > CUT_TAIL * max(beside, 1):
+            found[name]["values"].append(value)
+            found[name]["rows"] += int(rows)
+    return found
+
+
+def silent(channels, force):
+    """Return the names of channels that never change in most of the quiet blocks.
+
+    `force` are the samples of the accelerometer's channels, (n,) each, whose variance tells which
+    half is quiet.
+    """
+    power = sum(np.var(blocks(x), axis=1) for x in force)
+    if not len(power):
+        return []
+    quiet = power <= np.median(power)
+    return [
+        name
+        for name, c in channels.items()
+        # a channel that is stuck once or twice has a fault of a moment
+        if c.low < c.high and len(c.stuck) not in (1, 2)
+        if np.mean(np.ptp(blocks(c.x)[quiet], axis=1) == 0) > MOST
+    ]
+
+
+def rows_a_value(channels):
+    """Return how many rows the channels of a sensor hold each value, 1 where they do not."""
+    changed = np.any([c.x[1:] != c.x[:-1] for c in channels], axis=0)
+    lengths = np.diff(np.flatnonzero(changed))
+    if len(lengths) < FEWEST:
+        return 1.0
+    usual = np.median(lengths)
+    near = lengths[np.abs(lengths - usual) <= max(1.0, 0.15 * usual)]
+    held = len(near) >= MOST * len(lengths) and near.mean() >= LEAST_HELD
+    return float(near.mean()) if held else 1.0

@@ -1,0 +1,313 @@
+"""The table of checks: what is wrong with a log, how bad it is, and what to do.
+
+A check is a row of `CHECKS`. Its `measure` takes the `Evidence` on a log and returns nothing where
+all is well. Else it returns what the message needs: a text, a number, a list of texts, or values by
+name. Message and remedy may also name the quality figures, as in ``{rate_hz:.4g}``.
+"""
+
+from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from imuloop.core.errors import plural
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE, CHANNELS, TEMPERATURE
+from imuloop.core.units import DEGREE
+from imuloop.core.units import TIME as TIME_SCALES
+from imuloop.ingest import misread, plausible
+from imuloop.ingest.axes import mapping_words
+from imuloop.ingest.convert import BEYOND, Counts
+from imuloop.ingest.raw_log import RawLog
+from imuloop.ingest.stamps import declare
+
+# how bad a finding is: of the log nothing else can be said; it cannot be used; it is not what is
+# declared; it may not be what is declared; a user should look at it
+UNREADABLE, UNUSABLE, MISDECLARED, DOUBTFUL, WARNING = range(5)
+
+# a log with fewer samples, or shorter, s, holds no rest worth a mean
+LEAST_ROWS, LEAST_DURATION = 100, 2.0
+# a channel that changes by less in a whole log is none: a thousandth of the best sensors' noise, SI
+LEAST_CHANGE = dict.fromkeys(ACCELERATION, 1e-9) | dict.fromkeys(ANGULAR_RATE, 1e-12)
+# a log that loses a larger share of its rows to faults is not to be trusted
+MOST_DROPPED = 0.05
+# rates at which IMUs log, Hz
+PLAUSIBLE_RATE = (0.05, 1e5)
+# what a thermometer beside an IMU can show, degC, and how long it may stay the same, s
+PLAUSIBLE_TEMPERATURE, CONSTANT_TEMPERATURE = (-60.0, 150.0), 60.0
+# on average no sensor at rest shows more, and no hand turns faster, rad/s
+PLAUSIBLE_REST, PLAUSIBLE_MEAN_RATE = 1.0, 10.0
+# a static session rests for this share of its time; its gravity turns by less than no drift of a
+# bias makes, 0.15 g, rad
+LEAST_REST, MOST_TILT = 0.5, 0.15
+# the device turns to and fro where the mean rate of half a second changes by more, rad/s, and by so
+# many times the power of white noise
+MOST_CHANGE, MOST_CHANGE_SHARE = 0.01, 4.0
+# times that an integer wraps around, to be named and to make the log useless: logs that were joined
+# jump so once or twice
+LEAST_WRAPS, MOST_WRAPS = 3, 20
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What is known of a log: its quality figures, counts of rows, and what is declared of it.
+
+    `units` are the `RawUnit` of each sensor, `gravity` is in m/s^2, None without an accelerometer,
+    `kind` is what was done with the device, `nominal` are the scales of counts by quantity, and
+    `rate` is the declared one, Hz.
+    """
+
+    figures: dict
+    counts: Counts
+    log: RawLog
+    units: dict
+    gravity: float | None
+    kind: str | None = None
+    nominal: dict | None = None
+    rate: float | None = None
+
+    @property
+    def faults(self):
+        """The faults of the samples, none where they were not measured."""
+        return self.figures["faults"] or defaultdict(dict)
+
+    @property
+    def inside(self):
+        """The number of rows in the time range, with lines that are no row."""
+        counts = self.counts
+        return counts.read - counts.outside - counts.identical + self.log.bad_lines
+
+
+@dataclass(frozen=True)
+class Check:
+    """A row of the table. Of the checks about one subject the first that finds something counts."""
+
+    name: str
+    severity: int
+    measure: Callable
+    message: str
+    remedy: str = ""
+    about: str = ""
+
+
+def listed(by_name, text="{0} {1}"):
+    """Return a text for each channel or sensor whose count, or rows, are not zero."""
+    counts = {n: each["rows"] if isinstance(each, dict) else each for n, each in by_name.items()}
+    return [text.format(name, by_name[name]) for name, count in counts.items() if count]
+
+
+def _dropped_rows(e):
+    """Return the rows that are lost, in words, if they are too many."""
+    missing = {n: c for n, c in e.counts.missing_values.items() if n != TEMPERATURE}
+    parts = {
+        f"with missing or impossible values ({', '.join(listed(missing))})": e.counts.non_finite,
+        "with a repeated stamp, see columns.time": e.counts.duplicates,
+        "with a stamp before an earlier one": e.counts.out_of_order,
+        "lines that are no row": e.log.bad_lines,
+        f"with a spike ({', '.join(listed(e.counts.spike_values))})": e.counts.spiked,
+    }
+    lost, inside, words = sum(parts.values()), e.inside, ", ".join(listed(parts, "{1} {0}"))
+    text = f"{lost} of {inside} rows ({lost / inside:.1%}) cannot be used: {words}"
+    return lost > MOST_DROPPED * inside and text
+
+
+def _lost_text(e):
+    share = e.log.lost_bytes / max(e.log.text_bytes, 1)
+    return share > MOST_DROPPED and f"{share:.1%}"
+
+
+def _rate(e):
+    """Return which units of the stamps would make an impossible rate plausible, in words."""
+    rate, unit, (low, high) = e.figures["rate_hz"], e.counts.time_unit, PLAUSIBLE_RATE
+    if e.figures["rows"] < LEAST_ROWS or low <= (rate or low) <= high:
+        return None
+    steps = rate * TIME_SCALES.get(unit, 0.0)
+    fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= 1e4]
+    return f": the stamps look like {' or '.join(fits)}; {declare(fits[0])}" if fits else "."
+
+
+def _in_turn(e):
+    rows, turns = e.figures["rows"], e.faults["in_turn"]
+    both = min(turns.values(), default=0) > MOST_DROPPED * rows
+    return both and sum(turns.values()) > 0.9 * rows and listed(turns)
+
+
+def _failed_reads(e):
+    failed = {n: rows for n, rows in e.faults["failed_reads"].items() if rows}
+    share = max(failed.values(), default=0) / max(e.figures["rows"], 1)
+    return share > MOST_DROPPED and f"{', '.join(failed)}: {share:.0%}"
+
+
+def _unresolved(e):
+    ranges = {n: np.ptp(e.figures["range"][n] or 0.0) for n in LEAST_CHANGE}
+    return [f"{n} changes by {x:.3g}" for n, x in ranges.items() if 0 < x < LEAST_CHANGE[n]]
+
+
+def _wraps(e, least):
+    found = {name: n for name, n in e.faults["wraps"].items() if n >= LEAST_WRAPS}
+    return max(found.values(), default=0) >= least and listed(found, "{} {} times")
+
+
+def _rests(e, condition):
+    """Return what the rests of a log show, angles in degrees too, if a condition on them holds."""
+    rests, angles = e.faults["rests"], ("turned", "change", "gap_turn")
+    found = rests and condition(rests)
+    return found and rests | {f"{name}_deg": rests[name] / DEGREE for name in angles}
+
+
+def _moves(rests):
+    """Return whether the device is turned over, rests too little, or turns to and fro."""
+    # a step of the force without a turn is of the sensor
+    tilts = rests["turned"] > max(MOST_TILT, 2 * rests["jump_m_s2"] / rests["force"][1])
+    restless = rests["share"] < LEAST_REST or (rests["change_share"] or 0) > MOST_CHANGE_SHARE
+    return tilts or (restless and rests["change"] > MOST_CHANGE)
+
+
+def _fast(e):
+    mean, most = e.figures["mean_angular_rate"], PLAUSIBLE_MEAN_RATE
+    degrees = e.units["angular_rate"].name == "rad/s" and mean * DEGREE < most
+    what = f"{'turn by hand' if mean > most else 'bias'}{': is it deg/s?' if degrees else ''}"
+    return mean > (PLAUSIBLE_REST if e.kind == "static" else most) and what
+
+
+def _temperature(e):
+    low, high = e.figures["temperature_range"] or PLAUSIBLE_TEMPERATURE
+    return not PLAUSIBLE_TEMPERATURE[0] <= low <= high <= PLAUSIBLE_TEMPERATURE[1]
+
+
+def _saturated(e):
+    found = e.faults["clipped_at"].items()
+    return listed({n: f for n, f in found if not e.figures["clipped"][n]}, "{0} {1[rows]} samples")
+
+
+def _held(e):
+    return [f"{s} for {n:.3g} rows" for s, n in e.faults["rows_a_value"].items() if n > 1]
+
+
+_LOST = f"at most {MOST_DROPPED:.0%} may be lost"
+_SLOWER = "rests, turns and moves with them are left out: choose a wider range or turn more slowly"
+_WRAP = "an integer that wraps around from one end of its range to the other: {}"
+_WIDEN = "widen it in the logger, or choose a wider full scale"
+_STILL = "a static session lies still: declare another kind, or crop it with time_range"
+
+CHECKS = [
+    # what cannot be read
+    Check("joined seconds", UNREADABLE, lambda e: e.counts.clock.fault(), "{}"),
+    Check("gravity as rate", UNREADABLE, lambda e: misread.is_gravity(e.counts),
+          "the columns of the angular rate hold gravity: vectors of constant length along the "
+          "acceleration", "name the gyroscope's own columns in columns.angular_rate, or give null"),
+    Check("two units", UNREADABLE, lambda e: misread.repeated(e.counts),
+          "{n} rows repeat the one before, with its time stamp, in another unit: the {sensor} "
+          "in {unit} and again in {other}", "log each sample once, or keep the rows of one unit"),
+    Check("rate", UNREADABLE, _rate, "{rate_hz:.3g} Hz is no rate of an IMU{}"),
+    Check("sensors in turn", UNREADABLE, _in_turn, "exactly zero on all axes, in turn: {} rows",
+          "leave the fields of the other sensor empty, or write a log for each sensor"),
+    Check("failed reads", UNREADABLE, _failed_reads, "{} of rows hold the same value, far from "
+          "those between: failed reads", "look at the bus, the driver and the read rate"),
+    # what cannot be used
+    Check("time range", UNUSABLE, lambda e: not e.inside and e.counts.read,
+          "none of the log's {} rows lies in the time range", about="rows length"),
+    Check("no rows", UNUSABLE, lambda e: not e.inside, "the log has no rows", about="rows length"),
+    Check("dropped rows", UNUSABLE, _dropped_rows, "{}", _LOST, "rows"),
+    Check("lost text", UNUSABLE, _lost_text, "{} of the log's bytes are in lines that are "
+          "no row", _LOST, "rows"),
+    Check("few rows", UNUSABLE, lambda e: e.figures["rows"] < LEAST_ROWS,
+          f"{{rows}} usable rows, at least {LEAST_ROWS} needed", about="length"),
+    Check("short log", UNUSABLE, lambda e: e.figures["duration_s"] < LEAST_DURATION,
+          f"the log lasts {{duration_s:.3g}} s, at least {LEAST_DURATION:g} s needed",
+          about="length"),
+    Check("dead accelerometer", UNUSABLE, lambda e: {*ACCELERATION} <= {*e.figures["constant"]},
+          "the acceleration never changes: the sensor was not read"),
+    Check("unresolved change", UNUSABLE, _unresolved, "{} in the whole log, which no sensor "
+          "resolves", "see units and nominal"),
+    # what is not as declared: faults and gravity are known
+    Check("overflow", MISDECLARED, lambda e: _wraps(e, MOST_WRAPS), _WRAP, _WIDEN,
+          "overflow force rate gap rest"),
+    Check("rare overflow", DOUBTFUL, lambda e: _wraps(e, LEAST_WRAPS), _WRAP, _WIDEN, "overflow"),
+    Check("increments", MISDECLARED, plausible.increments, "{words} the step of {step:.4g} s, so "
+          "the log looks like increments of velocity and angle per sample", "declare {unit}",
+          "force rate gap"),
+    Check("turn in a gap", DOUBTFUL, lambda e: _rests(e, lambda r: r["gap_turn"] > MOST_TILT),
+          "gravity turns by {gap_turn_deg:.0f}° within the gap at {gap_s:.6g} s: the device was "
+          "turned while nothing was logged, and this turn is left out", about="gap"),
+    Check("jump of force", DOUBTFUL, plausible.jump_of_force, "at {jump_s:.6g} s the force at rest "
+          "changes by {jump_m_s2:.3g} m/s^2 without a turn: scale or bias changed amid the log, or "
+          "logs were joined", "crop it with time_range", "force"),
+    Check("unit of force", MISDECLARED, plausible.unit_of_force, "{}", about="force"),
+    Check("size of force", DOUBTFUL, plausible.size_of_force, "{}",
+          "see units.acceleration and nominal.acceleration", "force"),
+    Check("unit of rate", MISDECLARED, plausible.unit_of_rate, "{}",
+          "or the log's rate is off by as much", "rate"),
+    Check("size of rate", DOUBTFUL, _fast, "the mean angular rate is {mean_angular_rate:.4g} "
+          "rad/s, too much for a {}", "see units.angular_rate", "rate"),
+    Check("scale of rate", DOUBTFUL, plausible.scale_of_rate, "{}", "see units.angular_rate and "
+          "nominal.angular_rate; or the log's rate is off by as much", "rate"),
+    Check("motion", MISDECLARED, lambda e: e.kind == "static" and _rests(e, _moves),
+          "the device rests for {share:.0%} of the time, its mean angular rate changes by "
+          "{change_deg:.2g} deg/s from half a second to the next, and gravity turns by up to "
+          "{turned_deg:.0f}° in its axes, in {attitudes} attitudes", _STILL),
+    # what a user should look at
+    Check("dead channel", WARNING, lambda e: [n for n in e.figures["constant"] if n in CHANNELS],
+          "never changing: {}"),
+    Check("full scale", WARNING, lambda e: listed(e.figures["clipped"]),
+          "samples at the end of the full scale: {}", _SLOWER),
+    Check("gaps", WARNING, lambda e: e.figures["gaps"]["count"] and
+          plural(e.figures["gaps"]["count"], "gap"), "{}, {gaps[total_s]:.4g} s together"),
+    Check("declared rate", WARNING, lambda e: e.rate and e.figures["rate_hz"] and
+          abs(e.figures["rate_hz"] / e.rate - 1) > 0.02 and f"{e.rate:g}",
+          "the stamps give {rate_hz:.4g} Hz, declared are {} Hz; stamps used"),
+    Check("lines without stamps", WARNING, lambda e: e.log.bad_lines and "time" not in e.log.found,
+          "lines that are no row shorten a log without stamps by one step each"),
+    Check("identical rows", WARNING, lambda e: e.counts.identical,
+          "{} rows identical to the one before, stamp and values: dropped, nothing is lost"),
+    Check("spikes", WARNING, lambda e: listed(e.counts.spike_values),
+          "rows dropped for a spike that no body makes: {}", "check the wiring and the logger"),
+    Check("impossible values", WARNING, lambda e: listed(e.counts.impossible_values),
+          f"missing, as beyond ± {BEYOND:g} in SI, which no sensor gives: {{}}", "see units"),
+    Check("missing temperatures", WARNING, lambda e: e.counts.missing_values.get(TEMPERATURE),
+          "{} temperatures are missing"),
+    Check("zeros", WARNING, lambda e: listed(e.faults["zero_rows"], "{} in {} rows"),
+          "exactly zero on all axes: {}", "padding or failed reads: take them out of the log"),
+    Check("stuck values", WARNING, lambda e: listed(e.faults["stuck"], "{0} {1[rows]} samples, "
+          "first at {1[first_s]:.6g} s"), "stuck at one value: {}", "look at the cable and driver"),
+    Check("silence", WARNING, lambda e: e.faults["silent_at_rest"], "no noise at rest: {}",
+          "a step too coarse, or firmware that holds the value: no noise or bias can be known"),
+    Check("spikes on several channels", WARNING, lambda e: listed(e.faults["spikes"]),
+          "spikes of a single sample: {}", "check the wiring and the logger"),
+    Check("saturation", WARNING, _saturated, "clipped at a repeated extreme value: {}",
+          f"{_SLOWER}, and declare full_scale"),
+    Check("held values", WARNING, _held, "a value is held: {}", "log each new value once"),
+    Check("copies", WARNING, lambda e: [f"{b} is a copy of {a}" for a, b in e.faults["copies"]],
+          "{}: see columns"),
+    Check("temperature", WARNING, _temperature, "temperature from {range[temperature][0]:.5g} to "
+          "{range[temperature][1]:.5g} degC: counts, failed reads, or in K", "see units", "warmth"),
+    Check("constant temperature", WARNING, lambda e: TEMPERATURE in e.figures["constant"] and
+          e.figures["duration_s"] >= CONSTANT_TEMPERATURE, "temperature is "
+          "{range[temperature][0]:.5g} degC throughout: not read, or too coarse", about="warmth"),
+    # one axis in two places fits nowhere
+    Check("axes", WARNING, lambda e: not e.faults["copies"] and e.faults["axes"] and
+          mapping_words(e.faults["axes"]["mapping"]), "the angular rate fits the turns of gravity "
+          "with {}; gravity does not tell which sensor is at fault", "columns.acceleration and "
+          "columns.angular_rate put axes in order, and -NAME turns a sign"),
+]  # fmt: skip
+
+
+def findings(evidence):
+    """Return the lines of the checks that find something, {severity: list of str}.
+
+    Of a log that is `UNREADABLE` nothing else is said.
+    """
+    found, done = {severity: [] for severity in range(WARNING + 1)}, set()
+    unknown = () if evidence.gravity and evidence.figures["faults"] else (MISDECLARED, DOUBTFUL)
+    for check in CHECKS:
+        about = {*check.about.split()}
+        if check.severity in unknown or done & about or not (facts := check.measure(evidence)):
+            continue
+        done |= about
+        named = facts if isinstance(facts, dict) else {}
+        fact = ", ".join(facts) if isinstance(facts, list) else facts
+        text = "; ".join(filter(None, (check.message, check.remedy)))
+        found[check.severity].append(text.format(fact, **evidence.figures | named))
+        if check.severity == UNREADABLE:
+            break
+    return found

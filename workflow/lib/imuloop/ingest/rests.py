@@ -1,0 +1,189 @@
+"""What a log shows while the device is held still: specific force, attitudes, and moves between.
+
+A *window* is half a second. A *stop* is a few neighbouring windows that are quiet and have one
+attitude. A *move* lies between two stops. Over a move the gyroscope has to turn gravity from u₁,
+where one stop has it, to u₂, where the next one has it. With the rate r as logged, its bias b and a
+scale k, which is one in a good log,
+
+    u₂ = ∏ exp(-[(r - b) dt / k]×) u₁.
+
+The device rests where a move begins and ends, so no acceleration of the hand enters.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from imuloop.core.rotation import exponential, matrix, prefix_product
+from imuloop.core.samples import CHANNELS, sums_over
+from imuloop.core.sphere import count_attitudes
+from imuloop.core.stretches import stretches_of
+from imuloop.ingest.axes import AGREEMENT, KEPT, fit_axes
+
+# length of a window, and of the means that it is made of, s
+WINDOW, FINE = 0.5, 0.04
+# a quiet window varies at most so many times as much as the quietest twentieth of the log
+QUIET = 10.0
+# gravity turns by less from window to window of a stop, rad
+STILL = 0.02
+# a move turns gravity by so much at least, rad, and lasts so long at most, s
+LEAST_TURN, LONGEST_MOVE = 0.35, 20.0
+# a scale needs so many moves; of a long log so many moves show all
+LEAST_MOVES, MOST_MOVES = 3, 64
+# the scale is looked for within this factor of a guess; a move whose best scale leaves more than
+# this share of its turn says nothing
+NEAR, MOST_LEFT = np.geomspace(0.7, 1.4, 15), 0.25
+# attitudes differ by more, rad
+APART = 0.17
+# a jump of the force, between stops at most so many windows apart, is so many times what the
+# angular rate turns gravity by
+WINDOWS_BETWEEN, UNTURNED = 3, 5.0
+
+
+def measure_turns(x, rate, t, gaps=()):
+    """Return what channels, (n,) by name, at a rate, Hz, show of turns and of rests.
+
+    These are `axes` and `rests` in quality.schema.yaml. `t` is the time of each row, s, and `gaps`
+    are the rows before gaps.
+    """
+    rows = max(round(FINE * rate), 1)
+    parts = [x[name][: len(t) // rows * rows].reshape(-1, rows) for name in CHANNELS]
+    means = np.array([np.einsum("ij->i", part) / rows for part in parts])
+    axes = fit_axes(means, rows / rate)
+    guess = axes["ratio"] if axes and axes["best"] > AGREEMENT else None
+    return axes, measure_rests(means, rows, rows / rate, t, gaps, guess)
+
+
+def angle_between(u, v):
+    """Return the angle between unit vectors, (3,) or (3, n), rad."""
+    return np.arccos(np.clip((u * v).sum(axis=0), -1.0, 1.0))
+
+
+def measure_rests(means, rows, step, t, gaps, guess=None):
+    """Return what the stops of a log show, `rests` in quality.schema.yaml; None without a stop.
+
+    Parameters
+    ----------
+    means : array, shape (6, m)
+        Specific force, m/s^2, and angular rate, rad/s, as means of `rows` rows, `step` s each.
+    t : array_like, shape (n,)
+        Time of each row, s.
+    gaps : array_like of int
+        The rows before gaps.
+    guess : float, optional
+        The scale of the angular rate that turns inside moves show.
+    """
+    fine = max(round(WINDOW / step), 4)
+    count, width = means.shape[1] // fine, fine * rows
+    force, rate = means[:, : count * fine].reshape(2, 3, count, fine)
+    centre, turning = force.mean(axis=2), rate.mean(axis=2)
+    spread, size = force.var(axis=2).sum(axis=0) * fine, np.linalg.norm(centre, axis=0)
+    known = np.isfinite(spread) & np.isfinite(turning.sum(axis=0)) & (size > 0)
+    if count < 2 or not known.any():
+        return None
+    # what rounding leaves of a force that does not change is as quiet as nothing
+    floor = 1e-20 * (size[known] ** 2).min()
+    quiet = known & (spread <= QUIET * max(np.quantile(spread[known], 0.05), floor))
+    u = centre / np.where(known, size, 1.0)
+    together = quiet[1:] & quiet[:-1] & (np.linalg.norm(np.diff(u, axis=1), axis=0) < STILL)
+    rests = stretches_of(together) + np.array([0, 1])
+    if not len(rests):
+        return None
+    # the quiet windows, and the steps from one to the next one, where it is near
+    at = np.flatnonzero(np.append(together, False) | np.append(False, together))
+    bias = np.median(turning[:, at], axis=1)
+    gaps = np.append(np.asarray(gaps, dtype=int), len(t) + width)
+
+    def gap_row(i, j):
+        """Return the last rows before gaps from windows i to windows j, -1 where there is none."""
+        last = gaps[np.searchsorted(gaps, i * width)]
+        return np.where(last < (j + 1) * width, last, -1)
+
+    moves, half = [], fine // 2
+    for (_, a), (b, _) in pairwise(rests):
+        far = angle_between(u[:, a - 1], u[:, b]) > LEAST_TURN
+        if far and gap_row(a - 1, b) < 0 and (b - a) * fine * step < LONGEST_MOVE:
+            rates = rate[:, a - 1 : b + 1].reshape(3, -1)[:, half : half - fine]
+            moves.append((u[:, a - 1], u[:, b], (rates.T - bias) * step))
+    ratio = turn_ratio(moves[:: len(moves) // MOST_MOVES + 1], NEAR * (guess or 1.0))
+    scale = ratio["value"] if ratio else guess or 1.0
+
+    i, j = at[:-1], at[1:]
+    i, j = i[j - i <= WINDOWS_BETWEEN + 1], j[j - i <= WINDOWS_BETWEEN + 1]
+    row = gap_row(i, j)
+    in_gap = np.where(row >= 0, angle_between(u[:, i], u[:, j]), 0.0)
+    speed = np.linalg.norm(turning - bias[:, None], axis=0) * fine * step / scale
+    turned = sums_over(speed, np.column_stack([i, j + 1])) * size[i]
+    jump = np.linalg.norm(centre[:, j] - centre[:, i], axis=0)
+    jump[(row >= 0) | (jump <= UNTURNED * turned)] = 0.0
+    both = known[1:] & known[:-1]
+    change, white = np.median(_changes(rate, turning)[:, both], axis=1)
+
+    force, v = np.sort(size[at]), u[:, at]
+    usual = v[:, np.linalg.norm(v - np.median(v, axis=1, keepdims=True), axis=0).argmin()]
+    return {
+        "share": len(at) / int(known.sum()),
+        "force": [float(force[int(q * len(at))]) for q in (0.05, 0.5, 0.95)],
+        "attitudes": count_attitudes(v.T[:: len(at) // KEPT + 1], APART),
+        "turned": float(angle_between(v, usual[:, None]).max()),
+        "turn_ratio": ratio,
+        "jump_m_s2": float(jump.max()),
+        "jump_s": float(t[j[jump.argmax()] * width]),
+        "gap_turn": float(in_gap.max()),
+        "gap_s": float(t[row[in_gap.argmax()]]) if in_gap.any() else None,
+        "change": float(np.sqrt(change)),
+        "change_share": float(change / white) if white > 0 else None,
+    }
+
+
+def turn_ratio(moves, scales):
+    """Return how far the angular rate turns the device over moves, beside gravity.
+
+    Parameters
+    ----------
+    moves : list of tuple
+        Gravity's direction before and after, and the rotation vectors between, (n, 3) rad.
+    scales : array_like, shape (s,)
+        Scales that are tried.
+
+    Returns
+    -------
+    dict or None
+        `value`, the median of the moves, its standard error `std`, and `moves`, their number. None
+        where too few moves can be explained by any scale.
+    """
+    found = np.log([k for move in moves if (k := _scale(*move, scales))])
+    if len(found) < max(LEAST_MOVES, len(moves) / 2):
+        return None
+    middle = np.median(found)
+    value = float(np.exp(middle))
+    # standard deviation of a normal distribution by the median of the distances from its median,
+    # and standard error of a median by that of a mean
+    spread = 1.4826 * 1.2533 * np.median(np.abs(found - middle))
+    return {"value": value, "std": float(value * spread / np.sqrt(len(found))), "moves": len(found)}
+
+
+def _scale(before, after, steps, scales):
+    """Return the scale that turns gravity over a move from before to after; None if none does."""
+    turn = prefix_product(exponential(steps / scales[:, None, None]))[:, -1]
+    left = np.arccos(np.clip(before @ matrix(turn) @ after, -1.0, 1.0)) ** 2
+    i = int(np.argmin(left))
+    most = (MOST_LEFT * angle_between(before, after)) ** 2
+    if not 0 < i < len(scales) - 1 or not left[i] < most:
+        return None
+    # the square of the angle left is a parabola about the least
+    below, at, above = left[i - 1 : i + 2]
+    bend = below - 2 * at + above
+    away = 0.5 * (below - above) / bend if bend > 0 else 0.0
+    return scales[i] * (scales[1] / scales[0]) ** away
+
+
+def _changes(rate, turning):
+    """Return the change of the mean rate from window to window and of white noise, squared, (2, n).
+
+    `rate` are the means within windows, (3, n + 1, k), and `turning` theirs. White noise gives the
+    mean of k values a variance of theirs over k, and twice that to a difference. Their variance is
+    half the mean square of the difference of neighbours.
+    """
+    white = (np.diff(rate, axis=2) ** 2).mean(axis=2).sum(axis=0) / rate.shape[2]
+    return np.array([(np.diff(turning, axis=1) ** 2).sum(axis=0), white[1:]])
