@@ -146,12 +146,14 @@ class Columns(Keys):
         description="Stamps: a column, [sec, nsec] or [sec, usec], or one of each sensor's table; "
         "null for none",
     )
-    acceleration: either(list=columns(3), string=Text) = Field(
+    acceleration: either(list=columns(3), string=Text, null=None) = Field(
         None,
         description="x, y, z by name or, without header, by number from 0; or one stream that "
-        "holds all three",
+        "holds all three; null for a log without this sensor",
     )
-    angular_rate: either(list=columns(3), string=Text) = Field(None, description="The same")
+    angular_rate: either(list=columns(3), string=Text, null=None) = Field(
+        None, description="The same"
+    )
     temperature: either(string=str, int=Position, null=None) = Field(
         None, description="A column; null for none"
     )
