@@ -1,4 +1,4 @@
-"""Stamps of a sensor that samples evenly, made even: of packets, in bursts, that scatter."""
+"""Time stamps of a sensor that samples evenly are made even: of packets, in bursts, scattered."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,31 +8,29 @@ from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter, uniform_filter1d
 
 from imuloop.core.errors import plural
-from imuloop.core.gaps import gap_limit
-from imuloop.core.samples import ANGULAR_RATE, TIME
 from imuloop.core.stamps import JitterTest
 
-# stamps come in bursts where the median step is less than this share of the sensor's step
+# time stamps come in bursts where the median step is less than this share of the sensor's step
 BURST = 0.5
 # no transfer holds samples back longer, s: a longer pause is of the sensor
 _LONGEST_PAUSE = 0.5
-# stamps scatter where nine in ten of them take this share of a step, or more
+# time stamps scatter where nine in ten of them take this share of a step, or more
 _SCATTER = 0.12
-# part of a grid's width by which steps on it may miss it
-_OFF_GRID = 1e-3
-# a level of stamps that scatter is known to this share of a step, so that one lost sample shows
+# the median of time stamps that scatter is known to this share of a step, so that one lost sample
+# shows; each part of a log holds so many of them at least
 _KNOWN, _FEWEST = 0.05, 16
-# such levels, at least: of fewer rows that are lost at random may lie on a line
-_LEAST_LEVELS = 5
-# rounds of least squares, and the percentiles of the lateness beyond which it is clipped
-_ROUNDS, _USUAL = 3, (5, 95)
-# spectrum of the stamps: stamps of a block, blocks at most, bins of time to a mean step
+# parts of a log whose time stamps lie on one line; where samples are lost at random, fewer parts
+# may lie on a line, too
+_PARTS, _LEAST_PARTS = 20, 5
+# percentiles between which nine in ten values lie
+_NINE_IN_TEN = (5, 95)
+# spectrum of the time stamps: stamps of a block, blocks at most, bins of time to a mean step
 _BLOCK, _BLOCKS, _BINS = 4096, 16, 16
 # a clock's power is above this many times the power of random stamps; frequencies that its peak
-# spans; power of its images, of its own
+# spans; power of its images on a grid of stamps, of its own
 _SURE, _PEAK, _IMAGE = 20.0, 8, 0.7
 # share of the stamps that follow one sample after the last, at least, and beside the share of those
-# that follow later
+# that follow later: a wrong clock has steps of two or of none
 _ONES, _ONES_OF_MORE = 0.3, 0.8
 # stamps of a running median, stamps of a running phase, and lost samples that may be noise
 _SMOOTH, _PHASE, _FEW = 9, 512, 2
@@ -44,8 +42,6 @@ _LEAST_BEATS, _BEAT_OFF, _BEAT_WIDTH = 10, 3.0, 1.5
 # rows that share a stamp are a packet where half of such are as far from the next stamp, or the one
 # before, as their number of steps, but for this part of one; fewer repeats are dropped
 _PACKET, _LEAST_REPEATS = 0.5, 10
-# parts of a log whose stamps must lie on one line
-_PARTS = 20
 # a line whose rate differs more from the declared one is not the sensor's
 _RATE_SHARE = 0.02
 # stretches between bursts that are shorter on average hold no rest, s; of so many nothing is left,
@@ -79,52 +75,49 @@ class Even:
 
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore")
-def even_samples(samples, counts, measured, rate=None, increments=False, packets=None):
-    """Return the `Even` samples of a log whose stamps are to be rebuilt; None to keep them.
+def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
+    """Return the `Even` samples of a log whose time stamps are to be rebuilt; None to keep them.
 
     A host stamps what it receives, with a delay that varies, and receives several samples of a
     transfer at once. The samples are found in two ways:
 
-    - by the sensor's clock, where the stamps still show it (`_numbered`). This tells lost samples
-      from late ones.
-    - by the line of the stamps over the row number (`_on_line`). Its slope is the step.
+    - by the sensor's clock, where the time stamps still show it (`_numbered`). This tells lost
+      samples from late ones.
+    - by the line of the time stamps over the row number (`_on_line`). Its slope is the step.
 
-    Stamps of single rows stay as they are where they scatter by less than `_SCATTER`, where the
-    angular rate goes with them, and where rows hold increments, whose intervals may differ. Stamps
-    stay too where the clock is reset or the sensor pauses.
+    Time stamps of single rows stay as they are where they scatter by less than `_SCATTER`, where
+    the angular rate goes with them, and where rows hold increments, whose intervals may differ.
+    They stay too where the sensor pauses.
 
     Parameters
     ----------
-    samples : dict
-        Columns of the samples as stamped.
-    counts, measured : Counts, dict
-        Their counts and quality figures.
+    rows, t : array, shape (n,)
+        Number and time, s, of each row.
+    turn_rate : array, shape (3, n)
+        Angular rate, of any unit.
+    packets : tuple, optional
+        Result of `packet_step`.
     rate : float, optional
         Declared rate, Hz.
     increments : bool
         Whether rows hold increments.
-    packets : tuple, optional
-        Result of `packet_step`.
     """
-    points = counts.points
-    if counts.clock.resets or len(points) < 10 * _PARTS:
+    if len(t) < 10 * _PARTS:
         return None
-    rows, t = points.T
     step, away = _line(rows, t)
     if not np.isfinite(1 / step):
         return None
     # not of the mean step, which a single pause can make long
-    bursts = _steps(measured)[0] < BURST * step
+    bursts, scatter = np.median(np.diff(t)) < BURST * step, _width(away)
     single = not (packets or bursts)
-    if single and (increments or _width(away) < _SCATTER * step):
+    if single and (increments or scatter < _SCATTER * step):
         return None
-    on_line = _on_line(away, step, packets, bursts)
-    even = Even(step) if on_line else None
-    grid, clean = _grid(t), False
+    on_line = _on_line(away, scatter, step, packets, bursts)
+    even, clean = Even(step) if on_line else None, False
     if numbered := _numbered(rows, t, packets):
-        first, lost, number, t, width = numbered
+        first, lost, number, own_t, width = numbered
         losses = np.flatnonzero(np.diff(lost)) + 1
-        own_step, _ = _line(number, t)
+        own_step, _ = _line(number, own_t)
         beat = _beat(number[losses])
         clean = single and width < _SCATTER and not beat
         if on_line and (beat or lost[-1] <= _FEW):
@@ -137,42 +130,43 @@ def even_samples(samples, counts, measured, rate=None, increments=False, packets
         return None
     if packets:
         return even
-    scatter = JitterTest(even.step, grid)
-    scatter.add(samples[TIME], [samples[name] for name in ANGULAR_RATE])
+    test = JitterTest(even.step, scatter)
+    test.add(t, turn_rate)
     if clean:
         # a slower sensor on this grid of stamps has the same stamps: the gyroscope knows
-        return replace(even, complete=True) if scatter.even else None
-    return None if scatter.followed else even
+        return replace(even, complete=True) if test.even else None
+    return None if test.followed else even
+
+
+def _spread(x):
+    """Return the width of the range that holds nine in ten values."""
+    return np.subtract(*np.percentile(x, _NINE_IN_TEN[::-1]))
 
 
 def _width(away):
     """Return how far times scatter about a line within a part of the log, s."""
-    parts = np.array_split(away, _PARTS)
-    return np.median([np.subtract(*np.percentile(part, [95, 5])) for part in parts])
+    return np.median([_spread(part) for part in np.array_split(away, _PARTS)])
 
 
-def _on_line(away, step, packets, bursts):
+def _on_line(away, scatter, step, packets, bursts):
     """Tell whether times lie on a line over the row number, so that no sample is lost.
 
     The medians of parts of the log have to lie within the scatter of one part, those of single rows
     within half a step. Then a part is so long that its median is known to `_KNOWN` of a step.
     """
-    limit = scatter = _width(away)
-    parts = np.array_split(away, _PARTS)
-    if packets:
-        limit = max(scatter, step / 2)
-    elif not bursts:
+    limit, parts = max(scatter, step / 2) if packets else scatter, _PARTS
+    if not (packets or bursts):
         # the error of a median of n normal values is 1.25 of their deviation over the root of n
         needed = (1.25 * scatter / 3.29 / (_KNOWN * step)) ** 2
-        if not _LEAST_LEVELS * needed < len(away):
+        if not _LEAST_PARTS * needed < len(away):
             return False
-        parts = np.array_split(away, int(len(away) / max(needed, _FEWEST)))
-        limit = step / 2
-    return np.ptp([np.median(part) for part in parts]) <= limit and scatter <= _LONGEST_PAUSE
+        limit, parts = step / 2, int(len(away) / max(needed, _FEWEST))
+    medians = [np.median(part) for part in np.array_split(away, parts)]
+    return np.ptp(medians) <= limit and scatter <= _LONGEST_PAUSE
 
 
 def _numbered(rows, t, packets):
-    """Return the number of each sample by the sensor's clock.
+    """Return the number of each sample by the sensor's clock; None where stamps show no clock.
 
     Parameters
     ----------
@@ -186,9 +180,8 @@ def _numbered(rows, t, packets):
     tuple or None
         For each transfer, or row: its first row, the number of samples lost before it, the number
         of its sample, and its time, s. Last, how far the stamps scatter about the clock, samples.
-        None where the stamps show no clock.
     """
-    size, rows, t = _transfers(rows.astype(int), t)
+    size, rows, t = _transfers(rows, t)
     clock = _clock(t)
     if not clock:
         return None
@@ -197,14 +190,14 @@ def _numbered(rows, t, packets):
     if size == 1 and packets and packets[1]:
         stamped = stamped + np.diff(rows, append=rows[-1] + 1) - 1
         stamped = stamped - stamped[0]
-    place = t * clock - _phase(t * clock, _PHASE)
+    place = t * clock - _phase(t * clock)
     index = np.rint(place).astype(int)
     if size * (index[-1] - index[0]) < (1 - _RATE_SHARE) * stamped[-1]:
         # a clock of the transfers, not of the sensor
         return None
-    width = np.subtract(*np.percentile(place - index, [95, 5]))
-    near = _SMOOTH if width >= _SCATTER else 3
-    lost = median_filter(size * (index - index[0]) - stamped, near)
+    width = _spread(place - index)
+    lost = size * (index - index[0]) - stamped
+    lost = median_filter(lost, _SMOOTH if width >= _SCATTER else 3)
     # after late samples others are in time again; after lost ones they are not
     lost = np.minimum.accumulate(lost[::-1])[::-1]
     lost = lost - lost[0]
@@ -212,7 +205,7 @@ def _numbered(rows, t, packets):
 
 
 def _clock(t):
-    r"""Return the frequency of the clock that stamps show, Hz; None where they show none.
+    r"""Return the frequency of the clock that time stamps show, Hz; None where they show none.
 
     It is a peak of the spectrum of the stamps
 
@@ -229,14 +222,13 @@ def _clock(t):
         # what comes after a pause says little
         binned = (part[part < 2 * block] * _BINS + 0.5).astype(int)
         power = power + np.abs(np.fft.rfft(np.bincount(binned, minlength=length), length)) ** 2
-    f = np.fft.rfftfreq(length, 1 / _BINS)
-    power = power / len(starts) / block**2
+    f, power = np.fft.rfftfreq(length, 1 / _BINS), power / len(starts) / block**2
     f, power = (each[(f > 1 - 1 / block) & (f <= 2)] for each in (f, power))
     # on a grid of stamps the clock has images at higher frequencies
     low = np.flatnonzero(power > _IMAGE * power.max())[0]
     peak = f[low + power[low : low + _PEAK].argmax()]
     for clock in (peak, 1.0):
-        step = np.diff(np.rint(x * clock - _phase(x * clock, _PHASE)))
+        step = np.diff(np.rint(x * clock - _phase(x * clock)))
         ones, more = np.mean(step == 1), np.mean(step > 1)
         # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
         if np.interp(clock, f, power) * block > _SURE and ones > max(_ONES, _ONES_OF_MORE * more):
@@ -244,9 +236,9 @@ def _clock(t):
     return None
 
 
-def _phase(x, width):
+def _phase(x):
     """Return the slowly changing phase of times in cycles, cycles."""
-    wave = uniform_filter1d(np.exp(2j * np.pi * x), width)
+    wave = uniform_filter1d(np.exp(2j * np.pi * x), _PHASE)
     return np.unwrap(np.angle(wave)) / (2 * np.pi)
 
 
@@ -257,16 +249,14 @@ def _beat(at):
     """
     if len(at) < _LEAST_BEATS:
         return False
-    order = np.arange(len(at))
-    apart, start = np.polyfit(order, at, 1)
-    away = at - apart * order - start
+    apart, start = np.polyfit(np.arange(len(at)), at, 1)
     whole = abs(apart - round(apart)) * len(at) < _BEAT_OFF
-    return not whole and np.subtract(*np.percentile(away, [95, 5])) < _BEAT_WIDTH
+    return not whole and _spread(at - apart * np.arange(len(at)) - start) < _BEAT_WIDTH
 
 
 def _transfers(rows, t):
     """Return size, first rows and times of transfers; of single rows where the size differs."""
-    mean, size = (t[-1] - t[0]) / (len(t) - 1), np.diff(rows)
+    mean = (t[-1] - t[0]) / (len(t) - 1)
     for starts in (np.arange(len(t)), np.append(0, 1 + np.flatnonzero(np.diff(t) >= BURST * mean))):
         size = np.diff(rows[starts])
         usual = int(np.median(size)) if len(size) else 1
@@ -276,50 +266,38 @@ def _transfers(rows, t):
     return 1, rows, t
 
 
-def _grid(t):
-    """Return what the steps of some rows' times are whole multiples of, s, 0 of nothing."""
-    steps = np.unique(np.round(np.diff(t), 9))
-    least = np.diff(steps, prepend=0.0).min()
-    if not least > 0:
-        return 0.0
-    whole = np.abs(steps / least - np.round(steps / least)) < _OFF_GRID
-    return least if whole.all() else 0.0
-
-
 def _line(rows, t):
     """Return the slope of time over row number, and how far each time is from that line.
 
     By Theil's method, the median slope of pairs half a log apart; then, as stamps of transfers lie
-    on a few lines and it leads from one to another, by least squares of what it leaves, outliers
-    clipped.
+    on a few lines and it leads from one to another, by three rounds of least squares of what it
+    leaves, outliers clipped.
     """
     rows, half = rows - rows[0], len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
-    for _ in range(_ROUNDS):
+    for _ in range(3):
         away = t - step * rows
-        step += np.polyfit(rows, np.clip(away, *np.percentile(away, _USUAL)), 1)[0].item()
+        step += np.polyfit(rows, np.clip(away, *np.percentile(away, _NINE_IN_TEN)), 1)[0].item()
     return step, t - step * rows
 
 
 # times of a broken log can be of any size
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def packet_step(counts, rate=None):
+def packet_step(rows, t, repeats, rate=None):
     """Return the step of rows that share the stamp of their packet, s, and if it is the last one's.
 
     None where such rows are no packet: then the stamps around them go on as always. The step is by
-    the declared `rate`, Hz, else that from stamp to stamp over the number of rows.
+    the declared `rate`, Hz, else that from stamp to stamp over the number of rows. `rows` and `t`
+    are number and time, s, of each row with a new stamp, `repeats` the number of other rows.
     """
-    points = counts.points
-    if counts.duplicates < _LEAST_REPEATS or len(points) < 3:
+    if repeats < _LEAST_REPEATS or len(t) < 3:
         return None
-    rows, t = points.T
     # of each stamp the number of rows, and the steps to the stamp before and to the next
     size, steps, found = np.diff(rows)[1:], np.diff(t), []
     for last, away in ((True, steps[:-1]), (False, steps[1:])):
         step = 1 / rate if rate else np.median(away / size).item()
-        several = size > 1
-        fits = away[several] / step > size[several] - _PACKET
-        found.append((fits.mean() if several.any() else 0.0, last, step))
+        fits = (away / step > size - _PACKET)[size > 1]
+        found.append((fits.mean() if fits.size else 0.0, last, step))
     share, last, step = max(found)
     return (step, last) if share >= _PACKET else None
 
@@ -332,24 +310,28 @@ def spread(x, readable, step, last):
     """
     own = x[readable]
     starts = np.flatnonzero(np.append(True, own[1:] != own[:-1]))
-    stamps, size = own[starts], np.diff(starts, append=len(own))
-    packet = np.repeat(np.arange(len(starts)), size)
-    number = np.arange(len(own)) - starts[packet]
+    size = np.diff(starts, append=len(own))
+    number = np.arange(len(own)) - np.repeat(starts + (size - 1) * last, size)
+    stamps = own[starts]
     away = np.diff(stamps, prepend=stamps[0]) if last else np.diff(stamps, append=stamps[-1])
-    width = np.where(away > 0, np.minimum(step, away / size), step)[packet]
+    width = np.where(away > 0, np.minimum(step, away / size), step)
     moved = x.copy()
-    moved[readable] = own + ((number - (size[packet] - 1) * last) * width).astype(x.dtype)
+    moved[readable] = own + (number * np.repeat(width, size)).astype(x.dtype)
     return moved
 
 
-def rebuilt(logged, even, counts, packets=None):
-    """Return the line on stamps rebuilt as `Even` samples, by figures and counts as logged."""
-    median, mean = _steps(logged)
+def rebuilt(t, logged, even, repeats, packets=None):
+    """Return the line on time stamps that were rebuilt as `Even` samples, or within packets.
+
+    `t` are the times as stamped, s, `logged` their `clocks.step_figures`; `repeats` is the number
+    of rows with the stamp of another.
+    """
     at = even and f"t is rebuilt from the row number at {1 / even.step:.6g} Hz"
     if even and len(even.lost):
         at += f" with {plural(int(even.lost[-1]), 'lost sample')} between"
+    median, mean = np.median(np.diff(t)), logged["duration_s"] / (len(t) - 1)
     if packets:
-        how = f"of {counts.duplicates} rows are those of others, as of packets of samples"
+        how = f"of {repeats} rows are those of others, as of packets of samples"
     elif median < BURST * even.step:
         how = f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
     else:
@@ -364,25 +346,18 @@ def rebuilt(logged, even, counts, packets=None):
     return f"the stamps {how}: {at}; where the sensor itself pauses, give rate in Hz"
 
 
-def _steps(measured):
-    """Return the median and the mean step, s."""
-    median = measured["gaps"]["longer_than_s"] / gap_limit(1.0)
-    return median, measured["duration_s"] / (measured["rows"] - 1)
-
-
-def broken(measured, rate=None):
-    """Return what is wrong with stamps in bursts that no line could rebuild; None if they are none.
+def broken(t, gaps, rate=None):
+    """Return what is wrong with time stamps in bursts that no line could rebuild, or None.
 
     A sensor that pauses by itself pauses for long, goes on for a second or more, or has the
-    declared rate in between. Parameters are as in `line_step`.
+    declared `rate`, Hz, in between. `t` are times, s, and `gaps` their gaps as in quality.json.
     """
-    gaps = measured["gaps"]
-    if measured["rows"] < 2 or not gaps["longer_than_s"]:
+    if len(t) < 2:
         return None
-    median, mean = _steps(measured)
-    stretch = (measured["duration_s"] - gaps["total_s"]) / (gaps["count"] + 1)
+    median, duration = np.median(np.diff(t)), t[-1] - t[0]
+    mean, pause = duration / (len(t) - 1), gaps["total_s"] / max(gaps["count"], 1)
+    stretch = (duration - gaps["total_s"]) / (gaps["count"] + 1)
     itself = (rate and abs(median * rate - 1) < _RATE_SHARE) or stretch >= _LEAST_STRETCH
-    pause = gaps["total_s"] / max(gaps["count"], 1)
     if itself or median >= BURST * mean or pause > _LONGEST_PAUSE:
         return None
     return (

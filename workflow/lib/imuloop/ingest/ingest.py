@@ -1,8 +1,11 @@
-"""One raw log into canonical samples and its quality figures."""
+"""One raw log into canonical samples and its quality figures.
+
+Read the files, find columns and units, find one clock, convert once, check, write.
+"""
 
 import os
-from contextlib import suppress
-from dataclasses import dataclass, field
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -12,17 +15,17 @@ import pyarrow.parquet as pq
 from imuloop.core.errors import ImuloopError, MachineFault, RejectedLog
 from imuloop.core.files import replaced, write_json
 from imuloop.core.places import PAIR, for_reader, in_config
-from imuloop.core.samples import CHANNELS, TEMPERATURE, TIME, schema
-from imuloop.core.units import STANDARD_GRAVITY, raw_unit
-from imuloop.ingest import clocks, even_stamps, increments, quality, reference, slower_sensor
-from imuloop.ingest import pps as marks
-from imuloop.ingest.convert import Counts, all_rows, no_samples, si_samples
+from imuloop.core.samples import CHANNELS, LOGGED_TIME, TEMPERATURE, TIME, schema
+from imuloop.core.units import STANDARD_GRAVITY, RawUnit, raw_unit
+from imuloop.ingest import clocks, even_stamps, increments, pps, quality, reference, slower_sensor
+from imuloop.ingest.convert import Counts, no_samples, si_samples
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.plausible import judged, milliseconds
-from imuloop.ingest.raw_log import RawLog, absent_sensor
+from imuloop.ingest.raw_log import RawLog, absent_sensor, all_rows
 from imuloop.ingest.sources import sha256
 from imuloop.ingest.spellings import SENSORS, UNITS, is_iso, stated_unit, unknown_unit
 from imuloop.ingest.stamps import iso_text
+from imuloop.ingest.timing import Timing, find_timing
 
 # rows per row group of samples.parquet: 8 columns of it are 8 MB
 ROW_GROUP = 1 << 17
@@ -68,16 +71,57 @@ class Declared:
         return {name: value for name in names if (value := getattr(self, name))}
 
 
-def ingest(
-    *,
-    device,
-    session,
-    kind,
-    paths,
-    samples_path,
-    quality_path,
-    declared=None,
-):
+@dataclass(frozen=True)
+class Reading:
+    """A log as it was read, the units of its quantities, and the state of its files before that.
+
+    `files` maps the role of each file to its path; `origin` is what is known of where samples come
+    from; `absent` is the quantity of a sensor that the log lacks; `fault` is why it cannot be used;
+    `warnings` are lines on its units.
+    """
+
+    files: dict
+    state: list
+    log: RawLog
+    units: dict
+    raw_units: dict[str, RawUnit]
+    origin: dict
+    absent: str | None
+    fault: RejectedLog | None
+    warnings: list[str]
+
+
+@dataclass(frozen=True)
+class Conversion:
+    """Samples of a log in SI, what became of its rows, and when they were sampled.
+
+    Of a log that cannot be used samples have no rows, `timing` is None and `reasons` say why.
+    """
+
+    samples: dict
+    counts: Counts
+    timing: Timing | None
+    reasons: list[str]
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What the checks of samples found: their figures, and lines on what is wrong.
+
+    `reasons` reject the session; they are `misdeclared` where the entry, not the log, is what they
+    are about. `origin` is what they add to where samples come from.
+    """
+
+    samples: dict
+    counts: Counts
+    figures: dict
+    reasons: list[str]
+    misdeclared: bool
+    warnings: list[str]
+    origin: dict
+
+
+def ingest(*, device, session, kind, paths, samples_path, quality_path, declared=None):
     """Write samples.parquet and quality.json of one session, each in one step.
 
     What is wrong in the data is a result: `status` is ``rejected``, with reasons, and the samples
@@ -97,148 +141,183 @@ def ingest(
     ImuloopError
         If what is declared does not fit the log; one line with device, session and file.
     """
-    declared = declared or Declared()
-    paths = [Path(path) for path in paths]
-    roles = declared.sources or (["log"] if len(paths) == 1 else SENSORS)
-    files = dict(zip(roles, paths, strict=True))
-    marks_file = files.pop("pps", None)
-    reference_file = files.pop("reference", files.get("log"))
-    columns, rate, full_scale = dict(declared.columns), declared.rate, declared.full_scale
-    if declared.pps and not marks_file:
-        columns["pps"] = declared.pps
-    rejected = timeline = logged = even = usual = absent = wrong_unit = None
-    reasons, counts = [], Counts()
+    declared, paths = declared or Declared(), [Path(path) for path in paths]
+    with _named(device, session, paths):
+        reading = _read(paths, declared)
+        conversion = _convert(reading, declared)
+        verdict = _check(reading, conversion, declared, kind)
+        origin = _origin(device, session, kind) | reading.origin | verdict.origin
+        _write(samples_path, verdict.samples, origin)
+    warnings = _warnings(reading, conversion, verdict, declared)
+    write_json(quality_path, _quality(verdict, reading, declared, conversion, warnings) | origin)
 
-    def measured():
-        if log.slower:
-            figures = slower_sensor.measure(samples, log.slower, raw_units, full_scale)
-        else:
-            figures = quality.measure(samples, raw_units, full_scale)
-        return _without(absent, figures)
 
+def write_rejected(*, device, session, kind, samples_path, quality_path, reason):
+    """Write samples without rows and a quality with the reason, for a log that does not fit.
+
+    Parameters are as in `ingest`; the reason is about what is declared.
+    """
+    origin, samples = _origin(device, session, kind), no_samples(RawLog())
+    raw_units = {quantity: RawUnit(**unit) for quantity, unit in origin["raw_units"].items()}
+    figures = quality.measure(samples, raw_units)
+    del figures["isolated"]
+    verdict = Verdict(samples, Counts(), figures, [reason], True, [], {})
+    _write(samples_path, samples, origin)
+    write_json(quality_path, _quality(verdict) | origin)
+
+
+@contextmanager
+def _named(device, session, paths):
+    """Put device, session and files before the text of an error."""
     try:
-        _check_paths(paths)
-        before = _state(paths)
-        log_format, form = find_format(declared.format, files)
-        try:
-            log = form.read(files, columns or None)
-            absent = absent_sensor(log, columns)
-        except RejectedLog as error:
-            log, rejected = RawLog(), error
-        units, doubts = used_units(log, declared.units)
-        raw_units = used_raw_units(log, units, declared.nominal)
-        source = declared.sources or {role: {"path": str(p)} for role, p in files.items()}
-        origin = _origin(device, session, kind, units, raw_units, log_format, source)
-        origin |= {"sha256": _hashes(paths), "simulated": log.simulated}
-        origin |= {"declared": declared.of_log(), "sensor_ids": log.sensor_ids}
-        if declared.known_rotation:
-            origin["known_rotation"] = declared.known_rotation
-        how = {"units": units, "raw_units": raw_units, "rate": rate}
-        how["time_range"] = declared.time_range
-        try:
-            if rejected:
-                raise rejected
-            rows = all_rows(log, units, rate)
-            if declared.pps or marks_file:
-                timeline = marks.find_timeline(rows, log, units, declared.pps, marks_file)
-                how["timeline"] = timeline
-            if increments.by_stamps(log, units):
-                # the usual step has to be known before gaps are
-                usual = increments.usual_step(si_samples(rows, log, **how, counts=Counts())[TIME])
-                how["usual"] = usual
-            samples = si_samples(rows, log, **how, counts=counts)
-            figures = measured()
-            unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
-            if unstated and counts.time_unit == "s":
-                what = samples, figures, counts.points, declared.gravity, rate
-                wrong_unit = milliseconds(*what)
-            summed = bool(increments.factors(units))
-            packets = even_stamps.packet_step(counts, rate) or even_stamps.packet_step(counts)
-            even = even_stamps.even_samples(samples, counts, figures, rate, summed, packets)
-            if even or packets:
-                # once more, now that the line or the step is known
-                as_logged, counts, logged = counts, Counts(), figures
-                how |= {"even": even, "usual": None} if even else {"packets": packets}
-                samples = si_samples(rows, log, **how, counts=counts)
-                figures = measured()
-        except RejectedLog as error:
-            reasons, logged, samples = [str(error)], None, no_samples(log)
-            figures = measured()
-        if counts.start_ns is not None:
-            origin["start"] = iso_text(counts.start_ns)
-        if counts.time_unit:
-            origin["units"]["time"] = counts.time_unit
-        fault = even_stamps.broken(figures, rate)
-        many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
-        dropped, at = figures.pop("isolated")
-        if len(dropped):
-            counts.spiked = len(np.unique(dropped))
-            number = np.bincount(at, minlength=len(CHANNELS)).tolist()
-            counts.spike_values = dict(zip(CHANNELS, number, strict=True))
-            samples = {name: np.delete(x, dropped) for name, x in samples.items()}
-            # the gaps that this leaves are counted as spikes
-            gaps = {"gaps": figures["gaps"]}
-            figures = measured() | gaps
-            del figures["isolated"]
-        known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
-        origin |= {name: found for name, found in known.items() if found}
-        if _state(paths) != before:
-            reasons = ["the file changed while it was read"]
-        wrong, doubted = [], []
-        # without gravity there is no yardstick
-        if absent != "acceleration":
-            wrong, doubted = judged(figures, raw_units, declared.gravity, kind, declared.nominal)
-        if fault:
-            # the rate is wrong, and what was found by it
-            wrong, doubted = ([fault], []) if many else ([], [fault])
-        if wrong_unit:
-            wrong.append(wrong_unit)
-        lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
-        if unread := quality.unread(figures, counts):
-            reasons, wrong, doubted, logged = reasons or unread, [], [], None
-        reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
-        if declared.reference and not (reasons or wrong):
-            own = declared.of_log() | {"units": units}
-            both = reference_file, files.get("log")
-            columns, beside, wrong = reference.beside(
-                samples, *both, declared.reference, own, counts
-            )
-            origin["reference"] = beside
-            samples |= columns
-        misdeclared = bool(wrong and not reasons)
-        reasons = reasons or wrong
-        _write(samples_path, no_samples(log) if reasons else samples, origin)
+        yield
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
-        kind_of_error, text = type(error), error
+        kind, text = type(error), error
         if isinstance(error, PermissionError):
-            kind_of_error, text = MachineFault, error.strerror
+            kind, text = MachineFault, error.strerror
         whose = f"{device}/{session}: " if in_config() else ""
-        raise kind_of_error(for_reader(f"{whose}{names}: {text}")) from error
-    if timeline:
-        early, late = counts.outside_marks.tolist()
-        timeline.figures.update(before=early, after=late)
-        doubts += marks.warnings(timeline.figures)
-    summed = increments.figures(log, units, counts, usual, even, rate)
-    doubts += increments.warnings(summed, figures)
-    if logged:
-        doubts.append(even_stamps.rebuilt(logged, even, as_logged, packets))
-    doubts += counts.clock.warnings()
+        raise kind(for_reader(f"{whose}{names}: {text}")) from error
+
+
+def _read(paths, declared):
+    """Return the `Reading` of the files at paths."""
+    for path in paths:
+        if any("\ud800" <= c <= "\udfff" for c in str(path)):
+            raise ImuloopError("its name is no UTF-8: rename it")
+        if not (path.is_file() or path.is_dir()):
+            raise ImuloopError("there is no such file")
+    state = _state(paths)
+    roles = declared.sources or (["log"] if len(paths) == 1 else SENSORS)
+    files = dict(zip(roles, paths, strict=True))
+    own = {role: path for role, path in files.items() if role not in ("pps", "reference")}
+    columns = dict(declared.columns)
+    if declared.pps and "pps" not in files:
+        columns["pps"] = declared.pps
+    log_format, form = find_format(declared.format, own)
+    log, absent, fault = RawLog(), None, None
+    try:
+        log = form.read(own, columns or None)
+        absent = absent_sensor(log, columns)
+    except RejectedLog as error:
+        log, fault = RawLog(), error
+    units, warnings = used_units(log, declared.units)
+    scales = {q: log.nominal.get(q, {}) | declared.nominal.get(q, {}) for q in SENSORS}
+    raw_units = {q: raw_unit(q, units[q], scales[q]) for q in SENSORS}
+    origin = {
+        "log_format": log_format,
+        "source": declared.sources or {role: {"path": str(path)} for role, path in own.items()},
+        "sha256": _hashes(paths),
+        "units": units,
+        "raw_units": {quantity: vars(unit) for quantity, unit in raw_units.items()},
+        "declared": declared.of_log(),
+        "sensor_ids": log.sensor_ids,
+        "simulated": log.simulated,
+    }
+    if declared.known_rotation:
+        origin["known_rotation"] = declared.known_rotation
+    return Reading(files, state, log, units, raw_units, origin, absent, fault, warnings)
+
+
+def _convert(reading, declared):
+    """Return the `Conversion` of a log."""
+    log, units = reading.log, reading.units
+    counts = Counts(read=log.batch.num_rows)
+    try:
+        if reading.fault:
+            raise reading.fault
+        rows = all_rows(log, units, declared.rate)
+        if not len(rows.x):
+            return Conversion(no_samples(log), counts, None, [])
+        timing = find_timing(rows, log, units, declared, reading.files.get("pps"))
+        samples, counts = si_samples(rows, timing, log, units, reading.raw_units)
+    except RejectedLog as error:
+        return Conversion(no_samples(log), counts, None, [str(error)])
+    return Conversion(samples, counts, timing, [])
+
+
+def _check(reading, conversion, declared, kind):
+    """Return the `Verdict` on samples."""
+    log, raw_units, absent = reading.log, reading.raw_units, reading.absent
+    samples, counts, full_scale = conversion.samples, conversion.counts, declared.full_scale
+
+    def measured():
+        how = samples, *[log.slower] * bool(log.slower), raw_units, full_scale
+        figures = (slower_sensor if log.slower else quality).measure(*how)
+        return _without(absent, figures)
+
+    figures, gravity, rate = measured(), declared.gravity, declared.rate
+    stamped = samples.get(LOGGED_TIME, samples[TIME])
+    unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
+    in_ms = None
+    if unstated and counts.time_unit == "s":
+        points = np.column_stack([stamped, stamped])
+        in_ms = milliseconds(samples, figures, points, gravity, rate)
+    bursts = even_stamps.broken(samples[TIME], figures["gaps"], rate)
+    dropped, at = figures.pop("isolated")
+    if len(dropped):
+        number = np.bincount(at, minlength=len(CHANNELS)).tolist()
+        spikes = dict(zip(CHANNELS, number, strict=True))
+        counts = replace(counts, spiked=len(np.unique(dropped)), spike_values=spikes)
+        samples = {name: np.delete(x, dropped) for name, x in samples.items()}
+        # the gaps that this leaves are counted as spikes
+        figures = measured() | {"gaps": figures["gaps"]}
+        del figures["isolated"]
+    known = {"rails": quality.rails(figures, full_scale), "stuck": quality.stuck(figures)}
+    origin = {name: found for name, found in known.items() if found}
+    origin |= {"start": iso_text(counts.start_ns)} if counts.start_ns is not None else {}
+    units = reading.units | ({"time": counts.time_unit} if counts.time_unit else {})
+    origin["units"] = units
+    reasons, wrong, doubts = conversion.reasons, [], []
+    # without gravity there is no yardstick
+    if absent != "acceleration":
+        wrong, doubts = judged(figures, raw_units, gravity, kind, declared.nominal)
+    if bursts:
+        # the rate is wrong, and what was found by it
+        many = figures["gaps"]["count"] > even_stamps.MOST_BURSTS
+        wrong, doubts = ([bursts], []) if many else ([], [bursts])
+    wrong += [in_ms] if in_ms else []
+    if _state([*reading.files.values()]) != reading.state:
+        reasons = ["the file changed while it was read"]
+    if unread := quality.unread(figures, counts):
+        reasons, wrong, doubts = reasons or unread, [], []
+    lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
+    reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
+    if declared.reference and not (reasons or wrong):
+        files = reading.files.get("reference", reading.files.get("log")), reading.files.get("log")
+        own = declared.of_log() | {"units": units}
+        columns, beside, wrong = reference.beside(samples, *files, declared.reference, own, counts)
+        origin["reference"] = beside
+        samples |= columns
+    misdeclared, reasons = bool(wrong and not reasons), reasons or wrong
+    samples = no_samples(log) if reasons else samples
+    return Verdict(samples, counts, figures, reasons, misdeclared, doubts, origin)
+
+
+def _warnings(reading, conversion, verdict, declared):
+    """Return what a user should look at, a line each."""
+    log, timing, absent = reading.log, conversion.timing, reading.absent
+    counts, figures = verdict.counts, verdict.figures
+    found = [*reading.warnings]
+    if timing and timing.timeline:
+        found += pps.warnings(_marks(verdict, timing))
+    summed = increments.figures(log, reading.units, counts, timing, declared.rate)
+    found += increments.warnings(summed, figures)
+    if timing and timing.logged is not None and not quality.unread(figures, counts):
+        found.append(timing.line())
+    found += counts.clock.warnings()
     if absent:
         why = f"what needs it is not testable; give both files where another holds it, {PAIR}"
-        doubts.append(f"the log holds no {absent}: {why}")
-    doubts += quality.warnings(figures, counts, log, rate=rate) + doubted
-    told = {
-        "misdeclared": misdeclared,
-        "warnings": [*map(for_reader, doubts)],
-        "clock": clocks.figures(
-            *(counts.clock, figures, "time" in log.found and rate, logged),
-            timeline and timeline.figures,
-        ),
-        "increments": summed,
-    }
-    reasons = [*map(for_reader, reasons)]
-    write_json(quality_path, _quality(reasons, figures, counts, log) | told | origin)
+        found.append(f"the log holds no {absent}: {why}")
+    found += quality.warnings(figures, counts, log, rate=declared.rate) + verdict.warnings
+    return found
+
+
+def _marks(verdict, timing):
+    """Return what quality.json says of 1PPS marks, None without."""
+    if timing and timing.timeline:
+        outside = zip(("before", "after"), verdict.counts.outside_marks, strict=True)
+        return timing.timeline.figures | dict(outside)
 
 
 def _without(absent, figures):
@@ -256,25 +335,18 @@ def _without(absent, figures):
     return figures
 
 
-def _check_paths(paths):
-    for path in paths:
-        if any("\ud800" <= c <= "\udfff" for c in str(path)):
-            raise ImuloopError("its name is no UTF-8: rename it")
-        if not (path.is_file() or path.is_dir()):
-            raise ImuloopError("there is no such file")
-
-
-def _origin(device, session, kind, units, raw_units, log_format, source):
+def _origin(device, session, kind):
     """Return where samples come from, as far as it is known before the log is read."""
+    units = {quantity: known[0] for quantity, known in UNITS.items()}
     return {
         "device": device,
         "session": session,
         "kind": kind,
-        "log_format": log_format,
-        "source": source,
+        "log_format": None,
+        "source": {},
         "sha256": {},
         "units": units,
-        "raw_units": {quantity: vars(unit) for quantity, unit in raw_units.items()},
+        "raw_units": {q: vars(raw_unit(q, units[q])) for q in SENSORS},
         "declared": {},
         "sensor_ids": {},
         "simulated": False,
@@ -282,40 +354,32 @@ def _origin(device, session, kind, units, raw_units, log_format, source):
     }
 
 
-def _quality(reasons, figures, counts, log):
-    """Return the content of quality.json of a log of which nothing more is known."""
+def _quality(verdict, reading=None, declared=None, conversion=None, warnings=()):
+    """Return the content of quality.json, without where samples come from."""
+    counts, figures, clock, summed = verdict.counts, verdict.figures, None, None
+    log = reading.log if reading else RawLog()
+    if reading:
+        timing, rate = conversion.timing, declared.rate
+        logged = timing and timing.logged is not None and clocks.step_figures(timing.logged)
+        logged = logged or None
+        own_rate = "time" in log.found and rate
+        clock = clocks.figures(counts.clock, figures, own_rate, logged, _marks(verdict, timing))
+        summed = increments.figures(log, reading.units, counts, timing, rate)
     return {
         "format": 1,
-        "status": "rejected" if reasons else "ok",
-        "reasons": reasons,
-        # whether the entry, not the log, is what the reasons are about
-        "misdeclared": False,
-        "warnings": [],
+        "status": "rejected" if verdict.reasons else "ok",
+        "reasons": [*map(for_reader, verdict.reasons)],
+        "misdeclared": verdict.misdeclared,
+        "warnings": [*map(for_reader, warnings)],
         **figures,
-        "clock": None,
-        "increments": None,
+        "clock": clock,
+        "increments": summed,
         **{name: getattr(counts, name) for name in _COUNTED},
         "bad_lines": log.bad_lines,
         "rows_read": counts.read,
         "outside_time_range": counts.outside,
         "columns": log.found,
     }
-
-
-def write_rejected(*, device, session, kind, samples_path, quality_path, reason):
-    """Write samples without rows and a quality with the reason, for a log that does not fit.
-
-    Parameters are as in `ingest`; the reason is about what is declared.
-    """
-    units = {quantity: known[0] for quantity, known in UNITS.items()}
-    raw_units = {quantity: raw_unit(quantity, units[quantity]) for quantity in SENSORS}
-    origin = _origin(device, session, kind, units, raw_units, None, {})
-    samples = no_samples(RawLog())
-    _write(samples_path, samples, origin)
-    figures = quality.measure(samples, raw_units)
-    del figures["isolated"]
-    found = _quality([reason], figures, Counts(), RawLog()) | origin
-    write_json(quality_path, found | {"misdeclared": True})
 
 
 def _write(path, samples, origin):
@@ -333,15 +397,6 @@ def _write(path, samples, origin):
         ) as writer:
             writer.write_table(table, row_group_size=ROW_GROUP)
             writer.add_key_value_metadata(schema(origin).metadata)
-
-
-def used_raw_units(log, units, nominal):
-    """Return the RawUnit of each sensor by its quantity.
-
-    Takes the name of each unit, and the declared scales of counts, which go before the log's.
-    """
-    scales = {q: log.nominal.get(q, {}) | nominal.get(q, {}) for q in SENSORS}
-    return {q: raw_unit(q, units[q], scales[q]) for q in SENSORS}
 
 
 def used_units(log, declared):

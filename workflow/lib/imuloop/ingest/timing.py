@@ -1,0 +1,208 @@
+"""The one clock of a log, found by its time stamps alone: when each of its rows was sampled."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import ANGULAR_RATE, CHANNELS
+from imuloop.ingest import increments, pps
+from imuloop.ingest.clocks import Clock, step_figures
+from imuloop.ingest.even_stamps import Even, even_samples, packet_step, rebuilt, spread
+from imuloop.ingest.raw_log import Rows
+from imuloop.ingest.stamps import NANOSECONDS, absolute_nanoseconds, check_unit, iso_nanoseconds
+
+
+@dataclass(frozen=True)
+class Timing:
+    """When the rows of a log were sampled; arrays are (n,).
+
+    Attributes
+    ----------
+    rows : Rows
+        Rows of the log.
+    x, usable : array
+        Time stamps as mended, of `scale` s each, and which of them can be used.
+    same : array of bool
+        Rows that repeat the one before in time stamp and all values.
+    clock : Clock
+        What was mended.
+    unit : str
+        Unit of the time stamps.
+    rate : float or None
+        Declared rate, Hz.
+    time_range : list or None
+        Half-open crop, seconds from the log's first time stamp or ISO 8601; None is open.
+    timeline : Timeline or None
+        GNSS time over the counter, of which `x` are then s.
+    even, packets : Even and tuple or None
+        How time stamps were rebuilt, as of `even_stamps`.
+    logged : array or None
+        Times as stamped, s, where they were rebuilt.
+    repeats : int
+        Number of rows with the time stamp of another one.
+    usual : float or None
+        Usual step of the time stamps, s, by which increments are divided.
+    """
+
+    rows: Rows
+    x: np.ndarray
+    usable: np.ndarray
+    scale: float
+    same: np.ndarray
+    clock: Clock
+    unit: str
+    rate: float | None = None
+    time_range: list | None = None
+    timeline: pps.Timeline | None = None
+    even: Even | None = None
+    packets: tuple | None = None
+    logged: np.ndarray | None = None
+    repeats: int = 0
+    usual: float | None = None
+
+    @cached_property
+    def number(self):
+        """Number of the sample of each row; a row that is written twice is one."""
+        return np.arange(len(self.x)) - self.same.cumsum()
+
+    @cached_property
+    def origin(self):
+        """The first time stamp."""
+        return self.x[self.usable.argmax()].item()
+
+    @cached_property
+    def before(self):
+        """Newest time stamp before each row, one before `origin` where there is none."""
+        seen = np.maximum.accumulate(np.where(self.usable, self.x, self.origin - 1))
+        return np.concatenate(([self.origin - 1], seen[:-1])).astype(seen.dtype)
+
+    @cached_property
+    def inside(self):
+        """Rows within the time range that do not repeat the one before."""
+        # a row without a time stamp lies where the log has got to
+        elapsed = (np.where(self.usable, self.x, self.before) - self.origin) * self.scale
+        start, end = _window(self.time_range, self.moment(self.origin))
+        return (elapsed >= start) & (elapsed < end) & ~self.same
+
+    @cached_property
+    def late(self):
+        """Rows with a time stamp before an earlier one; none where time stamps are rebuilt."""
+        return (self.x < self.before) & (self.even is None)
+
+    @cached_property
+    def repeated(self):
+        """Rows with the time stamp of another one; none where time stamps are rebuilt."""
+        return (self.x == self.before) & (self.even is None)
+
+    def times(self, keep):
+        """Return the time of some rows from the first of them on, s, as stamped."""
+        x = self.x[keep]
+        return (x - x[:1].sum()) * self.scale
+
+    def moment(self, stamp):
+        """Return a time stamp as ns since 1970, None where it is no date."""
+        if self.timeline:
+            return self.timeline.moment(stamp)
+        stamped = self.rows.stamped
+        return absolute_nanoseconds(stamp, self.unit, self.rows.dates) if stamped else None
+
+    @property
+    def time_unit(self):
+        """Unit of the time stamps, in words."""
+        if not self.rows.stamped:
+            return f"1/({self.rate:g} Hz)"
+        if self.timeline:
+            return f"{self.unit}, by 1PPS"
+        return "ISO 8601" if self.rows.dates else self.unit
+
+    def line(self):
+        """Return the line on rebuilt time stamps."""
+        logged = self.logged, step_figures(self.logged)
+        return rebuilt(*logged, self.even, self.repeats, self.packets)
+
+
+# values and stamps of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore")
+def find_timing(rows, log, units, declared, marks_file=None):
+    """Return the `Timing` of the rows of a log.
+
+    Time stamps that roll over, start again or stray are mended, a counter is made GNSS time by
+    1PPS marks, and the time stamps of a sensor that samples evenly are made even. Of the values,
+    only missing ones and the angular rate, a witness of when it was sampled, are looked at.
+    `declared` is what the config says; `marks_file` a file of marks.
+    """
+    x, usable, same = rows.x, rows.readable, _identical(rows)
+    clock, tick = Clock(), None if rows.dates else NANOSECONDS.get(units["time"])
+    if rows.stamped:
+        x, usable = clock.mended(x, usable, tick)
+    timing = Timing(
+        *(rows, x, usable, rows.scale, same, clock),
+        *(units["time"], declared.rate, declared.time_range),
+    )
+    if declared.pps or marks_file:
+        timeline = pps.find_timeline(timing, log, tick, declared.pps, marks_file)
+        x = np.where(usable, timeline.at(x), 0.0)
+        timing = replace(timing, x=x, scale=1.0, timeline=timeline)
+    elif rows.stamped and not rows.dates:
+        check_unit(timing.origin, units["time"])
+    whole = usable & np.all([np.isfinite(rows.values[name]) for name in CHANNELS], axis=0)
+    by_stamps = increments.by_stamps(log, units)
+
+    def in_order(timing):
+        """Return the rows that go forward, and their usual step if increments need it."""
+        new = whole & timing.inside & (timing.x > timing.before)
+        if not by_stamps:
+            return new, None
+        # of the first increment no interval is known
+        new &= timing.before >= timing.origin
+        return new, increments.usual_step(timing.times(new))
+
+    new, usual = in_order(timing)
+    timing = replace(timing, usual=usual)
+    if timing.timeline or not rows.stamped or not new.any():
+        return timing
+    at, t = timing.number[new], timing.times(new)
+    repeats = np.count_nonzero(whole & timing.inside & timing.repeated)
+    packets = packet_step(at, t, repeats, declared.rate) or packet_step(at, t, repeats)
+    turn_rate = [rows.values[name][new] for name in ANGULAR_RATE]
+    even = None
+    if not clock.resets:
+        summed = bool(increments.factors(units))
+        even = even_samples(at, t, turn_rate, packets, declared.rate, summed)
+    if even or packets:
+        timing = replace(timing, even=even, packets=packets, logged=t, repeats=repeats)
+    if packets and not even:
+        x = spread(x, usable & ~same, packets[0] / rows.scale, packets[1])
+        timing = replace(timing, x=x)
+        timing = replace(timing, usual=in_order(timing)[1])
+    return timing
+
+
+def _identical(rows):
+    """Return which rows repeat the one before in time stamp and all values."""
+    same = np.zeros(len(rows.x), dtype=bool)
+    at = np.flatnonzero((rows.x[1:] == rows.x[:-1]) & rows.readable[1:]) + 1
+    for values in rows.values.values():
+        one, other = values[at], values[at - 1]
+        at = at[(one == other) | (np.isnan(one) & np.isnan(other))]
+    same[at] = True
+    return same
+
+
+def _window(time_range, first):
+    """Return the crop in seconds from the log's first stamp, which is `first` ns since 1970."""
+    limits = [-np.inf, np.inf]
+    for i, value in enumerate(time_range or ()):
+        if isinstance(value, (int, float)):
+            limits[i] = float(value)
+        elif value is not None and first is None:
+            raise ImuloopError(
+                f"time_range: '{value}' is a date, but the log's stamps are not; give seconds"
+            )
+        elif value is not None:
+            limits[i] = (iso_nanoseconds(value) - first) * 1e-9
+    if not limits[0] < limits[1]:
+        raise ImuloopError(f"time_range: the start {limits[0]:g} s is not before the end")
+    return limits
