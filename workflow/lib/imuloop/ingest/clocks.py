@@ -187,24 +187,22 @@ def step_figures(t):
     }
 
 
-def figures(clock, measured, rate=None, logged=None, pps=None):
-    """Return what quality.json says of a log's clock.
+def figures(counts, measured, rate=None):
+    """Return what quality.json says of a log's clock, by its `Counts` and quality figures.
 
-    `measured` are the figures of the samples, `logged` the `step_figures` of the time stamps, where
-    these were rebuilt, `pps` those of 1PPS marks; `rate` is the declared one, Hz, of a log with
-    time stamps.
+    `rate` is the declared one, Hz, of a log with time stamps.
     """
-    hertz, jitter = measured["rate_hz"], measured["jitter"]["std_s"]
+    clock, hertz, jitter = counts.clock, measured["rate_hz"], measured["jitter"]["std_s"]
     return {
         "rollovers": clock.rollovers,
         "span_s": clock.span_s,
         "resets": clock.resets,
         "strays": clock.strays,
-        "rebuilt": logged is not None,
-        "logged": logged,
+        "rebuilt": counts.logged is not None,
+        "logged": counts.logged,
         # of a step
         "jitter_ppm": None if hertz is None else jitter * hertz * 1e6,
         # of the stamps' rate from the declared one
         "drift_ppm": None if hertz is None or not rate else (hertz / rate - 1) * 1e6,
-        "pps": pps,
+        "pps": counts.pps,
     }

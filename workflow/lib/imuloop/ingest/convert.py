@@ -8,8 +8,9 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS, LOGGED_TIME, OWN_TIME, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.ingest import increments, misread
-from imuloop.ingest.clocks import Clock
+from imuloop.ingest.clocks import Clock, step_figures
 from imuloop.ingest.columns import HELD
+from imuloop.ingest.even_stamps import rebuilt
 from imuloop.ingest.spellings import SENSORS
 
 # what no sensor gives, whatever it is logged in: counts of 32 bits, taken for SI, end at 4.3e9; the
@@ -26,10 +27,10 @@ class Counts:
     """What became of the rows of a log; each row is counted once.
 
     `identical` are rows that repeat the one before in stamp and all values: nothing is lost.
-    `like_gravity` and `in_two_units` are as in `misread`.
-    `outside_marks` are the numbers of samples before the first and after the last 1PPS mark;
-    `start_ns` is the moment of the first sample, ns since 1970, None without dates, `begin_s` how
-    long it is after the log's first stamp, s.
+    `like_gravity` and `in_two_units` are as in `misread`. `increments`, `pps` and `logged` are what
+    quality.json says of increments, of 1PPS marks and of time stamps that were rebuilt, None
+    without; `rebuilt` is the line on these. `start_ns` is the moment of the first sample, ns since
+    1970, None without dates, `begin_s` how long it is after the log's first stamp, s.
     """
 
     read: int = 0
@@ -50,7 +51,10 @@ class Counts:
     clock: Clock = field(default_factory=Clock)
     like_gravity: tuple = (0, 0)
     in_two_units: dict = field(default_factory=dict)
-    outside_marks: tuple = (0, 0)
+    increments: dict | None = None
+    pps: dict | None = None
+    logged: dict | None = None
+    rebuilt: str | None = None
 
 
 def no_samples(log):
@@ -123,6 +127,10 @@ def si_samples(rows, timing, log, units, raw_units):
         like_gravity=misread.like_gravity(rows.values),
         in_two_units=misread.in_two_units(rows.x, rows.values) if rows.stamped else {},
     )
+    counts.increments = increments.figures(log, units, counts, timing)
+    if timing.logged is not None:
+        counts.logged = step_figures(timing.logged)
+        counts.rebuilt = rebuilt(timing, counts.logged)
     if not keep.any():
         return no_samples(log), counts
     zero, t = timing.x[keep][0].item(), timing.times(keep)
@@ -133,7 +141,7 @@ def si_samples(rows, timing, log, units, raw_units):
         number = timing.even.number(timing.number[keep])
         samples |= {TIME: (number - number[0]) * timing.even.step, LOGGED_TIME: t}
     if timing.timeline:
-        counts.outside_marks = timing.timeline.outside(timing.x[keep])
+        counts.pps = timing.timeline.figures_beside(timing.x[keep])
     if log.slower:
         own = (rows.stamps[HELD][0][keep] - zero) * timing.scale
         if timing.even:

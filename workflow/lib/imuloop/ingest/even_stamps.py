@@ -320,30 +320,34 @@ def spread(x, readable, step, last):
     return moved
 
 
-def rebuilt(t, logged, even, repeats, packets=None):
+def rebuilt(timing, logged):
     """Return the line on time stamps that were rebuilt as `Even` samples, or within packets.
 
-    `t` are the times as stamped, s, `logged` their `clocks.step_figures`; `repeats` is the number
-    of rows with the stamp of another.
+    `timing` is the `Timing` of the log, `logged` are the `clocks.step_figures` of its times as
+    stamped.
     """
-    at = even and f"t is rebuilt from the row number at {1 / even.step:.6g} Hz"
-    if even and len(even.lost):
-        at += f" with {plural(int(even.lost[-1]), 'lost sample')} between"
-    median, mean = np.median(np.diff(t)), logged["duration_s"] / (len(t) - 1)
+    even, packets, t = timing.even, timing.packets, timing.logged
+    median, mean, gaps = (
+        np.median(np.diff(t)),
+        (t[-1] - t[0]) / (len(t) - 1),
+        logged["gaps"]["count"],
+    )
+    how = f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
+    hint = "; where the sensor itself pauses, give rate in Hz"
     if packets:
-        how = f"of {repeats} rows are those of others, as of packets of samples"
-    elif median < BURST * even.step:
-        how = f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
-    else:
-        gaps = logged["gaps"]["count"]
-        known = ", no sample is lost" if even.complete else ""
-        seen = f", though {gaps} of the steps look like gaps" if gaps else ""
+        how = f"of {timing.repeats} rows are those of others, as of packets of samples"
+    elif median >= BURST * even.step:
+        how, hint = "scatter about a regular clock", ""
+        how += ", no sample is lost" if even.complete else ""
+        how += f", though {gaps} of the steps look like gaps" if gaps else ""
         if not (even.complete or len(even.lost)):
-            seen += ", so that lost samples would not show"
-        return f"the stamps scatter about a regular clock{known}{seen}: {at}"
+            how += ", so that lost samples would not show"
     if not even:
         return f"the stamps {how}: they are put {packets[0]:.6g} s apart within each packet"
-    return f"the stamps {how}: {at}; where the sensor itself pauses, give rate in Hz"
+    lost = f" with {plural(int(even.lost[-1]), 'lost sample')} between" if len(even.lost) else ""
+    return (
+        f"the stamps {how}: t is rebuilt from the row number at {1 / even.step:.6g} Hz{lost}{hint}"
+    )
 
 
 def broken(t, gaps, rate=None):

@@ -59,24 +59,25 @@ def intervals(dt, usual):
     return np.where(wide, usual or 1.0, dt), wide
 
 
-def figures(log, units, counts, timing, rate):
+def figures(log, units, counts, timing):
     """Return what quality.json says of increments; None where there are none.
 
-    `timing` is the `Timing` of the log, None of a rejected one; `rate` the declared one, Hz.
+    `timing` is the `Timing` of the log.
     """
     sensors = {sensor: units[sensor] for sensor in factors(units)}
     if not sensors:
         return None
-    rebuilt = timing and timing.even
-    interval = "step of the rows, rebuilt" if rebuilt else "step of the stamps that ends at the row"
+    interval = "step of the stamps that ends at the row"
     if "interval" in log.found:
         interval = "logged"
-    elif "time" not in log.found:
-        interval = f"1/({rate:g} Hz)" if rate else None
+    elif timing.even:
+        interval = "step of the rows, rebuilt"
+    elif not timing.rows.stamped:
+        interval = timing.time_unit
     return {
         "sensors": sensors,
         "interval": interval,
-        "usual_step_s": timing and timing.usual,
+        "usual_step_s": timing.usual,
         "without_interval": counts.without_interval,
         "by_usual_step": counts.by_usual_step,
     }

@@ -56,9 +56,10 @@ class Timeline:
         """Return the moment of GNSS time from the first mark, ns since 1970; None without dates."""
         return None if self.start_ns is None else self.start_ns + round(seconds * 1e9)
 
-    def outside(self, seconds):
-        """Return how many of some GNSS times lie before the first mark, and after the last."""
-        return [int((seconds < 0).sum()), int((seconds > self.seconds[-1]).sum())]
+    def figures_beside(self, seconds):
+        """Return the figures, and how many of some GNSS times lie before and after the marks."""
+        outside = {"before": seconds < 0, "after": seconds > self.seconds[-1]}
+        return self.figures | {name: int(mask.sum()) for name, mask in outside.items()}
 
 
 def find_timeline(timing, log, tick, columns, path=None):
@@ -170,7 +171,9 @@ def timeline(counters, times, dated, limits, scale):
 
 
 def warnings(done):
-    """Return what was done by marks, from their figures, a line each."""
+    """Return what was done by marks, from their figures if there are any, a line each."""
+    if not done:
+        return []
     line = (
         f"t is GNSS time through {done['marks']} 1PPS marks: the local clock runs "
         f"{abs(done['drift_ppm']):.3f} ppm {'slow' if done['drift_ppm'] < 0 else 'fast'}"

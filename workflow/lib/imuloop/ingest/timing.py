@@ -8,8 +8,8 @@ import numpy as np
 from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import ANGULAR_RATE, CHANNELS
 from imuloop.ingest import increments, pps
-from imuloop.ingest.clocks import Clock, step_figures
-from imuloop.ingest.even_stamps import Even, even_samples, packet_step, rebuilt, spread
+from imuloop.ingest.clocks import Clock
+from imuloop.ingest.even_stamps import Even, even_samples, packet_step, spread
 from imuloop.ingest.raw_log import Rows
 from imuloop.ingest.stamps import NANOSECONDS, absolute_nanoseconds, check_unit, iso_nanoseconds
 
@@ -116,11 +116,6 @@ class Timing:
         if self.timeline:
             return f"{self.unit}, by 1PPS"
         return "ISO 8601" if self.rows.dates else self.unit
-
-    def line(self):
-        """Return the line on rebuilt time stamps."""
-        logged = self.logged, step_figures(self.logged)
-        return rebuilt(*logged, self.even, self.repeats, self.packets)
 
 
 # values and stamps of a broken log can be of any size
