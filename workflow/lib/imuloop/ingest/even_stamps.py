@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.signal import welch
 
 from imuloop.core.errors import plural
 from imuloop.core.stamps import JitterTest
@@ -24,11 +25,11 @@ _KNOWN, _FEWEST = 0.05, 16
 _PARTS, _LEAST_PARTS = 20, 5
 # percentiles between which nine in ten values lie
 _NINE_IN_TEN = (5, 95)
-# spectrum of the time stamps: stamps of a block, blocks at most, bins of time to a mean step
-_BLOCK, _BLOCKS, _BINS = 4096, 16, 16
+# spectrum of the time stamps: mean steps of a block, bins of time to a mean step
+_BLOCK, _BINS = 4096, 16
 # a clock's power is above this many times the power of random stamps; frequencies that its peak
 # spans; power of its images on a grid of stamps, of its own
-_SURE, _PEAK, _IMAGE = 20.0, 8, 0.7
+_SURE, _PEAK, _IMAGE = 2.5, 8, 0.7
 # share of the stamps that follow one sample after the last, at least, and beside the share of those
 # that follow later: a wrong clock has steps of two or of none
 _ONES, _ONES_OF_MORE = 0.3, 0.8
@@ -215,15 +216,12 @@ def _clock(t):
     lowers C by the factor :math:`e^{-2 (\pi f \sigma)^2}`; lost samples do not lower it.
     """
     mean = (len(t) - 1) / (t[-1] - t[0])
-    x, block = (t - t[0]) * mean, min(len(t), _BLOCK)
-    starts = np.linspace(0, len(x) - block, min(_BLOCKS, len(x) // block)).astype(int)
-    length, power = next_fast_len(4 * block * _BINS, real=True), 0.0
-    for part in (x[i : i + block] - x[i] for i in starts):
-        # what comes after a pause says little
-        binned = (part[part < 2 * block] * _BINS + 0.5).astype(int)
-        power = power + np.abs(np.fft.rfft(np.bincount(binned, minlength=length), length)) ** 2
-    f, power = np.fft.rfftfreq(length, 1 / _BINS), power / len(starts) / block**2
-    f, power = (each[(f > 1 - 1 / block) & (f <= 2)] for each in (f, power))
+    x = (t - t[0]) * mean
+    pulses = np.bincount((x * _BINS + 0.5).astype(int))
+    size = min(len(pulses), _BLOCK * _BINS)
+    how = {"nfft": next_fast_len(4 * size, real=True), "detrend": False, "scaling": "spectrum"}
+    f, power = welch(pulses, _BINS, "boxcar", size, **how)
+    f, power = (each[(f > 1 - _BINS / size) & (f <= 2)] for each in (f, power))
     # on a grid of stamps the clock has images at higher frequencies
     low = np.flatnonzero(power > _IMAGE * power.max())[0]
     peak = f[low + power[low : low + _PEAK].argmax()]
@@ -231,7 +229,7 @@ def _clock(t):
         step = np.diff(np.rint(x * clock - _phase(x * clock)))
         ones, more = np.mean(step == 1), np.mean(step > 1)
         # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
-        if np.interp(clock, f, power) * block > _SURE and ones > max(_ONES, _ONES_OF_MORE * more):
+        if np.interp(clock, f, power) * size > _SURE and ones > max(_ONES, _ONES_OF_MORE * more):
             return clock * mean
     return None
 
