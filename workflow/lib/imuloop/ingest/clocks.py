@@ -19,8 +19,6 @@ FEW_STEPS = 10
 _FORWARD = 0.9
 # a clock that falls more often is left as it is, so that no log takes hours
 MOST_FALLS = 10_000
-# at most so many gaps are listed; all are counted
-LISTED_GAPS = 50
 # a part of a second without its leading zeros makes stamps fall within a second, from 0.9 and more
 # to 0.1, as 100 ms do; so often and in this share of all falls, it is no accident
 _LEAST_UNPADDED, _UNPADDED_SHARE = 5, 0.45
@@ -54,16 +52,15 @@ class Clock:
 
     At each of `rollovers` the span of the counter, `span_s`, is added. After each of `resets` the
     stamps go on `FEW_STEPS` usual steps after the last. `strays` are stamps ahead of at least two
-    rows that follow in their place; they are taken as missing. `unpadded` tells whether parts of a
-    second lack their leading zeros; `falls` is how often the stamps fall in that way.
+    rows that follow in their place; they are taken as missing. `unpadded` is how often the stamps
+    fall because parts of a second lack their leading zeros.
     """
 
     rollovers: int = 0
     span_s: float | None = None
     resets: int = 0
     strays: int = 0
-    falls: int = 0
-    unpadded: bool = False
+    unpadded: int = 0
 
     def mended(self, x, readable, tick=None):
         """Return stamps as of a clock that never falls, and which of them can be used.
@@ -75,12 +72,7 @@ class Clock:
         rows, values = np.flatnonzero(readable), x[readable]
         falls = np.flatnonzero(np.diff(values) < 0)
         if tick is None or (tick == 10**9 and values.dtype.kind == "f"):
-            second = 1 if tick else 10**9
-            last, first = values[falls], values[falls + 1]
-            fell = (last // second == first // second) & (last - first > 0.1 * second)
-            self.falls = np.count_nonzero(fell & (first % second < 0.2 * second))
-            least = _UNPADDED_SHARE * min(len(falls), MOST_FALLS / 2)
-            self.unpadded = self.falls >= max(_LEAST_UNPADDED, least)
+            self.unpadded = _unpadded(values[falls], values[falls + 1], 1 if tick else 10**9)
         added, usable = np.zeros_like(x), readable.copy()
         # the newest stamp and the rows since the clock was mended, and what was added by then
         newest, begin, shift = -np.inf, 0, 0
@@ -108,13 +100,11 @@ class Clock:
     @np.errstate(over="ignore", invalid="ignore")
     def _fall(self, before, last, ahead, tick):
         """Return what is to be added from a fall of the stamps on; 0 for a late row."""
-        first = ahead[0].item()
-        steps = np.concatenate((np.diff(before), np.diff(ahead)))
+        first, steps = ahead[0].item(), np.concatenate((np.diff(before), np.diff(ahead)))
         if not (steps > 0).any():
             return 0
-        step = np.median(steps[steps > 0]).item()
-        returned = np.flatnonzero(ahead > last)
-        leaps = returned.size and ahead[returned[0]] - ahead[returned[0] - 1] > gap_limit(step)
+        step, back = np.median(steps[steps > 0]).item(), (ahead > last).argmax()
+        leaps = back and ahead[back] - ahead[back - 1] > gap_limit(step)
         if last - first < FEW_STEPS * step or leaps:
             return 0
         if width := tick and span(last, first, step, tick):
@@ -129,13 +119,10 @@ class Clock:
 
     def fault(self):
         """Return what makes the stamps fall where nothing mends them, or None."""
-        if not self.unpadded:
-            return None
-        return (
-            f"the stamps fall within the same second, {_times(self.falls)}, each time to 0.1 "
-            "s: parts of a second were joined without leading zeros (3 ms as .3); write all of "
-            "their digits, or a column of their own, columns.time: [sec, nanosec], or take the "
-            "rows as even: columns.time: null and rate in Hz"
+        return self.unpadded and (
+            f"the stamps fall within the same second, {_times(self.unpadded)}, each time to 0.1 s: "
+            "parts of a second were joined without leading zeros (3 ms as .3); write all of their "
+            "digits, or a column of their own, columns.time: [sec, nanosec]"
         )
 
     def warnings(self):
@@ -148,43 +135,24 @@ class Clock:
             f"{self.strays} stamps lie ahead of rows that follow in their place: taken as "
             "missing": self.strays,
         }
-        return [] if self.unpadded else [line for line, count in found.items() if count]
+        return [line for line, count in found.items() if count and not self.unpadded]
+
+
+def _unpadded(last, first, second):
+    """Return how often stamps fall within a `second` as without leading zeros, 0 if by accident."""
+    same = (last // second == first // second) & (last - first > 0.1 * second)
+    count = np.count_nonzero(same & (first % second < 0.2 * second))
+    return count if count >= max(_LEAST_UNPADDED, _UNPADDED_SHARE * len(last)) else 0
 
 
 def _strays(stamps, newest):
     """Tell whether the rows after the first go on as if it were not there."""
-    first, rest = stamps[0], stamps[1:]
-    return bool(
-        rest.size
-        and newest < rest[0] < first
-        and np.count_nonzero((rest > newest) & (rest <= first)) >= 2
-    )
+    back = (newest < stamps) & (stamps <= stamps[0])
+    return back[1:2].all() and stamps[1:2] != stamps[0] and np.count_nonzero(back[1:]) >= 2
 
 
 def _times(count):
     return "once" if count == 1 else f"{count} times"
-
-
-def step_figures(t):
-    """Return the duration, rate, jitter and gaps of times t, s, (n,), as quality.json has them."""
-    steps = np.diff(t)
-    median = np.median(steps).item()
-    wide = steps > gap_limit(median)
-    gaps = {"count": int(wide.sum()), "total_s": float(steps[wide].sum())}
-    gaps |= {"longer_than_s": gap_limit(median)}
-    pairs = zip(
-        t[:-1][wide][:LISTED_GAPS].tolist(), steps[wide][:LISTED_GAPS].tolist(), strict=True
-    )
-    gaps["list"] = [{"start_s": start, "duration_s": step} for start, step in pairs]
-    away, count = np.where(wide, 0.0, steps - median), len(steps) - gaps["count"]
-    mean = away.sum() / count
-    std = np.sqrt(max(away @ away / count - mean**2, 0.0))
-    return {
-        "duration_s": float(steps.sum()),
-        "rate_hz": float(np.divide(1, median + mean)),
-        "jitter": {"std_s": float(std), "max_s": float(np.abs(away).max())},
-        "gaps": gaps,
-    }
 
 
 def figures(counts, measured, rate=None):

@@ -8,9 +8,8 @@ from imuloop.core.errors import ImuloopError
 from imuloop.core.samples import CHANNELS, LOGGED_TIME, OWN_TIME, TEMPERATURE, TIME
 from imuloop.core.units import TEMPERATURE as DEGREES
 from imuloop.ingest import increments, misread
-from imuloop.ingest.clocks import Clock, step_figures
+from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import HELD
-from imuloop.ingest.even_stamps import rebuilt
 from imuloop.ingest.spellings import SENSORS
 
 # what no sensor gives, whatever it is logged in: counts of 32 bits, taken for SI, end at 4.3e9; the
@@ -105,20 +104,21 @@ def si_samples(rows, timing, log, units, raw_units):
             values[name] = np.where(lacks | beyond, np.nan, x)
         else:
             bad |= lacks | beyond
-    good = timing.inside & ~bad
-    fits = good & ~timing.repeated & ~timing.late
-    keep = fits & ~first
+    # what becomes of each row, the first that is true
     masks = {
-        "identical": timing.same,
-        "outside": ~timing.inside & ~timing.same,
-        "non_finite": timing.inside & bad,
-        "duplicates": good & timing.repeated,
-        "out_of_order": good & timing.late,
-        "without_interval": fits & first,
-        "by_usual_step": keep & ends_gap,
+        "identical": rows.same,
+        "outside": ~timing.inside,
+        "non_finite": bad,
+        # a clock that is rebuilt takes the rows as they come
+        "duplicates": (timing.x == timing.before) & (timing.even is None),
+        "out_of_order": (timing.x < timing.before) & (timing.even is None),
+        "without_interval": first,
     }
+    fate = np.select([*masks.values()], range(1, 7), 0)
+    keep, numbers = fate == 0, np.bincount(fate, minlength=7)[1:].tolist()
     counts = Counts(
-        **{name: int(np.count_nonzero(mask)) for name, mask in masks.items()},
+        **dict(zip(masks, numbers, strict=True)),
+        by_usual_step=int((keep & ends_gap).sum()),
         read=len(rows.x),
         missing_values=missing,
         impossible_values=impossible,
@@ -128,9 +128,6 @@ def si_samples(rows, timing, log, units, raw_units):
         in_two_units=misread.in_two_units(rows.x, rows.values) if rows.stamped else {},
     )
     counts.increments = increments.figures(log, units, counts, timing)
-    if timing.logged is not None:
-        counts.logged = step_figures(timing.logged)
-        counts.rebuilt = rebuilt(timing, counts.logged)
     if not keep.any():
         return no_samples(log), counts
     zero, t = timing.x[keep][0].item(), timing.times(keep)

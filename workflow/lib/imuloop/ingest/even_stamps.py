@@ -321,7 +321,7 @@ def spread(x, readable, step, last):
 def rebuilt(timing, logged):
     """Return the line on time stamps that were rebuilt as `Even` samples, or within packets.
 
-    `timing` is the `Timing` of the log, `logged` are the `clocks.step_figures` of its times as
+    `timing` is the `Timing` of the log, `logged` are the figures as of quality.json of its times as
     stamped.
     """
     even, packets, t = timing.even, timing.packets, timing.logged

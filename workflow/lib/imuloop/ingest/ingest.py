@@ -220,7 +220,12 @@ def convert(reading, declared):
         if not counts.read:
             return Conversion(no_samples(log), counts, [])
         timing = find_timing(rows, log, units, declared, reading.files.get("pps"))
-        return Conversion(*si_samples(rows, timing, log, units, reading.raw_units), [])
+        samples, counts = si_samples(rows, timing, log, units, reading.raw_units)
+        if timing.logged is not None:
+            counts.logged = quality.time_figures(timing.logged)
+            del counts.logged["rows"]
+            counts.rebuilt = even_stamps.rebuilt(timing, counts.logged)
+        return Conversion(samples, counts, [])
     except RejectedLog as error:
         return Conversion(no_samples(log), counts, [str(error)])
 

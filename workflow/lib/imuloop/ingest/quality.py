@@ -46,12 +46,12 @@ def measure(columns, raw_units, full_scale=None):
     """
     samples = Samples(columns)
     names = [name for name in (*CHANNELS, TEMPERATURE) if name in samples]
-    figures = _time_figures(samples[TIME]) | _channel_figures(samples, names, _scales(full_scale))
+    figures = time_figures(samples[TIME]) | _channel_figures(samples, names, _scales(full_scale))
     found, isolated = faults.measure(samples, raw_units, figures)
     return {**figures, "faults": found, "isolated": isolated}
 
 
-def _time_figures(t):
+def time_figures(t):
     """Return the figures of the steps of time."""
     gaps = {"count": 0, "total_s": 0.0, "longer_than_s": None, "list": []}
     figures = {

@@ -1,6 +1,7 @@
 """A log as it was written: what each reader gives, and its rows as arrays."""
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import pyarrow as pa
@@ -90,6 +91,17 @@ class Rows:
     def stamped(self):
         """Whether the log holds time stamps."""
         return STAMP in self.stamps
+
+    @cached_property
+    def same(self):
+        """Rows that repeat the one before in time stamp and all values."""
+        same = np.zeros(len(self.x), dtype=bool)
+        at = np.flatnonzero((self.x[1:] == self.x[:-1]) & self.readable[1:]) + 1
+        for values in self.values.values():
+            one, other = values[at], values[at - 1]
+            at = at[(one == other) | (np.isnan(one) & np.isnan(other))]
+        same[at] = True
+        return same
 
 
 def all_rows(log, units, rate):

@@ -24,16 +24,12 @@ class Timing:
         Rows of the log.
     x, usable : array
         Time stamps as mended, of `scale` s each, and which of them can be used.
-    same : array of bool
-        Rows that repeat the one before in time stamp and all values.
     clock : Clock
         What was mended.
     unit : str
         Unit of the time stamps.
-    rate : float or None
-        Declared rate, Hz.
-    time_range : list or None
-        Half-open crop, seconds from the log's first time stamp or ISO 8601; None is open.
+    declared : Declared
+        What the config says.
     timeline : Timeline or None
         GNSS time over the counter, of which `x` are then s.
     even, packets : Even and tuple or None
@@ -50,11 +46,9 @@ class Timing:
     x: np.ndarray
     usable: np.ndarray
     scale: float
-    same: np.ndarray
     clock: Clock
     unit: str
-    rate: float | None = None
-    time_range: list | None = None
+    declared: object
     timeline: pps.Timeline | None = None
     even: Even | None = None
     packets: tuple | None = None
@@ -65,7 +59,7 @@ class Timing:
     @cached_property
     def number(self):
         """Number of the sample of each row; a row that is written twice is one."""
-        return np.arange(len(self.x)) - self.same.cumsum()
+        return np.arange(len(self.x)) - self.rows.same.cumsum()
 
     @cached_property
     def origin(self):
@@ -83,18 +77,8 @@ class Timing:
         """Rows within the time range that do not repeat the one before."""
         # a row without a time stamp lies where the log has got to
         elapsed = (np.where(self.usable, self.x, self.before) - self.origin) * self.scale
-        start, end = _window(self.time_range, self.moment(self.origin))
-        return (elapsed >= start) & (elapsed < end) & ~self.same
-
-    @cached_property
-    def late(self):
-        """Rows with a time stamp before an earlier one; none where time stamps are rebuilt."""
-        return (self.x < self.before) & (self.even is None)
-
-    @cached_property
-    def repeated(self):
-        """Rows with the time stamp of another one; none where time stamps are rebuilt."""
-        return (self.x == self.before) & (self.even is None)
+        start, end = _window(self.declared.time_range, self.moment(self.origin))
+        return (elapsed >= start) & (elapsed < end) & ~self.rows.same
 
     def times(self, keep):
         """Return the time of some rows from the first of them on, s, as stamped."""
@@ -112,7 +96,7 @@ class Timing:
     def time_unit(self):
         """Unit of the time stamps, in words."""
         if not self.rows.stamped:
-            return f"1/({self.rate:g} Hz)"
+            return f"1/({self.declared.rate:g} Hz)"
         if self.timeline:
             return f"{self.unit}, by 1PPS"
         return "ISO 8601" if self.rows.dates else self.unit
@@ -128,14 +112,11 @@ def find_timing(rows, log, units, declared, marks_file=None):
     only missing ones and the angular rate, a witness of when it was sampled, are looked at.
     `declared` is what the config says; `marks_file` a file of marks.
     """
-    x, usable, same = rows.x, rows.readable, _identical(rows)
-    clock, tick = Clock(), None if rows.dates else NANOSECONDS.get(units["time"])
+    x, usable, clock = rows.x, rows.readable, Clock()
+    tick = None if rows.dates else NANOSECONDS.get(units["time"])
     if rows.stamped:
         x, usable = clock.mended(x, usable, tick)
-    timing = Timing(
-        *(rows, x, usable, rows.scale, same, clock),
-        *(units["time"], declared.rate, declared.time_range),
-    )
+    timing = Timing(rows, x, usable, rows.scale, clock, units["time"], declared)
     if declared.pps or marks_file:
         timeline = pps.find_timeline(timing, log, tick, declared.pps, marks_file)
         x = np.where(usable, timeline.at(x), 0.0)
@@ -159,7 +140,7 @@ def find_timing(rows, log, units, declared, marks_file=None):
     if timing.timeline or not rows.stamped or not new.any():
         return timing
     at, t = timing.number[new], timing.times(new)
-    repeats = np.count_nonzero(whole & timing.inside & timing.repeated)
+    repeats = np.count_nonzero(whole & timing.inside & (timing.x == timing.before))
     packets = packet_step(at, t, repeats, declared.rate) or packet_step(at, t, repeats)
     turn_rate = [rows.values[name][new] for name in ANGULAR_RATE]
     even = None
@@ -169,21 +150,10 @@ def find_timing(rows, log, units, declared, marks_file=None):
     if even or packets:
         timing = replace(timing, even=even, packets=packets, logged=t, repeats=repeats)
     if packets and not even:
-        x = spread(x, usable & ~same, packets[0] / rows.scale, packets[1])
+        x = spread(x, usable & ~rows.same, packets[0] / rows.scale, packets[1])
         timing = replace(timing, x=x)
         timing = replace(timing, usual=in_order(timing)[1])
     return timing
-
-
-def _identical(rows):
-    """Return which rows repeat the one before in time stamp and all values."""
-    same = np.zeros(len(rows.x), dtype=bool)
-    at = np.flatnonzero((rows.x[1:] == rows.x[:-1]) & rows.readable[1:]) + 1
-    for values in rows.values.values():
-        one, other = values[at], values[at - 1]
-        at = at[(one == other) | (np.isnan(one) & np.isnan(other))]
-    same[at] = True
-    return same
 
 
 def _window(time_range, first):
