@@ -364,7 +364,7 @@ def broken(t, gaps, rate=None):
         return None
     return (
         f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms) "
-        f"with {gaps['count']} gaps between, and lie on no line: rows are lost, or held back for "
-        "long. If the sensor itself samples evenly, take the row's number for the time: "
-        f"columns.time: null, and about rate: {1 / mean:.4g}"
+        f"with {gaps['count']} gaps between, and lie on no line: rows are lost, or held back. If "
+        "the sensor itself samples evenly, take the row's number for the time: columns.time: null, "
+        f"and about rate: {1 / mean:.4g}"
     )

@@ -9,6 +9,7 @@ from imuloop.ingest.spellings import SENSORS
 
 # jitter of the stamps that is worth a warning, of a step: it becomes noise of the same share
 _JITTER = 1e-3
+_BY_STAMPS = "step of the stamps that ends at the row"
 
 
 def factors(units):
@@ -67,13 +68,9 @@ def figures(log, units, counts, timing):
     sensors = {sensor: units[sensor] for sensor in factors(units)}
     if not sensors:
         return None
-    interval = "step of the stamps that ends at the row"
-    if "interval" in log.found:
-        interval = "logged"
-    elif timing.even:
-        interval = "step of the rows, rebuilt"
-    elif not timing.rows.stamped:
-        interval = timing.time_unit
+    interval = "step of the rows, rebuilt" if timing.even else _BY_STAMPS
+    if "interval" in log.found or not timing.rows.stamped:
+        interval = "logged" if "interval" in log.found else timing.time_unit
     return {
         "sensors": sensors,
         "interval": interval,
@@ -95,7 +92,7 @@ def warnings(done, measured):
         line += f"; {done['by_usual_step']} after gaps are of one interval too, the usual step "
         line += f"{done['usual_step_s']:.6g} s"
     found, share = [line], measured["jitter"]["std_s"] * measured["rate_hz"]
-    if done["interval"].startswith("step of the stamps") and share > _JITTER:
+    if done["interval"] == _BY_STAMPS and share > _JITTER:
         found.append(
             f"the stamps jitter by {share:.1%} of a step, which the increments turn into noise of "
             "that share of the signal: name columns.interval, or a clock of the sensor"

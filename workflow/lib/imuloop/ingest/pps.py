@@ -70,12 +70,15 @@ def find_timeline(timing, log, tick, columns, path=None):
     that do not fit the log reject it.
     """
     rows = timing.rows
-    if path is None and not log.found.get("pps"):
-        raise ImuloopError("pps: only tables hold columns of marks; name a file in pps.file")
-    if not rows.stamped:
-        raise ImuloopError("pps: the log has no time column, which is to be the local counter")
-    if rows.dates:
-        raise ImuloopError("pps: the log's stamps are dates, not a local counter")
+    faults = {
+        "only tables hold columns of marks; name a file in pps.file": not (
+            path or log.found.get("pps")
+        ),
+        "the log has no time column, which is to be the local counter": not rows.stamped,
+        "the log's stamps are dates, not a local counter": rows.dates,
+    }
+    for fault in (text for text, found in faults.items() if found):
+        raise ImuloopError(f"pps: {fault}")
     if timing.clock.resets:
         raise RejectedLog("1PPS: the local counter starts again, so that its marks are lost")
     if path is None:
@@ -174,15 +177,13 @@ def warnings(done):
     """Return what was done by marks, from their figures if there are any, a line each."""
     if not done:
         return []
-    line = (
-        f"t is GNSS time through {done['marks']} 1PPS marks: the local clock runs "
-        f"{abs(done['drift_ppm']):.3f} ppm {'slow' if done['drift_ppm'] < 0 else 'fast'}"
-    )
+    drift, parts = done["drift_ppm"], []
     if done["missed"]:
-        line += f"; {done['missed']} marks missed, the longest way {done['longest_step_s']:g} s"
+        parts += [f"{done['missed']} marks missed, the longest way {done['longest_step_s']:g} s"]
     if done["rejected"]:
-        line += f"; {done['rejected']} marks rejected"
+        parts += [f"{done['rejected']} marks rejected"]
     if done["before"] or done["after"]:
-        line += f"; {done['before']} rows before the first mark and {done['after']} after the last "
-        line += "go by the rate of the nearest interval"
-    return [line]
+        rows = f"{done['before']} rows before the first mark and {done['after']} after the last"
+        parts += [f"{rows} go by the rate of the nearest interval"]
+    line = f"t is GNSS time through {done['marks']} 1PPS marks: the local clock runs "
+    return ["; ".join([f"{line}{abs(drift):.3f} ppm {'slow' if drift < 0 else 'fast'}", *parts])]

@@ -85,31 +85,29 @@ def read_series(path, log_format, columns):
 
 def _read(file, log_file, declared, session, counts):
     """Return the Reference as it is in the file, its clock from the first sample, and figures."""
-    columns, units = dict(declared["columns"]), declared.get("units") or {}
-    same, own_time = str(file) == str(log_file), (session.get("columns") or {}).get("time")
-    own_unit = (session.get("units") or {}).get("time", "s")
-    columns.setdefault("time", own_time if same else None)
+    units, same = declared.get("units") or {}, str(file) == str(log_file)
+    own = {key: session.get(key) or {} for key in ("columns", "units")}
+    own_time, own_unit = own["columns"].get("time"), own["units"].get("time", "s")
+    columns = {"time": own_time if same else None} | declared["columns"]
     form = declared.get("format") or (session.get("format") if same else None)
     try:
         stamps, values = read_series(file, form, columns)
     except ImuloopError as error:
         raise type(error)(re.sub(r"\Acolumns", "reference.columns", str(error))) from error
     rate = declared.get("rate") or session.get("rate")
-    if stamps is not None:
-        t, dates = _seconds(stamps, units.get("time", own_unit))
-        start = t[np.isfinite(t)][:1].sum()
+    if stamps is None and not rate:
+        raise ImuloopError("reference.columns.time: missing; a reference without a rate needs it")
+    if stamps is None:
+        t, start = np.arange(len(values)) / rate, 0.0
+    else:
+        t, start, dates = _seconds(stamps, units.get("time", own_unit))
         if dates and counts.start_ns is not None:
             start = counts.start_ns / 1e9 - counts.begin_s
         elif not same and own_time is not None:
             # stamps of one clock begin where the log's do
-            own, _ = read_series(log_file, session.get("format"), {"time": own_time})
-            own, _ = _seconds(own, own_unit)
-            start = own[np.isfinite(own)][:1].sum()
-        t = t - start
-    elif rate:
-        t = np.arange(len(values)) / rate
-    else:
-        raise ImuloopError("reference.columns.time: missing; a reference without a rate needs it")
+            of_log, _ = read_series(log_file, session.get("format"), {"time": own_time})
+            _, start, _ = _seconds(of_log, own_unit)
+    t = t - start
     q, p = values[:, :4].copy(), values[:, 4:] * LENGTH[units.get("position", "m")]
     if not p.size:
         p = np.full((len(q), 3), np.nan)
@@ -135,10 +133,11 @@ def _read(file, log_file, declared, session, counts):
 
 
 def _seconds(stamps, unit):
-    """Return time stamps in a unit as s, not-a-number where none is, and if they are dates."""
+    """Return time stamps in a unit as s, not-a-number where none is, the first, and if dates."""
     stamps, readable, dates = stamp_values(stamps)
     tick = 1 if dates else NANOSECONDS.get(unit, 1)
-    return np.where(readable, stamps * float(tick), np.nan) / 1e9, dates
+    t = np.where(readable, stamps * float(tick), np.nan) / 1e9
+    return t, t[readable][:1].sum(), dates
 
 
 def _on_clock(reference, t, w):
