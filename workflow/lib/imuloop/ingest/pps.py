@@ -85,10 +85,9 @@ def find_timeline(timing, log, tick, columns, path=None):
         stamps = rows.stamps["pps.counter"], rows.stamps["pps.time"]
     else:
         layout = find_layout(path, least=2)
-        where = [
-            position(f"pps.{key}", columns.get(key, i), layout.names, layout.headed)
-            for i, key in enumerate(("counter", "time"))
-        ]
+        known = {"names": layout.names, "headed": layout.headed}
+        named = {f"pps.{key}": columns.get(key, i) for i, key in enumerate(("counter", "time"))}
+        where = [position(key, column, **known) for key, column in named.items()]
         stamps = map(stamp_values, text_columns(path, layout, where, RawLog(), 2))
     (counters, fine, _), (times, known, dated) = stamps
     known = known & fine & (timing.usable if path is None else True)
@@ -98,15 +97,14 @@ def find_timeline(timing, log, tick, columns, path=None):
     # a log repeats the last mark in each row
     new = np.append(True, (np.diff(counters) != 0) | (np.diff(times) != 0))
     own = timing.x[timing.usable]
-    limits = [own.min().item(), own.max().item()]
-    counters = _beside(counters[new], timing.clock.span_in(tick), limits, tick)
-    return timeline(counters, times[new], dated, limits, tick * 1e-9)
+    counters = _beside(counters[new], timing.clock.span_in(tick), own, tick)
+    return timeline(counters, times[new], dated, own, tick * 1e-9)
 
 
-def _beside(counters, width, limits, tick):
-    """Return counters of marks in line with those of a log.
+def _beside(counters, width, own, tick):
+    """Return counters of marks in line with those of a log, `own`.
 
-    `width` is the span of the log's counter, if it rolled over, `limits` its range.
+    `width` is the span of the log's counter, if it rolled over.
     """
     if width:
         counters = np.unwrap(counters, period=width)
@@ -116,28 +114,20 @@ def _beside(counters, width, limits, tick):
         if clock.resets:
             raise RejectedLog("1PPS: the counter of the marks starts again")
         width = clock.span_in(tick)
-    if width:
-        # whole spans apart: one may begin a span later
-        middle = round((sum(limits) - counters[0].item() - counters[-1].item()) / 2 / width)
-        shifts = [(middle + k) * width for k in (0, -1, 1)]
-        counters = counters + max(shifts, key=lambda shift: _overlap(limits, counters + shift))
-    return counters
-
-
-def _overlap(limits, counters):
-    """Return how long counters and a range have in common, negative where they are apart."""
-    return min(limits[1], counters[-1].item()) - max(limits[0], counters[0].item())
+    # whole spans apart, where one began a span later
+    middle = (own.min() + own.max() - counters[0] - counters[-1]).item() / 2
+    return counters + round(middle / width) * width if width else counters
 
 
 # marks of a broken log can be anywhere
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def timeline(counters, times, dated, limits, scale):
+def timeline(counters, times, dated, own, scale):
     """Return GNSS time over the counter, through the marks that can be used.
 
     Rejected are marks that are no whole second, that are more than `MOST_OFF` of a second away from
     where their neighbours put them, and all but the longest stretch of marks between which the
     local clock is no further off than `MOST_OFF`. `counters` have no roll-over, `times` are s, or
-    ns where `dated`; `limits` are the range of the log's counter, `scale` are seconds per tick.
+    ns where `dated`; `own` are those of the log, `scale` are seconds per tick.
     """
     given, t = len(counters), (times - times[0]) * (1e-9 if dated else 1.0)
     whole = np.abs(t - np.rint(t)) <= _WHOLE
@@ -159,7 +149,7 @@ def timeline(counters, times, dated, limits, scale):
     if end - begin < 1:
         raise RejectedLog(f"1PPS: of {given} marks no two fit together; see units.time and pps")
     counters, t = counters[begin : end + 1], t[begin : end + 1]
-    if _overlap(limits, counters) <= 0:
+    if counters[0] >= own.max() or counters[-1] <= own.min():
         raise RejectedLog("1PPS: the marks and the log share no time")
     steps, off = np.diff(t), off[begin:end] * 1e6
     figures = {

@@ -47,20 +47,19 @@ def beside(samples, file, log_file, declared, session, counts):
     f, w = (np.column_stack([samples[c] for c in axes]) for axes in (ACCELERATION, ANGULAR_RATE))
     raw, figures = _read(file, log_file, declared, session, counts)
     found, shift = _on_clock(raw, t, w)
-    figures["clock"] = {"offset_s": shift, "own": abs(shift) > SAME_CLOCK}
     reasons, frame, residual = convention_faults(found, t, w, f, declared["convention"])
+    figures["clock"] = {"offset_s": shift, "own": abs(shift) > SAME_CLOCK}
     figures |= {"unexplained": residual, "frame": frame}
+    if not reasons:
+        if declared["convention"] == "world_to_body":
+            found = replace(found, q=found.q * [1, -1, -1, -1])
+        found, jumps = _without_jumps(found, t, w, np.array(frame))
+        figures |= jumps | {"noise": _noise(found)}
+        reasons = place_faults(found, t, f, np.array(frame), declared)
     if reasons:
         return {}, figures, reasons
-    if declared["convention"] == "world_to_body":
-        found = replace(found, q=found.q * [1, -1, -1, -1])
-    found, jumps = _without_jumps(found, t, w, np.array(frame))
-    figures |= jumps | {"noise": _noise(found)}
-    if reasons := place_faults(found, t, f, np.array(frame), declared):
-        return {}, figures, reasons
     columns = at_instants(found, t)
-    figures["coverage"] = float(np.isfinite(columns["qw"]).mean())
-    return columns, figures, []
+    return columns, figures | {"coverage": float(np.isfinite(columns["qw"]).mean())}, []
 
 
 def read_series(path, log_format, columns):
@@ -202,23 +201,20 @@ def _noise(reference):
 
     Of white noise σ they have the variance 20 σ²; motion is smooth over three steps.
     """
-    found = {"orientation": 0.0, "position": None}
-    for name, known in (("orientation", reference.known), ("position", reference.placed)):
+
+    def size(known, difference):
+        """Return σ by the median, where four samples on end are evenly spaced; None without."""
         at = np.flatnonzero(known)
         steps = np.diff(reference.t[at])
         if len(steps) < 3:
-            continue
-        alike = np.abs(steps / np.median(steps) - 1) < 0.1
-        # four samples on end each, where their steps are alike
-        first = np.flatnonzero(alike[:-2] & alike[1:-1] & alike[2:])
-        k = at[first[:, None] + np.arange(4)].T
-        if name == "position":
-            step = np.diff(reference.p[k], axis=0)
-        else:
-            rotation = Rotation.from_quat(reference.q[k.ravel()], scalar_first=True)
-            first, last = rotation[: -len(first)], rotation[len(first) :]
-            step = (first.inv() * last).as_rotvec().reshape(3, -1, 3)
-        if step.size:
-            third = np.abs(step[0] - 2 * step[1] + step[2])
-            found[name] = float(np.median(third) / 0.6745 / 20**0.5)
-    return found
+            return None
+        even = np.abs(steps / np.median(steps) - 1) < 0.1
+        first = np.flatnonzero(even[:-2] & even[1:-1] & even[2:])
+        step = np.array([difference(at[first + k], at[first + k + 1]) for k in range(3)])
+        third = np.abs(step[0] - 2 * step[1] + step[2])
+        return float(np.median(third) / 0.6745 / 20**0.5) if third.size else None
+
+    rotation = Rotation.from_quat(np.nan_to_num(reference.q, nan=1.0), scalar_first=True)
+    of_attitude = size(reference.known, lambda a, b: (rotation[a].inv() * rotation[b]).as_rotvec())
+    of_place = size(reference.placed, lambda a, b: reference.p[b] - reference.p[a])
+    return {"orientation": of_attitude or 0.0, "position": of_place}
