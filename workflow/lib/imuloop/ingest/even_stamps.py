@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.signal import welch
 
 from imuloop.core.errors import plural
 from imuloop.core.stamps import JitterTest
@@ -25,11 +24,11 @@ _KNOWN, _FEWEST = 0.05, 16
 _PARTS, _LEAST_PARTS = 20, 5
 # percentiles between which nine in ten values lie
 _NINE_IN_TEN = (5, 95)
-# spectrum of the time stamps: mean steps of a block, bins of time to a mean step
-_BLOCK, _BINS = 4096, 16
+# spectrum of the time stamps: mean steps of a block, blocks at most, bins of time to a mean step
+_BLOCK, _BLOCKS, _BINS = 4096, 16, 16
 # a clock's power is above this many times the power of random stamps; frequencies that its peak
 # spans; power of its images on a grid of stamps, of its own
-_SURE, _PEAK, _IMAGE = 2.5, 8, 0.7
+_SURE, _PEAK, _IMAGE = 20.0, 8, 0.7
 # share of the stamps that follow one sample after the last, at least, and beside the share of those
 # that follow later: a wrong clock has steps of two or of none
 _ONES, _ONES_OF_MORE = 0.3, 0.8
@@ -219,8 +218,10 @@ def _clock(t):
     x = (t - t[0]) * mean
     pulses = np.bincount((x * _BINS + 0.5).astype(int))
     size = min(len(pulses), _BLOCK * _BINS)
-    how = {"nfft": next_fast_len(4 * size, real=True), "detrend": False, "scaling": "spectrum"}
-    f, power = welch(pulses, _BINS, "boxcar", size, **how)
+    blocks = pulses[: len(pulses) // size * size].reshape(-1, size)
+    length = next_fast_len(4 * size, real=True)
+    power = np.abs(np.fft.rfft(blocks[:: len(blocks) // _BLOCKS + 1], length)) ** 2
+    f, power = np.fft.rfftfreq(length, 1 / _BINS), power.mean(axis=0) * (_BINS / size) ** 2
     f, power = (each[(f > 1 - _BINS / size) & (f <= 2)] for each in (f, power))
     # on a grid of stamps the clock has images at higher frequencies
     low = np.flatnonzero(power > _IMAGE * power.max())[0]
@@ -229,7 +230,9 @@ def _clock(t):
         step = np.diff(np.rint(x * clock - _phase(x * clock)))
         ones, more = np.mean(step == 1), np.mean(step > 1)
         # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
-        if np.interp(clock, f, power) * size > _SURE and ones > max(_ONES, _ONES_OF_MORE * more):
+        if np.interp(clock, f, power) * size / _BINS > _SURE and ones > max(
+            _ONES, _ONES_OF_MORE * more
+        ):
             return clock * mean
     return None
 
