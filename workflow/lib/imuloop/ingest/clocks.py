@@ -160,17 +160,14 @@ def figures(counts, measured, rate=None):
 
     `rate` is the declared one, Hz, of a log with time stamps.
     """
-    clock, hertz, jitter = counts.clock, measured["rate_hz"], measured["jitter"]["std_s"]
+    hertz, jitter = measured["rate_hz"], measured["jitter"]["std_s"]
     return {
-        "rollovers": clock.rollovers,
-        "span_s": clock.span_s,
-        "resets": clock.resets,
-        "strays": clock.strays,
+        **{key: getattr(counts.clock, key) for key in ("rollovers", "span_s", "resets", "strays")},
         "rebuilt": counts.logged is not None,
         "logged": counts.logged,
         # of a step
         "jitter_ppm": None if hertz is None else jitter * hertz * 1e6,
         # of the stamps' rate from the declared one
-        "drift_ppm": None if hertz is None or not rate else (hertz / rate - 1) * 1e6,
+        "drift_ppm": None if None in (hertz, rate) else (hertz / rate - 1) * 1e6,
         "pps": counts.pps,
     }

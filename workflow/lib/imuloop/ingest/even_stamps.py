@@ -108,7 +108,7 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     if not np.isfinite(1 / step):
         return None
     # not of the mean step, which a single pause can make long
-    bursts, scatter = np.median(np.diff(t)) < BURST * step, _width(away)
+    bursts, scatter = np.median(np.diff(t)) < BURST * step, _spread(away, _PARTS)
     single = not (packets or bursts)
     if single and (increments or scatter < _SCATTER * step):
         return None
@@ -138,14 +138,10 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     return None if test.followed else even
 
 
-def _spread(x):
-    """Return the width of the range that holds nine in ten values."""
-    return np.subtract(*np.percentile(x, _NINE_IN_TEN[::-1]))
-
-
-def _width(away):
-    """Return how far times scatter about a line within a part of the log, s."""
-    return np.median([_spread(part) for part in np.array_split(away, _PARTS)])
+def _spread(x, parts=1):
+    """Return the width of the range that holds nine in ten values, the median of some parts."""
+    ends = [np.percentile(part, _NINE_IN_TEN) for part in np.array_split(x, parts)]
+    return np.median(np.ptp(ends, axis=1))
 
 
 def _on_line(away, scatter, step, packets, bursts):
@@ -276,9 +272,11 @@ def _line(rows, t):
     """
     rows, half = rows - rows[0], len(rows) // 2
     step = np.median((t[half:] - t[:-half]) / (rows[half:] - rows[:-half])).item()
+    middle = rows - rows.mean()
     for _ in range(3):
         away = t - step * rows
-        step += np.polyfit(rows, np.clip(away, *np.percentile(away, _NINE_IN_TEN)), 1)[0].item()
+        near = np.clip(away, *np.percentile(away, _NINE_IN_TEN))
+        step += (middle @ near / (middle @ middle)).item()
     return step, t - step * rows
 
 
@@ -328,27 +326,26 @@ def rebuilt(timing, logged):
     stamped.
     """
     even, packets, t = timing.even, timing.packets, timing.logged
-    median, mean, gaps = (
-        np.median(np.diff(t)),
-        (t[-1] - t[0]) / (len(t) - 1),
-        logged["gaps"]["count"],
-    )
-    how = f"come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms)"
-    hint = "; where the sensor itself pauses, give rate in Hz"
-    if packets:
-        how = f"of {timing.repeats} rows are those of others, as of packets of samples"
-    elif median >= BURST * even.step:
-        how, hint = "scatter about a regular clock", ""
-        how += ", no sample is lost" if even.complete else ""
-        how += f", though {gaps} of the steps look like gaps" if gaps else ""
-        if not (even.complete or len(even.lost)):
-            how += ", so that lost samples would not show"
+    median, mean = np.median(np.diff(t)) * 1e3, (t[-1] - t[0]) / (len(t) - 1) * 1e3
+    shared = f"the stamps of {timing.repeats} rows are those of others, as of packets of samples"
     if not even:
-        return f"the stamps {how}: they are put {packets[0]:.6g} s apart within each packet"
-    lost = f" with {plural(int(even.lost[-1]), 'lost sample')} between" if len(even.lost) else ""
-    return (
-        f"the stamps {how}: t is rebuilt from the row number at {1 / even.step:.6g} Hz{lost}{hint}"
-    )
+        return f"{shared}: they are put {packets[0]:.6g} s apart within each packet"
+    done = f": t is rebuilt from the row number at {1 / even.step:.6g} Hz"
+    if len(even.lost):
+        done += f" with {plural(int(even.lost[-1]), 'lost sample')} between"
+    pauses = f"{done}; where the sensor itself pauses, give rate in Hz"
+    if packets:
+        return shared + pauses
+    if median * 1e-3 < BURST * even.step:
+        return (
+            f"the stamps come in bursts (median step {median:.3g} ms, mean {mean:.3g} ms){pauses}"
+        )
+    known = ", no sample is lost" if even.complete else ""
+    if gaps := logged["gaps"]["count"]:
+        known += f", though {gaps} of the steps look like gaps"
+    if not (even.complete or len(even.lost)):
+        known += ", so that lost samples would not show"
+    return f"the stamps scatter about a regular clock{known}{done}"
 
 
 def broken(t, gaps, rate=None):
@@ -359,11 +356,10 @@ def broken(t, gaps, rate=None):
     """
     if len(t) < 2:
         return None
-    median, duration = np.median(np.diff(t)), t[-1] - t[0]
-    mean, pause = duration / (len(t) - 1), gaps["total_s"] / max(gaps["count"], 1)
-    stretch = (duration - gaps["total_s"]) / (gaps["count"] + 1)
-    itself = (rate and abs(median * rate - 1) < _RATE_SHARE) or stretch >= _LEAST_STRETCH
-    if itself or median >= BURST * mean or pause > _LONGEST_PAUSE:
+    median, mean = np.median(np.diff(t)), (t[-1] - t[0]) / (len(t) - 1)
+    stretch = (t[-1] - t[0] - gaps["total_s"]) / (gaps["count"] + 1)
+    pauses = gaps["total_s"] > _LONGEST_PAUSE * max(gaps["count"], 1) or stretch >= _LEAST_STRETCH
+    if pauses or median >= BURST * mean or (rate and abs(median * rate - 1) < _RATE_SHARE):
         return None
     return (
         f"the stamps come in bursts (median step {median * 1e3:.3g} ms, mean {mean * 1e3:.3g} ms) "

@@ -270,6 +270,7 @@ def check(reading, conversion, declared, kind):
         reasons = ["the file changed while it was read"]
     if unread := quality.unread(figures, counts):
         reasons, wrong, doubts = reasons or unread, [], []
+        counts.logged = counts.rebuilt = None
     lost_share = log.lost_bytes / log.text_bytes if log.text_bytes else 0.0
     reasons = reasons or quality.reasons(figures, counts, log.bad_lines, lost_share)
     units = reading.units | ({"time": counts.time_unit} if counts.time_unit else {})
@@ -286,7 +287,7 @@ def check(reading, conversion, declared, kind):
         samples |= columns
     lines = reading.doubts + pps.warnings(counts.pps)
     lines += increments.warnings(counts.increments, figures)
-    lines += [counts.rebuilt] if counts.rebuilt and not unread else []
+    lines += [counts.rebuilt] if counts.rebuilt else []
     lines += counts.clock.warnings()
     if absent:
         why = f"what needs it is not testable; give both files where another holds it, {PAIR}"
@@ -300,7 +301,7 @@ def check(reading, conversion, declared, kind):
         "misdeclared": bool(wrong and not reasons),
         "warnings": [*map(for_reader, lines)],
         **figures,
-        "clock": clocks.figures(counts, figures, "time" in log.found and rate),
+        "clock": clocks.figures(counts, figures, rate if "time" in log.found else None),
         **{name: getattr(counts, name) for name in _COUNTED},
         "bad_lines": log.bad_lines,
         "rows_read": counts.read,

@@ -127,32 +127,26 @@ def find_timing(rows, log, units, declared, marks_file=None):
     by_stamps = increments.by_stamps(log, units)
 
     def in_order(timing):
-        """Return the rows that go forward, and their usual step if increments need it."""
-        new = whole & timing.inside & (timing.x > timing.before)
-        if not by_stamps:
-            return new, None
-        # of the first increment no interval is known
-        new &= timing.before >= timing.origin
-        return new, increments.usual_step(timing.times(new))
+        """Return the rows that go forward; the interval of a first increment is not known."""
+        known = (timing.before >= timing.origin) | (not by_stamps)
+        return whole & timing.inside & (timing.x > timing.before) & known
 
-    new, usual = in_order(timing)
-    timing = replace(timing, usual=usual)
-    if timing.timeline or not rows.stamped or not new.any():
-        return timing
-    at, t = timing.number[new], timing.times(new)
-    repeats = np.count_nonzero(whole & timing.inside & (timing.x == timing.before))
-    packets = packet_step(at, t, repeats, declared.rate) or packet_step(at, t, repeats)
-    turn_rate = [rows.values[name][new] for name in ANGULAR_RATE]
-    even = None
-    if not clock.resets:
-        summed = bool(increments.factors(units))
-        even = even_samples(at, t, turn_rate, packets, declared.rate, summed)
-    if even or packets:
-        timing = replace(timing, even=even, packets=packets, logged=t, repeats=repeats)
-    if packets and not even:
-        x = spread(x, usable & ~rows.same, packets[0] / rows.scale, packets[1])
-        timing = replace(timing, x=x)
-        timing = replace(timing, usual=in_order(timing)[1])
+    new = in_order(timing)
+    if rows.stamped and not timing.timeline and new.any():
+        at, t, rate = timing.number[new], timing.times(new), declared.rate
+        repeats = np.count_nonzero(whole & timing.inside & (timing.x == timing.before))
+        packets = packet_step(at, t, repeats, rate) or packet_step(at, t, repeats)
+        turn_rate = [rows.values[name][new] for name in ANGULAR_RATE]
+        how = turn_rate, packets, rate, bool(increments.factors(units))
+        even = None if clock.resets else even_samples(at, t, *how)
+        if packets and not even:
+            x = spread(x, usable & ~rows.same, packets[0] / rows.scale, packets[1])
+        if packets or even:
+            how = {"even": even, "packets": packets, "logged": t, "repeats": repeats}
+            timing = replace(timing, x=x, **how)
+    if by_stamps:
+        usual = increments.usual_step(timing.times(in_order(timing)))
+        timing = replace(timing, usual=usual)
     return timing
 
 
