@@ -23,7 +23,7 @@ def _of_channels():
 
 @dataclass
 class Counts:
-    """What became of the rows of a log; each row is counted once.
+    """What became of the rows of a log, each counted once, and why it cannot be used (`reasons`).
 
     `identical` are rows that repeat the one before in stamp and all values: nothing is lost.
     `like_gravity` and `in_two_units` are as in `misread`. `increments`, `pps` and `logged` are what
@@ -32,6 +32,7 @@ class Counts:
     1970, None without dates, `begin_s` how long it is after the log's first stamp, s.
     """
 
+    reasons: list = field(default_factory=list)
     read: int = 0
     outside: int = 0
     non_finite: int = 0

@@ -5,7 +5,7 @@ Read the files, find columns and units, find one clock, convert once, check, wri
 
 import os
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -100,15 +100,6 @@ class Reading:
         return {q: raw_unit(q, self.units[q], scales[q]) for q in SENSORS}
 
 
-@dataclass(frozen=True)
-class Conversion:
-    """Samples of a log in SI, what became of its rows, and why it cannot be used, if so."""
-
-    samples: dict
-    counts: Counts
-    reasons: list
-
-
 def ingest(*, device, session, kind, paths, samples_path, quality_path, declared=None):
     """Write samples.parquet and quality.json of one session, each in one step.
 
@@ -133,7 +124,7 @@ def ingest(*, device, session, kind, paths, samples_path, quality_path, declared
     who = {"device": device, "session": session, "kind": kind}
     try:
         reading = read(paths, declared)
-        samples, found, origin = check(reading, convert(reading, declared), declared, kind)
+        samples, found, origin = check(reading, *convert(reading, declared), declared, kind)
         _write(samples_path, quality_path, samples, found, who | origin)
     except (ImuloopError, PermissionError) as error:
         names = ", ".join(os.fsencode(path).decode(errors="backslashreplace") for path in paths)
@@ -149,8 +140,8 @@ def write_rejected(*, device, session, kind, samples_path, quality_path, reason)
     Parameters are as in `ingest`; the reason is about what is declared.
     """
     who, reading = {"device": device, "session": session, "kind": kind}, Reading()
-    none = Conversion(no_samples(reading.log), Counts(), [reason])
-    samples, found, origin = check(reading, none, Declared(), kind)
+    none = no_samples(reading.log), Counts(reasons=[reason])
+    samples, found, origin = check(reading, *none, Declared(), kind)
     _write(samples_path, quality_path, samples, found | {"misdeclared": True}, who | origin)
 
 
@@ -189,7 +180,6 @@ def used_units(log, declared):
         # two columns are joined to ns, whatever is declared of them
         declared = declared | {"time": "ns"}
     used = {q: declared.get(q) or log.units.get(q) or units[0] for q, units in UNITS.items()}
-    used = {q: u for q, u in used.items() if q in _ALWAYS or q in log.found or q in declared}
     for quantity, unit in used.items():
         # ISO 8601 stamps need no unit, and others only where they are numbers
         of_dates = quantity == "time" and (is_iso(unit) or quantity not in declared)
@@ -211,30 +201,30 @@ def used_units(log, declared):
 
 
 def convert(reading, declared):
-    """Return the `Conversion` of a log, on its one clock."""
+    """Return the samples of a log on its one clock, and their `Counts`."""
     log, units, counts = reading.log, reading.units, Counts(read=reading.log.batch.num_rows)
     try:
         if reading.fault:
             raise reading.fault
         rows = all_rows(log, units, declared.rate)
         if not counts.read:
-            return Conversion(no_samples(log), counts, [])
+            return no_samples(log), counts
         timing = find_timing(rows, log, units, declared, reading.files.get("pps"))
         samples, counts = si_samples(rows, timing, log, units, reading.raw_units)
-        if timing.logged is not None:
-            counts.logged = quality.time_figures(timing.logged)
-            del counts.logged["rows"]
-            counts.rebuilt = even_stamps.rebuilt(timing, counts.logged)
-        return Conversion(samples, counts, [])
     except RejectedLog as error:
-        return Conversion(no_samples(log), counts, [str(error)])
+        return no_samples(log), replace(counts, reasons=[str(error)])
+    if timing.logged is not None:
+        counts.logged = quality.time_figures(timing.logged)
+        del counts.logged["rows"]
+        counts.rebuilt = even_stamps.rebuilt(timing, counts.logged)
+    return samples, counts
 
 
-def check(reading, conversion, declared, kind):
+def check(reading, samples, counts, declared, kind):
     """Return the samples, none of a rejected log, what quality.json says, and their origin."""
     log, raw_units, absent = reading.log, reading.raw_units, reading.absent
-    samples, counts, reasons = conversion.samples, conversion.counts, conversion.reasons
     full_scale, gravity, rate = declared.full_scale, declared.gravity, declared.rate
+    reasons = counts.reasons
 
     def measured():
         if log.slower:
