@@ -85,8 +85,8 @@ def read_series(path, log_format, columns):
 def _read(file, log_file, declared, session, counts):
     """Return the Reference as it is in the file, its clock from the first sample, and figures."""
     units, same = declared.get("units") or {}, str(file) == str(log_file)
-    own = {key: session.get(key) or {} for key in ("columns", "units")}
-    own_time, own_unit = own["columns"].get("time"), own["units"].get("time", "s")
+    own_time = (session.get("columns") or {}).get("time")
+    own_unit = (session.get("units") or {}).get("time", "s")
     columns = {"time": own_time if same else None} | declared["columns"]
     form = declared.get("format") or (session.get("format") if same else None)
     try:
@@ -94,11 +94,7 @@ def _read(file, log_file, declared, session, counts):
     except ImuloopError as error:
         raise type(error)(re.sub(r"\Acolumns", "reference.columns", str(error))) from error
     rate = declared.get("rate") or session.get("rate")
-    if stamps is None and not rate:
-        raise ImuloopError("reference.columns.time: missing; a reference without a rate needs it")
-    if stamps is None:
-        t, start = np.arange(len(values)) / rate, 0.0
-    else:
+    if stamps is not None:
         t, start, dates = _seconds(stamps, units.get("time", own_unit))
         if dates and counts.start_ns is not None:
             start = counts.start_ns / 1e9 - counts.begin_s
@@ -106,15 +102,16 @@ def _read(file, log_file, declared, session, counts):
             # stamps of one clock begin where the log's do
             of_log, _ = read_series(log_file, session.get("format"), {"time": own_time})
             _, start, _ = _seconds(of_log, own_unit)
-    t = t - start
-    q, p = values[:, :4].copy(), values[:, 4:] * LENGTH[units.get("position", "m")]
-    if not p.size:
-        p = np.full((len(q), 3), np.nan)
+    elif rate:
+        t, start = np.arange(len(values)) / rate, 0.0
+    else:
+        raise ImuloopError("reference.columns.time: missing; a reference without a rate needs it")
+    q, p, t = values[:, :4], values[:, 4:] * LENGTH[units.get("position", "m")], t - start
+    p = p if p.size else np.full((len(q), 3), np.nan)
     length = np.linalg.norm(q, axis=1)
     lost = ~np.isfinite(length)
     odd = ~lost & (np.abs(length - 1) > 0.1)
-    q[odd | lost] = np.nan
-    q = q / length[:, None]
+    q = np.where((odd | lost)[:, None], np.nan, q / length[:, None])
     order = np.argsort(t, kind="stable")[: np.isfinite(t).sum()]
     order = order[np.diff(t[order], prepend=-np.inf) > 0]
     figures = {
