@@ -10,43 +10,44 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from imuloop.core.errors import plural
 from imuloop.core.stamps import JitterTest
 
-# time stamps come in bursts where the median step is less than this share of the sensor's step
+# time stamps come in bursts where the median step is less than this share of the sensor's. Rows with
+# one stamp are a packet where half of such are as far from the next stamp, or the one before, as
+# their number of steps, but for this share of one
 BURST = 0.5
-# no transfer holds samples back longer, s: a longer pause is of the sensor
+# no transfer holds samples back longer, s: a longer pause is of the sensor, which then goes on for
+# longer, too
 _LONGEST_PAUSE = 0.5
 # time stamps scatter where nine in ten of them take this share of a step, or more
 _SCATTER = 0.12
 # the median of time stamps that scatter is known to this share of a step, so that one lost sample
-# shows; each part of a log holds so many of them at least
-_KNOWN, _FEWEST = 0.05, 16
-# parts of a log whose time stamps lie on one line; where samples are lost at random, fewer parts
-# may lie on a line, too
-_PARTS, _LEAST_PARTS = 20, 5
+# shows
+_KNOWN = 0.05
+# parts of a log whose time stamps lie on one line
+_PARTS = 20
+# parts on a line, rows of a part, missing samples of a beat and repeated stamps of packets: fewer
+# are an accident
+_LEAST = 10
 # percentiles between which nine in ten values lie
 _NINE_IN_TEN = (5, 95)
-# spectrum of the time stamps: mean steps of a block, blocks at most, bins of time to a mean step
-_BLOCK, _BLOCKS, _BINS = 4096, 16, 16
+# spectrum of the time stamps: mean steps of a block, and bins of time to a mean step, as many as
+# blocks at most
+_BLOCK, _BINS = 4096, 16
 # a clock's power is above this many times the power of random stamps; frequencies that its peak
-# spans; power of its images on a grid of stamps, of its own
-_SURE, _PEAK, _IMAGE = 20.0, 8, 0.7
-# share of the stamps that follow one sample after the last, at least, and beside the share of those
-# that follow later: a wrong clock has steps of two or of none
-_ONES, _ONES_OF_MORE = 0.3, 0.8
-# stamps of a running median, stamps of a running phase, and lost samples that may be noise
-_SMOOTH, _PHASE, _FEW = 9, 512, 2
-# transfers have one size where this share of them has it
-_ALIKE = 0.9
-# a beat: fewest missing samples, error of their mean spacing that a whole number may have over all
-# of them, samples, and their scatter, samples
-_LEAST_BEATS, _BEAT_OFF, _BEAT_WIDTH = 10, 3.0, 1.5
-# rows that share a stamp are a packet where half of such are as far from the next stamp, or the one
-# before, as their number of steps, but for this part of one; fewer repeats are dropped
-_PACKET, _LEAST_REPEATS = 0.5, 10
+# spans
+_SURE, _PEAK = 20.0, 8
+# most: the power of a clock's images on a grid of stamps, of its own; the stamps that follow one
+# sample after the last, of those that follow later; the transfers of one size, of all
+_MOST = 0.8
+# share of the stamps that follow one sample after the last, at least
+_ONES = 0.3
+# stamps of a running median, and stamps of a running phase
+_SMOOTH, _PHASE = 9, 512
+# lost samples that may be noise
+_FEW = 2
 # a line whose rate differs more from the declared one is not the sensor's
 _RATE_SHARE = 0.02
-# stretches between bursts that are shorter on average hold no rest, s; of so many nothing is left,
-# and what follows takes minutes to find that out
-_LEAST_STRETCH, MOST_BURSTS = 1.0, 1000
+# between so many bursts nothing is left, and what follows takes minutes to find that out
+MOST_BURSTS = 1000
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,7 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     increments : bool
         Whether rows hold increments.
     """
-    if len(t) < 10 * _PARTS:
+    if len(t) < _LEAST * _PARTS:
         return None
     step, away = _line(rows, t)
     if not np.isfinite(1 / step):
@@ -154,9 +155,9 @@ def _on_line(away, scatter, step, packets, bursts):
     if not (packets or bursts):
         # the error of a median of n normal values is 1.25 of their deviation over the root of n
         needed = (1.25 * scatter / 3.29 / (_KNOWN * step)) ** 2
-        if not _LEAST_PARTS * needed < len(away):
+        if not _LEAST * needed < len(away):
             return False
-        limit, parts = step / 2, int(len(away) / max(needed, _FEWEST))
+        limit, parts = step / 2, int(len(away) / max(needed, _LEAST))
     medians = [np.median(part) for part in np.array_split(away, parts)]
     return np.ptp(medians) <= limit and scatter <= _LONGEST_PAUSE
 
@@ -216,19 +217,17 @@ def _clock(t):
     size = min(len(pulses), _BLOCK * _BINS)
     blocks = pulses[: len(pulses) // size * size].reshape(-1, size)
     length = next_fast_len(4 * size, real=True)
-    power = np.abs(np.fft.rfft(blocks[:: len(blocks) // _BLOCKS + 1], length)) ** 2
+    power = np.abs(np.fft.rfft(blocks[:: len(blocks) // _BINS + 1], length)) ** 2
     f, power = np.fft.rfftfreq(length, 1 / _BINS), power.mean(axis=0) * (_BINS / size) ** 2
     f, power = (each[(f > 1 - _BINS / size) & (f <= 2)] for each in (f, power))
     # on a grid of stamps the clock has images at higher frequencies
-    low = np.flatnonzero(power > _IMAGE * power.max())[0]
+    low = np.flatnonzero(power > _MOST * power.max())[0]
     peak = f[low + power[low : low + _PEAK].argmax()]
     for clock in (peak, 1.0):
         step = np.diff(np.rint(x * clock - _phase(x * clock)))
         ones, more = np.mean(step == 1), np.mean(step > 1)
         # a finer grid has mostly steps of two, the polls of a host have mostly steps of none
-        if np.interp(clock, f, power) * size / _BINS > _SURE and ones > max(
-            _ONES, _ONES_OF_MORE * more
-        ):
+        if np.interp(clock, f, power) * size / _BINS > _SURE and ones > max(_ONES, _MOST * more):
             return clock * mean
     return None
 
@@ -244,11 +243,11 @@ def _beat(at):
 
     They are then evenly spaced by the beat of the two clocks, which is not a whole number.
     """
-    if len(at) < _LEAST_BEATS:
+    if len(at) < _LEAST:
         return False
     apart, start = np.polyfit(np.arange(len(at)), at, 1)
-    whole = abs(apart - round(apart)) * len(at) < _BEAT_OFF
-    return not whole and _spread(at - apart * np.arange(len(at)) - start) < _BEAT_WIDTH
+    whole = abs(apart - round(apart)) * len(at) < _FEW
+    return not whole and _spread(at - apart * np.arange(len(at)) - start) < _FEW
 
 
 def _transfers(rows, t):
@@ -257,7 +256,7 @@ def _transfers(rows, t):
     for starts in (np.arange(len(t)), np.append(0, 1 + np.flatnonzero(np.diff(t) >= BURST * mean))):
         size = np.diff(rows[starts])
         usual = int(np.median(size)) if len(size) else 1
-        if usual > 1 and np.mean(size == usual) >= _ALIKE:
+        if usual > 1 and np.mean(size == usual) >= _MOST:
             # the first and the last one may be incomplete
             return usual, rows[starts][1:-1], t[starts][1:-1]
     return 1, rows, t
@@ -289,16 +288,16 @@ def packet_step(rows, t, repeats, rate=None):
     the declared `rate`, Hz, else that from stamp to stamp over the number of rows. `rows` and `t`
     are number and time, s, of each row with a new stamp, `repeats` the number of other rows.
     """
-    if repeats < _LEAST_REPEATS or len(t) < 3:
+    if repeats < _LEAST or len(t) < 3:
         return None
     # of each stamp the number of rows, and the steps to the stamp before and to the next
     size, steps, found = np.diff(rows)[1:], np.diff(t), []
     for last, away in ((True, steps[:-1]), (False, steps[1:])):
         step = 1 / rate if rate else np.median(away / size).item()
-        fits = (away / step > size - _PACKET)[size > 1]
+        fits = (away / step > size - BURST)[size > 1]
         found.append((fits.mean() if fits.size else 0.0, last, step))
     share, last, step = max(found)
-    return (step, last) if share >= _PACKET else None
+    return (step, last) if share >= BURST else None
 
 
 def spread(x, readable, step, last):
@@ -358,7 +357,7 @@ def broken(t, gaps, rate=None):
         return None
     median, mean = np.median(np.diff(t)), (t[-1] - t[0]) / (len(t) - 1)
     stretch = (t[-1] - t[0] - gaps["total_s"]) / (gaps["count"] + 1)
-    pauses = gaps["total_s"] > _LONGEST_PAUSE * max(gaps["count"], 1) or stretch >= _LEAST_STRETCH
+    pauses = gaps["total_s"] > _LONGEST_PAUSE * max(gaps["count"], 1) or stretch >= _LONGEST_PAUSE
     if pauses or median >= BURST * mean or (rate and abs(median * rate - 1) < _RATE_SHARE):
         return None
     return (
