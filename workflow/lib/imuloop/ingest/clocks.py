@@ -72,7 +72,7 @@ class Clock:
         rows, values = np.flatnonzero(readable), x[readable]
         falls = np.flatnonzero(np.diff(values) < 0)
         if tick is None or (tick == 10**9 and values.dtype.kind == "f"):
-            self.unpadded = _unpadded(values[falls], values[falls + 1], 1 if tick else 10**9)
+            self.unpadded = _count_unpadded(values[falls], values[falls + 1], 1 if tick else 10**9)
         added, usable = np.zeros_like(x), readable.copy()
         # the newest stamp and the rows since the clock was mended, and what was added by then
         newest, begin, shift = -np.inf, 0, 0
@@ -81,7 +81,7 @@ class Clock:
             if begin < i:
                 newest = max(newest, values[begin:i].max().item())
             begin, ahead = i, values[i : i + AHEAD]
-            if _strays(ahead, newest):
+            if _is_stray(ahead, newest):
                 usable[rows[i]] = False
                 self.strays += 1
                 begin = i + 1
@@ -138,14 +138,14 @@ class Clock:
         return [line for line, count in found.items() if count and not self.unpadded]
 
 
-def _unpadded(last, first, second):
+def _count_unpadded(last, first, second):
     """Return how often stamps fall within a `second` as without leading zeros, 0 if by accident."""
     same = (last // second == first // second) & (last - first > 0.1 * second)
     count = np.count_nonzero(same & (first % second < 0.2 * second))
     return count if count >= max(_LEAST_UNPADDED, _UNPADDED_SHARE * len(last)) else 0
 
 
-def _strays(stamps, newest):
+def _is_stray(stamps, newest):
     """Tell whether the rows after the first go on as if it were not there."""
     back = (newest < stamps) & (stamps <= stamps[0])
     return back[1:2].all() and stamps[1:2] != stamps[0] and np.count_nonzero(back[1:]) >= 2

@@ -10,9 +10,9 @@ from scipy.ndimage import median_filter, uniform_filter1d
 from imuloop.core.errors import plural
 from imuloop.core.stamps import JitterTest
 
-# time stamps come in bursts where the median step is less than this share of the sensor's. Rows with
-# one stamp are a packet where half of such are as far from the next stamp, or the one before, as
-# their number of steps, but for this share of one
+# time stamps come in bursts where the median step is less than this share of the sensor's. Rows
+# that share a stamp are a packet where half of such are as far from the next stamp, or the one
+# before, as their number of steps, but for this share of one
 BURST = 0.5
 # no transfer holds samples back longer, s: a longer pause is of the sensor, which then goes on for
 # longer, too
@@ -82,8 +82,8 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
     A host stamps what it receives, with a delay that varies, and receives several samples of a
     transfer at once. The samples are found in two ways:
 
-    - by the sensor's clock, where the time stamps still show it (`_numbered`). This tells lost
-      samples from late ones.
+    - by the sensor's clock, where the time stamps still show it (`_number_samples`). This tells
+      lost samples from late ones.
     - by the line of the time stamps over the row number (`_on_line`). Its slope is the step.
 
     Time stamps of single rows stay as they are where they scatter by less than `_SCATTER`, where
@@ -115,11 +115,11 @@ def even_samples(rows, t, turn_rate, packets=None, rate=None, increments=False):
         return None
     on_line = _on_line(away, scatter, step, packets, bursts)
     even, clean = Even(step) if on_line else None, False
-    if numbered := _numbered(rows, t, packets):
-        first, lost, number, own_t, width = numbered
+    if numbers := _number_samples(rows, t, packets):
+        first, lost, number, own_t, width = numbers
         losses = np.flatnonzero(np.diff(lost)) + 1
         own_step, _ = _line(number, own_t)
-        beat = _beat(number[losses])
+        beat = _is_beat(number[losses])
         clean = single and width < _SCATTER and not beat
         if on_line and (beat or lost[-1] <= _FEW):
             losses = losses[:0]
@@ -162,7 +162,7 @@ def _on_line(away, scatter, step, packets, bursts):
     return np.ptp(medians) <= limit and scatter <= _LONGEST_PAUSE
 
 
-def _numbered(rows, t, packets):
+def _number_samples(rows, t, packets):
     """Return the number of each sample by the sensor's clock; None where stamps show no clock.
 
     Parameters
@@ -238,7 +238,7 @@ def _phase(x):
     return np.unwrap(np.angle(wave)) / (2 * np.pi)
 
 
-def _beat(at):
+def _is_beat(at):
     """Tell whether samples are missing because a host polls a sensor slower than its polls.
 
     They are then evenly spaced by the beat of the two clocks, which is not a whole number.
@@ -318,7 +318,7 @@ def spread(x, readable, step, last):
     return moved
 
 
-def rebuilt(timing, logged):
+def rebuilt_line(timing, logged):
     """Return the line on time stamps that were rebuilt as `Even` samples, or within packets.
 
     `timing` is the `Timing` of the log, `logged` are the figures as of quality.json of its times as
@@ -347,7 +347,7 @@ def rebuilt(timing, logged):
     return f"the stamps scatter about a regular clock{known}{done}"
 
 
-def broken(t, gaps, rate=None):
+def bursts_fault(t, gaps, rate=None):
     """Return what is wrong with time stamps in bursts that no line could rebuild, or None.
 
     A sensor that pauses by itself pauses for long, goes on for a second or more, or has the

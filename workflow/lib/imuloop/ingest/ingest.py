@@ -35,7 +35,7 @@ _COUNTED = (
     *("impossible_values", "spiked", "spike_values", "increments"),
 )
 # quantities that have a unit whether or not the log holds them
-_ALWAYS = ("time", *SENSORS)
+_WITH_UNIT = ("time", *SENSORS)
 
 
 @dataclass(frozen=True)
@@ -165,12 +165,12 @@ def read(paths, declared):
         absent = absent_sensor(log, columns)
     except RejectedLog as error:
         log, fault = RawLog(), error
-    units, doubts = used_units(log, declared.units)
+    units, doubts = choose_units(log, declared.units)
     how = absent, fault, doubts
     return Reading(files, state, log_format, log, units, declared.nominal, *how)
 
 
-def used_units(log, declared):
+def choose_units(log, declared):
     """Return the unit of each quantity, and where the log itself says otherwise (texts).
 
     `declared` are those of the config; an ImuloopError where one is no unit.
@@ -197,7 +197,7 @@ def used_units(log, declared):
         for quantity, unit in used.items()
         if (stated := log.units.get(quantity, unit)) != unit
     ]
-    return {q: u for q, u in used.items() if q in _ALWAYS or q in log.found}, doubts
+    return {q: u for q, u in used.items() if q in _WITH_UNIT or q in log.found}, doubts
 
 
 def convert(reading, declared):
@@ -216,7 +216,7 @@ def convert(reading, declared):
     if timing.logged is not None:
         counts.logged = quality.time_figures(timing.logged)
         del counts.logged["rows"]
-        counts.rebuilt = even_stamps.rebuilt(timing, counts.logged)
+        counts.rebuilt = even_stamps.rebuilt_line(timing, counts.logged)
     return samples, counts
 
 
@@ -229,7 +229,7 @@ def check(reading, samples, counts, declared, kind):
     def measured():
         if log.slower:
             return slower_sensor.measure(samples, log.slower, raw_units, full_scale)
-        return _without(absent, quality.measure(samples, raw_units, full_scale))
+        return _drop_absent(absent, quality.measure(samples, raw_units, full_scale))
 
     figures, in_ms = measured(), None
     unstated = not ("time" in declared.units or "time" in log.units or counts.start_ns)
@@ -237,7 +237,7 @@ def check(reading, samples, counts, declared, kind):
         stamped = samples.get(LOGGED_TIME, samples[TIME])
         points = np.column_stack([stamped, stamped])
         in_ms = milliseconds(samples, figures, points, gravity, rate)
-    bursts = even_stamps.broken(samples[TIME], figures["gaps"], rate)
+    bursts = even_stamps.bursts_fault(samples[TIME], figures["gaps"], rate)
     dropped, at = figures.pop("isolated")
     if len(dropped):
         number = np.bincount(at, minlength=len(CHANNELS)).tolist()
@@ -301,8 +301,8 @@ def check(reading, samples, counts, declared, kind):
     return no_samples(log) if reasons or wrong else samples, found, origin
 
 
-def _without(absent, figures):
-    """Return quality figures that do not speak of a sensor, by its quantity, that is not there."""
+def _drop_absent(absent, figures):
+    """Return quality figures without those of a sensor, by quantity, that is `absent`, if any."""
     if not absent:
         return figures
     axes, faults = SENSORS[absent], figures["faults"]

@@ -97,11 +97,11 @@ def find_timeline(timing, log, tick, columns, path=None):
     # a log repeats the last mark in each row
     new = np.append(True, (np.diff(counters) != 0) | (np.diff(times) != 0))
     own = timing.x[timing.usable]
-    counters = _beside(counters[new], timing.clock.span_in(tick), own, tick)
-    return timeline(counters, times[new], dated, own, tick * 1e-9)
+    counters = _align(counters[new], timing.clock.span_in(tick), own, tick)
+    return _fit_timeline(counters, times[new], dated, own, tick * 1e-9)
 
 
-def _beside(counters, width, own, tick):
+def _align(counters, width, own, tick):
     """Return counters of marks in line with those of a log, `own`.
 
     `width` is the span of the log's counter, if it rolled over.
@@ -121,7 +121,7 @@ def _beside(counters, width, own, tick):
 
 # marks of a broken log can be anywhere
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def timeline(counters, times, dated, own, scale):
+def _fit_timeline(counters, times, dated, own, scale):
     """Return GNSS time over the counter, through the marks that can be used.
 
     Rejected are marks that are no whole second, that are more than `MOST_OFF` of a second away from
