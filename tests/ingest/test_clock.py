@@ -98,6 +98,15 @@ def test_a_crop_in_seconds_is_half_open_and_starts_at_zero(log, run):
     assert len(run(log, time_range=[2.05, None]).samples) == 300
 
 
+@pytest.mark.parametrize("at", [[499], [498, 499], [0], [1, 499]])
+def test_a_late_stamp_at_an_end_of_the_log_is_a_row_less(log, run, at):
+    log.loc[at, "t"] -= 1.005
+    done = run(log)
+    kept = log.t.drop(at if at != [0] else [])
+    assert done.quality["out_of_order"] == 500 - len(kept)
+    np.testing.assert_allclose(done.samples.t, kept - kept.iloc[0], rtol=0, atol=1e-12)
+
+
 def test_a_log_without_time_has_the_declared_rate(log, run):
     # a row that is dropped keeps its place in time
     log.loc[3, "ax"] = np.nan

@@ -147,8 +147,8 @@ def _count_unpadded(last, first, second):
 
 def _is_stray(stamps, newest):
     """Tell whether the rows after the first go on as if it were not there."""
-    back = (newest < stamps) & (stamps <= stamps[0])
-    return back[1:2].all() and stamps[1:2] != stamps[0] and np.count_nonzero(back[1:]) >= 2
+    back = (newest < stamps[1:]) & (stamps[1:] <= stamps[0])
+    return np.count_nonzero(back) >= 2 and back[0] and stamps[1] < stamps[0]
 
 
 def _times(count):

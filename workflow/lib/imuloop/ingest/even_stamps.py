@@ -318,6 +318,8 @@ def spread(x, readable, step, last):
     return moved
 
 
+# times of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore")
 def rebuilt_line(timing, logged):
     """Return the line on time stamps that were rebuilt as `Even` samples, or within packets.
 
@@ -347,6 +349,8 @@ def rebuilt_line(timing, logged):
     return f"the stamps scatter about a regular clock{known}{done}"
 
 
+# times of a broken log can be of any size
+@np.errstate(over="ignore", invalid="ignore")
 def bursts_fault(t, gaps, rate=None):
     """Return what is wrong with time stamps in bursts that no line could rebuild, or None.
 
