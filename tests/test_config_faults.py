@@ -59,7 +59,7 @@ SESSION = """
     columns: {temperature: 1.5}
     columns.temperature: 1.5 is not a whole number
     columns: {acceleration: true}
-    columns.acceleration: True is not a list or text
+    columns.acceleration: True is not a list or text or null
     columns: {acceleration: [ax, ax, az]}
     columns.acceleration: ['ax', 'ax', 'az'] names a column twice
 """  # noqa: E501

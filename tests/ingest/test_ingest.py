@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import textwrap
 from pathlib import Path
 
 import numpy as np
@@ -18,32 +17,6 @@ from imuloop.ingest import ingest as stage
 from ingest.logs import brief
 
 
-def in_child(folder, code):
-    """Run code in its own process in a folder; return what it prints."""
-    head = """
-        import resource
-        from pathlib import Path
-        from imuloop.core.files import read_json
-        from imuloop.ingest.ingest import ingest
-
-        def run(path):
-            ingest(device="imu", session="poses", kind="static", paths=[path],
-                   samples_path="out/samples.parquet", quality_path="out/quality.json")
-            return read_json("out/quality.json")
-    """
-    library = Path(stage.__file__).parents[2]
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(head) + textwrap.dedent(code)],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(library)},
-        capture_output=True,
-        text=True,
-        timeout=60,
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
-
-
 @pytest.fixture
 def path(log, tmp_path):
     log.to_csv(tmp_path / "log.csv", index=False)
@@ -53,6 +26,7 @@ def path(log, tmp_path):
 def test_where_samples_come_from_is_kept_with_them(path, run):
     source = {"log": {"url": "https://example.org/log.csv", "sha256": "ab"}}
     done = run(path, sources=source)
+    units = {"time": "s", "acceleration": "m/s^2", "angular_rate": "rad/s"}
     assert done.metadata == {
         "device": "imu",
         "session": "poses",
@@ -60,45 +34,32 @@ def test_where_samples_come_from_is_kept_with_them(path, run):
         "log_format": "csv",
         "source": source,
         "sha256": {"log.csv": hashlib.sha256(path.read_bytes()).hexdigest()},
-        "units": {"time": "s", "acceleration": "m/s^2", "angular_rate": "rad/s"},
+        "units": units,
         "raw_units": {
-            "acceleration": {"name": "m/s^2", "scale": 1.0, "offset": 0.0},
-            "angular_rate": {"name": "rad/s", "scale": 1.0, "offset": 0.0},
+            quantity: {"name": units[quantity], "scale": 1.0, "offset": 0.0}
+            for quantity in ("acceleration", "angular_rate")
         },
         "declared": {},
         "sensor_ids": {},
         "simulated": False,
         "start": None,
     }
-    for key, value in done.metadata.items():
-        assert done.quality[key] == value
-    fields = pq.read_schema(done.path)
-    assert fields.equals(schema(False))
+    assert done.metadata.items() <= done.quality.items()
+    assert pq.read_schema(done.path).equals(schema(False))
 
 
 # --- hostile files: one clear line, nothing half-written, nothing outside
 
 
-@pytest.mark.parametrize("line", [pytest.param("7", marks=pytest.mark.study), "\\0"])
-def test_a_line_of_100_MB_costs_its_share(log, tmp_path, line):
-    """A hole in the file, which is zeros without room on the disk: nothing was in it."""
+def test_a_hole_of_zeros_in_a_file_is_a_line_that_is_no_row(log, run, tmp_path):
+    """Protects what a logger's disk holds after its power failed."""
     half = len(log) // 2
     with open(tmp_path / "log.csv", "wb") as file:
         file.write(log.head(half).to_csv(index=False).encode())
-        if line == "\\0":
-            # what a logger's disk holds after its power failed: a hole of zeros
-            file.seek(1 << 27, os.SEEK_CUR)
-        for _ in range(0 if line == "\\0" else 100):
-            file.write(line.encode() * ((1 << 20) // len(line)))
+        file.seek(1 << 27, os.SEEK_CUR)
         file.write(b"\n" + log.tail(half).to_csv(index=False, header=False).encode())
-    found = in_child(
-        tmp_path,
-        """
-        quality = run("log.csv")
-        print(quality["status"], quality["rows"], quality["bad_lines"])
-        """,
-    ).split()
-    assert found == (["ok", "500", "1"] if line == "\\0" else ["rejected", "500", "1"])
+    found = run(tmp_path / "log.csv").quality
+    assert (found["status"], found["rows"], found["bad_lines"]) == ("ok", 500, 1)
 
 
 @pytest.mark.parametrize("kind", ["none", "fifo", "loop", "dangling", "folder", "device"])
@@ -129,29 +90,25 @@ def test_a_file_that_may_not_be_read_is_a_fault_of_the_machine(path, run, monkey
         run(path)
 
 
-@pytest.mark.parametrize("change", ["grow", "remove"])
+@pytest.mark.parametrize("change", [lambda path: path.write_text("t"), lambda path: path.unlink()])
 def test_a_file_that_changes_while_it_is_read(path, run, monkeypatch, change):
-    convert = stage.si_samples
-
-    def changing(*args, **options):
-        if change == "grow":
-            with open(path, "ab") as file:
-                file.write(b"9,0,0,9.8,0,0,0\n")
-        else:
-            path.unlink()
-        return convert(*args, **options)
-
-    monkeypatch.setattr(stage, "si_samples", changing)
+    convert = stage.convert
+    monkeypatch.setattr(stage, "convert", lambda *given: [convert(*given), change(path)][0])
     assert run(path).quality["reasons"] == ["the file changed while it was read"]
 
 
 def test_a_full_disk_leaves_the_old_results_and_one_line(path, tmp_path):
     noise = np.random.default_rng(0).normal(size=(20_000, 7))
     (brief(20_000) + noise * [0, *[1] * 6]).to_csv(tmp_path / "big.csv", index=False)
-    said = in_child(
-        tmp_path,
-        """
-        import signal
+    code = """if True:
+        import resource, signal
+        from pathlib import Path
+        from imuloop.ingest.ingest import ingest
+
+        def run(path):
+            ingest(device="imu", session="poses", kind="static", paths=[path],
+                   samples_path="out/samples.parquet", quality_path="out/quality.json")
+
         run("log.csv")
         old = {p.name: p.read_bytes() for p in Path("out").iterdir()}
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
@@ -161,8 +118,9 @@ def test_a_full_disk_leaves_the_old_results_and_one_line(path, tmp_path):
         except Exception as error:
             print(type(error).__name__, error)
         assert {p.name: p.read_bytes() for p in Path("out").iterdir()} == old
-        """,
-    )
-    assert said == (
-        "MachineFault imu/poses: big.csv: out/samples.parquet cannot be written: File too large\n"
-    )
+    """
+    environment = {**os.environ, "PYTHONPATH": str(Path(stage.__file__).parents[2])}
+    how = {"env": environment, "capture_output": True, "text": True, "timeout": 60}
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, **how)
+    why = "out/samples.parquet cannot be written: File too large"
+    assert done.stdout == f"MachineFault imu/poses: big.csv: {why}\n", done.stderr

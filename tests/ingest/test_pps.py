@@ -10,37 +10,35 @@ from ingest.logs import brief
 # two swings of the temperature
 ROWS, START = 18_000, 345_600
 SECONDS = np.arange(1, ROWS // 100)
-MARKS = len(SECONDS)
+MARKS, TRUE = len(SECONDS), 0.0035 + np.arange(ROWS) / 100
 
 
 def local(t):
     """Return an oscillator's reading, us, at GNSS times: 37 ppm fast, 2 ppm with temperature."""
     # temperature swings within 90 s; the integral of its error in closed form
-    return 1e6 * (t + 37e-6 * t + 2e-6 * 90 / (2 * np.pi) * (1 - np.cos(2 * np.pi * t / 90)))
+    swing = 2e-6 * 90 / (2 * np.pi) * (1 - np.cos(2 * np.pi * t / 90))
+    return np.rint(5e6 + 1e6 * (t + 37e-6 * t + swing)).astype(np.int64)
 
 
-@pytest.fixture
-def pps():
-    """A log whose time column is a local counter from 5 s on, us, its GNSS times, and its marks."""
-    true = 0.0035 + np.arange(ROWS) / 100
-    table = brief(ROWS).assign(t=np.rint(5e6 + local(true)).astype(np.int64))
-    counter = np.rint(5e6 + local(SECONDS)).astype(np.int64)
-    return table, true, pd.DataFrame({"counter": counter, "gnss": START + SECONDS})
+def made(shift=0):
+    """Return a log whose time column is a local counter of 32 bits, us, and its marks."""
+    marks = {"counter": (local(SECONDS) + shift) % 2**32, "gnss": START + SECONDS}
+    return brief(ROWS).assign(t=(local(TRUE) + shift) % 2**32), pd.DataFrame(marks)
 
 
-def last_mark(table, true, marks):
+def last_mark(log, marks):
     """Return the log with the last mark in each row, zeros before the first."""
-    row = np.searchsorted(marks.gnss - START, true, side="right") - 1
+    row = np.searchsorted(marks.gnss - START, TRUE, side="right") - 1
     latched = marks.to_numpy()[np.maximum(row, 0)] * (row >= 0)[:, None]
-    return table.assign(pps_us=latched[:, 0], gnss_s=latched[:, 1])
+    return log.assign(pps_us=latched[:, 0], gnss_s=latched[:, 1])
 
 
 @pytest.fixture
 def by_marks(run, tmp_path):
     """Ingest a log and marks in a file, or in the log where `marks` is None."""
 
-    def call(table, marks=None, **declared):
-        table.to_parquet(tmp_path / "log.parquet", index=False)
+    def call(log, marks=None, **declared):
+        log.to_parquet(tmp_path / "log.parquet", index=False)
         given = {"units": {"time": "us"}, "pps": {"counter": "pps_us", "time": "gnss_s"}}
         paths = [tmp_path / "log.parquet"]
         if marks is not None:
@@ -54,24 +52,20 @@ def by_marks(run, tmp_path):
 
 
 def by_formula(counters, marks):
-    found, (c, t) = [], marks.to_numpy().T
-    for c2 in counters:
-        k = max(i for i in range(len(c) - 1) if c[i] <= c2 or i == 0)
-        c1, c3, t1, t3 = float(c[k]), float(c[k + 1]), float(t[k]), float(t[k + 1])
-        b = (t3 - t1) - (c3 - c1) * 1e-6
-        found.append(t1 + (c2 - c1) * 1e-6 + b * (c2 - c1) / (c3 - c1))
-    return np.array(found)
+    c, t = marks.to_numpy(float).T
+    k = np.clip(np.searchsorted(c, counters, side="right") - 1, 0, len(c) - 2)
+    b = (t[k + 1] - t[k]) - (c[k + 1] - c[k]) * 1e-6
+    return t[k] + (counters - c[k]) * 1e-6 + b * (counters - c[k]) / (c[k + 1] - c[k])
 
 
-def test_the_true_time_comes_back_by_the_formula(pps, by_marks):
-    table, true, marks = pps
-    done = by_marks(table, marks)
+def test_the_true_time_comes_back_by_the_formula(by_marks):
+    log, marks = made()
+    done = by_marks(log, marks)
     # counters are whole us; within 1 s temperature bends the clock by some 0.02 us
-    np.testing.assert_allclose(done.samples.t, true - true[0], rtol=0, atol=2.2e-6)
-    some = np.r_[0:5, 95:105, 5000:5010, ROWS - 5 : ROWS]
-    expected, found = by_formula(table.t.to_numpy()[some], marks), done.samples.t.to_numpy()[some]
+    np.testing.assert_allclose(done.samples.t, TRUE - TRUE[0], rtol=0, atol=2.2e-6)
     # numbers of six digits before the point keep ten behind it
-    np.testing.assert_allclose(found - found[0], expected - expected[0], rtol=0, atol=2e-10)
+    expected = by_formula(log.t.to_numpy(), marks)
+    np.testing.assert_allclose(done.samples.t, expected - expected[0], rtol=0, atol=2e-10)
     figures = done.quality["clock"]["pps"]
     assert (figures["marks"], figures["rejected"], figures["missed"]) == (MARKS, 0, 0)
     assert figures["drift_ppm"] == pytest.approx(37, abs=0.3)
@@ -82,72 +76,61 @@ def test_the_true_time_comes_back_by_the_formula(pps, by_marks):
     assert done.metadata["start"] is None and {*done.metadata["source"]} == {"log", "pps"}
     assert done.quality["warnings"][0].startswith(f"t is GNSS time through {MARKS} 1PPS marks")
     # marks in the log are the same; its rows of zeros at the start are no mark
-    latched = last_mark(*pps)
-    inside = by_marks(latched)
+    inside = by_marks(last_mark(log, marks))
     np.testing.assert_array_equal(inside.samples.t, done.samples.t)
     assert inside.quality["clock"]["pps"]["rejected"] == 1
     assert inside.quality["columns"]["pps"] == ["pps_us", "gnss_s"]
 
 
-def test_marks_that_are_missing_jitter_or_are_none_are_counted(pps, by_marks):
-    table, true, marks = pps
-    done = by_marks(table, marks.drop([*range(50, 60), 100]))
+def test_marks_that_are_missing_jitter_or_are_none_are_counted(by_marks):
+    log, marks = made()
+    done = by_marks(log, marks.drop([*range(50, 60), 100]))
     figures = done.quality["clock"]["pps"]
     assert (figures["missed"], figures["longest_step_s"]) == (11, 11)
     # over 11 s temperature bends the clock by up to 2e-6 * 2 pi / 90 * 11^2 / 8 = 2.1 us
-    np.testing.assert_allclose(done.samples.t, true - true[0], rtol=0, atol=4.5e-6)
+    np.testing.assert_allclose(done.samples.t, TRUE - TRUE[0], rtol=0, atol=4.5e-6)
     assert "11 marks missed, the longest way 11 s" in done.quality["warnings"][0]
     marks["counter"] += np.random.default_rng(4).integers(0, 20, len(marks))
     wrong = {20: 700, 21: -900, 60: 40_000, 75: 600, 76: 2_000, 77: -800, 110: 300_000}
     marks.loc[[*wrong], "counter"] += [*wrong.values()]
     marks["gnss"] = marks.gnss.astype(float)
     marks.loc[[40, 95], "gnss"] += [0.25, -0.5]
-    done = by_marks(table, marks)
+    done = by_marks(log, marks)
     figures = done.quality["clock"]["pps"]
     assert (figures["rejected"], figures["missed"]) == (9, 9)
-    error = done.samples.t - (true - true[0])
+    error = done.samples.t - (TRUE - TRUE[0])
     assert np.ptp(error) < 60e-6
     assert np.median(np.abs(error - np.median(error))) < 10e-6
 
 
 @pytest.mark.parametrize("inside", [False, True])
 @pytest.mark.parametrize("offset", [100, 5, -3])
-def test_a_counter_of_marks_that_rolls_over_goes_on(pps, by_marks, offset, inside):
-    table, true, marks = pps
+def test_a_counter_of_marks_that_rolls_over_goes_on(by_marks, offset, inside):
     # rolls over so many seconds after the log begins
-    shift = 2**32 - table.t[0] - offset * 10**6
-    table["t"] = (table.t + shift) % 2**32
-    marks["counter"] = (marks.counter + shift) % 2**32
-    if inside:
-        done = by_marks(last_mark(table, true, marks))
-    else:
-        # marks that begin before the log does
-        before = np.arange(8, 0, -1)
-        counter = (marks.counter[0] - 10**6 * before) % 2**32
-        early = pd.DataFrame({"counter": counter, "gnss": marks.gnss[0] - before})
-        done = by_marks(table, pd.concat([early, marks]))
-    np.testing.assert_allclose(done.samples.t[200:], (true - true[0])[200:], rtol=0, atol=1e-4)
+    log, marks = made(2**32 - local(TRUE[0]) - offset * 10**6)
+    # marks in a file begin before the log does
+    before = np.arange(8, 0, -1)
+    counter = (marks.counter[0] - 10**6 * before) % 2**32
+    early = pd.DataFrame({"counter": counter, "gnss": marks.gnss[0] - before})
+    given = [last_mark(log, marks)] if inside else [log, pd.concat([early, marks])]
+    done = by_marks(*given)
+    np.testing.assert_allclose(done.samples.t[200:], (TRUE - TRUE[0])[200:], rtol=0, atol=1e-4)
     assert done.quality["clock"]["pps"]["missed"] == 0
     assert done.quality["clock"]["rollovers"] == (offset > 0)
 
 
-def test_marks_may_be_of_a_week_that_ends_or_dates(pps, by_marks):
-    table, _, marks = pps
-    straight = by_marks(table, marks).samples.t
+def test_marks_may_be_of_a_week_that_ends_or_dates(by_marks):
+    log, marks = made()
+    straight = by_marks(log, marks).samples.t
     week = marks.assign(gnss=(marks.gnss - START + 604_720) % 604_800)
-    np.testing.assert_array_equal(by_marks(table, week).samples.t, straight)
+    np.testing.assert_array_equal(by_marks(log, week).samples.t, straight)
     dates = pd.Timestamp("2024-02-29T23:59:00Z") + pd.to_timedelta(SECONDS, "s")
     marks = marks.assign(gnss=dates.strftime("%Y-%m-%dT%H:%M:%SZ"))
-    dated = by_marks(table, marks)
-    np.testing.assert_array_equal(dated.samples.t, straight)
-    cropped = by_marks(table, marks, time_range=["2024-03-01T00:00:00Z", None])
-    assert len(cropped.samples) == ROWS - 6000
-    for done, begin in (
-        (dated, "2024-02-29T23:59:00.0035Z"),
-        (cropped, "2024-03-01T00:00:00.0035Z"),
-    ):
-        away = pd.Timestamp(done.metadata["start"]) - pd.Timestamp(begin)
-        assert abs(away) < pd.Timedelta("2us")
+    np.testing.assert_array_equal(by_marks(log, marks).samples.t, straight)
+    for begin, rows in (("2024-02-29T23:59:00", ROWS), ("2024-03-01T00:00:00", ROWS - 6000)):
+        done = by_marks(log, marks, time_range=[f"{begin}Z", None])
+        away = pd.Timestamp(done.metadata["start"]) - pd.Timestamp(f"{begin}.0035Z")
+        assert len(done.samples) == rows and abs(away) < pd.Timedelta("2us")
 
 
 @pytest.mark.parametrize(
@@ -157,13 +140,14 @@ def test_marks_may_be_of_a_week_that_ends_or_dates(pps, by_marks):
         (lambda t, m: (t, m.assign(counter=m.counter * 10)), "no two fit together"),
         (lambda t, m: (t, m.assign(counter=m.counter + 10**12)), "share no time"),
         (lambda t, m: (t, m[:1]), "of 1 marks no two fit together"),
+        (lambda t, m: (t, m[:0]), "no"),
+        (lambda t, m: (last_mark(t, m).assign(pps_us=np.nan),), "the log holds no marks"),
         (lambda t, m: (t.assign(t=np.r_[t.t[:8000] + 10**9, t.t[8000:] - 8 * 10**7]), m),
          "the local counter starts again"),
     ],
 )  # fmt: skip
-def test_marks_that_do_not_fit_reject_the_log(pps, by_marks, change, reason):
-    table, _, marks = pps
-    found = by_marks(*change(table, marks)).quality
+def test_marks_that_do_not_fit_reject_the_log(by_marks, change, reason):
+    found = by_marks(*change(*made())).quality
     assert found["status"] == "rejected" and reason in found["reasons"][0]
 
 
@@ -178,9 +162,7 @@ def test_marks_that_do_not_fit_reject_the_log(pps, by_marks, change, reason):
          "stamps are dates, not a local counter"),
     ],
 )  # fmt: skip
-def test_marks_that_are_declared_wrongly_are_one_line(
-    pps, by_marks, change, inside, declared, line
-):
-    table, _, marks = pps
+def test_marks_that_are_declared_wrongly_are_one_line(by_marks, change, inside, declared, line):
+    log, marks = made()
     with pytest.raises(ImuloopError, match=line):
-        by_marks(change(table), None if inside else marks, **declared)
+        by_marks(change(log), None if inside else marks, **declared)

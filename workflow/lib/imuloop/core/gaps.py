@@ -16,7 +16,7 @@ import numpy as np
 
 # one dropped sample doubles the step
 GAP_STEPS = 1.5
-# less than `ingest.clocks.RESET_STEPS`, ten: the step that ingest puts where a clock starts again
+# less than `ingest.clocks.FEW_STEPS`, ten: the step that ingest puts where a clock starts again
 LONG_GAP_STEPS = 9.5
 
 

@@ -1,8 +1,9 @@
 """Attitudes and places of a reference over time: turns between them, values at instants."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
@@ -27,11 +28,10 @@ class Reference:
         """Which samples have an attitude."""
         return np.isfinite(self.q[:, 0])
 
-    def without(self, cut):
-        """Return the same with what is cut as not-a-number."""
-        q, p = self.q.copy(), self.p.copy()
-        q[cut], p[cut] = np.nan, np.nan
-        return replace(self, q=q, p=p)
+    @property
+    def placed(self):
+        """Which samples have a place."""
+        return np.isfinite(self.p[:, 0])
 
 
 def turns(reference, seconds=COMPARED):
@@ -49,34 +49,30 @@ def turns(reference, seconds=COMPARED):
 
 def angles(t, w, start, end):
     """Return the integral of the angular rate from start to end, (m, 3)."""
-    steps = np.diff(t)[:, None] * (w[1:] + w[:-1]) / 2
-    total = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    ends = (np.column_stack([np.interp(x, t, c) for c in total.T]) for x in (start, end))
-    first, last = ends
+    total = cumulative_trapezoid(w, t, axis=0, initial=0)
+    first, last = (np.column_stack([np.interp(x, t, c) for c in total.T]) for x in (start, end))
     return last - first
 
 
 def at_instants(reference, t):
     """Return the reference at instants, s, by column: cubics between samples, over short losses."""
     found = {name: np.full(len(t), np.nan) for name in (*ORIENTATION, *POSITION)}
-    known = np.flatnonzero(reference.known)
-    q = reference.q[known]
-    # of the two quaternions of an attitude that near the one before
-    q = q * np.cumprod(np.append(1, np.where((q[1:] * q[:-1]).sum(axis=1) < 0, -1, 1)))[:, None]
-    places = np.flatnonzero(np.isfinite(reference.p[:, 0]))
-    for names, at, values in (
-        (ORIENTATION, known, q),
-        (POSITION, places, reference.p[places]),
+    longest = max(BRIDGED, 1.5 * np.median(np.diff(reference.t)))
+    for names, known, values in (
+        (ORIENTATION, reference.known, reference.q),
+        (POSITION, reference.placed, reference.p),
     ):
-        times = reference.t[at]
-        usual = np.median(np.diff(reference.t))
-        breaks = np.flatnonzero(np.diff(times) > max(BRIDGED, 1.5 * usual)) + 1
-        for part in np.split(np.arange(len(at)), breaks):
-            if len(part) < 4:
+        times, values = reference.t[known], values[known]
+        if names is ORIENTATION:
+            # of the two quaternions of an attitude that near the one before
+            turned = (values[1:] * values[:-1]).sum(axis=1) < 0
+            values = values * np.cumprod(np.append(1, np.where(turned, -1, 1)))[:, None]
+        breaks = np.flatnonzero(np.diff(times) > longest) + 1
+        for own, part in zip(np.split(times, breaks), np.split(values, breaks), strict=True):
+            if len(own) < 4:
                 continue
-            own = times[part]
-            inside = np.flatnonzero((t >= own[0] - 1e-9) & (t <= own[-1] + 1e-9))
-            value = CubicSpline(own, values[part])(t[inside])
+            inside = (t >= own[0] - 1e-9) & (t <= own[-1] + 1e-9)
+            value = CubicSpline(own, part)(t[inside])
             if names is ORIENTATION:
                 value = value / np.linalg.norm(value, axis=1, keepdims=True)
             for name, column in zip(names, value.T, strict=True):

@@ -1,25 +1,26 @@
-"""A log's clock: stamps that roll over, start again or stray; jumps ahead: `core.segments`."""
+"""A log's clock: time stamps that roll over, start again or stray are mended.
+
+Steps in which samples are missing are in `core.gaps`.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from imuloop.core.gaps import gap_limit
+from imuloop.ingest.stamps import MOST
 
-# rows after a fall of the stamps that show what it is
+# rows before and after a fall of the stamps that show what it is
 AHEAD = 100
-# a counter's last stamp and its first after the roll-over lie at most so many steps apart
-ROLL_STEPS = 10
-# stamps that fall by fewer steps are late, not a clock that starts again
-RESET_STEPS = 10
-# of the steps after a reset, at least so many go forward
+# a counter's last stamp and its first after the roll-over lie at most so many steps apart; stamps
+# that fall by fewer steps are late; after a clock that starts again, t goes on so many steps later
+FEW_STEPS = 10
+# of the steps after a clock starts again, at least this share goes forward
 _FORWARD = 0.9
-# a clock that falls more often is left as it is
+# a clock that falls more often is left as it is, so that no log takes hours
 MOST_FALLS = 10_000
-# largest stamp that is mended, and largest fall: their sums fit 64 bits
-_LARGEST, _LARGEST_FALL = 1 << 61, 1 << 60
 # a part of a second without its leading zeros makes stamps fall within a second, from 0.9 and more
-# to 0.1, as 100 ms do; seen so often, and in this share of all falls
+# to 0.1, as 100 ms do; so often and in this share of all falls, it is no accident
 _LEAST_UNPADDED, _UNPADDED_SHARE = 5, 0.45
 # spans of counters, ns: 2^k of ns, us, ms and s, 10^k, a minute, an hour, a day and a week
 SPANS = sorted(
@@ -27,21 +28,19 @@ SPANS = sorted(
     | {10**k for k in range(5, 19)}
     | {s * 10**9 for s in (60, 3600, 86400, 604800)}
 )
-# figures of the stamps as logged, kept where they are rebuilt
-_LOGGED = ("duration_s", "rate_hz", "jitter", "gaps")
 
 
 def span(last, first, step, tick=1):
     """Return the span of a counter that rolls over from `last` to `first`; None if none fits.
 
-    The spans are `SPANS`, in units of `tick` ns; the counter starts at 0, or at minus half of its
-    span; `step` is the usual step of the stamps. Whole stamps give a whole span.
+    The spans are `SPANS`, in units of `tick` ns. The counter starts at 0, or at minus half of its
+    span. `step` is the usual step of the stamps. Whole stamps give a whole span.
     """
     whole, fits = isinstance(last, int) and isinstance(first, int), []
     for ns in SPANS:
         width = (ns + tick // 2) // tick if whole else ns / tick
         away, low = width - (last - first), 0 if first >= 0 else -width / 2
-        near = 0 < away <= ROLL_STEPS * step and width >= AHEAD * step
+        near = 0 < away <= FEW_STEPS * step and width >= AHEAD * step
         if near and low <= first and last <= low + width:
             fits.append((abs(away - step), width))
     return min(fits, default=(None, None))[1]
@@ -49,60 +48,49 @@ def span(last, first, step, tick=1):
 
 @dataclass
 class Clock:
-    """What is known of a clock after some rows, and what was mended in them.
+    """What was mended in the stamps of a log.
 
-    At each of `rollovers` the span of the counter, `span_s`, is added; after each of `resets` the
-    stamps go on `RESET_STEPS` usual steps after the last; `strays` are stamps ahead of at least two
-    rows that follow in their place, taken as missing.
+    At each of `rollovers` the span of the counter, `span_s`, is added. After each of `resets` the
+    stamps go on `FEW_STEPS` usual steps after the last. `strays` are stamps ahead of at least two
+    rows that follow in their place; they are taken as missing. `unpadded` is how often the stamps
+    fall because parts of a second lack their leading zeros.
     """
 
     rollovers: int = 0
     span_s: float | None = None
     resets: int = 0
     strays: int = 0
-    _unpadded: int = 0
-    _falls: int = 0
+    unpadded: int = 0
 
     def mended(self, x, readable, tick=None):
         """Return stamps as of a clock that never falls, and which of them can be used.
 
         Single late rows stay as they are: rows that follow leap back to where the stamps were.
-        `x` and `readable` are stamps as logged, and which of them are readable; `tick` nanoseconds
-        per unit, None for dates, which do not roll over.
+        `x` and `readable`, (n,), are stamps as logged, and which of them are readable; `tick` are
+        nanoseconds per unit, None for dates, which do not roll over.
         """
-        own = np.flatnonzero(readable)
-        values = x[own]
+        rows, values = np.flatnonzero(readable), x[readable]
         falls = np.flatnonzero(np.diff(values) < 0)
         if tick is None or (tick == 10**9 and values.dtype.kind == "f"):
-            second = 1 if tick else 10**9
-            last, first = values[falls], values[falls + 1]
-            fell = (last // second == first // second) & (last - first > 0.1 * second)
-            self._unpadded = np.count_nonzero(fell & (first % second < 0.2 * second))
-
-        mended, usable = x.copy(), readable.copy()
-        # the newest stamp since the clock was mended, the last stamps, and what is added by now
-        newest, recent, shift, begin = -np.inf, values[:0], 0, 0
-        # the row before a fall, and the one after it
-        judged = np.union1d(falls, falls + 1)[:MOST_FALLS]
-        self._falls = len(judged)
-        for i in judged:
+            self.unpadded = _count_unpadded(values[falls], values[falls + 1], 1 if tick else 10**9)
+        added, usable = np.zeros_like(x), readable.copy()
+        # the newest stamp and the rows since the clock was mended, and what was added by then
+        newest, begin, shift = -np.inf, 0, 0
+        # the row before a fall may stray, the one after it may be late or of a clock that fell
+        for i in np.union1d(falls, falls + 1)[:MOST_FALLS]:
             if begin < i:
                 newest = max(newest, values[begin:i].max().item())
-            recent = np.concatenate((recent, values[begin:i][-AHEAD:]))[-AHEAD:]
-            begin, row = i, own[i]
-            window = slice(row, row + AHEAD)
-            stamps = x[window][readable[window]]
-            if _strays(stamps, newest):
-                usable[row] = False
+            begin, ahead = i, values[i : i + AHEAD]
+            if _is_stray(ahead, newest):
+                usable[rows[i]] = False
                 self.strays += 1
                 begin = i + 1
-            elif newest > values[i]:
-                whole = len(x[window]) == AHEAD
-                if added := self._judged(stamps, newest, recent, shift, whole, tick):
-                    shift += added
-                    newest = -np.inf
-                    mended[row:] = x[row:] + shift
-        return mended, usable
+            elif newest > ahead[0]:
+                more = self._fall(values[max(0, i - AHEAD) : i], newest, ahead, tick)
+                # sums of stamps and shifts fit 64 bits
+                if more and shift + more <= MOST // 2:
+                    shift, added[rows[i]], newest = shift + more, more, -np.inf
+        return x + np.cumsum(added), usable
 
     def span_in(self, tick):
         """Return the span of the counter in units of `tick` ns; None where it did not roll over."""
@@ -110,92 +98,76 @@ class Clock:
 
     # stamps of a broken log can be of any size
     @np.errstate(over="ignore", invalid="ignore")
-    def _judged(self, stamps, last, recent, shift, whole_window, tick):
+    def _fall(self, before, last, ahead, tick):
         """Return what is to be added from a fall of the stamps on; 0 for a late row."""
-        first = stamps[0].item()
-        steps = np.concatenate((np.diff(recent), np.diff(stamps)))
-        largest = max(abs(first), abs(last), abs(shift))
-        if not (steps > 0).any() or largest > _LARGEST or last - first > _LARGEST_FALL:
+        first, steps = ahead[0].item(), np.concatenate((np.diff(before), np.diff(ahead)))
+        if not (steps > 0).any():
             return 0
-        step = np.median(steps[steps > 0]).item()
-        returned = np.flatnonzero(stamps > last)
-        leaps = returned.size and stamps[returned[0]] - stamps[returned[0] - 1] > gap_limit(step)
-        if last - first < RESET_STEPS * step or leaps:
+        step, back = np.median(steps[steps > 0]).item(), (ahead > last).argmax()
+        leaps = back and ahead[back] - ahead[back - 1] > gap_limit(step)
+        if last - first < FEW_STEPS * step or leaps:
             return 0
         if width := tick and span(last, first, step, tick):
             self.rollovers += 1
             self.span_s = width * tick * 1e-9
             return width
-        forward = np.count_nonzero(np.diff(stamps) >= 0)
-        if not whole_window or len(stamps) < AHEAD / 2 or forward < _FORWARD * (len(stamps) - 1):
+        if len(ahead) < AHEAD or np.mean(np.diff(ahead) >= 0) < _FORWARD:
             return 0
         self.resets += 1
-        gap = RESET_STEPS * step
+        gap = FEW_STEPS * step
         return last - first + (max(round(gap), 1) if isinstance(first, int) else gap)
 
     def fault(self):
         """Return what makes the stamps fall where nothing mends them, or None."""
-        # a row before a fall and one after are looked at for each
-        if self._unpadded < max(_LEAST_UNPADDED, _UNPADDED_SHARE * self._falls / 2):
-            return None
-        return (
-            f"the stamps fall within the same second, {_times(self._unpadded)}, each time to 0.1 "
-            "s: parts of a second were joined without leading zeros (3 ms as .3); write all of "
-            "their digits, or a column of their own, columns.time: [sec, nanosec], or take the "
-            "rows as even: columns.time: null and rate in Hz"
+        return self.unpadded and (
+            f"the stamps fall within the same second, {_times(self.unpadded)}, each time to 0.1 s: "
+            "parts of a second were joined without leading zeros (3 ms as .3); write all of their "
+            "digits, or a column of their own, columns.time: [sec, nanosec]"
         )
 
     def warnings(self):
         """Return what was mended, a line each; nothing of stamps that are no time."""
-        found = (
-            (
-                self.rollovers,
-                f"the stamps roll over after {self.span_s or 0:.10g} s, {_times(self.rollovers)}: "
-                "the span is added",
-            ),
-            (
-                self.resets,
-                f"the stamps start again {_times(self.resets)}: t goes on after {RESET_STEPS} "
-                "usual steps, a gap whose length is not known",
-            ),
-            (
-                self.strays,
-                f"{self.strays} stamps lie ahead of rows that follow in their place: "
-                "taken as missing",
-            ),
-        )
-        return [] if self.fault() else [line for count, line in found if count]
+        found = {
+            f"the stamps roll over after {self.span_s or 0:.10g} s, {_times(self.rollovers)}: the "
+            "span is added": self.rollovers,
+            f"the stamps start again {_times(self.resets)}: t goes on after {FEW_STEPS} usual "
+            "steps, a gap whose length is not known": self.resets,
+            f"{self.strays} stamps lie ahead of rows that follow in their place: taken as "
+            "missing": self.strays,
+        }
+        return [line for line, count in found.items() if count and not self.unpadded]
 
 
-def _strays(stamps, newest):
+def _count_unpadded(last, first, second):
+    """Return how often stamps fall within a `second` as without leading zeros, 0 if by accident."""
+    same = (last // second == first // second) & (last - first > 0.1 * second)
+    count = np.count_nonzero(same & (first % second < 0.2 * second))
+    return count if count >= max(_LEAST_UNPADDED, _UNPADDED_SHARE * len(last)) else 0
+
+
+def _is_stray(stamps, newest):
     """Tell whether the rows after the first go on as if it were not there."""
-    first, rest = stamps[0], stamps[1:]
-    if not (rest.size and newest < rest[0] < first):
-        return False
-    return np.count_nonzero((rest > newest) & (rest <= first)) >= 2
+    back = (newest < stamps[1:]) & (stamps[1:] <= stamps[0])
+    return np.count_nonzero(back) >= 2 and back[0] and stamps[1] < stamps[0]
 
 
 def _times(count):
     return "once" if count == 1 else f"{count} times"
 
 
-def figures(clock, measured, rate=None, logged=None, pps=None):
-    """Return what quality.json says of a log's clock.
+def figures(counts, measured, rate=None):
+    """Return what quality.json says of a log's clock, by its `Counts` and quality figures.
 
-    `measured` are the figures of the samples, `logged` those as stamped, where the stamps were
-    rebuilt, `pps` those of 1PPS marks; `rate` is the declared one, Hz, of a log with stamps.
+    `rate` is the declared one, Hz, of a log with time stamps.
     """
     hertz, jitter = measured["rate_hz"], measured["jitter"]["std_s"]
     return {
-        "rollovers": clock.rollovers,
-        "span_s": clock.span_s,
-        "resets": clock.resets,
-        "strays": clock.strays,
-        "rebuilt": logged is not None,
-        "logged": logged and {key: logged[key] for key in _LOGGED},
+        **{key: getattr(counts.clock, key) for key in ("rollovers", "span_s", "resets", "strays")},
+        "rebuilt": counts.logged is not None,
+        "logged": counts.logged,
         # of a step
         "jitter_ppm": None if hertz is None else jitter * hertz * 1e6,
         # of the stamps' rate from the declared one
-        "drift_ppm": None if hertz is None or not rate else (hertz / rate - 1) * 1e6,
-        "pps": pps,
+        "drift_ppm": None if None in (hertz, rate) else (hertz / rate - 1) * 1e6,
+        "pps": counts.pps,
     }

@@ -12,7 +12,7 @@ of the marks: the local clock's error over the interval is spread evenly over it
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
+from scipy.ndimage import median_filter
 
 from imuloop.core.errors import ImuloopError, RejectedLog
 from imuloop.core.stretches import stretches_of
@@ -20,13 +20,13 @@ from imuloop.ingest.clocks import Clock
 from imuloop.ingest.columns import position
 from imuloop.ingest.delimited import text_columns
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.stamps import NANOSECONDS, stamp_values
+from imuloop.ingest.stamps import stamp_values
 from imuloop.ingest.text_layout import find_layout
 
 # a local clock that is further off is none; a mark that is, against its neighbours, is no mark
 MOST_OFF = 500e-6
-# neighbours on each side
-_NEIGHBOURS = 5
+# marks beside which one is looked at, itself among them
+_NEIGHBOURS = 11
 # GNSS time of a mark is a whole second, but for its rounding, s
 _WHOLE = 1e-3
 _WEEK = 604_800
@@ -56,138 +56,100 @@ class Timeline:
         """Return the moment of GNSS time from the first mark, ns since 1970; None without dates."""
         return None if self.start_ns is None else self.start_ns + round(seconds * 1e9)
 
-    def outside(self, seconds):
-        """Return how many of some GNSS times lie before the first mark, and after the last."""
-        after = seconds > self.seconds[-1]
-        return np.array([np.count_nonzero(seconds < 0), np.count_nonzero(after)])
+    def figures_beside(self, seconds):
+        """Return the figures, and how many of some GNSS times lie before and after the marks."""
+        outside = {"before": seconds < 0, "after": seconds > self.seconds[-1]}
+        return self.figures | {name: int(mask.sum()) for name, mask in outside.items()}
 
 
-def find_timeline(rows, log, units, columns, path=None):
+def find_timeline(timing, log, tick, columns, path=None):
     """Return GNSS time over the counter of a log, its time column.
 
-    `rows` are as in `convert.all_rows`. Marks are ``counter`` and ``time`` of `columns`, those of
-    the log, or of the text table at `path`. Marks that do not fit the log reject it.
+    Marks are ``counter`` and ``time`` of `columns`, those of the log, or of the text table at
+    `path`, by default its first two. `timing` is that of the mended counter, of `tick` ns. Marks
+    that do not fit the log reject it.
     """
-    if path is None and not log.found.get("pps"):
-        raise ImuloopError("pps: only tables hold columns of marks; name a file in pps.file")
-    if "time" not in log.found:
-        raise ImuloopError("pps: the log has no time column, which is to be the local counter")
-    if rows and rows.dates:
-        raise ImuloopError("pps: the log's stamps are dates, not a local counter")
-    marks = None if path is None else read_marks(path, columns)
-    clock, limits, tick = Clock(), [], NANOSECONDS.get(units["time"])
-    if rows:
-        mended, usable = clock.mended(rows.x, rows.readable, tick)
-        known = mended[usable]
-        limits = [known.min().item(), known.max().item()] if len(known) else []
-    if clock.resets:
+    rows = timing.rows
+    faults = {
+        "only tables hold columns of marks; name a file in pps.file": not (
+            path or log.found.get("pps")
+        ),
+        "the log has no time column, which is to be the local counter": not rows.stamped,
+        "the log's stamps are dates, not a local counter": rows.dates,
+    }
+    for fault in (text for text, found in faults.items() if found):
+        raise ImuloopError(f"pps: {fault}")
+    if timing.clock.resets:
         raise RejectedLog("1PPS: the local counter starts again, so that its marks are lost")
-    if marks is None:
-        if rows:
-            counter, time, known, dated = _pairs(*map(rows.stamps.get, ("pps.counter", "pps.time")))
-            known &= usable
-        if not (rows and known.any()):
-            raise RejectedLog("1PPS: the log holds no marks")
-        marks = *_changes(counter[known], time[known]), dated
-    counters, times, dated = _beside(*marks, clock.span_in(tick), limits, tick)
-    return timeline(counters, times, dated, limits, tick * 1e-9)
-
-
-def read_marks(path, columns):
-    """Return local counters and GNSS times of a text table of marks, and whether these are dates.
-
-    `columns` names ``counter`` and ``time``, else they are the first two.
-    """
-    layout = find_layout(path, least=2)
-    where = [
-        position(f"pps.{key}", columns.get(key, i), layout.names, layout.headed)
-        for i, key in enumerate(("counter", "time"))
-    ]
-    columns = map(stamp_values, text_columns(path, layout, where, RawLog(), 2))
-    counters, times, known, dated = _pairs(*columns)
+    if path is None:
+        stamps = rows.stamps["pps.counter"], rows.stamps["pps.time"]
+    else:
+        layout = find_layout(path, least=2)
+        known = {"names": layout.names, "headed": layout.headed}
+        named = {f"pps.{key}": columns.get(key, i) for i, key in enumerate(("counter", "time"))}
+        where = [position(key, column, **known) for key, column in named.items()]
+        stamps = map(stamp_values, text_columns(path, layout, where, RawLog(), 2))
+    (counters, fine, _), (times, known, dated) = stamps
+    known = known & fine & (timing.usable if path is None else True)
+    counters, times = counters[known], times[known]
     if not len(counters):
-        raise RejectedLog(f"{path} holds no marks")
-    return counters[known], times[known], dated
+        raise RejectedLog(f"1PPS: {path or 'the log'} holds no marks")
+    # a log repeats the last mark in each row
+    new = np.append(True, (np.diff(counters) != 0) | (np.diff(times) != 0))
+    own = timing.x[timing.usable]
+    counters = _align(counters[new], timing.clock.span_in(tick), own, tick)
+    return _fit_timeline(counters, times[new], dated, own, tick * 1e-9)
 
 
-def _pairs(counters, times):
-    """Return two columns of stamps as numbers, which rows have both, and if the times are dates."""
-    counters, fine, _ = counters
-    times, known, dated = times
-    return counters, times, fine & known, dated
+def _align(counters, width, own, tick):
+    """Return counters of marks in line with those of a log, `own`.
 
-
-def _changes(counters, times):
-    """Return the marks that differ from the one before: a log repeats the last one in each row."""
-    new = np.append(True, (np.diff(counters) != 0) | (np.diff(times) != 0))[: len(times)]
-    return counters[new], times[new]
-
-
-def _beside(counter, time, dated, width, limits, tick):
-    """Return counters of a table of marks in line with those of a log, times, and if dated.
-
-    `width` is the span of the log's counter, if it rolled over, `limits` its range.
+    `width` is the span of the log's counter, if it rolled over.
     """
     if width:
-        counter = counter + width * np.cumsum(np.diff(counter, prepend=counter[:1]) < -width / 2)
+        counters = np.unwrap(counters, period=width)
     else:
         clock = Clock()
-        counter, usable = clock.mended(counter, np.ones(len(counter), dtype=bool), tick=tick)
+        counters, _ = clock.mended(counters, np.ones(len(counters), dtype=bool), tick)
         if clock.resets:
             raise RejectedLog("1PPS: the counter of the marks starts again")
-        counter, time, width = counter[usable], time[usable], clock.span_in(tick)
-    if width and limits and len(counter):
-        # whole spans apart: one may begin a span later
-        middle = round((sum(limits) - counter[0].item() - counter[-1].item()) / 2 / width)
-        shifts = [(middle + k) * width for k in (0, -1, 1)]
-        counter = counter + max(shifts, key=lambda shift: _overlap(limits, counter + shift))
-    return counter, time, dated
-
-
-def _overlap(limits, counters):
-    """Return how long counters and a range have in common, negative where they are apart."""
-    return min(limits[1], counters[-1].item()) - max(limits[0], counters[0].item())
+        width = clock.span_in(tick)
+    # whole spans apart, where one began a span later
+    middle = (own.min() + own.max() - counters[0] - counters[-1]).item() / 2
+    return counters + round(middle / width) * width if width else counters
 
 
 # marks of a broken log can be anywhere
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
-def timeline(counters, times, dated, limits, scale):
+def _fit_timeline(counters, times, dated, own, scale):
     """Return GNSS time over the counter, through the marks that can be used.
 
     Rejected are marks that are no whole second, that are more than `MOST_OFF` of a second away from
     where their neighbours put them, and all but the longest stretch of marks between which the
     local clock is no further off than `MOST_OFF`. `counters` have no roll-over, `times` are s, or
-    ns where `dated`; `limits` are the range of the log's counter, `scale` are seconds per tick.
+    ns where `dated`; `own` are those of the log, `scale` are seconds per tick.
     """
-    given = len(counters)
-    times = times if dated else times.astype(float)
-    t = (times - times[:1]) * (1e-9 if dated else 1)
+    given, t = len(counters), (times - times[0]) * (1e-9 if dated else 1.0)
     whole = np.abs(t - np.rint(t)) <= _WHOLE
     if not dated:
         whole &= np.abs(times - np.rint(times)) <= _WHOLE
     counters, times, t = counters[whole], times[whole], np.rint(t[whole])
     if not dated:
         # time of week
-        t = t + _WEEK * np.cumsum(np.diff(t, prepend=t[:1]) < -_WEEK / 2)
+        t = np.unwrap(t, period=_WEEK)
     local = (counters - counters[:1]) * scale
     rate = np.diff(local) / np.diff(t)
     usual = np.median(rate[np.isfinite(rate)]) if np.isfinite(rate).any() else 1.0
     away = local - usual * t
-    if len(away) > _NEIGHBOURS:
-        mirrored = np.pad(away, _NEIGHBOURS, mode="reflect")
-        middle = np.median(sliding_window_view(mirrored, 2 * _NEIGHBOURS + 1), axis=1)
-    else:
-        middle = np.median(away) if len(away) else 0.0
-    fits = np.abs(away - middle) <= MOST_OFF
+    fits = np.abs(away - median_filter(away, _NEIGHBOURS, mode="mirror")) <= MOST_OFF
     counters, times, t, local = counters[fits], times[fits], t[fits], local[fits]
     off = np.diff(local) / np.diff(t) - 1
-    sound = (np.diff(t) > 0) & (np.abs(off) <= MOST_OFF)
-    whole = stretches_of(sound).tolist()
-    begin, end = max(whole, key=lambda stretch: stretch[1] - stretch[0], default=(0, 0))
+    sound = stretches_of((np.diff(t) > 0) & (np.abs(off) <= MOST_OFF)).tolist()
+    begin, end = max(sound, key=lambda stretch: stretch[1] - stretch[0], default=(0, 0))
     if end - begin < 1:
         raise RejectedLog(f"1PPS: of {given} marks no two fit together; see units.time and pps")
     counters, t = counters[begin : end + 1], t[begin : end + 1]
-    if not limits or _overlap(limits, counters) <= 0:
+    if counters[0] >= own.max() or counters[-1] <= own.min():
         raise RejectedLog("1PPS: the marks and the log share no time")
     steps, off = np.diff(t), off[begin:end] * 1e6
     figures = {
@@ -202,18 +164,16 @@ def timeline(counters, times, dated, limits, scale):
 
 
 def warnings(done):
-    """Return what was done by marks, from their figures, a line each."""
-    line = (
-        f"t is GNSS time through {done['marks']} 1PPS marks: the local clock runs "
-        f"{abs(done['drift_ppm']):.3f} ppm {'slow' if done['drift_ppm'] < 0 else 'fast'}"
-    )
+    """Return what was done by marks, from their figures if there are any, a line each."""
+    if not done:
+        return []
+    drift, parts = done["drift_ppm"], []
     if done["missed"]:
-        line += f"; {done['missed']} marks missed, the longest way {done['longest_step_s']:g} s"
+        parts += [f"{done['missed']} marks missed, the longest way {done['longest_step_s']:g} s"]
     if done["rejected"]:
-        line += f"; {done['rejected']} marks rejected"
+        parts += [f"{done['rejected']} marks rejected"]
     if done["before"] or done["after"]:
-        line += (
-            f"; {done['before']} rows before the first mark and {done['after']} after the last go "
-            "by the rate of the nearest interval"
-        )
-    return [line]
+        rows = f"{done['before']} rows before the first mark and {done['after']} after the last"
+        parts += [f"{rows} go by the rate of the nearest interval"]
+    line = f"t is GNSS time through {done['marks']} 1PPS marks: the local clock runs "
+    return ["; ".join([f"{line}{abs(drift):.3f} ppm {'slow' if drift < 0 else 'fast'}", *parts])]

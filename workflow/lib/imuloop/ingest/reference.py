@@ -4,8 +4,9 @@ import re
 from dataclasses import replace
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
-from scipy.spatial.transform import Rotation
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.signal import correlate, correlation_lags
+from scipy.spatial.transform import Rotation, Slerp
 
 from imuloop.core.errors import ImuloopError
 from imuloop.core.rotation import prefix_product, step_vectors
@@ -16,11 +17,11 @@ from imuloop.ingest.conventions import LENGTH, convention_faults, place_faults
 from imuloop.ingest.formats import find_format
 from imuloop.ingest.stamps import NANOSECONDS, stamp_values
 
-# s; up to here clocks count as one
-SAME_CLOCK = 0.1
+# s; up to here clocks count as one, which are compared in such steps
+SAME_CLOCK, STEP = 0.1, 0.01
 # m; least leap of a place, and how many times what neighbours usually differ by
 LEAP, TIMES = 0.02, 8.0
-# rad; a marker that is taken for another turns the body by more, within blocks of so many s
+# rad; a marker that is taken for another turns the body by more, beside most of so many s
 SWAPPED, BLOCK = 0.2, 2.0
 
 
@@ -46,20 +47,19 @@ def beside(samples, file, log_file, declared, session, counts):
     f, w = (np.column_stack([samples[c] for c in axes]) for axes in (ACCELERATION, ANGULAR_RATE))
     raw, figures = _read(file, log_file, declared, session, counts)
     found, shift = _on_clock(raw, t, w)
-    figures["clock"] = {"offset_s": shift, "own": abs(shift) > SAME_CLOCK}
     reasons, frame, residual = convention_faults(found, t, w, f, declared["convention"])
+    figures["clock"] = {"offset_s": shift, "own": abs(shift) > SAME_CLOCK}
     figures |= {"unexplained": residual, "frame": frame}
+    if not reasons:
+        if declared["convention"] == "world_to_body":
+            found = replace(found, q=found.q * [1, -1, -1, -1])
+        found, jumps = _without_jumps(found, t, w, np.array(frame))
+        figures |= jumps | {"noise": _noise(found)}
+        reasons = place_faults(found, t, f, np.array(frame), declared)
     if reasons:
         return {}, figures, reasons
-    if declared["convention"] == "world_to_body":
-        found = replace(found, q=found.q * [1, -1, -1, -1])
-    found, jumps = _without_jumps(found, t, w, np.array(frame))
-    figures |= jumps | {"noise": _noise(found)}
-    if reasons := place_faults(found, t, f, np.array(frame), declared):
-        return {}, figures, reasons
     columns = at_instants(found, t)
-    figures["coverage"] = float(np.isfinite(columns["qw"]).mean())
-    return columns, figures, []
+    return columns, figures | {"coverage": float(np.isfinite(columns["qw"]).mean())}, []
 
 
 def read_series(path, log_format, columns):
@@ -84,57 +84,56 @@ def read_series(path, log_format, columns):
 
 def _read(file, log_file, declared, session, counts):
     """Return the Reference as it is in the file, its clock from the first sample, and figures."""
-    columns, units = dict(declared["columns"]), declared.get("units") or {}
-    same, own_time = str(file) == str(log_file), (session.get("columns") or {}).get("time")
-    columns.setdefault("time", own_time if same else None)
+    units, same = declared.get("units") or {}, str(file) == str(log_file)
+    own_time = (session.get("columns") or {}).get("time")
+    own_unit = (session.get("units") or {}).get("time", "s")
+    columns = {"time": own_time if same else None} | declared["columns"]
     form = declared.get("format") or (session.get("format") if same else None)
     try:
         stamps, values = read_series(file, form, columns)
     except ImuloopError as error:
         raise type(error)(re.sub(r"\Acolumns", "reference.columns", str(error))) from error
-    count, rate = len(values), declared.get("rate") or session.get("rate")
+    rate = declared.get("rate") or session.get("rate")
     if stamps is not None:
-        stamps, readable, dates = stamp_values(stamps)
-        own_unit = (session.get("units") or {}).get("time", "s")
-        unit = NANOSECONDS.get(units.get("time", own_unit), 1)
-        t = np.where(readable, stamps * (1.0 if dates else float(unit)), np.nan) / 1e9
-        start = t[np.isfinite(t)][:1].sum()
+        t, start, dates = _seconds(stamps, units.get("time", own_unit))
         if dates and counts.start_ns is not None:
             start = counts.start_ns / 1e9 - counts.begin_s
         elif not same and own_time is not None:
             # stamps of one clock begin where the log's do
-            own, _ = read_series(log_file, session.get("format"), {"time": own_time})
-            own, sound, _ = stamp_values(own)
-            start = float(own[sound][:1].sum()) * NANOSECONDS.get(own_unit, 1) / 1e9
-        t = t - start
+            of_log, _ = read_series(log_file, session.get("format"), {"time": own_time})
+            _, start, _ = _seconds(of_log, own_unit)
     elif rate:
-        t = np.arange(count) / rate
+        t, start = np.arange(len(values)) / rate, 0.0
     else:
         raise ImuloopError("reference.columns.time: missing; a reference without a rate needs it")
-    t = t - counts.begin_s
-    q = values[:, :4].copy()
-    p = np.full((count, 3), np.nan) if values.shape[1] == 4 else values[:, 4:]
-    p = p * LENGTH[units.get("position", "m")]
+    q, p, t = values[:, :4], values[:, 4:] * LENGTH[units.get("position", "m")], t - start
+    p = p if p.size else np.full((len(q), 3), np.nan)
     length = np.linalg.norm(q, axis=1)
     lost = ~np.isfinite(length)
     odd = ~lost & (np.abs(length - 1) > 0.1)
-    q[odd | lost] = np.nan
-    q = q / np.linalg.norm(q, axis=1, keepdims=True)
-    order = np.flatnonzero(np.isfinite(t))
-    order = order[np.argsort(t[order], kind="stable")]
+    q = np.where((odd | lost)[:, None], np.nan, q / length[:, None])
+    order = np.argsort(t, kind="stable")[: np.isfinite(t).sum()]
     order = order[np.diff(t[order], prepend=-np.inf) > 0]
     figures = {
-        "rows": count,
+        "rows": len(q),
         "lost": int(lost.sum()),
         "no_rotation": int(odd.sum()),
-        "out_of_order": int(count - len(order)),
+        "out_of_order": len(q) - len(order),
         "convention": declared["convention"],
     }
-    if (~(odd | lost)[order]).sum() < 100:
+    if np.isfinite(q[order, 0]).sum() < 100:
         raise ImuloopError(
             "reference.columns.orientation: fewer than 100 rows hold a unit quaternion"
         )
-    return Reference(t[order], q[order], p[order]), figures
+    return Reference(t[order] - counts.begin_s, q[order], p[order]), figures
+
+
+def _seconds(stamps, unit):
+    """Return time stamps in a unit as s, not-a-number where none is, the first, and if dates."""
+    stamps, readable, dates = stamp_values(stamps)
+    tick = 1 if dates else NANOSECONDS.get(unit, 1)
+    t = np.where(readable, stamps * float(tick), np.nan) / 1e9
+    return t, t[readable][:1].sum(), dates
 
 
 def _on_clock(reference, t, w):
@@ -144,27 +143,22 @@ def _on_clock(reference, t, w):
     diagnosis.
     """
     start, end, turn = turns(reference)
-    step = 0.01
-    grid = np.arange(min(t[0], start[0]), max(t[-1], end[-1]), step)
+    grid = np.arange(min(t[0], start[0]), max(t[-1], end[-1]), STEP)
     size = np.linalg.norm(turn, axis=1) / (end - start)
-    own = np.linalg.norm(w, axis=1)
-    own = np.convolve(
-        own, np.ones(n := max(1, round(COMPARED / np.median(np.diff(t))))) / n, "same"
-    )
+    count = max(1, round(COMPARED / np.median(np.diff(t))))
+    own = uniform_filter1d(np.linalg.norm(w, axis=1), count, mode="constant")
     pair = []
     for at, values in (((start + end) / 2, size), (t, own)):
         on_grid = np.interp(grid, at, values, left=np.nan, right=np.nan)
         pair.append(np.nan_to_num(on_grid - np.nanmean(on_grid)))
-    # the correlation at all shifts
-    size = next_fast_len(2 * len(grid), real=True)
-    alike = irfft(rfft(pair[1], size) * rfft(pair[0][::-1], size), size)[: 2 * len(grid) - 1]
+    alike = correlate(*pair[::-1], method="fft")
     best = int(np.argmax(alike))
-    shift = (best + 1 - len(grid)) * step
+    shift = correlation_lags(len(grid), len(grid))[best] * STEP
     if abs(shift) <= SAME_CLOCK:
         return reference, 0.0
     near = alike.take([best - 1, best, best + 1], mode="clip")
     bend = near[0] - 2 * near[1] + near[2]
-    shift += step * (near[0] - near[2]) / (2 * bend) if bend < 0 else 0.0
+    shift += STEP * (near[0] - near[2]) / (2 * bend) if bend < 0 else 0.0
     return replace(reference, t=reference.t + shift), float(shift)
 
 
@@ -172,43 +166,31 @@ def _without_jumps(reference, t, w, frame):
     """Return the reference without swaps of markers and leaps, and how much was cut.
 
     With G the attitude by the gyroscope, q Gᵀ drifts slowly; while one marker is taken for another
-    it is off. Of blocks of `BLOCK` s that of most samples is right.
+    it is off its running median over `BLOCK` s.
     """
     start, end, turn = turns(reference)
     bias = np.median((angles(t, w, start, end) - turn @ frame) / (end - start)[:, None], axis=0)
     steps = Rotation.from_rotvec(step_vectors((w - bias) @ frame.T, np.diff(t)))
-    after = prefix_product(steps.as_quat(scalar_first=True))
+    own = np.vstack([[1, 0, 0, 0], prefix_product(steps.as_quat(scalar_first=True))])
     at = np.flatnonzero(reference.known & (reference.t >= t[0]) & (reference.t <= t[-1]))
-    near = np.clip(np.searchsorted(t, reference.t[at]) - 1, 0, len(after) - 1)
-    late = (reference.t[at] - t[near + 1])[:, None] * ((w[near] - bias) @ frame.T)
-    carried = Rotation.from_quat(after[near], scalar_first=True) * Rotation.from_rotvec(late)
-    off = (Rotation.from_quat(reference.q[at], scalar_first=True) * carried.inv()).as_quat()
-    block = (reference.t[at] / BLOCK).astype(int)
-    size = np.zeros(len(at))
-    for k in np.unique(block):
-        own = block == k
-        # to the sample with the most others near it
-        some = off[own][:: max(1, own.sum() // 100)]
-        alike = np.abs(some @ some.T) > np.cos(SWAPPED / 4)
-        middle = some[alike.sum(axis=1).argmax()]
-        size[own] = 2 * np.arccos(np.minimum(np.abs(off[own] @ middle), 1))
-    away = size > SWAPPED
+    carried = Slerp(t, Rotation.from_quat(own, scalar_first=True))(reference.t[at])
+    off = Rotation.from_quat(reference.q[at], scalar_first=True) * carried.inv()
+    usual = max(3, round(BLOCK / np.median(np.diff(reference.t))))
+    # matrices that are an angle apart differ by 2 √2 sin(angle / 2)
+    away = np.hypot.reduce([x - median_filter(x, usual) for x in off.as_matrix().reshape(-1, 9).T])
+    away = away > 2**1.5 * np.sin(SWAPPED / 2)
     cut = np.zeros(len(reference.t), bool)
     cut[at[away]] = True
-    swapped, swaps = int(cut.sum()), int((np.diff(away.astype(int)) == 1).sum())
     # a place that lies off the median of its neighbours
-    p = reference.p
-    leaps = np.zeros(len(p), bool)
-    known = np.flatnonzero(np.isfinite(p[:, 0]) & ~cut)
-    if len(known) > 5:
-        near = np.lib.stride_tricks.sliding_window_view(p[known], 5, axis=0)
-        off = np.linalg.norm(p[known][2:-2] - np.median(near, axis=2), axis=1)
-        leaps[known[2:-2][off > max(TIMES * np.median(off), LEAP)]] = True
-    reference = reference.without(cut)
-    p = reference.p.copy()
-    p[leaps] = np.nan
-    figures = {"swaps": swaps, "swapped": swapped, "leaps": int(leaps.sum())}
-    return replace(reference, p=p), figures
+    known = np.flatnonzero(np.isfinite(reference.p[:, 0]) & ~cut)
+    p = reference.p[known]
+    off = np.linalg.norm(p - median_filter(p, (5, 1)), axis=1)
+    leaps = known[off > max(TIMES * np.median(off), LEAP)] if len(known) else known
+    q, p = reference.q.copy(), reference.p.copy()
+    q[cut], p[cut], p[leaps] = np.nan, np.nan, np.nan
+    swaps = int((np.diff(away.astype(int)) == 1).sum())
+    figures = {"swaps": swaps, "swapped": int(cut.sum()), "leaps": len(leaps)}
+    return replace(reference, q=q, p=p), figures
 
 
 def _noise(reference):
@@ -217,22 +199,19 @@ def _noise(reference):
     Of white noise σ they have the variance 20 σ²; motion is smooth over three steps.
     """
 
-    def even(known):
-        """Return four samples on end each, where their steps are alike, (4, m)."""
+    def size(known, difference):
+        """Return σ by the median, where four samples on end are evenly spaced; None without."""
         at = np.flatnonzero(known)
         steps = np.diff(reference.t[at])
-        usual = np.abs(steps / np.median(steps) - 1) < 0.1 if len(steps) else np.zeros(0, bool)
-        first = np.flatnonzero(usual[:-2] & usual[1:-1] & usual[2:]) if len(usual) > 2 else []
-        return np.array([at[np.asarray(first, int) + k] for k in range(4)])
+        if len(steps) < 3:
+            return None
+        even = np.abs(steps / np.median(steps) - 1) < 0.1
+        first = np.flatnonzero(even[:-2] & even[1:-1] & even[2:])
+        step = np.array([difference(at[first + k], at[first + k + 1]) for k in range(3)])
+        third = np.abs(step[0] - 2 * step[1] + step[2])
+        return float(np.median(third) / 0.6745 / 20**0.5) if third.size else None
 
-    def size(third):
-        """Return σ by the median of third differences; None without any."""
-        return float(np.median(np.abs(third)) / 0.6745 / 20**0.5) if len(third) else None
-
-    at = even(reference.known)
     rotation = Rotation.from_quat(np.nan_to_num(reference.q, nan=1.0), scalar_first=True)
-    step = [(rotation[at[k]].inv() * rotation[at[k + 1]]).as_rotvec() for k in range(3)]
-    p = reference.p[even(np.isfinite(reference.p[:, 0]))]
-    third = p[0] - 3 * p[1] + 3 * p[2] - p[3]
-    attitude = size(step[0] - 2 * step[1] + step[2])
-    return {"orientation": attitude or 0.0, "position": size(third)}
+    of_attitude = size(reference.known, lambda a, b: (rotation[a].inv() * rotation[b]).as_rotvec())
+    of_place = size(reference.placed, lambda a, b: reference.p[b] - reference.p[a])
+    return {"orientation": of_attitude or 0.0, "position": of_place}

@@ -1,7 +1,7 @@
 """Time stamps: whole numbers, decimal numbers or ISO 8601, kept as exact as they were written."""
 
 from contextlib import suppress
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pandas as pd
@@ -16,12 +16,10 @@ NANOSECONDS = {name: round(scale * 1e9) for name, scale in TIME.items()}
 # stamps are below: their differences fit 64 bits; and the whole years of such ns
 MOST = 1 << 62
 YEARS = "1824 to 2115"
-# what a unit of dates counts in a second
-_PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 _NAMED_MONTH = "%d-%b-%Y %H:%M:%S.%f"
 _OF_DAY = r"\d{1,2}:\d\d:\d\d(\.\d+)?"
-# stamps between these are taken as Unix time where ISO stamps ask for it, s (2000 and 2100)
-_UNIX = (946_684_800, 4_102_444_800)
+# numbers between 2000 and 2100 in their unit are taken as Unix time, ns
+_UNIX = (946_684_800 * 10**9, 4_102_444_800 * 10**9)
 
 
 def parse_stamps(text):
@@ -37,19 +35,15 @@ def parse_stamps(text):
     number = pd.to_numeric(series, errors="coerce")
     if number.notna().any():
         # whole numbers beside a few unreadable ones keep all their digits
-        whole = series.str.fullmatch(r"[+-]?\d+").fillna(False).astype(bool)
-        whole &= number.abs() < 2**63
-        if (whole | number.isna()).all():
-            pairs = zip(series, whole, strict=True)
-            return pa.array([int(s) if w else None for s, w in pairs], pa.int64())
-        return pa.array(number.astype(float), pa.float64(), from_pandas=True)
+        number = pd.to_numeric(series.where(number.notna()), dtype_backend="numpy_nullable")
+        return pa.array(number if number.dtype == "Int64" else number.astype("Float64"))
     clock = series.where(series.str.fullmatch(_OF_DAY).fillna(False).astype(bool))
     if clock.notna().any():
         return pa.array(pd.to_timedelta(clock).dt.total_seconds(), from_pandas=True)
-    moment = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
-    if moment.isna().all():
-        with_fraction = series.where(series.str.contains(".", regex=False, na=True), series + ".0")
-        moment = pd.to_datetime(with_fraction, format=_NAMED_MONTH, utc=True, errors="coerce")
+    for form in ("ISO8601", _NAMED_MONTH, _NAMED_MONTH.removesuffix(".%f")):
+        moment = pd.to_datetime(series, format=form, utc=True, errors="coerce")
+        if moment.notna().any():
+            break
     return stamp_array(pa.array(moment, from_pandas=True))
 
 
@@ -62,24 +56,19 @@ def stamp_array(column):
     if pa.types.is_dictionary(kind):
         return stamp_array(column.dictionary_decode())
     if pa.types.is_timestamp(kind):
-        with suppress(pa.ArrowInvalid):
-            return column.cast(pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
-        most = MOST // (10**9 // _PER_SECOND[kind.unit])
+        most = MOST // NANOSECONDS[kind.unit]
         ticks = column.cast(pa.int64())
         within = pc.and_(pc.less_equal(ticks, most), pc.greater_equal(ticks, -most))
         if not pc.any(within).as_py():
             return column
-        return stamp_array(pc.if_else(within, column, pa.scalar(None, kind)))
-    if kind in (pa.int64(), pa.float64()):
-        return column
-    if pa.types.is_integer(kind):
-        try:
-            return column.cast(pa.int64())
-        except pa.ArrowInvalid as error:
-            raise RejectedLog("stamps of 2^63 and more are not read") from error
+        column = pc.if_else(within, column, pa.scalar(None, kind))
+        return column.cast(pa.timestamp("ns", kind.tz)).cast(pa.timestamp("ns"))
     if pa.types.is_string(kind) or pa.types.is_large_string(kind):
         return parse_stamps(column)
-    return column.cast(pa.float64())
+    try:
+        return column.cast(pa.int64() if pa.types.is_integer(kind) else pa.float64())
+    except pa.ArrowInvalid as error:
+        raise RejectedLog("stamps of 2^63 and more are not read") from error
 
 
 def joined_stamps(seconds, parts, part_ns):
@@ -116,18 +105,14 @@ def stamp_values(column):
 def no_stamps(column, name):
     """Return the error of a time column that holds no stamp: of the log, else of the config."""
     known = column.drop_null()
-    ticks = known.cast(pa.int64()) if pa.types.is_timestamp(known.type) else known
-    values = ticks.to_numpy(zero_copy_only=False)
-    if values.dtype.kind in "if" and not np.isnan(values.astype(float)).all():
-        return RejectedLog(
-            f"time column '{name}': its stamps, as {known[0]}, are too large, or dates outside of "
-            f"the years {YEARS}"
-        )
+    if pa.types.is_floating(known.type):
+        known = known.filter(pc.invert(pc.is_nan(known)))
+    if len(known):
+        why = f"its stamps, as {known[0]}, are too large, or dates outside of the years {YEARS}"
+        return RejectedLog(f"time column '{name}': {why}")
     if isinstance(name, list):
-        return ImuloopError(
-            f"columns.time: {' and '.join(name)} are not whole seconds and a part of a second; "
-            "name one of them"
-        )
+        why = "are not whole seconds and a part of a second; name one of them"
+        return ImuloopError(f"columns.time: {' and '.join(name)} {why}")
     return ImuloopError(
         f"time column '{name}' holds neither numbers nor ISO 8601 stamps; "
         "name the right one in columns.time, or give columns.time: null and rate in Hz"
@@ -137,14 +122,13 @@ def no_stamps(column, name):
 def iso_nanoseconds(value):
     """Return a declared ISO 8601 stamp (text or date) as nanoseconds since 1970, UTC."""
     try:
-        # pandas alone takes "now" and "10:00" too
-        datetime.fromisoformat(str(value))
-        moment = pd.Timestamp(str(value))
-        moment = moment.tz_localize("UTC") if moment.tz is None else moment.tz_convert("UTC")
+        moment = datetime.fromisoformat(str(value))
     except ValueError as error:
         raise ImuloopError(f"time_range: '{value}' is no ISO 8601 stamp") from error
-    # of any year: whole nanoseconds in 64 bits end in 2262
-    return moment.asm8.view("i8").item() * (10**9 // _PER_SECOND[moment.unit])
+    since = (moment if moment.tzinfo else moment.replace(tzinfo=UTC)) - datetime.fromtimestamp(
+        0, UTC
+    )
+    return since // timedelta(microseconds=1) * 1000
 
 
 def absolute_nanoseconds(stamp, unit, absolute):
@@ -155,28 +139,23 @@ def absolute_nanoseconds(stamp, unit, absolute):
     if absolute:
         return int(stamp)
     nanoseconds = stamp * NANOSECONDS[unit]
-    low, high = (limit * 10**9 for limit in _UNIX)
-    return round(nanoseconds) if low <= nanoseconds < high else None
+    return round(nanoseconds) if _UNIX[0] <= nanoseconds < _UNIX[1] else None
 
 
 def check_unit(stamp, unit):
     """Reject stamps, numbers, that are centuries ahead in their unit, and dates in a finer one."""
-    if stamp * NANOSECONDS[unit] < _UNIX[1] * 10**9:
-        return
     finer = [name for name in NANOSECONDS if absolute_nanoseconds(stamp, name, False) is not None]
-    if finer:
+    if finer and stamp * NANOSECONDS[unit] >= _UNIX[1]:
         date = iso_text(absolute_nanoseconds(stamp, finer[0], False))
-        raise RejectedLog(
-            f"the stamps, {stamp} the first, are no {unit}: in {finer[0]} it is {date}; "
-            f"{declare(finer[0])}"
-        )
+        why = f"the stamps, {stamp} the first, are no {unit}: in {finer[0]} it is {date}"
+        raise RejectedLog(f"{why}; {declare(finer[0])}")
 
 
 def declare(unit):
     """Return how to declare the unit of stamps, in words."""
+    python = f"units={{'time': '{unit}'}}"
     return (
-        f"declare units.time: {unit} (on the command line --time-unit {unit}, in Python "
-        f"units={{'time': '{unit}'}})"
+        f"declare units.time: {unit} (on the command line --time-unit {unit}, in Python {python})"
     )
 
 

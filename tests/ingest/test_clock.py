@@ -1,0 +1,284 @@
+"""Units, time stamps and the one clock of a log: what a user gets for each kind of them."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from imuloop.core.errors import ImuloopError
+from imuloop.core.samples import CHANNELS, Samples
+from imuloop.core.units import DEGREE, STANDARD_GRAVITY
+from imuloop.segment.segment import segment_session
+from imuloop.segment.settings import SegmentSettings
+from ingest.logs import FORCE, RATE, brief, example_truth, poses, simulated
+
+SIX = [*CHANNELS]
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit", "si"),
+    [
+        ("acceleration", "g", STANDARD_GRAVITY),
+        ("acceleration", "mg", STANDARD_GRAVITY / 1000),
+        ("angular_rate", "deg/s", DEGREE),
+        ("angular_rate", "mrad/s", 1e-3),
+        ("angular_rate", "deg/h", DEGREE / 3600),
+    ],
+)
+def test_declared_units_of_a_sensor_are_of_it_alone(log, run, quantity, unit, si):
+    names = FORCE if quantity == "acceleration" else RATE
+    done = run(log.assign(**log[names] / si), units={quantity: unit})
+    np.testing.assert_allclose(done.samples[SIX], log[SIX], rtol=1e-14)
+    assert done.metadata["units"][quantity] == unit
+
+
+# --- time stamps as they are written
+
+
+@pytest.mark.parametrize(("unit", "ticks"), [("ms", 10**3), ("us", 10**6), ("ns", 10**9)])
+def test_whole_stamps_lose_nothing_whenever_they_start(log, run, unit, ticks):
+    steps = np.arange(500) * (ticks // 100) + np.arange(500) % 2
+    # since a moment that only a drone knows, and in Unix time, of which float64 loses three digits
+    for years, start in ((8, None), (50, "2019-12-20T00:00:00Z")):
+        done = run(log.assign(t=years * 365 * 86400 * ticks + steps), units={"time": unit})
+        np.testing.assert_allclose(done.samples.t, steps / ticks, rtol=0, atol=2e-15)
+        assert done.metadata["start"] == start
+
+
+MOMENTS = pd.Timestamp("2024-02-29T23:59:57") + pd.to_timedelta(np.arange(500) * 10, "ms")
+
+
+@pytest.mark.parametrize(
+    ("form", "start"),
+    [
+        ("%Y-%m-%dT%H:%M:%S.%f", "2024-02-29T23:59:57Z"),
+        ("%Y-%m-%d %H:%M:%S.%fZ", "2024-02-29T23:59:57Z"),
+        ("%Y-%m-%dT%H:%M:%S.%f000+01:00", "2024-02-29T22:59:57Z"),
+        ("%d-%b-%Y %H:%M:%S.%f", "2024-02-29T23:59:57Z"),
+        ("%H:%M:%S.%f", None),
+    ],
+)
+def test_dates_and_times_of_the_day_are_stamps(log, run, form, start):
+    log["t"] = MOMENTS.strftime(form)
+    log.loc[[20, 30], "t"] = ["?", "9999-12-31T00:00:00" if form.startswith("%Y") else ""]
+    done = run(log)
+    kept = np.delete(np.arange(500), [20, 30])
+    np.testing.assert_allclose(done.samples.t, kept / 100, rtol=0, atol=1e-11)
+    assert (done.metadata["start"], done.quality["non_finite"]) == (start, 2)
+    if start:
+        assert len(run(log, time_range=[start[:17] + "59", None]).samples) == 300
+
+
+@pytest.mark.parametrize(
+    ("stamps", "given", "line"),
+    [
+        (None, {}, r"no time column .*give rate in Hz"),
+        (None, {"rate": 100, "time_range": ["2024-01-01", None]}, "is a date, but the log's"),
+        (brief().t, {"time_range": ["2024-01-01", "2024-01-02"]}, "is a date, but the log's"),
+        (brief().t, {"time_range": [4, 4]}, "is not before the end"),
+        (brief().t, {"units": {"time": "ISO 8601"}}, "holds numbers; use one of s"),
+        *((MOMENTS, {"time_range": [text, None]}, f"'{text}' is no ISO 8601 stamp")
+          for text in ("yesterday", "now", "10:00", "NaT", "")),
+    ],
+)  # fmt: skip
+def test_a_clock_that_is_declared_wrongly_is_one_line(log, run, stamps, given, line):
+    log = log.drop(columns="t") if stamps is None else log.assign(t=stamps)
+    with pytest.raises(ImuloopError, match=line):
+        run(log, **given)
+
+
+def test_a_crop_in_seconds_is_half_open_and_starts_at_zero(log, run):
+    log["t"] += 1000
+    done = run(log, time_range=[1, 4])
+    assert (done.quality["outside_time_range"], done.samples.t[0]) == (200, 0)
+    assert done.samples.ax.tolist() == log.ax[100:400].tolist()
+    reasons = run(log, time_range=[60, 70]).quality["reasons"]
+    assert reasons == ["none of the log's 500 rows lies in the time range"]
+    # after a clock that starts again, of the time that goes on
+    log["t"] = np.r_[log.t[:200], log.t[:300]]
+    assert len(run(log, time_range=[2.05, None]).samples) == 300
+
+
+@pytest.mark.parametrize("at", [[499], [498, 499], [0], [1, 499]])
+def test_a_late_stamp_at_an_end_of_the_log_is_a_row_less(log, run, at):
+    log.loc[at, "t"] -= 1.005
+    done = run(log)
+    kept = log.t.drop(at if at != [0] else [])
+    assert done.quality["out_of_order"] == 500 - len(kept)
+    np.testing.assert_allclose(done.samples.t, kept - kept.iloc[0], rtol=0, atol=1e-12)
+
+
+def test_a_log_without_time_has_the_declared_rate(log, run):
+    # a row that is dropped keeps its place in time
+    log.loc[3, "ax"] = np.nan
+    done = run(log.drop(columns="t"), rate=204.8)
+    np.testing.assert_array_equal(done.samples.t, np.delete(np.arange(500), 3) * (1 / 204.8))
+    # rows stamped by the declared rate say nothing of it
+    assert done.quality["clock"]["drift_ppm"] is None
+
+
+# --- stamps whose unit nobody declared
+
+
+def stamped(rate, per_second=1.0, kind="multi_position", **more):
+    """Return a log with time stamps of so many a second."""
+    more |= {"poses": 6} if kind == "multi_position" else {"duration_s": max(30.0, 300 / rate)}
+    log = simulated(kind, 3, example_truth(rate=rate), **more)
+    return log.assign(t=np.rint(np.arange(len(log)) * per_second / rate).astype(int))
+
+
+@pytest.mark.parametrize(
+    ("rate", "unit", "per_second"),
+    [*((rate, "ms", 1e3) for rate in (50.0, 100.0, 400.0)), (100.0, "us", 1e6), (100.0, "ns", 1e9)],
+)
+@pytest.mark.parametrize("kind", ["multi_position", "static"])
+def test_stamps_that_are_no_seconds_are_rejected_with_their_unit(run, kind, rate, unit, per_second):
+    """Protects logs whose unit nobody declared: they ran through, or died later, at 0.1 Hz."""
+    log = stamped(rate, per_second, kind)
+    [reason] = run(log, kind=kind).quality["reasons"]
+    for remedy in (f"units.time: {unit}", f"--time-unit {unit}", f"units={{'time': '{unit}'}}"):
+        assert remedy in reason
+    assert ("1,000 times those of gravity" in reason) == (unit == "ms" and kind != "static")
+    assert run(log, kind=kind, units={"time": unit}).quality["reasons"] == []
+
+
+def test_turns_alone_show_milliseconds(run):
+    """Protects stamps that are not whole, at 1 kHz, and with turns in deg/s."""
+    log = stamped(1000.0)
+    assert "milliseconds" in run(log.assign(t=log.index + 0.4321)).quality["reasons"][0]
+    log = poses()
+    log[RATE] /= DEGREE
+    assert "57,000 times" in run(log.assign(t=log.t * 1e3 + 0.1)).quality["reasons"][-1]
+
+
+@pytest.mark.parametrize(
+    ("rate", "kind", "begin", "declared"),
+    [
+        (1.0, "static", 0, {}),
+        (0.2, "static", 1_700_000_000, {}),
+        (2.0, "multi_position", 0, {}),
+        (10.0, "multi_position", 0, {}),
+        (0.1, "static", 0, {"units": {"time": "s"}}),
+        (0.1, "static", 0, {"rate": 0.1}),
+    ],
+)
+def test_seconds_stay_seconds(run, rate, kind, begin, declared):
+    log = stamped(rate, kind=kind)
+    found = run(log.assign(t=begin + log.index / rate), kind=kind, **declared).quality
+    assert (found["reasons"], found["rate_hz"]) == ([], pytest.approx(rate))
+
+
+def test_seconds_that_are_declared_are_believed_by_what_follows(run):
+    """Protects slow logs: a sample longer than a part of a rest ended in an IndexError."""
+    done = run(stamped(50.0, 1e3), units={"time": "s"})
+    assert done.quality["reasons"] == []
+    assert len(segment_session(Samples(done.path), "multi_position", SegmentSettings())[0])
+
+
+# --- stamps of a host: the sensor's rate, what is lost, and what is only late
+
+
+def every(count, packet=1):
+    """Lose each `count`-th packet."""
+    return lambda index, rng: index // packet % count == count // 2
+
+
+def at_random(share, packet=1):
+    """Lose a share of the packets."""
+    return lambda index, rng: (rng.random(index[-1] // packet + 1) < share)[index // packet]
+
+
+def polled(interval):
+    """A host asks at even intervals, as over USB."""
+    return lambda t, rng: np.ceil(t / interval) * interval
+
+
+def normal(std):
+    return lambda t, rng: np.sort(t + rng.normal(0, std, len(t)))
+
+
+def exponential(mean, share=0.0, long=0.0):
+    """A delay of each transfer; a host that is busy now and then sends what waits at once."""
+    return lambda t, rng: np.maximum.accumulate(
+        t + rng.exponential(mean, len(t)) + (rng.random(len(t)) < share) * long
+    )
+
+
+def by_host(rate, seconds, delay=None, loss=None, packet=1, spacing=0.0):
+    """Return a log at rest of a sensor of some rate, Hz, and the numbers of its samples.
+
+    `delay` takes times of packets, of so many samples, to those at which the host gets them, s;
+    `loss` tells of sample numbers which are lost, but for the first packet and the last ones; rows
+    of a packet are `spacing` s apart, or share a time stamp.
+    """
+    rng = np.random.default_rng(1 + bool(loss))
+    index = np.arange(int(rate * seconds) // packet * packet)
+    keep = np.ones(len(index), dtype=bool)
+    if loss:
+        keep[packet : -9 * packet] = ~loss(index, rng)[packet : -9 * packet]
+    kept = index[keep]
+    packets, of = np.unique(kept // packet, return_inverse=True)
+    arrived = ((packets + 1) * packet - 1) / rate
+    t = (delay(arrived, rng) if delay else arrived)[of]
+    if packet == 1 or spacing:
+        # a host needs 20 us for a row
+        busy = 2e-5 * np.arange(len(t))
+        t = np.maximum.accumulate(t + spacing * (kept % packet) - busy) + busy
+    log = brief(2).iloc[[0]].sample(len(kept), replace=True, random_state=0, ignore_index=True)
+    log[SIX] += rng.normal(size=(len(kept), 6)) * ([0.02] * 3 + [0.002] * 3)
+    return log.assign(t=np.round(t, 7)), kept
+
+
+LATE = [(115, exponential(0.004)), (115, normal(0.0036)), (115, normal(0.006)),
+        (115, exponential(0.001, 0.003, 0.12)), (52, exponential(0.008, 0.01, 0.3)),
+        (208.3, exponential(0.007)), (104.4, polled(0.008)), (25.09, polled(0.03)),
+        (401.5, polled(0.001))]  # fmt: skip
+LOST = [(100, {"loss": every(40)}), (52, {"loss": every(40), "delay": polled(0.001)}),
+        (115, {"loss": every(10), "delay": normal(0.0017)}),
+        (208.3, {"loss": every(97), "delay": exponential(0.001)}),
+        (200, {"loss": at_random(0.02), "delay": normal(0.001)}),
+        *((200, {"loss": loss, "packet": 8, "spacing": spacing, "delay": delay})
+          for loss in (every(40, 8), at_random(0.1, 8)) for spacing in (0.0, 2e-4)
+          for delay in (None, exponential(0.003)))]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("rate", "seconds", "more"),
+    [*((rate, 23, {"delay": delay}) for rate, delay in LATE), *((r, 40, how) for r, how in LOST)],
+)
+def test_late_samples_are_told_from_lost_ones(run, rate, seconds, more):
+    """Protects rate and gaps of a whole log, by which turns are measured.
+
+    A delay of a host is no loss, whatever its distribution: half of such logs had hundreds of gaps.
+    Regular losses are no slower sensor, of which no sample is lost.
+    """
+    log, kept = by_host(rate, seconds, **more)
+    done, lost = run(log), np.diff(kept) - 1
+    assert done.quality["status"] == "ok", done.quality["reasons"]
+    assert done.quality["rate_hz"] == pytest.approx(rate, rel=3e-3)
+    gaps = done.quality["gaps"]
+    assert gaps["count"] == pytest.approx(np.count_nonzero(lost), rel=0.03, abs=1)
+    in_gaps = gaps["total_s"] - gaps["count"] / rate
+    assert in_gaps == pytest.approx(lost.sum() / rate, rel=0.03, abs=1.5 / rate)
+    if "loss" in more:
+        assert "no sample is lost" not in str(done.quality["warnings"])
+        # and each row has the time of its sample
+        away = done.samples.t - (kept - kept[0]) / rate
+        assert np.quantile(np.abs(away - np.median(away)), 0.9) < 0.5 / rate
+
+
+def test_a_log_with_every_40th_packet_lost(recordings, run):
+    found = run(recordings("every_40th_packet_of_8_lost.csv.gz")).quality
+    assert found["rate_hz"] == pytest.approx(200, rel=1e-6)
+    # of 1,500 packets in 60 s the file holds 1,462
+    assert found["gaps"]["count"] == 38
+    assert found["gaps"]["total_s"] / 38 - 1 / 200 == pytest.approx(0.04)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rows_lost_at_random_are_no_stamps_that_scatter(run, seed):
+    log = poses(seed=seed)
+    kept = np.flatnonzero(np.random.default_rng(seed).random(len(log)) < 0.8)
+    done = run(log.iloc[kept])
+    assert not done.quality["clock"]["rebuilt"]
+    np.testing.assert_allclose(done.samples["t"], (kept - kept[0]) / 100, atol=1e-9)
+    assert done.quality["gaps"]["count"] > 0.1 * len(kept)
