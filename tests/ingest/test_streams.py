@@ -340,7 +340,7 @@ def test_a_table_of_each_sensor_below_the_other_is_read(run, tmp_path, time):
         every += ["", f"type,{time},3DOF_x,3DOF_y,3DOF_z", *(f"{name},{row}" for row in rows)]
     (tmp_path / "log.csv").write_text("\n".join(every))
     if time == "host":
-        with pytest.raises(ImuloopError, match=r"no time column of a usual name .*host.* not as"):
+        with pytest.raises(ImuloopError, match=r"no time column of a usual name .*host.* nor as"):
             run(tmp_path / "log.csv")
     done = run(tmp_path / "log.csv", columns={"time": time})
     np.testing.assert_array_equal(done.samples[RATE].iloc[9:99], rate.iloc[9:99, 1:])

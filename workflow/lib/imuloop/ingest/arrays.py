@@ -101,20 +101,17 @@ def _log(arrays, columns, units=None, unread=""):
         why = "the file has no variables of numbers over time"
         raise RejectedLog("; ".join(filter(None, (why, unread))))
     names = [*series]
-    columns = {
-        quantity: [f"{value}.{axis}" for axis in AXES]
-        if isinstance(value, str) and quantity in SENSORS
-        else value
-        for quantity, value in (columns or {}).items()
-    }
+    columns = dict(columns or {})
+    for quantity in SENSORS:
+        if isinstance(columns.get(quantity), str):
+            columns[quantity] = [f"{columns[quantity]}.{axis}" for axis in AXES]
     notes = [f"left out: {unread}"] if unread else []
     # a matrix that is all of the file: its columns have numbers
     stems, _, labels = zip(*(name.rpartition(".") for name in names), strict=True)
     alone = len({*stems}) == 1 and labels[-1].isdigit()
     if alone and not {*SENSORS, "time"} & {*columns} and (order := _seven(series)):
         columns |= order
-        listing = ", ".join(f"{quantity}: {at}" for quantity, at in order.items())
-        notes.append(f"a matrix of seven columns, which gravity tells apart: {listing}")
+        notes.append(f"a matrix of seven columns, which gravity tells apart: {order}")
     headed = names[0] != "0"
     names = _of_one_length(series, resolve(names, columns, headed))
     chosen = resolve(names, columns, headed)
@@ -199,8 +196,7 @@ def read_numpy(paths, columns=None):
     A structured array has a column per field. Pickled objects are never loaded.
     """
     path, arrays, objects = paths["log"], {}, []
-    zipped = zipfile.is_zipfile(path)
-    if zipped:
+    if zipped := zipfile.is_zipfile(path):
         with zipfile.ZipFile(path) as archive:
             check_unpacked(os.path.getsize(path), sum(x.file_size for x in archive.infolist()))
     with np.load(path, allow_pickle=False) if zipped else nullcontext([""]) as archive:

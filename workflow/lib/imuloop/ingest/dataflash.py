@@ -61,7 +61,7 @@ def read(paths, columns=None):
     )
     lost = damage or ([f"{plural(bad, 'row')} cannot be read"] if bad else [])
     raw = raw_log(streams, columns, [*damage, note], lost)
-    raw.bad_lines = bad
+    raw.bad_lines += bad
     return raw
 
 
@@ -128,10 +128,12 @@ def _text(data, is_wanted):
                 messages.setdefault(name, []).append(row)
             except ValueError:
                 bad += 1
-    read = {
-        name: dict(zip(known[name][1:], np.array(x).T, strict=True)) for name, x in messages.items()
-    }
-    return read, bad, []
+    columns = {name: np.array(rows).T for name, rows in messages.items()}
+    return (
+        {name: dict(zip(known[name][1:], x, strict=True)) for name, x in columns.items()},
+        bad,
+        [],
+    )
 
 
 # damaged numbers can be any, a signalling one too
@@ -154,9 +156,8 @@ def _streams(name, fields):
             fields |= {usual: fields[each] / dt for usual, each in names.items()}
     if "I" not in fields:
         return [Stream(name, stamps, fields, _UNITS)]
-    streams = []
-    for i in np.unique(fields["I"]):
-        rows = fields["I"] == i
-        own = {key: x[rows] for key, x in fields.items()}
-        streams.append(Stream(f"{name}_{i:g}", stamps[rows], own, _UNITS))
-    return streams
+    here = {f"{name}_{i:g}": fields["I"] == i for i in np.unique(fields["I"])}
+    return [
+        Stream(each, stamps[rows], {key: x[rows] for key, x in fields.items()}, _UNITS)
+        for each, rows in here.items()
+    ]

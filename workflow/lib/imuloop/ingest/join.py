@@ -35,12 +35,10 @@ def join(logs):
         if not count:
             raise RejectedLog(f"{name} has no rows")
     untimed = [*times.values()].count(None)
-    if untimed not in (0, len(times)):
-        raise ImuloopError("columns.time: one of the two tables has no time column; name it")
-    if untimed and len({*counts.values()}) > 1:
+    if untimed and (untimed < len(times) or len({*counts.values()}) > 1):
         raise ImuloopError(
-            f"the log has no time column of a usual name ({merged.columns}), and not as many rows "
-            "of one sensor as of the other; name it in columns.time"
+            f"no time column of a usual name in each table ({merged.columns}), nor as many rows of "
+            "one sensor as of the other: name it in columns.time"
         )
     stamps, values, units = {}, {}, {}
     for name, log in logs.items():

@@ -38,17 +38,13 @@ class Stream:
         ]
         units = {q: u for q, u in self.units.items() if q != "time" or columns["time"] == 0}
         log = table_log(names, chosen, held, units=units)
-        named_by(one_line(self.name), log)
+        stem = one_line(self.name)
+        for quantity, found in log.found.items():
+            several = isinstance(found, list)
+            log.found[quantity] = [f"{stem}.{x}" for x in found] if several else f"{stem}.{found}"
         if columns["time"] == 0:
-            log.found["time"] = f"{one_line(self.name)} stamps"
+            log.found["time"] = f"{stem} stamps"
         return log
-
-
-def named_by(table, log):
-    """Put the name of a table before the columns of its log."""
-    for quantity, names in log.found.items():
-        several = isinstance(names, list)
-        log.found[quantity] = [f"{table}.{x}" for x in names] if several else f"{table}.{names}"
 
 
 def raw_log(streams, columns=None, notes=(), damage=()):
