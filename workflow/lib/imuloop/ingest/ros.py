@@ -66,8 +66,9 @@ def read(paths, columns=None):
             link = _link(bag, Path(folder, str(number)))
             try:
                 _gather(link, topics, damage)
-            except (ImuloopError, ImportError, MemoryError):
+            except (ImuloopError, ImportError):
                 raise
+            # damage can announce any size: a lack of memory is no other fault
             except Exception as error:
                 tool = dict(zip(ENDINGS, _TOOLS, strict=True)).get(link.suffix, "ros2 bag reindex")
                 raise RejectedLog(

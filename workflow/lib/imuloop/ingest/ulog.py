@@ -30,6 +30,8 @@ _IDS = {
 }
 # PX4 has parameters of at most four calibrated sensors
 _SLOTS = range(4)
+# the library reads each byte of a sound file twice at most
+_MOST_TIMES = 10
 # accelerometer_timestamp_relative of a row without acceleration
 _NO_ACCELERATION = 0x7FFFFFFF
 
@@ -86,12 +88,18 @@ def _sensor_ids(log, found):
 
 
 class _Tape(io.BytesIO):
-    """A file in memory that knows whether reading ended inside a message."""
+    """A file in memory that knows whether reading ended inside a message.
 
-    cut = False
+    Damage can lead the library in circles: it may read the file a few times over, no more.
+    """
+
+    cut, asked = False, 0
 
     def read(self, size=-1):
         got = super().read(size)
+        self.asked += 1 + len(got)
+        if self.asked > _MOST_TIMES * (1 + self.getbuffer().nbytes):
+            raise ValueError("reading it goes in circles")
         # the next header's three bytes may be missing, nothing else
         self.cut |= len(got) < size and (size != 3 or bool(got))
         return got
