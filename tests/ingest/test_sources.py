@@ -77,8 +77,33 @@ def target(tmp_path):
     return tmp_path / "cache" / "log.csv"
 
 
-def nothing_left(target):
-    return not target.parent.exists() or not list(target.parent.iterdir())
+FAULTS = {
+    # what is wrong with a source, and what the line says
+    "no such file": ({"url": "{server}/none.csv"},
+                     r"none\.csv .*the server answers 404.*download http"),
+    "a wrong hash": ({"sha256": "0" * 64}, rf"has SHA-256 {DIGEST}, expected 0{{64}}"),
+    "offline": ({"url": "{closed}/log.csv"},
+                rf"log.csv is not at hand .*download {{closed}}/log.csv .*_MIRROR .*{DIGEST}"),
+    "no such wheel": ({"wheel": "tiny-recordings==2.0", "member": MEMBER},
+                      r"No matching distribution.*take tiny_rec.*log\.csv out"),
+    "no such member": ({"wheel": "tiny-recordings==1.0", "member": "log.cvs"},
+                       r"no member 'log\.cvs'"),
+    "another file": ({"wheel": "tiny-recordings==1.0", "member": MEMBER, "sha256": "1" * 64},
+                     r"from the wheel tiny-recordings==1\.0 has SHA-256"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_file_that_cannot_be_had_is_one_line_and_leaves_nothing(
+    server, closed, wheel, target, name
+):
+    changed, line = FAULTS[name]
+    source = {"url": f"{server}/log.csv", "sha256": DIGEST} | changed
+    source["url"] = source["url"].format(server=server, closed=closed)
+    with pytest.raises(ImuloopError, match=line.replace("{closed}", closed)) as caught:
+        fetch(source, target)
+    assert "\n" not in str(caught.value)
+    assert not target.parent.exists() or not list(target.parent.iterdir())
 
 
 def test_a_url_is_fetched_whole_and_quietly(server, target, capfd):
@@ -89,25 +114,7 @@ def test_a_url_is_fetched_whole_and_quietly(server, target, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_wrong_hash_names_both_and_leaves_nothing(server, target):
-    with pytest.raises(ImuloopError, match=r"none\.csv .*the server answers 404.*download http"):
-        fetch({"url": f"{server}/none.csv", "sha256": DIGEST}, target)
-    with pytest.raises(ImuloopError, match=rf"has SHA-256 {DIGEST}, expected 0{{64}}"):
-        fetch({"url": f"{server}/log.csv", "sha256": "0" * 64}, target)
-    assert nothing_left(target)
-
-
-def test_offline_says_what_is_missing_where_it_is_and_where_to_put_it(closed, target):
-    with pytest.raises(ImuloopError) as caught:
-        fetch({"url": f"{closed}/log.csv", "sha256": DIGEST}, target)
-    text = str(caught.value)
-    for part in ("log.csv is not at hand", f"download {closed}/log.csv", "IMULOOP_MIRROR", DIGEST):
-        assert part in text
-    assert "\n" not in text
-    assert nothing_left(target)
-
-
-def test_a_mirror_is_taken_by_name_and_hash(closed, target, tmp_path):
+def test_a_mirror_is_taken_by_name_and_hash(server, closed, target, tmp_path):
     mirror = tmp_path / "mirror"
     for folder, content in (("a", b"other"), ("b/c", CONTENT)):
         (mirror / folder).mkdir(parents=True)
@@ -117,31 +124,16 @@ def test_a_mirror_is_taken_by_name_and_hash(closed, target, tmp_path):
     (mirror / "b" / "c" / "self").symlink_to(mirror / "b" / "c")
     (mirror / "a" / "nowhere").symlink_to(mirror / "none")
     fetch({"url": f"{closed}/log.csv", "sha256": DIGEST}, target, mirror)
-    assert target.read_bytes() == CONTENT
-    assert not target.is_symlink()
-
-
-def test_a_mirror_with_another_version_is_not_taken(server, target, tmp_path):
-    (tmp_path / "mirror").mkdir()
-    (tmp_path / "mirror" / "log.csv").write_bytes(b"other")
-    fetch({"url": f"{server}/log.csv", "sha256": DIGEST}, target, tmp_path / "mirror")
+    assert target.read_bytes() == CONTENT and not target.is_symlink()
+    # another version in it is not taken
+    target.unlink()
+    fetch({"url": f"{server}/log.csv", "sha256": DIGEST}, target, mirror / "a")
     assert target.read_bytes() == CONTENT
     with pytest.raises(ImuloopError, match="is not a folder"):
         fetch({"url": f"{server}/log.csv", "sha256": DIGEST}, target, tmp_path / "none")
 
 
 def test_a_member_of_a_wheel_is_fetched_and_nothing_of_it_is_imported(wheel, target):
-    for changed, line in (
-        (
-            {"wheel": "tiny-recordings==2.0"},
-            r"No matching distribution.*take tiny_rec.*log\.csv out",
-        ),
-        ({"member": "log.cvs"}, r"no member 'log\.cvs'"),
-        ({"sha256": "1" * 64}, r"from the wheel tiny-recordings==1\.0 has SHA-256"),
-    ):
-        with pytest.raises(ImuloopError, match=line):
-            fetch({**wheel, **changed}, target)
-        assert nothing_left(target)
     fetch(wheel, target)
     assert target.read_bytes() == CONTENT
     assert "tiny_recordings" not in sys.modules

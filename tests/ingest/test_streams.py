@@ -1,10 +1,17 @@
-"""Which streams of a log are chosen, and how streams come onto one clock."""
+"""Several tables or streams in a log: which hold the sensors, and how they come onto one clock."""
 
 import numpy as np
 import pytest
 
 from imuloop.core.errors import ImuloopError, RejectedLog
+from imuloop.core.samples import ACCELERATION, ANGULAR_RATE
+from imuloop.core.units import STANDARD_GRAVITY
 from imuloop.ingest.streams import Stream, raw_log
+from ingest.logs import FORCE, RATE, brief
+from ingest.test_formats import zipped
+from ingest.text_forms import SIX, lines, text
+from ingest.written import phyphox, sensor_logger, timed
+from ingest.written import table as csv_table
 
 RNG = np.random.default_rng(3)
 ROWS = 300
@@ -18,78 +25,16 @@ def stream(name="imu", fields=(*ACC, *GYRO), stamps=None, **units):
 
 
 def arrays(log):
-    table = log.batch
-    return {name: table[name].to_numpy() for name in table.column_names}
+    return {name: log.batch[name].to_numpy() for name in log.batch.schema.names}
 
 
 def two_clocks(at, known, values):
     """Return the table of a gyroscope with stamps `at`, and an accelerometer with `known`."""
-    acc = Stream("acc", known, dict.fromkeys(ACC, values))
-    log = raw_log([acc, stream("gyro", GYRO, at)])
+    log = raw_log([Stream("acc", known, dict.fromkeys(ACC, values)), stream("gyro", GYRO, at)])
     return arrays(log), log
 
 
-NO_ROWS = np.empty(0)
-
-
-@pytest.mark.parametrize(
-    ("streams", "columns", "expected"),
-    [
-        ([stream("gps", ["lat", "lon"]), stream()], {},
-         {"acceleration": [f"imu.{a}" for a in ACC], "time": "imu stamps"}),
-        # a stream of both sensors goes before those of one
-        ([stream("acc", ACC), stream("imu"), stream("gyro", GYRO)], {},
-         {"acceleration": [f"imu.{a}" for a in ACC], "angular_rate": [f"imu.{g}" for g in GYRO]}),
-        ([stream("imu0"), stream("imu1")], {"acceleration": [f"imu1.{a}" for a in ACC]},
-         {"acceleration": [f"imu1.{a}" for a in ACC]}),
-        # a declared stream needs no usual names
-        ([stream("left", [*"xyz"]), stream("right", ["v_x", "v_y", "v_z", "w_x"])],
-         {"acceleration": "left", "angular_rate": "right"},
-         {"acceleration": ["left.x", "left.y", "left.z"],
-          "angular_rate": ["right.v_x", "right.v_y", "right.v_z"]}),
-        # an empty one does not stand beside one with rows
-        ([stream("imu0", stamps=NO_ROWS), stream("imu1")], {},
-         {"acceleration": [f"imu1.{a}" for a in ACC]}),
-        # of clocks as fast the gyroscope's is taken
-        ([stream("acc", ACC, np.arange(ROWS) * 0.01 + 0.004), stream("gyro", GYRO)], {},
-         {"time": "gyro stamps"}),
-        ([stream(), stream("baro", ["temp"]), stream("gps", ["temp"])],
-         {"temperature": "gps.temp"}, {"temperature": "gps.temp"}),
-    ],
-)  # fmt: skip
-def test_the_streams_of_the_sensors_are_chosen(streams, columns, expected):
-    found = raw_log(streams, columns).found
-    assert {name: found[name] for name in expected} == expected
-
-
-@pytest.mark.parametrize(
-    ("columns", "line"),
-    [
-        ({"acceleration": "imo"}, "no stream 'imo'; there are imu, two; did you mean 'imu'?"),
-        (
-            {"acceleration": "two"},
-            "two holds lx, ly, lz, rx, ry, rz; name x, y and z of it as two.FIELD",
-        ),
-        (
-            {"acceleration": ["imu.acc.x", "imu.acc.y", "imu.acc.w"]},
-            "no column 'imu.acc.w'; did you mean .*; the log's streams are imu, two",
-        ),
-        ({"acceleration": ["imu.acc.x", "imu.acc.y", "two.lx"]}, "x, y and z are not in one str"),
-        ({"acceleration": ["imu.acc.x"]}, r"\['imu.acc.x'\] is not a list of three columns"),
-        ({"acceleration": [0, 1, 2]}, "no column '0'"),
-        ({"time": "two.lx"}, "two.lx is not in imu"),
-        ({"temperature": "imu.temp"}, "no column 'imu.temp'"),
-    ],
-)
-def test_what_is_declared_wrongly_of_streams_is_one_line(columns, line):
-    streams = [stream(), stream("two", ["lx", "ly", "lz", "rx", "ry", "rz"])]
-    [quantity] = columns
-    with pytest.raises(ImuloopError, match=rf"^columns\.{quantity}: {line}") as caught:
-        raw_log(streams, columns)
-    assert "\n" not in str(caught.value)
-
-
-def clocks(kind, change):
+def two_that_change(kind, change):
     """Return an accelerometer at 100 Hz and a gyroscope at 200 Hz; one has a clock that changes."""
     streams = []
     for name, fields, step in (("acc", ACC, 10_000), ("gyro", GYRO, 5_000)):
@@ -99,32 +44,79 @@ def clocks(kind, change):
     return streams
 
 
-ALIKE = r"imu0 \(acc\.x, acc\.y, acc\.z\) and imu1 .* name one of them in columns\.acceleration"
-OWN_CLOCK = r"columns\.time: each sensor has a clock of its own"
-NO_COMMON = "gyro and acc share no time: their clocks differ$"
+# --- which streams
+
+NO_ROWS = np.empty(0)
+TWO = [stream(), stream("two", ["lx", "ly", "lz", "rx", "ry", "rz"])]
+LATE = np.arange(ROWS) * 0.01 + 0.004
+CHOSEN = [
+    ([stream("gps", ["lat", "lon"]), stream()], {},
+     {"acceleration": [f"imu.{a}" for a in ACC], "time": "imu stamps"}),
+    # a stream of both sensors goes before those of one
+    ([stream("acc", ACC), stream("imu"), stream("gyro", GYRO)], {},
+     {"acceleration": [f"imu.{a}" for a in ACC], "angular_rate": [f"imu.{g}" for g in GYRO]}),
+    ([stream("imu0"), stream("imu1")], {"acceleration": [f"imu1.{a}" for a in ACC]},
+     {"acceleration": [f"imu1.{a}" for a in ACC]}),
+    # a declared stream needs no usual names
+    ([stream("left", [*"xyz"]), stream("right", ["v_x", "v_y", "v_z", "w_x"])],
+     {"acceleration": "left", "angular_rate": "right"},
+     {"acceleration": ["left.x", "left.y", "left.z"],
+      "angular_rate": ["right.v_x", "right.v_y", "right.v_z"]}),
+    # an empty one does not stand beside one with rows
+    ([stream("imu0", stamps=NO_ROWS), stream("imu1")], {},
+     {"acceleration": [f"imu1.{a}" for a in ACC]}),
+    # of clocks as fast the gyroscope's is taken
+    ([stream("acc", ACC, LATE), stream("gyro", GYRO)], {}, {"time": "gyro stamps"}),
+    ([stream("imu", [*ACC, *GYRO, "clock"])], {"time": "imu.clock"}, {"time": "imu.clock"}),
+    ([stream(), stream("baro", ["temp"]), stream("gps", ["temp"])],
+     {"temperature": "gps.temp"}, {"temperature": "gps.temp"}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("streams", "columns", "expected"), CHOSEN)
+def test_the_streams_of_the_sensors_are_chosen(streams, columns, expected):
+    found = raw_log(streams, columns).found
+    assert {name: found[name] for name in expected} == expected
+
+
 AWAY = [np.arange(ROWS) + 1e9, np.full(ROWS, np.nan), np.full(ROWS, 0.005),
         np.geomspace(1e290, 1e308, ROWS)]  # fmt: skip
+REFUSED = [
+    (TWO, {"acceleration": "imo"}, ImuloopError,
+     "columns.acceleration: no stream 'imo'; there are imu, two; did you mean 'imu'"),
+    (TWO, {"acceleration": "two"}, ImuloopError, "no columns of acceleration found .stamps, lx"),
+    (TWO, {"acceleration": ["imu.acc.x", "imu.acc.y", "imu.acc.w"]}, ImuloopError,
+     "columns.acceleration: no column 'acc.w'; there are .*; did you mean"),
+    (TWO, {"acceleration": ["imu.acc.x", "imu.acc.y", "two.lx"]}, ImuloopError,
+     "columns.acceleration: no stream 'imu.acc.x, imu.acc.y, two.lx'; there are imu, two"),
+    (TWO, {"acceleration": ["imu.acc.x"]}, ImuloopError, ".* is not a list of three columns"),
+    (TWO, {"acceleration": [0, 1, 2]}, ImuloopError, "columns.acceleration: no stream '0, 1, 2'"),
+    (TWO, {"time": "two.lx"}, ImuloopError, "columns.time: two is not the clock of imu"),
+    (TWO, {"temperature": "imu.temp"}, ImuloopError, "columns.temperature: no column 'temp'"),
+    (TWO, dict.fromkeys(("acceleration", "angular_rate")), ImuloopError, "no sensor: columns.acc"),
+    ([stream("imu0"), stream("imu1")], {}, ImuloopError,
+     r"imu0 and imu1 all look like acceleration; name one of them in columns\.acceleration"),
+    ([stream("acc", ACC, np.arange(ROWS) / 50), stream("gyro", [*GYRO, "clock"])],
+     {"time": "gyro.clock"}, ImuloopError, r"columns\.time: gyro is not the clock of acc and gyro"),
+    ([], {}, RejectedLog, "the log has no rows$"),
+    ([stream(stamps=NO_ROWS)], {}, RejectedLog, "the log has no rows$"),
+    ([stream("acc", ACC), stream("gyro", GYRO, NO_ROWS)], {}, RejectedLog, "gyro has no rows$"),
+    *(([stream("acc", ACC), stream("gyro", GYRO, known)], {}, RejectedLog,
+       "(gyro and acc|acc and gyro) share no time: their clocks differ$") for known in AWAY),
+    *((two_that_change(kind, lambda stamps, w=width: stamps % w), {}, RejectedLog,
+       f"the clock of {kind} starts again within the log")
+      for kind in ("acc", "gyro") for width in (2**30, 2**30 + 5_000_077)),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("streams", "columns", "error", "line"),
-    [
-        ([stream("imu0"), stream("imu1")], {}, ImuloopError, ALIKE),
-        ([stream("acc", ACC, np.arange(ROWS) / 50), stream("gyro", [*GYRO, "clock"])],
-         {"time": "gyro.clock"}, ImuloopError, OWN_CLOCK),
-        ([], {}, RejectedLog, "the log has no rows$"),
-        ([stream(stamps=NO_ROWS)], {}, RejectedLog, "the log has no rows$"),
-        ([stream("acc", ACC), stream("gyro", GYRO, NO_ROWS)], {}, RejectedLog, "gyro has no rows$"),
-        *(([stream("acc", ACC), stream("gyro", GYRO, known)], {}, RejectedLog, NO_COMMON)
-          for known in AWAY),
-        *((clocks(kind, lambda stamps, w=width: stamps % w), {}, RejectedLog,
-           f"the clock of {kind} starts again within the log")
-          for kind in ("acc", "gyro") for width in (2**30, 2**30 + 5_000_077)),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("streams", "columns", "error", "line"), REFUSED)
 def test_streams_that_are_no_log_are_one_line(streams, columns, error, line):
-    with pytest.raises(error, match=f"^{line}"):
+    with pytest.raises(error, match=f"^{line}") as caught:
         raw_log(streams, columns)
+    assert "\n" not in str(caught.value)
+
+
+# --- onto one clock
 
 
 @pytest.mark.parametrize(
@@ -170,13 +162,15 @@ def test_rows_of_a_stream_missing_repeated_or_out_of_order_are_left_out():
     at, lost = table["stamp"], np.isnan(table["ax"])
     assert {*at[lost]} == {10.0, 20.0, 30.0, 40.0, 50.0}
     assert not {*table["held"][~lost]} & {10.0, 20.0, 45.5}
-    assert log.notes[0].endswith("; 5 of its rows missing, repeated or out of order are left out")
+    assert log.notes[0].endswith("; 4 of its rows missing, repeated or out of order are left out")
+    # and the one without a stamp
+    assert log.bad_lines == 1
 
 
 @pytest.mark.parametrize("kind", ["acc", "gyro"])
 def test_a_stray_stamp_of_one_stream_costs_its_row_alone(kind):
     far = 10**12 * (np.arange(8000) == 700)
-    table = arrays(raw_log(clocks(kind, lambda stamps: stamps + far[: len(stamps)])))
+    table = arrays(raw_log(two_that_change(kind, lambda stamps: stamps + far[: len(stamps)])))
     assert 0 < (~np.isfinite(table["ax"])).sum() <= 4
 
 
@@ -203,5 +197,283 @@ def test_a_temperature_of_a_slow_clock_is_interpolated_and_of_several_none_is_ta
     assert log.notes == ["temperature of baro interpolated linearly onto the stamps of imu"]
     assert not raw_log([stream(), thermometer], {"temperature": None}).temperature
     log = raw_log([stream(), stream("baro", ["temp"]), stream("gps", ["temp"])])
-    line = "temperature not read: baro.temp, gps.temp; name one of them in columns.temperature"
+    line = "temperature not read: baro, gps hold one; name it in columns.temperature"
     assert not log.temperature and log.notes == [line]
+
+
+# --- tables of each sensor, or rows of each in one
+
+
+def in_turn(count=3000, rate=250.0, share=3, empty=np.nan, both=False):
+    """A table of which each row holds one sensor alone, or of which each so many hold the force."""
+    log, force = brief(count), np.arange(count) % share == share - 1
+    log["t"] = np.arange(count) / rate
+    log.loc[~force, [*ACCELERATION]] = empty
+    if not both:
+        log.loc[force, [*ANGULAR_RATE]] = empty
+    return log
+
+
+@pytest.mark.parametrize("empty", [0.0, np.nan])
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_rows_of_two_sensors_in_turn_are_two_streams(run, tmp_path, empty, ending):
+    table, path = in_turn(empty=empty), tmp_path / f"log.{ending}"
+    table.to_parquet(path) if ending == "parquet" else path.write_text(text(table))
+    done = run(path)
+    assert done.quality["status"] == "ok"
+    assert "the rows hold the accelerometer and the gyroscope in turn" in done.quality["warnings"]
+    # those of the sensor whose clock is the log's are as they were logged
+    assert max(np.isin(done.samples[c], table[c]).mean() for c in ("ax", "gx")) == 1
+
+
+def test_an_outer_join_of_two_rates_keeps_all_samples_zeros_too(run):
+    table = in_turn(2000, 200.0, 4, both=True)
+    done = run(table)
+    assert done.quality["status"] == "ok"
+    assert all(np.isin(done.samples[c], table[c]).all() for c in SIX)
+    table = in_turn(1000, 200.0, 2)
+    zeros = np.arange(1000)[:, None] // 4 % 2 * [1.0, 2.0, 1.0]
+    table[RATE] = np.where(table[RATE].isna(), np.nan, zeros)
+    done = run(table, units={"angular_rate": "deg/s"})
+    assert done.quality["gaps"]["count"] == 0 and len(done.samples) >= 499
+
+
+def test_a_gyroscope_of_whole_degrees_at_rest_takes_no_turns(log, run):
+    log[RATE] = 0.0
+    log.loc[::2, "gz"] = 1.0
+    quality = run(log, units={"angular_rate": "deg/s"}).quality
+    assert not any("in turn" in line for line in quality["warnings"])
+
+
+def apart(log):
+    """Return tables of an accelerometer at 100 Hz and of a gyroscope that is 1.5 ms later."""
+    force, rate = (log[["t", *c]].set_axis([*"txyz"], axis=1) for c in (FORCE, RATE))
+    return force, rate.assign(t=log.t + 0.0015)
+
+
+def pair(folder, log, form):
+    """Write a file of each sensor, and return their paths."""
+    paths = [folder / f"{name}.{'parquet' if form == 'parquet' else 'txt'}" for name in "ab"]
+    for path, table, unit in zip(paths, apart(log), ("m/s²", "rad/s"), strict=True):
+        ms = (1000 * table.t).round(3)
+        if form == "parquet":
+            table.to_parquet(path)
+            continue
+        if form == "axes":
+            names = ["elapsed (ms)", *(f"{a}-axis ({unit})" for a in "xyz")]
+            table = table.assign(t=ms).set_axis(names, axis=1).assign(pressure=1013.0)
+        elif form == "declared":
+            table = table.assign(u=1.0, v=2.0, w=3.0)
+            if unit == "rad/s":
+                table = table.assign(t=ms).rename(columns={"t": "t (ms)"})
+        elif form == "week":
+            table = table.rename(columns={"t": "t (week)"})
+        path.write_text(text(table, header=form != "headless", sep=" ,"[form != "headless"]))
+    return paths
+
+
+def in_zip(folder, log, count):
+    tables = {"rec/imu.csv": log}
+    if count == 2:
+        tables = dict(zip(("rec/Accel.txt", "rec/gyro.txt"), apart(log), strict=True))
+    members = {
+        name: "# made by a logger\n" + text(each, header=count == 1, sep=" ,"[count == 1])
+        for name, each in tables.items()
+    }
+    return [zipped(folder, members | {"rec/notes.md": "at noon"})]
+
+
+def rows_of_each(folder, log, comments):
+    every, names, tables = ["sensor,time,x,y,z"], ("accelerometer", "gyroscope"), apart(log)
+    if comments:
+        names = ("UncalAccel", "UncalGyro")
+        every = ["# Fix,provider,time"]
+        every += ["# UncalAccel,elapsedRealtimeNanos,AccelXMps2,AccelYMps2,AccelZMps2,BiasXMps2"]
+        every += ["# UncalGyro,elapsedRealtimeNanos,GyroXRadPerSec,GyroYRadPerSec,GyroZRadPerSec"]
+        force, rate = (x.assign(t=(1e9 * x.t).round().astype(int)) for x in tables)
+        tables = force.assign(bias=0.0), rate
+    for both in zip(*(lines(each, header=False) for each in tables), strict=True):
+        every += [f"{name},{row}" for name, row in zip(names, both, strict=True)]
+        every += ["Fix,gps,1"] * comments
+    (folder / "log.txt").write_text("\n".join(every))
+    return [folder / "log.txt"]
+
+
+XYZ = {"columns": {"acceleration": [*"xyz"], "angular_rate": [*"xyz"]}}
+# how the two are written, what is declared, the unit of time and its column
+APART = {
+    **{f"two files, {form}": (pair, form, {}, "s", time)
+       for form, time in (("csv", "t"), ("parquet", "t"), ("headless", "0"))},
+    "two files, axes": (pair, "axes", {}, "ms", "elapsed (ms)"),
+    "two files, two units": (pair, "declared", XYZ, "ns",
+                             {"acceleration": "t", "angular_rate": "t (ms)"}),
+    "two files, no unit": (pair, "week", {"units": {"time": "s"}}, "s", "t (week)"),
+    "one table in a zip": (in_zip, 1, {}, "s", "t"),
+    "two tables in a zip": (in_zip, 2, {}, "s", "0"),
+    "rows of each": (rows_of_each, False, {}, "s", "time"),
+    "rows of each, comments": (rows_of_each, True, {}, "ns", "elapsedRealtimeNanos"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", APART)
+def test_sensors_apart_are_one_log(log, run, tmp_path, name):
+    write, how, declared, unit, time = APART[name]
+    paths = write(tmp_path, log, how)
+    if how == "week":
+        with pytest.raises(ImuloopError, match=r"units\.time: the log says 'week'"):
+            run(*paths)
+    done = run(*paths, **declared)
+    assert done.quality["status"] == "ok", done.quality["reasons"]
+    assert 480 <= len(done.samples) <= len(log) and 4.9 < done.quality["duration_s"] < 5
+    # those of the sensor whose clock is the log's are as they were logged
+    assert max(np.isin(done.samples[c], log[c]).mean() for c in ("ax", "gx")) == 1
+    assert (done.metadata["units"]["time"], done.quality["columns"]["time"]) == (unit, time)
+
+
+@pytest.mark.parametrize("time", ["t", "host"])
+def test_a_table_of_each_sensor_below_the_other_is_read(run, tmp_path, time):
+    """Protects the second table: of it nothing is in the first rows."""
+    force, rate = apart(brief(3000))
+    every = []
+    for name, table, step in (("Gyro", rate, 0.0025), ("Accel", force[::2], 0.005)):
+        rows = lines(table.assign(t=np.arange(len(table)) * step), header=False)
+        every += ["", f"type,{time},3DOF_x,3DOF_y,3DOF_z", *(f"{name},{row}" for row in rows)]
+    (tmp_path / "log.csv").write_text("\n".join(every))
+    if time == "host":
+        with pytest.raises(ImuloopError, match=r"no time column of a usual name .*host.* nor as"):
+            run(tmp_path / "log.csv")
+    done = run(tmp_path / "log.csv", columns={"time": time})
+    np.testing.assert_array_equal(done.samples[RATE].iloc[9:99], rate.iloc[9:99, 1:])
+    assert np.isin(done.samples.ax, force.x).all()
+
+
+# --- phones
+
+RAW = ("Acceleration", "Gyroscope")
+LINEAR = {
+    "columns": {"acceleration": [f"Accelerometer.Linear Acceleration {a} (m/s^2)" for a in "xyz"]}
+}
+
+
+def in_one_table(log):
+    header = ["Time (s)", *(f"Acceleration {a} (m/s^2)" for a in "xyz"), "Absolute (m/s^2)"]
+    header += [f"Gyroscope {a} (rad/s)" for a in "xyz"]
+    columns = [log.t, *(log[a] for a in FORCE), log.az, *(log[a] for a in RATE)]
+    return {"run/Raw Data.csv": csv_table(header, columns), "__MACOSX/run/._a.csv": "\0"}
+
+
+def with_linear(log, alone=False):
+    members, linear = phyphox(log), phyphox(log * 0.1, ("Linear Acceleration", ""))
+    if alone:
+        return members | {"Accelerometer.csv": linear["Accelerometer.csv"]}
+    return {"Linear Acceleration.csv": linear["Accelerometer.csv"], **members}
+
+
+def with_second(log):
+    members = phyphox(log)
+    return members | {"Second.csv": members["Gyroscope.csv"]}
+
+
+def corrected(log, about=("android", "false"), scale=1.0, **named):
+    """Sensor Logger, with what the phone has corrected beside what it has not."""
+    wrong = log.assign(bx=log.ax + 1, by=log.ay + 1, bz=log.az + 1, hx=0.5, hy=0.5, hz=0.5)
+    wrong[FORCE] = np.round(wrong[FORCE] * scale, 6)
+    usual = {"Accelerometer": ["hx", "hy", "hz"], "TotalAcceleration": ["bx", "by", "bz"]}
+    usual |= {"AccelerometerUncalibrated": FORCE, "Gyroscope": ["hx", "hy", "hz"]}
+    usual |= {"GyroscopeUncalibrated": RATE}
+    return sensor_logger(wrong, {k: x for k, x in (usual | named).items() if x}, about)
+
+
+ONLY = {"AccelerometerUncalibrated": None, "GyroscopeUncalibrated": None, "Gyroscope": RATE}
+TOTAL = {**ONLY, "TotalAcceleration": FORCE}
+IOS, G = "the sign of iOS is turned into that of specific force", -1 / STANDARD_GRAVITY
+# what is in the zip, what is declared, and what is said
+PHONES = {
+    **{f"phyphox {kind} {separator!r}": (
+           lambda log, k=kind, s=separator: phyphox(log, k, *s), {}, "the tables Accelerometer and")
+       for kind in (RAW, ("", ""), ("Accelerometer", "")) for separator in (",.", "\t.", ";,")},
+    "phyphox in one table": (in_one_table, {}, "the table Raw Data of the zip"),
+    "with linear acceleration": (with_linear, {}, "Accelerometer and Gyroscope"),
+    "the second": (with_second, {"columns": {"angular_rate": "Second"}}, "Accelerometer and Sec"),
+    "Sensor Logger": (corrected, {}, "the tables AccelerometerUncalibrated and GyroscopeUncalib"),
+    "Sensor Logger, total": (lambda log: corrected(log, **TOTAL), {}, "TotalAcceleration and Gyro"),
+    "declared": (lambda log: corrected(log, Gyroscope=RATE, TotalAcceleration=FORCE),
+                 {"columns": {"acceleration": "TotalAcceleration", "angular_rate": "Gyroscope"}},
+                 "the tables TotalAcceleration and Gyroscope of the zip"),
+    "standard iOS": (lambda log: corrected(log, ("ios", "true")), {}, "the tables Acc"),
+    "unknown": (lambda log: corrected(log, None), {}, "no Metadata.csv: taken as SI"),
+    "iOS": (lambda log: corrected(log, ("ios", "false"), G), {}, IOS),
+    "iOS, columns": (
+        lambda log: corrected(log, ("ios", "false"), G),
+        {"columns": {"acceleration": [f"AccelerometerUncalibrated.{a}" for a in "xyz"]}}, IOS),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PHONES)
+def test_a_zip_of_a_phone_is_read(log, run, tmp_path, same, name):
+    members, declared, said = PHONES[name]
+    done = run(zipped(tmp_path, members(log)), **declared)
+    turned = name.startswith("iOS")
+    if turned:
+        log[FORCE] = -np.round(log[FORCE] * G, 6) * STANDARD_GRAVITY
+    same(done, log)
+    assert any(said in line for line in done.quality["warnings"])
+    assert (IOS in done.quality["warnings"]) == turned
+    assert done.metadata["units"]["acceleration"] == ("g" if turned else "m/s^2")
+
+
+NO_PHONES = [
+    (lambda log: with_linear(log, alone=True), {}, "no acceleration found; the log holds Accel"),
+    (with_second, {}, "Gyroscope and Second all look like angular_rate; name one of them"),
+    (with_second, {"columns": {"angular_rate": "Secnod"}}, "no stream 'Secnod'.*did you mean 'Sec"),
+    (lambda log: {"a.txt": "a"}, {}, "no acceleration found; the log holds nothing"),
+    (lambda log: {}, {}, "no acceleration found; the log holds nothing"),
+    (lambda log: dict.fromkeys(("a.csv", "b.csv"), log.to_csv(index=False)), {},
+     "a and b all look like acceleration"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("members", "declared", "line"), NO_PHONES)
+def test_a_zip_without_a_choice_is_one_line(log, run, tmp_path, members, declared, line):
+    with pytest.raises(ImuloopError, match=line):
+        run(zipped(tmp_path, members(log)), **declared)
+
+
+def test_linear_acceleration_is_read_where_it_is_declared(log, run, tmp_path):
+    done = run(zipped(tmp_path, with_linear(log, alone=True)), **LINEAR)
+    assert done.quality["mean_specific_force"] < 1
+
+
+@pytest.mark.parametrize(("separator", "decimal"), [",.", "\t.", ";,"])
+def test_a_pause_of_phyphox_is_a_gap(log, run, tmp_path, separator, decimal):
+    members = phyphox(log, RAW, separator, decimal)
+    # the phone's clock is set back by a minute, then the experiment pauses for 30 s and 7 s
+    starts = [(0, 1.7e9), (1.005, 1.7e9 - 59), (2.005, 1.7e9 + 32.005), (3.005, 1.7e9 + 40.005)]
+    members["meta/time.csv"] = timed(separator, decimal, *starts)
+    done = run(zipped(tmp_path, members))
+    later = np.select([log.t > 3.005, log.t > 2.005], [37, 30], 0)
+    np.testing.assert_allclose(done.samples.t, log.t + later, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(done.samples.t[:200], log.t[:200])
+    assert done.quality["gaps"]["count"] == 2
+    said = [
+        line for line in done.quality["warnings"] if line.startswith("paused 2 times, 37 s tog")
+    ]
+    assert len(said) == 1
+
+
+def test_damage_to_an_export_is_counted_or_named(log, run, tmp_path):
+    members = phyphox(log)
+    rows = members["Accelerometer.csv"].splitlines()
+    rows[3], rows[5], rows[7] = "what", "x,1,2,3", "0.06,1,NaN,3"
+    members["Accelerometer.csv"] = "\n".join(rows)
+    path = zipped(tmp_path, members)
+    done = run(path)
+    # no sample of the accelerometer is near three rows
+    assert (done.quality["bad_lines"], done.quality["non_finite"]) == (2, 3)
+    np.testing.assert_array_equal(done.samples.gx, log.gx.drop([2, 4, 6]))
+    data = bytearray(path.read_bytes())
+    # of the first entry of the directory, the flag of encryption
+    data[data.index(b"PK\1\2") + 8] = 1
+    path.write_bytes(data)
+    [reason] = run(path).quality["reasons"]
+    assert "format phone (RuntimeError: " in reason and "encrypted" in reason

@@ -1,18 +1,13 @@
 """ArduPilot DataFlash logs, binary or text: the inertial messages, each instance a stream."""
 
 import re
-import struct
-from array import array
 
 import numpy as np
 
 from imuloop.core.errors import RejectedLog, plural
 from imuloop.ingest.damage import reject_damage
 from imuloop.ingest.spellings import AXES
-from imuloop.ingest.streams import Stream, raw_log, stream_names
-
-# text logs end in .log as other tables do: format: dataflash tells them
-ENDINGS = (".bin",)
+from imuloop.ingest.streams import Stream, names_in, raw_log
 
 _UNITS = {"time": "us", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
 # at the rate of the main loop; as sampled; increments. Older logs number the sensor.
@@ -28,9 +23,10 @@ _CODES = {
     **{"Z": "S64", "a": "S64", "c": "<i2", "C": "<u2", "e": "<i4", "E": "<u4", "L": "<i4"},
 }
 _SCALES = {"c": 100.0, "C": 100.0, "e": 100.0, "E": 100.0, "L": 1e7}
-_TEXTS = "nNZa"
-# header of a binary message, then its number; the message that defines the others, its length
-_HEAD, _FORMAT, _FORMAT_LENGTH = b"\xa3\x95", 0x80, 89
+# header of a binary message; a message counts where the next one, or the end of the file, follows
+_HEAD, _END = b"\xa3\x95", rb"(?=\xa3\x95|\xa3?\Z)"
+# the message that defines another: its number and size, name, format and names of its fields
+_FORMAT = re.compile(rb"(?s)\xa3\x95\x80(.)(.)(.{4})(.{16})(.{64})" + _END)
 # an instance with a smaller share of its message's rows is damage, not a sensor
 _LEAST_SHARE = 0.01
 
@@ -39,28 +35,25 @@ _LEAST_SHARE = 0.01
 def read(paths, columns=None):
     """Read a DataFlash log.
 
-    The streams are messages with their instance, ``IMU_0``; in older logs without instances
-    messages, ``IMU2``. `columns` names streams, or ``STREAM.FIELD``, of messages other than IMU,
-    ACC, GYR and IMT too. Increments become rates by their own interval.
+    The streams are messages with their instance, ``IMU_0``, or messages, ``IMU2``, in older logs
+    without instances. `columns` names streams or ``STREAM.FIELD``, also of messages other than IMU,
+    ACC, GYR and IMT. Increments become rates by their own interval.
     """
     with open(paths["log"], "rb") as file:
         data = file.read()
-    declared = {re.sub(r"_\d+\Z", "", name) for name in stream_names(columns)}
+    declared = names_in(columns)
 
-    def wanted(name):
+    def is_wanted(name):
         return name in declared or _INERTIAL.fullmatch(name)
 
-    head = data[:4096]
-    if _HEAD not in head and b"FMT," not in head:
-        raise RejectedLog("the file is no DataFlash log")
-    messages, bad, damage = (_binary if _HEAD in head else _text)(data, wanted)
+    messages, bad, damage = (_binary if _HEAD in data else _text)(data, is_wanted)
     streams = []
     for name, fields in messages.items():
         parts = _streams(name, fields)
         rows = sum(len(part.stamps) for part in parts)
         sound = [part for part in parts if len(part.stamps) >= _LEAST_SHARE * rows]
-        streams += sound
         bad += rows - sum(len(part.stamps) for part in sound)
+        streams += sound
     if not streams:
         raise RejectedLog("the log holds no rows of IMU, ACC, GYR or IMT")
     note = (
@@ -68,92 +61,79 @@ def read(paths, columns=None):
     )
     lost = damage or ([f"{plural(bad, 'row')} cannot be read"] if bad else [])
     raw = raw_log(streams, columns, [*damage, note], lost)
-    raw.bad_lines = bad
+    raw.bad_lines += bad
     return raw
 
 
-def _rows(messages, definition, kind="q"):
-    """Return where the rows of a message go; one that is defined twice, otherwise, is refused."""
-    name = definition[0]
-    known, rows = messages.setdefault(name, (definition, array(kind)))
-    if known != definition:
+def _define(known, name, *definition):
+    """Put what a message is into `known`; refuse one that is defined twice, otherwise."""
+    if known.setdefault(name, definition) != definition:
         raise RejectedLog(f"{name} is defined twice, with other fields: the log is of two kinds")
-    return rows
 
 
-def _binary(data, wanted):
-    """Return the wanted messages' fields by name, the rows that cannot be read, and the damage.
-
-    A message counts where the next one or the end of the file follows it.
-    """
-    kinds, messages = {_FORMAT: (_FORMAT_LENGTH, None)}, {}
-    at = known = 0
-    while (at := data.find(_HEAD, at)) >= 0 and at + 3 <= len(data):
-        length, rows = kinds.get(data[at + 2], (0, None))
-        end = at + length
-        if not length or end > len(data) or not _HEAD.startswith(data[end : end + 2]):
-            at += 1
-            continue
-        if rows is not None:
-            rows.append(at)
-        elif data[at + 2] == _FORMAT:
-            kind, size, *texts = struct.unpack("<BB4s16s64s", data[at + 3 : end])
-            texts = [text.partition(b"\0")[0].decode("latin-1") for text in texts]
-            if kind != _FORMAT:
-                rows = _rows(messages, (*texts, size)) if wanted(texts[0]) else None
-                kinds[kind] = size, rows
-        known += length
-        at = end
-    read, bad = {}, 0
-    for name, ((_, codes, names, size), rows) in messages.items():
-        read[name] = _fields(data, np.asarray(rows), codes, names.split(","), size)
+def _binary(data, is_wanted):
+    """Return the wanted messages' fields by name, the rows that cannot be read, and the damage."""
+    sizes, names, known = {}, {}, {}
+    for kind, size, *texts in _FORMAT.findall(data):
+        name, *texts = (text.partition(b"\0")[0].decode("latin-1") for text in texts)
+        sizes.setdefault(kind, max(ord(size), len(_HEAD) + 1))
+        if is_wanted(name):
+            _define(known, name, ord(size), *texts)
+            names[ord(kind)] = name
+    kinds = b"|".join(
+        re.escape(kind) + b".{%d}" % (size - len(_HEAD) - 1) for kind, size in sizes.items()
+    )
+    messages = re.compile(b"(?s)%b(?:%b)%b" % (_HEAD, kinds or b"(?!)", _END)).finditer(data)
+    spans = np.fromiter((x for match in messages for x in match.span()), int).reshape(-1, 2)
+    kinds = np.frombuffer(data, np.uint8)[spans[:, 0] + len(_HEAD)]
+    read, bad, unknown = {}, 0, len(data) - int(np.diff(spans).sum())
+    for name, definition in known.items():
+        rows = spans[np.isin(kinds, [kind for kind, each in names.items() if each == name]), 0]
+        read[name] = _fields(data, rows, *definition)
         bad += 0 if read[name] else len(rows)
-    unknown = len(data) - known
     return read, bad, [f"{unknown} of {len(data)} bytes are no message"] if unknown else []
 
 
-def _fields(data, rows, codes, names, size):
+def _fields(data, rows, size, codes, names):
     """Return name -> numbers of the messages at `rows`; empty where their definition is broken."""
-    kinds = [("", _CODES.get(code, "S0")) for code in codes]
-    whole = np.dtype([("", "S3"), *kinds])
-    if whole.itemsize != size or len(names) != len(kinds):
+    names = names.split(",")
+    whole = np.dtype([("", "S3"), *(("", _CODES.get(code, "S0")) for code in codes)])
+    if whole.itemsize != size or len(names) != len(codes):
         return {}
     windows = np.lib.stride_tricks.sliding_window_view(np.frombuffer(data, np.uint8), size)
-    table = windows[rows].view(whole)[:, 0]
-    numbers = [(i, *each) for i, each in enumerate(zip(codes, names, strict=True), start=1)]
-    return {
-        name: table[f"f{i}"] / _SCALES[code] if code in _SCALES else table[f"f{i}"]
-        for i, code, name in numbers
-        if code in _CODES and code not in _TEXTS
-    }
+    table, fields = windows[rows].view(whole)[:, 0], {}
+    for i, (code, name) in enumerate(zip(codes, names, strict=True), start=1):
+        if (values := table[f"f{i}"]).dtype.kind != "S":
+            fields[name] = values / _SCALES[code] if code in _SCALES else values
+    return fields
 
 
-def _text(data, wanted):
+def _text(data, is_wanted):
     """Return the wanted messages' fields by name, the rows that cannot be read, and no damage."""
-    formats, messages = {}, {}
-    *lines, rest = data.split(b"\n")
+    known, messages = {}, {}
+    *lines, rest = data.decode(errors="replace").split("\n")
     # where the log was cut off, nobody knows whether its last number is whole
     bad = int(bool(rest.strip()))
     for line in lines:
-        name, *values = (value.strip() for value in line.decode(errors="replace").split(","))
-        if name == "FMT" and len(values) > 4 and wanted(values[2]):
-            formats[values[2]] = values[3], values[4:], _rows(messages, (*values[2:],), "d")
-        elif name in formats:
-            codes, names, rows = formats[name]
+        name, *values = (value.strip() for value in line.split(","))
+        if name == "FMT" and len(values) > 4 and is_wanted(values[2]):
+            _define(known, *values[2:])
+        elif name in known:
+            codes, *names = known[name]
             try:
-                rows.extend(
-                    [
-                        np.nan if code in _TEXTS else float(value)
-                        for code, value, _ in zip(codes, values, names, strict=True)
-                    ]
-                )
+                row = [
+                    np.nan if "S" in _CODES.get(code, "S") else float(value)
+                    for code, value, _ in zip(codes, values, names, strict=True)
+                ]
+                messages.setdefault(name, []).append(row)
             except ValueError:
                 bad += 1
-    read = {}
-    for name, (_, names, rows) in formats.items():
-        columns = np.asarray(rows).reshape(-1, len(names)).T
-        read[name] = dict(zip(names, columns, strict=True))
-    return read, bad, []
+    columns = {name: np.array(rows).T for name, rows in messages.items()}
+    return (
+        {name: dict(zip(known[name][1:], x, strict=True)) for name, x in columns.items()},
+        bad,
+        [],
+    )
 
 
 # damaged numbers can be any, a signalling one too
@@ -163,17 +143,17 @@ def _streams(name, fields):
     stamp = next((stamp for stamp in _STAMPS if stamp in fields), None)
     if stamp is None:
         return []
-    stamps = fields[stamp]
-    # text was read as float64, exact to 2^53 us
-    stamps = (stamps.astype(np.int64) if stamps.dtype.kind in "iu" else stamps) * _STAMPS[stamp]
     fields = dict(fields)
+    # text was read as float64, exact to 2^53 us
+    kind = np.int64 if fields[stamp].dtype.kind in "iu" else float
+    stamps = fields[stamp].astype(kind) * _STAMPS[stamp]
     if "T" in fields:
         fields["temperature"] = fields["T"]
     for quantity, (increment, interval) in _INCREMENTS.items():
-        if interval in fields and all(f"{increment}{axis.upper()}" in fields for axis in AXES):
+        names = {f"{quantity}.{axis}": f"{increment}{axis.upper()}" for axis in AXES}
+        if {interval, *names.values()} <= {*fields}:
             dt = np.where(fields[interval] > 0, fields[interval], np.nan).astype(float)
-            for axis in AXES:
-                fields[f"{quantity}.{axis}"] = fields[f"{increment}{axis.upper()}"] / dt
+            fields |= {usual: fields[each] / dt for usual, each in names.items()}
     if "I" not in fields:
         return [Stream(name, stamps, fields, _UNITS)]
     here = {f"{name}_{i:g}": fields["I"] == i for i in np.unique(fields["I"])}

