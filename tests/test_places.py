@@ -34,8 +34,8 @@ MISTAKES = {
     ),
     "stamps in ms": (
         *(scaled(1e3, "t"), {}),
-        ("see units.time", "see --time-unit"),
-        "see units={'time': …}",
+        ("declare units.time: ms", "declare --time-unit ms"),
+        "declare units={'time': 'ms'}",
     ),
     "no gyroscope": (
         *(named(gx="u", gy="v", gz="w"), {}),

@@ -19,7 +19,6 @@ from imuloop.ingest import misread, plausible
 from imuloop.ingest.axes import mapping_words
 from imuloop.ingest.convert import BEYOND, Counts
 from imuloop.ingest.raw_log import RawLog
-from imuloop.ingest.stamps import declare
 
 # how bad a finding is: of the log nothing else can be said; it cannot be used; it is not what is
 # declared; it may not be what is declared; a user should look at it
@@ -123,7 +122,9 @@ def _rate(e):
         return None
     steps = rate * TIME_SCALES.get(unit, 0.0)
     fits = [name for name, scale in TIME_SCALES.items() if 1 <= steps / scale <= 1e4]
-    return f": the stamps look like {' or '.join(fits)}; {declare(fits[0])}" if fits else "."
+    if not fits:
+        return "."
+    return f": the stamps look like {' or '.join(fits)}; declare units.time: {fits[0]}"
 
 
 def _in_turn(e):

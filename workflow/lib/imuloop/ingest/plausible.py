@@ -18,7 +18,6 @@ from imuloop.core.units import ANGULAR_RATE as ANGULAR_RATE_UNITS
 from imuloop.core.units import INCREMENTS
 from imuloop.core.units import TIME as TIME_UNITS
 from imuloop.ingest.rests import measure_turns
-from imuloop.ingest.stamps import declare
 
 # the specific force at rest is gravity within this share; the mean of a log without rests is
 # gravity within this factor
@@ -60,7 +59,8 @@ def milliseconds(columns, figures, points, rate=None):
         why = f"turns measured by the gyroscope are {_about(ratio * factor)} times those of gravity"
     elif taken < EACH_SECOND and np.allclose(points[:, 1], np.rint(points[:, 1]), 0, 1e-6):
         why = f"they are whole, and {taken:.3g} Hz is unusual for an IMU"
-    return why and f"the stamps look like milliseconds: {why}; {declare('ms')}, or s if they are"
+    remedy = "declare units.time: ms, or s if they are"
+    return why and f"the stamps look like milliseconds: {why}; {remedy}"
 
 
 def _about(number):

@@ -148,15 +148,7 @@ def check_unit(stamp, unit):
     if finer and stamp * NANOSECONDS[unit] >= _UNIX[1]:
         date = iso_text(absolute_nanoseconds(stamp, finer[0], False))
         why = f"the stamps, {stamp} the first, are no {unit}: in {finer[0]} it is {date}"
-        raise RejectedLog(f"{why}; {declare(finer[0])}")
-
-
-def declare(unit):
-    """Return how to declare the unit of stamps, in words."""
-    python = f"units={{'time': '{unit}'}}"
-    return (
-        f"declare units.time: {unit} (on the command line --time-unit {unit}, in Python {python})"
-    )
+        raise RejectedLog(f"{why}; declare units.time: {finer[0]}")
 
 
 def iso_text(nanoseconds):
