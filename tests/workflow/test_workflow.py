@@ -68,7 +68,7 @@ def test_faulty_logs_are_named_without_a_traceback(finished):
     folder, done = finished
     for log, kind, text in (
         ("resting/faces", "warnings", "fits the turns of gravity with x as gy, y as gx, z as gz"),
-        ("posed/broken", "reasons", "non-finite"),
+        ("posed/broken", "reasons", "missing or impossible values"),
     ):
         quality = json.loads((folder / f"results/{log}/quality.json").read_text())
         assert (quality["status"] == "rejected") == (kind == "reasons")
