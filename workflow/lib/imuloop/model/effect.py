@@ -10,7 +10,7 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, did_you_mean
 
-# constants that a fit refines between the values that the shapes have
+# constants that a fit refines between the values that the variants have
 FINE = ("tau", "half_width", "lag")
 # SI unit of each sensor's output
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -84,7 +84,7 @@ class Effect:
     model ``x = T (K (raw - b) - e)``. p_k are its parameters, and D, which a subclass computes, is
     the derivative of e with respect to them. Constants that enter D nonlinearly, such as a time
     constant or an order, are fields of the subclass, which is then a frozen dataclass. An instance
-    with values of the constants is a shape of the effect.
+    with values of the constants is a variant of the effect.
     """
 
     name: ClassVar[str]  # name in the results
@@ -112,7 +112,7 @@ class Effect:
     lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
     # whether it is one of many formulas without a known cause: it is tested after all others
     is_formula: ClassVar[bool] = False
-    # amount by which the logarithm of the p-value has to be lower than for shapes with fewer
+    # amount by which the logarithm of the p-value has to be lower than for variants with fewer
     # constants
     price: ClassVar[float] = 0.0
     # least and largest value of constants that have limits
@@ -127,7 +127,7 @@ class Effect:
 
     @property
     def constants(self):
-        """Constants of this shape, a dict by name."""
+        """Constants of this variant, a dict by name."""
         return asdict(self)
 
     def in_session(self, channels, session, windows):
@@ -162,8 +162,8 @@ class Effect:
         Effect.library[cls.name] = cls
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the shapes to test in data with these Channels, a tuple.
+    def variants(cls, channels):
+        """Return the variants to test in data with these Channels, a tuple.
 
         It is empty for an effect without a design.
         """
