@@ -29,10 +29,10 @@ def ratio_interval(fold_of_row, before, after):
 
     The standard error is that of the mean of the jackknife's pseudo-values. Each pseudo-value comes
     from the ratio of all folds but one. A fold with m times the mean change of the squared errors
-    is cut into m folds before, as a jackknife needs several folds that change. The interval uses Student's t, with one degree of freedom less than
-    there are folds. It is zero to infinity if fewer than two folds have errors. (An interval of the
-    logarithm has the same coverage, but is far wider if one fold has most of the error, as with a
-    step.)
+    is cut into m folds before, as a jackknife needs several folds that change. The interval uses
+    Student's t, with one degree of freedom less than there are folds. It is zero to infinity if
+    fewer than two folds have errors. (An interval of the logarithm has the same coverage, but is
+    far wider if one fold has most of the error, as with a step.)
 
     Parameters
     ----------

@@ -238,9 +238,9 @@ class TrainingFit:
     def correction(self, i, hypothesis, weighted):
         """Return the correction ``t = xᵀ P U R``, (..., u), of columns x in the n rows of group i.
 
-        With it ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. P is the precision of all n rows, U has the u columns
-        that are projected out, and ``R Rᵀ = (Uᵀ P U)⁻¹``. `weighted`, (..., n), has the products
-        ``xᵀ P``; `hypothesis` is the index of one noise hypothesis, or a slice of all.
+        With it ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. P is the precision of all n rows, U has the u
+        columns that are projected out, and ``R Rᵀ = (Uᵀ P U)⁻¹``. `weighted`, (..., n), has the
+        products ``xᵀ P``; `hypothesis` is the index of one noise hypothesis, or a slice of all.
         """
         nuisance = self.evidence.row_groups[i].nuisance
         side = np.concatenate([weighted[..., self.held_rows[i]], weighted @ nuisance], axis=-1)
