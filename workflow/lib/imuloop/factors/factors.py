@@ -206,5 +206,5 @@ def _design(sensor, state, table, channels):
         return np.zeros((*y.shape, len(model.p)))
     # effects depend on the other sensor's values with its T, K and b, but without its effects
     align = state.sensor(other).aligned
-    inputs = channels(sensor, output=model.output, other=align(other_y), see=align)
+    inputs = channels(sensor, output=model.output, other=align(other_y), align_other=align)
     return effect_design(effects, inputs, model.p).reshape(*y.shape, len(model.p))
