@@ -82,7 +82,7 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     if "gyroscope" in estimated:
         start[BIAS] = poses.w.mean(axis=0) if bias is None else bias[0]
     factors = Factors(gravity, sensors=estimated, bias_held=bias is not None)
-    known = known_rows(prior, turns, bias)
+    known = prior_rows(prior, turns, bias)
     joint = JointFit(
         factors=factors,
         noise=noise,
@@ -102,12 +102,12 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     # data that contradict each other give no start; the prior is widened for data of another unit,
     # range or board than the data sheet
     if np.mean(rough.white**2) <= MISFIT**2:
-        known = known_rows(prior.widened(rough.x), turns, bias)
+        known = prior_rows(prior.widened(rough.x), turns, bias)
         joint = replace(joint, start=rough.x, known=known)
     return joint, reasons
 
 
-def known_rows(prior, turns, bias):
+def prior_rows(prior, turns, bias):
     """Return what is known of the 21 parameters x before the fit: R, (k, 21), and z, (k,).
 
     ``R x - z`` has mean zero and independent components of variance one. It comes from the Prior

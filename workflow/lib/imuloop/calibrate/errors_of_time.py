@@ -1,11 +1,11 @@
 """Errors of rotations by dropped samples and jitter of time stamps, measured on the motion itself.
 
 Over a gap, the angular rate is interpolated by the cubic through the two samples on either side
-(`mean_rates`). The error of this interpolation is measured in the parts
-of the same rotation that have all samples: as many samples as in the gap are left out, and the
-interpolated angle is compared with the angle of all samples. The mean square difference over all
-such windows is the covariance of the gap. It includes both the curvature of the motion and the
-noise of fewer samples, and assumes that samples are dropped independently of the motion.
+(`mean_rates`). The error of this interpolation is measured in the parts of the same rotation that
+have all samples: as many samples as in the gap are left out, and the interpolated angle is compared
+with the angle of all samples. The mean square difference over all such windows is the covariance of
+the gap. It includes both the curvature of the motion and the noise of fewer samples, and assumes
+that samples are dropped independently of the motion.
 
 Time stamps with jitter, of samples that were taken at even steps, add another error
 (`ingest.jitter`). A time stamp that is late by e makes the step before it longer by e and the step

@@ -288,5 +288,5 @@ def _has_slow_force(samples):
     That is so if fewer than two thirds of the rows of `samples` have a new sample of it, by its own
     time stamps; without them it is not.
     """
-    own = samples.get(OWN_TIME["accelerometer"])
-    return own is not None and np.mean(np.diff(own) > 0) < 2 / 3
+    stamps = samples.get(OWN_TIME["accelerometer"])
+    return stamps is not None and np.mean(np.diff(stamps) > 0) < 2 / 3

@@ -342,12 +342,12 @@ class SetUp:
         """
         return np.repeat(np.concatenate([values(w) for w in self.windows]), 3)
 
-    def errors(self, parts, without=()):
+    def errors(self, folds, without=()):
         """Return the n residuals of a cross-validation, (n,), SI, by the linear model at x.
 
         Parameters
         ----------
-        parts : ndarray of int, shape (n,)
+        folds : ndarray of int, shape (n,)
             Fold of each residual. The shared parameters are fitted to the other folds, and the
             parameters of the sessions to all residuals. Every fit has the residuals of fold -1.
         without : sequence of int, optional
@@ -361,12 +361,13 @@ class SetUp:
         # remove the part of each row that the parameters of the sessions can explain
         rows -= by_session @ (by_session.T @ rows)
         # the rows of the prior belong to fold -1, which all fits use
-        folds, residual = np.append(parts, np.full(len(self.x), -1)), np.zeros(len(rows))
-        for fold in np.unique(parts):
-            held_out, used = folds == fold, rows[(folds != fold) | (folds < 0)]
+        fold_of_row = np.append(folds, np.full(len(self.x), -1))
+        residual = np.zeros(len(rows))
+        for fold in np.unique(folds):
+            held_out, used = fold_of_row == fold, rows[(fold_of_row != fold) | (fold_of_row < 0)]
             change = np.linalg.lstsq(used[:, :-1], -used[:, -1])[0]
             residual[held_out] = rows[held_out] @ np.append(change, 1.0)
-        return residual[: len(parts)] * np.sqrt(self.variance)
+        return residual[: len(folds)] * np.sqrt(self.variance)
 
 
 def windows_of(logs, gravity, calibration):

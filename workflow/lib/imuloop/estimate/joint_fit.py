@@ -88,10 +88,10 @@ class JointFit:
         """
         return self.measure(solution.x, recording, solution.effects).at(solution.x)
 
-    def noise_components(self, linearised, prior_rows):
+    def noise_components(self, linearised, prior_count):
         """Return the parts of the covariance of N residuals by noise of known and unknown size.
 
-        The N residuals are those of the Linearised factors `linearised`, and then `prior_rows`
+        The N residuals are those of the Linearised factors `linearised`, and then `prior_count`
         residuals of a prior, which are independent and have variance one.
 
         Returns
@@ -125,13 +125,13 @@ class JointFit:
         ]
         if aliased:
             parts.append((covariance.of_aliasing(), 1.0, ALIASED_TO, "rotation"))
-        fixed = block_diag(fixed, np.eye(prior_rows))
+        fixed = block_diag(fixed, np.eye(prior_count))
         slow = [
-            Component(np.pad(matrix, (0, prior_rows)), size=size, deviation=deviation, kind=kind)
+            Component(np.pad(matrix, (0, prior_count)), size=size, deviation=deviation, kind=kind)
             for matrix, size, deviation, kind in parts
         ]
         variance = np.diag(total_covariance(fixed, slow, [component.size for component in slow]))
-        kinds = np.append(self.rows(recording)[1], np.full(prior_rows, ""))
+        kinds = np.append(self.rows(recording)[1], np.full(prior_count, ""))
         rows = {kind: kinds == kind for kind in self.kinds if kind in kinds}
         # an excess of size one has about the variance of the noise of its kind
         excess = [Component(np.diag(r * np.median(variance[r])), kind=k) for k, r in rows.items()]
@@ -177,7 +177,7 @@ class JointFit:
         for _ in range(3 if start is None else 2):
             measured = self.measure(x, recording, effects)
             linearised = measured.at(x)
-            fixed, slow, excess = self.noise_components(linearised, prior_rows=len(z))
+            fixed, slow, excess = self.noise_components(linearised, len(z))
             estimated = total_covariance(fixed, slow, [component.size for component in slow])
             values, jacobian = _with_prior(linearised, R, z)
             sizes = likely_sizes(values, jacobian, estimated, excess, start=sizes)

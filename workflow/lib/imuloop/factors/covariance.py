@@ -134,14 +134,16 @@ class ResidualCovariance:
         gains[3:, n + np.arange(3 * n).reshape(n, 3), rests[:, None]] = rate_gain
         # a time step counts to the part of the move that its middle lies in
         steps, passed = self.moves.steps, self.moves.steps.cumsum(axis=1)
-        turned = _integrate_parts(rows.by_turn, steps, passed - steps / 2)
-        gains[3:, places[:, None], parts] = np.moveaxis(turned, -1, 0)
+        by_rate = _integrate_parts(rows.by_turn, seconds=steps, passed=passed - steps / 2)
+        gains[3:, places[:, None], parts] = np.moveaxis(by_rate, -1, 0)
         gains[:3, places, first] += np.moveaxis(rows.by_start @ self.force_gain, -1, 0)
         gains[:3, places, first + 1] += np.moveaxis(rows.by_end @ self.force_gain, -1, 0)
         if rows.by_force is not None:
             passed = np.pad(passed, ((0, 0), (1, 0)))
-            pushed = _integrate_parts(rows.by_force @ self.force_gain, self.weights, passed)
-            gains[:3, places[:, None, 2:], parts] = np.moveaxis(pushed, -1, 0)
+            by_raw_force = rows.by_force @ self.force_gain
+            by_force = _integrate_parts(by_raw_force, seconds=self.weights, passed=passed)
+            # the first two residuals of a move are those of the rotation
+            gains[:3, places[:, None, 2:], parts] = np.moveaxis(by_force, -1, 0)
         return gains
 
 
