@@ -147,7 +147,8 @@ def sensor_errors(sensor, recording):
     linearised = Factors(1.0).about(recording, state).at(state.x)
     residual, jacobian = linearised.residual, linearised.jacobian
     if sensor == "accelerometer":
-        return Errors(residual[:n, None], jacobian[:n, None, :9], np.zeros((n, 1, 1)))
+        design = jacobian[:n, None, :9]
+        return Errors(values=residual[:n, None], design=design, spread=np.zeros((n, 1, 1)))
     # the first 4 n residuals are those of the poses: norm of gravity, and three of the rate
     design = jacobian[4 * n :].reshape(len(moves), 2, COUNT)
     # root of the covariance by the uncertain directions of gravity

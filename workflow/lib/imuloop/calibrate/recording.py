@@ -57,7 +57,7 @@ class Log:
         sensors = ANGULAR_RATE, ACCELERATION
         w, f = (np.column_stack([samples[c] for c in axes]) for axes in sensors)
         clipped = np.array([at_rail(samples, rails or {}, axes) for axes in sensors])
-        return cls(t, f, w, temperature, clipped)
+        return cls(t=t, f=f, w=w, temperature=temperature, clipped=clipped)
 
     def evaluate(self, sensor, function, *constants, output=identity, align_other=identity):
         """Return the values of a function of a sensor's channels at all N samples, (N, …).
@@ -272,7 +272,8 @@ def record(samples, segments, longest_rotation, rails=None):
         temperature = pose_means(poses, logs, [log.temperature for log in logs])
         poses = replace(poses, temperature=temperature)
     rotations, lost = gather_rotations(poses, logs, segments, longest_rotation)
-    recording = Recording(poses, rotations, logs, lost, any(map(_has_slow_force, samples)))
+    slow_force = any(map(_has_slow_force, samples))
+    recording = Recording(poses, rotations, logs=logs, lost=lost, slow_force=slow_force)
     odd, errors = odd_turns(recording)
     # session, start, end and error of each rotation that contradicts the others
     left_out = poses.session[rotations.first], rotations.start_s, rotations.end_s, errors

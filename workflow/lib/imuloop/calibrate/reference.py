@@ -120,7 +120,8 @@ class Windows:
 
     def __init__(self, logs, gravity, calibration):
         self.logs, self.gravity = logs, gravity
-        rows = [np.zeros((0, 4), int), *(self._find_windows(*item) for item in enumerate(logs))]
+        by_session = (self._find_windows(session, log) for session, log in enumerate(logs))
+        rows = [np.zeros((0, 4), int), *by_session]
         self.session, self.first, self.middle, self.last = np.concatenate(rows).T
         length = np.max(self.last - self.first, initial=-1) + 1
         self.rows = np.minimum(self.first[:, None] + np.arange(length), self.last[:, None])
@@ -138,9 +139,11 @@ class Windows:
         self.places = len(SESSION_STD) * np.arange(len(logs))[:, None] + self.session_entries
 
     def _find_windows(self, session, log):
-        """Return the n windows of a log in which no sample is missing, (n, 4) of int.
+        """Return the n windows of a ReferenceLog in which no sample is missing, (n, 4) of int.
 
-        The columns are the index of the session, `session`, and the first, middle and last sample.
+        The columns are the index of the session, `session`, and those of the first, middle and last
+        sample. Half a window lasts `self.half` seconds. The reference is needed at these three
+        samples; for the accelerometer its attitude is needed at all samples.
         """
         step, i, windows = np.median(np.diff(log.t)), 0, []
         # a number that rises at each interruption: a window lies where it is constant
@@ -153,7 +156,8 @@ class Windows:
             rows = [i, i + half, i + 2 * half]
             complete = valid[rows].all() and part[i] == part[i + 2 * half]
             windows += [(session, *rows)] * int(complete)
-            # the next window begins apart from a complete one; otherwise it is tried a bit later
+            # windows begin a second and five samples apart, so that those of the gyroscope do not
+            # touch; without all samples a window is tried again a tenth of its half later
             i += round(TURN / step) + 5 if complete else 1 + half // 10
         return np.array(windows, int).reshape(-1, 4)
 
@@ -239,10 +243,12 @@ class Turns(Windows):
         return Rotation.from_matrix(end.swapaxes(1, 2) @ start @ C).as_rotvec()
 
     def floor(self, x, model):
-        """Return the variance of a component of ε by the noise alone, rad², (m,).
+        """Return the variance of a component of the residuals ε by the noise alone, rad², (m,).
 
-        The noise is that of the reference's attitude at both ends, and the white noise of the
-        gyroscope over the window, by the NoiseModel `model`. `x` are the parameters, (p,).
+        A residual is the difference between the rotations over a window by the gyroscope and by the
+        reference, a rotation vector. The noise is that of the reference's attitude at both ends,
+        and the white noise of the gyroscope over the window, by the NoiseModel `model`. `x` are the
+        parameters, (p,).
         """
         attitude, _, white = self.noise(model)
         return 2 * attitude + white * np.ptp(self.t, axis=1)
@@ -276,7 +282,7 @@ class Places(Windows):
         self.weights = weights / weights.sum(axis=1, keepdims=True)
         mean = self.read_logs("attitude", self.rows) * self.weights[..., None, None]
         self.mean = mean.swapaxes(1, 2).reshape(len(mean), 3, -1)
-        # attitude and place at the start, middle and end
+        # attitude, (m, 3, 3, 3), and place, (m, 3, 3), at the start, middle and end of each window
         ends = np.column_stack([self.first, self.middle, self.last])
         self.ends = self.read_logs("attitude", ends), self.read_logs("place", ends)
         up = self.subtract_motion(self.read_logs("f", self.rows), np.zeros((1, 3, 1)))
@@ -305,10 +311,12 @@ class Places(Windows):
         return self.subtract_motion(force, arm) - up[self.session]
 
     def floor(self, x, model):
-        """Return the variance of a component of ε by the noise alone, (m/s²)², (m,).
+        """Return the variance of a component of the residuals ε by the noise alone, (m/s²)², (m,).
 
-        The noise is that of the reference's attitude and place, and the white noise of the
-        accelerometer, by the NoiseModel `model`. `x` are the parameters, (p,).
+        A residual is the difference between the mean accelerations over a window by the
+        accelerometer and by the reference. The noise is that of the reference's attitude and place,
+        and the white noise of the accelerometer, by the NoiseModel `model`. `x` are the parameters,
+        (p,).
         """
         attitude, place, white = self.noise(model)
         # a second difference of places has the variance 6 of one place

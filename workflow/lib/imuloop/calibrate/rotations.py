@@ -187,4 +187,9 @@ def gather_rotations(poses, logs, segments, longest_s):
         fall=fall,
         force_clipped=columns[5] > 0,
     )
-    return rotations, Lost(candidates, len(lost_runs), max(lost_runs, default=0), clipped_turns)
+    return rotations, Lost(
+        rotations=candidates,
+        left_out=len(lost_runs),
+        longest=max(lost_runs, default=0),
+        clipped=clipped_turns,
+    )

@@ -120,7 +120,9 @@ def raw_units(sessions):
     """
     units = first_log(sessions)["raw_units"]
     chosen = (units[quantity] for quantity in ("acceleration", "angular_rate"))
-    return tuple(RawUnit(unit["name"], unit["scale"], unit["offset"]) for unit in chosen)
+    return tuple(
+        RawUnit(name=unit["name"], scale=unit["scale"], offset=unit["offset"]) for unit in chosen
+    )
 
 
 def layout(sessions):

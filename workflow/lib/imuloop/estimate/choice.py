@@ -48,14 +48,16 @@ class Choices:
     def errors(self, choose_effects):
         """Return the held-out error of every row on each axis, (N, a), SI.
 
-        Each fold is predicted by a fit to the other rows. `choose_effects` is a function that takes
-        the Search in these other rows and returns the effects of the fit, a tuple. Rows of no fold
-        are nan.
+        A row is one scalar residual per axis, and a fold has the rows that are held out together.
+        It is predicted by a fit to the other rows. `choose_effects` is a function that takes the
+        Search in these other rows and returns the effects of the fit, a tuple. The errors of rows
+        of no fold are nan.
         """
         errors, problem = None, self.problem
         for fold in range(problem.folds):
             search = self.search(frozenset({fold}))
             effects = choose_effects(search)
+            # residuals of all rows by the fit to the rows outside the fold
             residuals = problem.residuals(search, effects)
             errors = np.full(residuals.shape, np.nan) if errors is None else errors
             rows = problem.fold_of_row == fold
@@ -176,22 +178,25 @@ class Choices:
         try:
             before, after = (self.errors_with(kinds_of(e)) for e in (effects, extended))
         except np.linalg.LinAlgError:
-            # with few folds, the rows without one of them may not determine the parameters
-            return ErrorChange("", np.zeros((0, 1)), np.zeros((0, 1)), [np.inf, np.inf])
+            # with few folds, the rows without one of them may not determine the parameters: then
+            # the errors do not fall for certain
+            empty = np.zeros((0, 1))
+            return ErrorChange(residual_kind="", before=empty, after=empty, ratio=[np.inf, np.inf])
         # the kind of residual, as rotations, that the effect changes most, and the mask of its rows
         residual_kind, rows = problem.most_changed_rows(self.search(), effects, trial)
         index = np.arange(len(before))[rows]
         index = index[np.isfinite(before[index, 0]) & np.isfinite(after[index, 0])]
         before, after, folds = before[index], after[index], problem.fold_of_row[index]
+        # residuals of different units or scatter have equal weights
         scale = np.broadcast_to(problem.error_scale, len(problem.fold_of_row))[index, None]
-        on_axis = before[:, [trial.axis]], after[:, [trial.axis]]
-        ratio = ratio_interval(folds, *(errors / scale for errors in on_axis))
-        change = ErrorChange(residual_kind, *on_axis, ratio)
+        one_before, one_after = before[:, [trial.axis]], after[:, [trial.axis]]
+        ratio = ratio_interval(folds, one_before / scale, one_after / scale)
+        change = ErrorChange(residual_kind, before=one_before, after=one_after, ratio=ratio)
         if not change.certain and before.shape[1] > 1:
             size = np.sqrt((before**2).mean(axis=0))
             size = np.where(size > 0, size, 1.0)
             ratio = ratio_interval(folds, before / size, after / size)
-            on_all_axes = ErrorChange(residual_kind, before, after, ratio)
+            on_all_axes = ErrorChange(residual_kind, before=before, after=after, ratio=ratio)
             return on_all_axes if on_all_axes.certain else change
         return change
 

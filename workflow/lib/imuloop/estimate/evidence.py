@@ -117,7 +117,9 @@ class Evidence:
     def add_columns(self, vectors):
         """Store k columns, the array `vectors`, (k, N), and return their numbers, a tuple of int.
 
-        A column that is stored already keeps its number.
+        A column is the derivative of the N rows (scalar residuals) by one parameter, or the
+        residuals themselves. Its product with the precision of each group of rows is stored, too. A
+        column that is stored already keeps its number.
         """
         new, numbers = [], []
         for vector in vectors:
@@ -132,6 +134,8 @@ class Evidence:
             by_group = zip(
                 self.row_groups, self._weighted, self.split(np.array(new).T), strict=True
             )
+            # of each group: its list of products, one of shape (h, n) for each column, and its rows
+            # of the new columns, (n, number of new columns)
             for group, weighted, rows in by_group:
                 weighted += list(np.moveaxis(group.noise.precision @ rows, 2, 0))
         return tuple(numbers)
@@ -158,11 +162,15 @@ class Evidence:
         for effect, design in zip(new, self.designs(new) if new else (), strict=True):
             by_axis = []
             for matrix in design.swapaxes(0, 1):
+                # parameters that the rows of the axis depend on
                 used = np.flatnonzero(np.any(matrix != 0, axis=0))
                 scale = np.linalg.norm(matrix[:, used], axis=0)
                 columns = self.add_columns((matrix[:, used] / scale).T)
                 by_axis.append((columns, used.tolist(), scale))
-            self._patterns[effect] = Pattern(effect, design, *zip(*by_axis, strict=True))
+            columns, parameters, scale = zip(*by_axis, strict=True)
+            self._patterns[effect] = Pattern(
+                effect, design, columns=columns, parameters=parameters, scale=scale
+            )
         return tuple(self._patterns[effect] for effect in effects)
 
     def columns_of(self, effects, axis):
@@ -175,11 +183,12 @@ class Evidence:
     def with_noise(self, noise):
         """Return the Evidence of the same rows with other noise hypotheses.
 
-        `noise` has a Hypotheses for each group of rows. All hypotheses are equally probable before
-        the residuals are seen.
+        `noise` has a Hypotheses for each group of rows, the covariances that its noise may have.
+        All hypotheses are equally probable before the residuals are seen.
         """
         groups = [replace(g, noise=n) for g, n in zip(self.row_groups, noise, strict=True)]
-        return Evidence(groups, np.zeros(len(noise[0].log_det)), self.designs, self.least_scale)
+        log_prior = np.zeros(len(noise[0].log_det))
+        return Evidence(groups, log_prior, designs=self.designs, least_scale=self.least_scale)
 
     def with_folds(self, row_folds):
         """Return the Evidence of the same N rows with other folds of cross-validation.

@@ -183,7 +183,7 @@ class JointFit:
             sizes = likely_sizes(values, jacobian, estimated, excess, start=sizes)
             n = len(fixed) - len(z)
             covariance = total_covariance(estimated, excess, sizes)[:n, :n]
-            solution = fit(measured.at, x, covariance, (R, z), linearised)
+            solution = fit(measured.at, x, covariance, prior=(R, z), first=linearised)
             change, x = np.abs(solution.x - x), solution.x
             if np.all(change < STILL * np.sqrt(np.diag(solution.covariance))):
                 break

@@ -93,17 +93,17 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     independent = np.ndim(covariance) == 1
     root = np.sqrt(covariance) if independent else np.linalg.cholesky(covariance)
     whiten = np.diag(1 / root) if independent else np.linalg.inv(root)
-    rows, z = (np.zeros((0, len(x0))), np.zeros(0)) if prior is None else prior
+    R, z = (np.zeros((0, len(x0))), np.zeros(0)) if prior is None else prior
     x = np.array(x0, dtype=float)
     linearised = keep_last_result(linearise, x, first)
 
     def residual(x):
         """Return the whitened residuals and those of the prior, (n + k,), of variance one."""
-        return np.append(whiten @ linearised(x).residual, rows @ x - z)
+        return np.append(whiten @ linearised(x).residual, R @ x - z)
 
     def jacobian(x):
         """Return the derivative of `residual`, (n + k, p)."""
-        return np.concatenate([whiten @ linearised(x).jacobian, rows])
+        return np.concatenate([whiten @ linearised(x).jacobian, R])
 
     if not np.isfinite(residual(x)).all():
         raise LinAlgError("residuals that are not finite")
@@ -114,8 +114,8 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     x, covariance = result.x, covariance_of(jacobian(result.x))
     white = residual(x)[: len(whiten)]
     # tr(R C Rᵀ) is the number of parameters that the prior determines instead of the data
-    dof = float(len(white) - len(x) + np.sum(rows @ covariance * rows))
-    return Fit(x, covariance, float(white @ white), dof, white)
+    dof = float(len(white) - len(x) + np.sum(R @ covariance * R))
+    return Fit(x, covariance=covariance, chi2=float(white @ white), dof=dof, white=white)
 
 
 def keep_last_result(function, x=None, result=None):
@@ -168,6 +168,7 @@ def chi_square(values, covariance, jacobian, groups):
     size = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / np.where(size > 0, size, 1.0)
     white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
+    # residuals after the linear step; the leverage L has ``LᵀL = J C Jᵀ``
     q, r = np.linalg.qr(white[:, 1:])
     residuals = values - scaled @ solve_triangular(r, q.T @ white[:, 0])
     leverage = solve_triangular(r, scaled.T, trans=1)
@@ -178,6 +179,7 @@ def chi_square(values, covariance, jacobian, groups):
         # rounding can make the square of constant residuals negative
         square = max(float(residuals[rows] @ np.linalg.solve(block, residuals[rows])), 0.0)
         squares.append((square, float(rows.sum() - share)))
+    # whitened residuals without what the parameters explain
     rest = white[:, 0] - q @ (q.T @ white[:, 0])
     likelihood = -np.log(np.diag(root)).sum() - np.log(np.abs(np.diag(r))).sum() - rest @ rest / 2
     return squares, float(likelihood)

@@ -23,15 +23,17 @@ def share_on_axes(training_fit, first, second):
     first effect acts. `training_fit` is the TrainingFit of the rows.
     """
     first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
+    # by axis, the numbers of the columns of both effects; without columns an effect does not act
     pairs = zip(first_pattern.columns, second_pattern.columns, strict=True)
-    return min(imitated_share(training_fit, *pair) for pair in pairs if pair[0])
+    return min(imitated_share(training_fit, one, other) for one, other in pairs if one)
 
 
 def imitated_share(training_fit, first, second):
     """Return the share of the first effect that the second one imitates on one axis.
 
-    The share is ``cos²`` of the largest principal angle between the patterns of both effects, after
-    the nuisance parameters, which every fit has, are projected out. The second effect explains at
+    The share is ``cos²`` of the largest principal angle between the patterns of both effects, the
+    derivatives of all rows with respect to their parameters, after the nuisance parameters, which
+    every fit has, are projected out. The second effect explains at
     least this share of the square of the first one, whatever the parameters of the first. The share
     is zero if the second has fewer columns. Products of columns are weighted with the inverse of
     the noise covariance that is likeliest without effects.
@@ -52,6 +54,7 @@ def imitated_share(training_fit, first, second):
     roots = [_root(gram[:k, :k]), _root(gram[k:, k:])]
     if any(root is None for root in roots):
         return 0.0
+    # singular values between orthonormal columns of both: the least belongs to the largest angle
     cosines = np.linalg.svd(roots[0] @ gram[:k, k:] @ roots[1].T, compute_uv=False)
     return float(cosines[-1] ** 2)
 
@@ -86,6 +89,7 @@ def imitations(search, kinds):
     kinds : sequence
         The kinds to compare; a kind without a variant that can be estimated is left out.
     """
+    # a model without effects
     training_fit, variants_by_kind, pairs = search.training_fit(()), {}, []
     for kind in kinds:
         variants = search.problem.variants.get(kind, ())

@@ -215,8 +215,9 @@ class AxisTest:
         """Return which sizes lower the held-out error with confidence, (s, q) of bool.
 
         A size counts if the 95 % interval of the ratio of held-out errors, with the effect in the
-        model to without, would lie below one. The data have the column x of size s. A row is
-        predicted by a fit to the rows of other folds; its held-out error is
+        model to without, would lie below one. The data have s times the column x, the derivative of
+        all rows (scalar residuals) with respect to one parameter of the effect. A row is predicted
+        by a fit to the rows of other folds; its held-out error is
 
         - e, with the variance v, by the noise alone;
         - ``e + s c`` without the effect in the model, where c is the held-out error of x;
@@ -236,13 +237,17 @@ class AxisTest:
         groups, folds, q = evidence.row_groups, evidence.row_folds, len(self.columns)
         fit = self.fits[1]
         h = self.training_fit.hypothesis(fit)
+        # h is the likeliest noise hypothesis, `scale` the estimated factor on its covariance, and
+        # `weights` the inverse of that covariance
         scale, weights = fit.scale[h], block_diag(*(g.noise.precision[h] for g in groups))
         base, pattern = (
             evidence.matrix(evidence.columns_of(e, self.axis)) for e in (self.base, (self.effect,))
         )
+        # the model without the effect: nuisance parameters, which are in every fit, and the base
         base = np.column_stack([block_diag(*(g.nuisance for g in groups)), base])
         columns = evidence.matrix(self.columns)
         unit = np.broadcast_to(problem.error_scale, len(folds))[:, None]
+        # held-out errors of the columns, in units that make all kinds of residuals comparable
         c, _ = fold_fits(np.column_stack([columns, pattern]), weights, base, folds)
         C, inverses = fold_fits(columns, weights, np.column_stack([base, pattern]), folds)
         c, C, d = c[:, :q] / unit, C / unit, c[:, q:] / unit

@@ -70,7 +70,7 @@ def likely_sizes(values, jacobian, fixed, components, start=None):
     components : sequence of Component
         The k components, each with its covariance at size one and the prior of its size.
     start : ndarray, shape (k,), optional
-        Sizes to start from; by default the prior values.
+        Sizes to start from; by default the prior values, or small sizes where these are zero.
 
     Raises
     ------
@@ -147,7 +147,8 @@ class SizeLikelihood:
         back = solve_triangular(root, q, lower=True, trans=1)
         matrix = inverse - back @ back.T
         log_det = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum()
-        return Projection(squares, matrix, log_det, self.covariances @ matrix.ravel())
+        trace = self.covariances @ matrix.ravel()
+        return Projection(squares, matrix=matrix, log_det=log_det, trace=trace)
 
     def _loss_and_derivatives(self, values, projection):
         """Return minus the log of likelihood times prior, its gradient and its information.

@@ -80,20 +80,25 @@ def log_p_values(pairs, hypotheses=slice(None)):
     them. The p-value is averaged over the noise hypotheses in the mask `hypotheses`, (h,) of bool;
     all by default.
     """
+    # by degrees of freedom of both fits, the indices of the pairs
     log_p, groups = [None] * len(pairs), {}
     for k, (without, fit) in enumerate(pairs):
         groups.setdefault((without.dof, fit.dof), []).append(k)
     for (dof_without, dof), indices in groups.items():
         # fits of equal degrees of freedom are tested at once
-        both = [_stack([pairs[k][side] for k in indices]) for side in (0, 1)]
-        values = averaged_log_p(*both, dof_without - dof, hypotheses).tolist()
+        without, with_parameters = (_stack([pairs[k][side] for k in indices]) for side in (0, 1))
+        q = dof_without - dof
+        values = averaged_log_p(without, with_parameters, q, hypotheses).tolist()
         for k, value in zip(indices, values, strict=True):
             log_p[k] = value
     return log_p
 
 
 def _stack(fits):
-    """Return one ChiSquare of m fits that have equal degrees of freedom, with shapes (h, m)."""
+    """Return one ChiSquare of m fits of equal degrees of freedom, with arrays (h, m).
+
+    h is the number of noise hypotheses.
+    """
     chi2, log_prior = (
         np.stack([getattr(f, name) for f in fits], axis=-1) for name in ("chi2", "log_prior")
     )

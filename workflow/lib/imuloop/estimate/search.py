@@ -143,8 +143,12 @@ class Search:
         log_p, trials = iter(log_p_values(pairs, hypotheses)), [None] * len(effects)
         for k, fits in testable.items():
             by_axis = {axis: next(log_p) for axis in fits}
-            joint = float(fisher(by_axis.values()))
-            trials[k] = Trial(effects[k], joint, min(by_axis, key=by_axis.get), len(by_axis))
+            trials[k] = Trial(
+                effect=effects[k],
+                log_p=float(fisher(by_axis.values())),
+                axis=min(by_axis, key=by_axis.get),
+                axes=len(by_axis),
+            )
         return trials
 
     def trial(self, base, kind, may_give_up=False):
@@ -207,10 +211,12 @@ class Search:
         return replace(best, log_p=best.log_p + tries, tries=tries + price, impossible=impossible)
 
     def _priced_tests(self, base, variants, hypotheses=slice(None)):
-        """Return the Trials of those variants that can be estimated, a list.
+        """Return the significance tests of those variants that can be estimated, a list of Trial.
 
-        The price of a variant, which depends on the effects in `base`, is added to its log p.
-        `hypotheses`, (h,) of bool, are the noise hypotheses to average over; all by default.
+        `variants` are effects with values of their constants; each is added alone to the effects in
+        `base`. A variant with a constant that is rarely needed has a price, which is added to its
+        log p. The p-values are averaged over the noise covariances in the mask `hypotheses`, (h,)
+        of bool; by default over all.
         """
         trials = [t for t in self.tests(base, variants, hypotheses) if t]
         return [replace(t, log_p=t.log_p + _price(base, t.effect)) for t in trials]

@@ -195,9 +195,11 @@ class TrainingFit:
     def _add_columns(self, columns):
         """Compute and store the corrections and squares of columns that have none yet.
 
-        `columns` are numbers of columns in the Evidence. The correction of a column x is the vector
-        t with ``xᵀ P̃ x = xᵀ P x - |t|²``; its square is ``xᵀ P x`` less the part of |t|² by the
-        held-out rows, under the first noise hypothesis.
+        `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃
+        that of the training rows after the nuisance parameters are projected out. The correction of
+        a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. Its square is ``xᵀ P x`` less
+        the part of |t|² by the held-out rows, under the first noise hypothesis: with it a column is
+        compared that the nuisance parameters and other columns may explain.
         """
         new = [c for c in dict.fromkeys(columns) if c not in self._corrections]
         if not new:
@@ -210,7 +212,8 @@ class TrainingFit:
             all_squares = all_squares + square
             squares = squares + square - (t[0, :, : len(held_rows)] ** 2).sum(axis=1)
             by_group.append(t)
-        # a column that is zero in all training rows has a square of rounding errors only
+        # a column that is zero in all training rows has a square of rounding errors only: with an
+        # infinite square it counts as dependent
         squares = np.where(squares > ROUNDING * all_squares, squares, np.inf)
         self._corrections |= {c: [t[:, k] for t in by_group] for k, c in enumerate(new)}
         self._squares |= dict(zip(new, squares.tolist(), strict=True))
@@ -355,8 +358,19 @@ class TrainingFit:
         log_prior = (self.evidence.log_prior - self.log_det / 2)[:, None] - log_det / 2
         fits = [None] * count
         for s in np.flatnonzero(independent):
-            terms = log_prior[:, s], dof, self.evidence.least_scale, normal[:, s], norms[:, s]
-            fits[s] = [Fit(chi2[:, s, a], *terms, coefficients[:, s, :, a]) for a in range(axes)]
+            # all axes have the same columns
+            fits[s] = [
+                Fit(
+                    chi2=chi2[:, s, a],
+                    log_prior=log_prior[:, s],
+                    dof=dof,
+                    least_scale=self.evidence.least_scale,
+                    normal=normal[:, s],
+                    norms=norms[:, s],
+                    coefficients=coefficients[:, s, :, a],
+                )
+                for a in range(axes)
+            ]
         return fits
 
     def hypothesis(self, fit):

@@ -40,6 +40,7 @@ class ResidualCovariance:
         covariance, places, moves = 0.0, self.places, self.moves
         for gain, channel in zip(self.gains, range(6), strict=True):
             covariance = covariance + _propagate(gain, self.means.covariance(noise, channel))
+        # (m, a, a): of the a residuals of each move by white noise within it
         white = [noise.axes[name].N.square for name in CHANNELS]
         within = np.tensordot(white, self._within, 1)
         # dropped samples and jitter always count

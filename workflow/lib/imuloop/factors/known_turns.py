@@ -41,7 +41,8 @@ class KnownTurns:
     def estimate_sensor(self):
         """Return the gyroscope, a Sensor, that fits the turns best.
 
-        Its bias is that of the rests. The matrix T K is the least-squares solution of
+        Its bias b is that of the rests. a is the integral of the angular rate over a turn, L its
+        duration, θ its known angle, and u its axis. The matrix T K is the least-squares solution of
         ``T K (a - b L) = θ u``, or one if the turns do not determine it, as with one axis only.
         """
         raw, gain = self.turned - self.seconds[:, None] * self.bias, np.eye(3)
@@ -49,14 +50,16 @@ class KnownTurns:
             gain = np.linalg.lstsq(raw, self.target, rcond=None)[0].T
         # T has ones on its diagonal
         K = np.diag(gain)
-        return Sensor(ENTRIES["gyroscope"], gain / K, K, self.bias, np.zeros(0))
+        return Sensor(ENTRIES["gyroscope"], T=gain / K, K=K, b=self.bias, p=np.zeros(0))
 
     def rows(self):
         """Return R, (3 m, 21), and z, (3 m,), such that ``R x - z`` has mean zero and variance one.
 
-        x is the state: the parameters of both sensors, without effects, in nominal SI. ``R x - z``
-        are the residuals ``T K (a - b L) - θ u`` of the m turns over their standard deviation
-        `BY_HAND`, linearised about the gyroscope that fits the turns best.
+        x is the state: the 21 parameters of both sensors, without effects, in nominal SI.
+        ``R x - z`` are the residuals ``T K (a - b L) - θ u`` of the m turns over their standard
+        deviation `BY_HAND`: T K and b are matrix and bias of the gyroscope, a is the integral of
+        the angular rate, L the duration, θ the known angle, and u the axis of the turn. They are
+        linearised about the gyroscope that fits the turns best.
         """
         sensor, m = self.estimate_sensor(), len(self)
         x = np.concatenate([sensor.T[sensor.entries], sensor.K, sensor.b])
@@ -67,8 +70,10 @@ class KnownTurns:
         return np.pad(J, ((0, 0), (BASE["gyroscope"].start, 0))) / BY_HAND, z / BY_HAND
 
     def errors(self, calibration):
-        """Return the residual ``T K (a - b L) - θ u`` of each turn, rad, (m, 3), on body axes.
+        """Return the rotation by the gyroscope less the known one of each turn, rad, (m, 3).
 
+        It is ``T K (a - b L) - θ u`` on body axes, with the matrix T K and the bias b of the
+        gyroscope, the integral a of the angular rate, the duration L, the angle θ and the axis u.
         Takes the calibration of the gyroscope, a SensorCalibration or a Sensor.
         """
         return self.seconds[:, None] * calibration.aligned(self.rate) - self.target

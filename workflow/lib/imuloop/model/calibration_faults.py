@@ -111,6 +111,7 @@ def _base_faults(calibration, sensor):
     try:
         expected = raw_unit(_QUANTITIES[sensor], unit.name, asdict(unit))
     except ImuloopError as error:
+        # only the first fault is asked for, so nothing follows this one
         yield str(error)
     # the scale may differ by rounding
     same = replace(expected, scale=unit.scale) == unit and unit.scale > 0

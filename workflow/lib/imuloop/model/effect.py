@@ -175,7 +175,9 @@ class Effect:
         return replace(self, **{n: float(factor * getattr(self, n)) for n in constants})
 
     def __init_subclass__(cls, **kwargs):
+        """Set the properties of a subclass that follow from others, and add it to the library."""
         super().__init_subclass__(**kwargs)
+        # the docstring begins with the equation in double backticks
         cls.equation = (cls.__doc__ or "").removeprefix("``").partition("``")[0]
         cls.timed = cls.timed or cls.after_temperature
         if cls.records == ("motion",):
@@ -272,7 +274,8 @@ class FittedEffect:
         if self.ranges:
             unlimited = (-np.inf, np.inf)
             ends = [self.ranges.get(name, unlimited) for name in self.effect.parameters]
-            clamped = self.effect.clamped(design, *np.transpose(ends))
+            low, high = np.transpose(ends)
+            clamped = self.effect.clamped(design, low, high)
             if channels.clamped is not None:
                 channels.clamped[self.name] = np.any(clamped != design, axis=(1, 2))
             design = clamped
@@ -321,7 +324,7 @@ class FittedEffect:
         ranges = {key: (float(low), float(high)) for key, (low, high) in ranges.items()}
         if not all(low <= high for low, high in ranges.values()):
             raise ImuloopError(f"effect {name}: range is no least and largest value")
-        return cls(effect, values, dict(std), ranges)
+        return cls(effect, values=values, std=dict(std), ranges=ranges)
 
 
 def _check_constants(effect):

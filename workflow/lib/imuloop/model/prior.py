@@ -102,4 +102,5 @@ def data_sheet(tolerances=None):
         by_letter = {"T": sheet.misalignment, "K": sheet.scale_factor, "b": sheet.bias}
         mean += [float(name[0] == "K") for name in names]
         std += [by_letter[name[0]] for name in names]
-    return Prior(np.array(mean), np.diag(np.square(std)), dict.fromkeys(NAMES, DATA_SHEET))
+    sources = dict.fromkeys(NAMES, DATA_SHEET)
+    return Prior(mean=np.array(mean), covariance=np.diag(np.square(std)), sources=sources)

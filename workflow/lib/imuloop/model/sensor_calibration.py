@@ -182,7 +182,7 @@ class SensorCalibration:
             raise ImuloopError("covariance: the matrix is not square")
         return cls(
             RawUnit(content["raw_unit"], content["raw_scale"], content["raw_offset"]),
-            *(np.array(content[key], dtype=float) for key in "TKb"),
+            **{key: np.array(content[key], dtype=float) for key in "TKb"},
             names=tuple(content["covariance"]["names"]),
             covariance=np.array(rows, dtype=float).reshape(len(rows), len(rows)),
             effects=tuple(map(FittedEffect.from_dict, content["effects"])),
