@@ -197,6 +197,7 @@ def contradictions(joint, solution, recording):
     refused, owner = {}, joint.factors.owners(recording)
     linearised = joint.linearise(solution, recording)
     jacobian = linearised.jacobian[:, :COUNT]
+    # variance of each residual by the prior of the parameters
     expected = np.einsum("np,pq,nq->n", jacobian, joint.prior.covariance, jacobian)
     for sensor, calibration in joint.calibrations(solution).items():
         rows, why = owner == sensor, None

@@ -191,11 +191,12 @@ def odd_turns(recording):
 def first_changed(errors, fewest, least):
     """Return the index k of the first error after a sensor changed; None if it did not change.
 
-    For each k, the errors are split in those before k and those from k on. Parameters are fitted to
-    one part and predict the errors of the other. The parts contradict each other if most errors of
-    the other part are larger than `least` and far larger than the uncertainty of the prediction.
-    Among all k at which the parts contradict each other, those are kept whose fitted part has
-    nearly the smallest residuals. The k with the longest fitted part of these is returned.
+    For each k, the errors are split in those before k and those from k on. The nine parameters of
+    the sensor are fitted to one part and predict the errors of the other. The parts contradict each
+    other if most errors of the other part are larger than `least` and far larger than the
+    uncertainty of the prediction. Among all k at which the parts contradict each other, those are
+    kept whose fitted part has nearly the smallest residuals. The k with the longest fitted part of
+    these is returned.
 
     Parameters
     ----------

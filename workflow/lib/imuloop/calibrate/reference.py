@@ -361,7 +361,8 @@ class SetUp:
         without : sequence of int, optional
             Indices in x of parameters that are set to zero.
         """
-        # index of the first shared parameter; the residuals without the effect of some parameters
+        # index of the first shared parameter; the residuals if some parameters are zero, by the
+        # Jacobian in all columns of `white` but the last, which has the residuals
         first, without = min(w.shared[0] for w in self.windows), [*without]
         r = self.white[:, -1] - self.white[:, without] @ self.x[without]
         by_session = np.linalg.qr(self.white[:, :first])[0]
@@ -401,7 +402,10 @@ def fit_set_up(windows, noise):
     x = np.zeros(len(prior))
 
     def white(x, size, _):
-        """Return all residuals, then x, divided by their standard deviations `size`, (n + p,)."""
+        """Return all residuals, then x, divided by their standard deviations `size`, (n + p,).
+
+        The last argument is for the derivative alone.
+        """
         return np.concatenate([*(w.values(x).ravel() for w in windows), x]) / size
 
     # each round estimates the variances from the residuals of the round before

@@ -203,7 +203,8 @@ class JointFit:
         """
         covariance = solution.scaled_covariance if covariance is None else covariance
         state, calibrations = State(solution.x.copy(), solution.effects), {}
-        # the gyroscope's bias may be held at its prior, which then gives its variance
+        # the bias of the gyroscope may be held at its value before the fit: it has the variance of
+        # its prior, and no covariance with other parameters
         if self.factors.bias_held:
             state.x[BIAS], covariance[BIAS], covariance[:, BIAS] = self.start[BIAS], 0.0, 0.0
             covariance[BIAS, BIAS] = solution.covariance[BIAS, BIAS] * np.eye(3)

@@ -404,6 +404,8 @@ class TrainingFit:
         index = hypothesis if index is None else index
         coefficients, nuisances = fit.coefficients[hypothesis], []
         for i, (root, held_rows) in enumerate(zip(self._roots, self.held_rows, strict=True)):
+            # corrections of the residuals and of the columns: ``R t`` are the parameters that fit
+            # them
             t = self.corrections(i, (self.residual_columns[axis], *columns))[index]
             # the first parameters that are projected out belong to the held-out rows
             nuisances.append((root[index] @ (t[0] - coefficients @ t[1:]))[len(held_rows) :])

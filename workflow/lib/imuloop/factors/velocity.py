@@ -39,6 +39,7 @@ def velocity(linearised, rotation, share=None):
     # the rows of each matrix are the axes of the residual's components
     frame = np.concatenate([u[:, None], tangents(u)], axis=1)
     gL = measured.factors.gravity * linearised.weights.sum(axis=1)[:, None, None]
+    # C and C f at each sample, (m, k, 3, 3) and (m, k, 3)
     attitude = np.concatenate([np.tile(np.eye(3), (len(u), 1, 1, 1)), after], axis=1)
     force = (attitude @ linearised.force.values(moves.f, design)[..., None])[..., 0]
     # velocity that each step gains, and v' from the middle of each step to the end
@@ -47,6 +48,7 @@ def velocity(linearised, rotation, share=None):
     v = (linearised.weights[:, None] @ force).swapaxes(1, 2) - gL * u[..., None]
     rows = MoveRows(
         residual=frame @ v,
+        # `across` is the derivative of the direction of gravity by the force at each rest
         by_start=-gL * frame @ linearised.across[moves.first],
         by_end=np.zeros_like(frame),
         by_turn=-frame[:, None] @ cross_matrix(to_come) @ linearised.attitude_within,
