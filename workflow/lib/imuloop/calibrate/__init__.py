@@ -14,11 +14,12 @@ class _CallableModule(ModuleType):
 
     @property
     def _function(self):
+        """The function `imuloop.calibrate_logs.calibrate`."""
         # imported late and by name, so that a stage does not depend on all others
         return import_module("imuloop.calibrate_logs").calibrate
 
-    def __call__(self, *logs, **how):
-        return self._function(*logs, **how)
+    def __call__(self, *logs, **options):
+        return self._function(*logs, **options)
 
     __signature__ = property(lambda self: inspect.signature(self._function))
     __doc__ = property(

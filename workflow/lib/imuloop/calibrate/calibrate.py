@@ -1,4 +1,9 @@
-"""Calibration of a device by the six-position and the multi-position method."""
+"""Calibration of a device by the six-position and the multi-position method.
+
+Nominal SI values are raw readings less the data sheet's offset, times its scale. The state x has
+the 21 parameters of both sensors in nominal SI. A pose is a rest; a rotation leads from one pose to
+the next. A known turn is a turn by a declared angle or at a declared rate.
+"""
 
 from dataclasses import replace
 
@@ -41,20 +46,22 @@ NO_DIRECTION = "direction of gravity not known: the accelerometer has no calibra
 
 
 def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=None):
-    """Return the JointFit of a recording, and why a sensor has no data.
+    """Return the JointFit, the set-up of a fit of both sensors, and why a sensor has no data.
+
+    The start is the result of a first fit, with equal weights for residuals of a kind.
 
     Parameters
     ----------
     recording, noise, gravity : Recording, NoiseModel, float
         Poses and the rotations between them, the noise of the device, local gravity, m/s^2.
     units : dict of str to RawUnit
-        Unit of each sensor.
+        Raw unit of each sensor, its scale and offset by the data sheet.
     prior : Prior, optional
         Prior of the parameters; by default the data sheet of a generic device.
     turns : KnownTurns, optional
         Known turns of the gyroscope, in addition to the rotations of the recording.
     bias : (ndarray, ndarray), optional
-        Bias of the gyroscope and its variance, nominal SI, (3,) each, if the bias is not estimated.
+        Bias of the gyroscope and its variance, nominal SI, (3,) each, if the fit shall hold it.
 
     Returns
     -------
@@ -74,48 +81,61 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     start = prior.mean.copy()
     if "gyroscope" in estimated:
         start[BIAS] = poses.w.mean(axis=0) if bias is None else bias[0]
-    factors = Factors(gravity, estimated, bias_held=bias is not None)
-    known = known_rows(prior, turns, bias)
-    joint = JointFit(factors, noise, units, start, prior, known, recording.kind)
+    factors = Factors(gravity, sensors=estimated, bias_held=bias is not None)
+    known = prior_rows(prior, turns, bias)
+    joint = JointFit(
+        factors=factors,
+        noise=noise,
+        units=units,
+        start=start,
+        prior=prior,
+        known=known,
+        method=recording.kind,
+    )
     # a first fit gives the start, so that the variance components are estimated near the solution
     # even if it is far from the prior
     variance = np.array([START[kind] ** 2 for kind in factors.rows(recording)[1].tolist()])
     try:
-        rough = fit(joint.measure(start, recording).at, start, variance, known)
+        rough = fit(joint.measure(start, recording).at, x0=start, covariance=variance, prior=known)
     except NotConverged:
         return joint, reasons
+    # data that contradict each other give no start; the prior is widened for data of another unit,
+    # range or board than the data sheet
     if np.mean(rough.white**2) <= MISFIT**2:
-        known = known_rows(prior.widened(rough.x), turns, bias)
+        known = prior_rows(prior.widened(rough.x), turns, bias)
         joint = replace(joint, start=rough.x, known=known)
     return joint, reasons
 
 
-def known_rows(prior, turns, bias):
-    """Return the knowledge before the fit as rows R, (k, 21), and z, (k,).
+def prior_rows(prior, turns, bias):
+    """Return what is known of the 21 parameters x before the fit: R, (k, 21), and z, (k,).
 
-    ``R x - z`` has mean zero and independent components of variance one. It comes from a Prior and
-    from KnownTurns. x is the state without effects. `turns` may be None. `bias`, if not None, is
-    the gyroscope's bias and its variance, nominal SI, (3,) each; it replaces the bias of the prior.
+    ``R x - z`` has mean zero and independent components of variance one. It comes from the Prior
+    `prior` and, unless they are None, from the KnownTurns `turns`. `bias`, if not None, is the
+    gyroscope's bias and its variance, nominal SI, (3,) each; it replaces the bias of the prior.
     """
     if bias is not None:
-        prior = prior.with_part(BIAS, bias[0], np.diag(bias[1]))
-    parts = [prior.rows(), *([turns.rows()] if turns else [])]
-    return tuple(map(np.concatenate, zip(*parts, strict=True)))
+        prior = prior.with_part(BIAS, mean=bias[0], covariance=np.diag(bias[1]))
+    sources = [prior.rows(), *([turns.rows()] if turns else [])]
+    R, z = map(np.concatenate, zip(*sources, strict=True))
+    return R, z
 
 
 def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, turns=None):
     """Return the calibrations of both sensors by one fit to poses, rotations and known turns.
 
-    A sensor without data, or with data that contradict each other, has no fit. It gets the
-    calibration of `nominal_sensors`, with the reason.
+    A sensor without data, or with data that contradict each other, has no fit. Its T, K and b are
+    then the means of the prior, with the reason; only the bias of the gyroscope is measured at
+    rest.
 
     Parameters
     ----------
     recording, noise, gravity : Recording, NoiseModel, float
         Poses and the rotations between them, the noise of the device, local gravity, m/s^2.
     units : dict of str to RawUnit
-        Unit of each sensor.
+        Raw unit of each sensor, its scale and offset by the data sheet.
     settings : CalibrateSettings
+        Settings; its `gyroscope_bias` says whether the bias is the mean over the first rest.
     prior : Prior, optional
         Prior of the parameters; by default the data sheet of a generic device.
     turns : KnownTurns, optional
@@ -124,44 +144,47 @@ def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, tu
     Returns
     -------
     dict of str to SensorCalibration
+        The calibration of each sensor by name.
     """
-    poses, bias, prior, made = recording.poses, None, prior or data_sheet(), {}
+    poses, bias, prior, calibrations = recording.poses, None, prior or data_sheet(), {}
     if settings.gyroscope_bias == "initial_rest" and len(poses):
         # the mean over the first rest, and its variance
         bias = poses.w[0], poses.mean_covariance(noise)[3:, 0, 0]
     joint, reasons = start_fit(recording, noise, gravity, units, prior, turns, bias)
+    # a sensor whose data contradict each other is left out, and the other one is fitted again
     while joint is not None and joint.estimated:
         try:
             solution = joint.fit(recording)
         except LinAlgError as error:
+            # without a sensor that changed during the recording, the last one is to blame
             changes = {s: why for s in joint.estimated if (why := change(s, recording))}
             refused = changes or {joint.estimated[-1]: why_no_fit(error)}
         else:
             refused = contradictions(joint, solution, recording)
         if not refused:
-            made = joint.calibrations(solution)
+            calibrations = joint.calibrations(solution)
             break
         reasons |= refused
         if "accelerometer" in refused and "gyroscope" in joint.estimated:
             reasons.setdefault("gyroscope", NO_DIRECTION)
         joint = joint.of_sensors(s for s in joint.estimated if s not in reasons)
-    return made | nominal_sensors(reasons, recording, noise, units, prior)
+    return calibrations | nominal_sensors(reasons, recording, noise, units, prior)
 
 
 def contradictions(joint, solution, recording):
-    """Return the sensors whose data contradict each other, with the reason.
+    """Return the sensors whose data contradict each other, a dict with the reason of each.
 
     The data of a sensor contradict each other in three cases: the sensor changed during the
     recording; the fit gives values that no sensor has; or the residuals are larger than the prior
-    allows. The last is ``|r|² > q tr(J P₀ Jᵀ)/n``, with the n residuals r, their Jacobian J and the
-    covariance P₀ of the prior. For the accelerometer q is the quantile of χ²(n) that is exceeded
-    with the probability `CHANCE`. For the gyroscope q is n, the mean of χ²(n): if its fit is
-    refused, a rest still gives its bias.
+    allows. The last is ``|r|² > q tr(J P₀ Jᵀ)/n``, with the n residuals r of the sensor, their
+    Jacobian J and the covariance P₀ of the prior: without a fit |r|² would be about the trace. For
+    the accelerometer q is the quantile of χ²(n) that is exceeded with the probability `CHANCE`. For
+    the gyroscope q is n, the mean of χ²(n): if its fit is refused, a rest still gives its bias.
 
     Parameters
     ----------
     joint, solution : JointFit, Fit
-        The fit and its result.
+        The set-up of the fit and its result.
     recording : Recording
         The poses and rotations that were fitted.
 
@@ -170,15 +193,17 @@ def contradictions(joint, solution, recording):
     dict of str to str
         The reason for each sensor with contradictory data.
     """
+    # the sensor that each residual measures
     refused, owner = {}, joint.factors.owners(recording)
     linearised = joint.linearise(solution, recording)
     jacobian = linearised.jacobian[:, :COUNT]
+    # variance of each residual by the prior of the parameters
     expected = np.einsum("np,pq,nq->n", jacobian, joint.prior.covariance, jacobian)
-    for sensor, made in joint.calibrations(solution).items():
+    for sensor, calibration in joint.calibrations(solution).items():
         rows, why = owner == sensor, None
         count = rows.sum()
         quantile = chdtri(count, CHANCE) if sensor == "accelerometer" else count
-        if fault := sensor_fault(made, sensor):
+        if fault := sensor_fault(calibration, sensor):
             why = f"the fit gives what no sensor has: {fault}"
         elif np.sum(linearised.residual[rows] ** 2) > np.mean(expected[rows]) * quantile:
             what = "poses" if sensor == "accelerometer" else "turns"
@@ -186,7 +211,9 @@ def contradictions(joint, solution, recording):
                 f"its {what} contradict each other by more than the data sheet's tolerance; were "
                 "samples clipped or wrapped around, did scale, offset or axes change midway?"
             )
-        if why or (made.reduced_chi2 or 0.0) > CONTRADICTORY:
+        # a change is the better reason, and is looked for if the residuals are large, too; without
+        # degrees of freedom there is no reduced χ²
+        if why or (calibration.reduced_chi2 or 0.0) > CONTRADICTORY:
             why = change(sensor, recording) or why
         if why:
             refused[sensor] = why
@@ -205,27 +232,37 @@ def calibrate_device(
     gravity : float
         Local gravity, m/s^2.
     sessions : dict of str to dict
-        Kind and paths of each session, as in `imuloop.calibrate.sessions`.
+        Each session by name: its ``kind`` and the paths of its ``samples`` and ``segments``.
     noise, six_path, multi_path : path
         The noise.json to read, and the files to write.
     settings : CalibrateSettings
+        Settings of the calibration.
     prior : Prior, optional
         Prior of the parameters; by default the data sheet of a generic device.
     """
     model, units = NoiseModel.from_json(noise), dict(zip(SENSORS, raw_units(sessions), strict=True))
-    how = model, gravity, units, settings, prior
+
+    def calibrate(recording, turns=None):
+        """Return the calibrations of both sensors by a Recording and KnownTurns, by name."""
+        return calibrate_sensors(recording, model, gravity, units, settings, prior, turns)
+
     multi, six, turned = (read_recording(sessions, settings.longest_rotation, k) for k in GROUPS)
+    # the rests of known turns serve as poses if no session of the multi-position method has one
     recording = multi if len(multi.poses) or not len(turned.poses) else turned
-    six, made = (calibrate_sensors(poses, *how) for poses in (six, recording))
-    # a known turn needs the direction of gravity at its start
-    levelled = made if made["accelerometer"].names else six
-    if turns := read_turns(sessions, levelled["accelerometer"]):
-        made = calibrate_sensors(recording, *how, turns)
+    by_six, by_multi = calibrate(six), calibrate(recording)
+    # a known turn needs the direction of gravity at its start, from a calibrated accelerometer
+    gravity_source = by_multi if by_multi["accelerometer"].names else by_six
+    if turns := read_turns(sessions, gravity_source["accelerometer"]):
+        by_multi = calibrate(recording, turns)
     static = read_poses(sessions, "static")
     if not len(recording.poses) and len(static):
-        reason = {"gyroscope": f"{recording.why_no_pose}; bias only"}
-        how = replace(recording, poses=static), model, units, prior or data_sheet()
-        made |= nominal_sensors(reason, *how)
+        by_multi |= nominal_sensors(
+            {"gyroscope": f"{recording.why_no_pose}; bias only"},
+            recording=replace(recording, poses=static),
+            noise=model,
+            units=units,
+            prior=prior or data_sheet(),
+        )
     log, sha256 = layout(sessions), hashes(sessions)
-    for path, of in ((six_path, six), (multi_path, made)):
-        Calibration(device, gravity, *(of[s] for s in SENSORS), log, sha256=sha256).to_json(path)
+    for path, sensors in ((six_path, by_six), (multi_path, by_multi)):
+        Calibration(device, gravity, **sensors, log=log, sha256=sha256).to_json(path)

@@ -1,7 +1,7 @@
 """Rotations that contradict all others, and the time at which a sensor changed during a recording.
 
 All poses and rotations have equal weights. The noise model is not used, because contradictions are
-much larger than noise.
+much larger than noise. A rotation leads from one pose, a rest, to the next.
 """
 
 from dataclasses import dataclass, replace
@@ -46,74 +46,98 @@ UNEVEN = 2.0
 
 @dataclass(frozen=True)
 class Errors:
-    """Errors of m poses or rotations, with c components, by one calibration of all."""
+    """Errors of m poses or rotations, with c components, by one calibration of all.
+
+    Those of poses are shares of gravity, those of rotations are rad.
+    """
 
     values: np.ndarray  # (m, c): errors
-    design: np.ndarray  # (m, c, 9): their derivative with respect to nine parameters of the sensor
+    # (m, c, 9): their derivative with respect to the first nine parameters of the sensor
+    design: np.ndarray
     # (m, c, c): covariance of the errors by the uncertain direction of gravity; zero for poses
     spread: np.ndarray
 
     def sizes(self):
-        """Return the size of each error after a soft-L1 fit of the nine parameters, (m,)."""
+        """Return the norm of each error, (m,), after a fit of the nine parameters to all errors.
+
+        The fit has the soft-L1 loss, so that few large errors hardly change it.
+        """
         y, rows = self.values.ravel(), self.design.reshape(-1, 9)
         p = fit_robustly(lambda p: y + rows @ p, lambda p: rows, np.zeros(9))
         return np.linalg.norm(self.values + self.design @ p, axis=1)
 
 
 def fit_robustly(residuals, derivative, start):
-    """Return the parameters of a least-squares fit with soft-L1 loss, (p,).
+    """Return the p parameters of a fit with soft-L1 loss, (p,), from the parameters `start`, (p,).
 
-    Takes functions of the parameters that return the residuals, (n,), and their Jacobian, (n, p).
+    The loss is quadratic for small residuals and linear for large ones. `residuals` and
+    `derivative` are functions of the parameters that return the residuals, (n,), and their
+    Jacobian, (n, p).
     """
     options = {"loss": "soft_l1", "f_scale": SOFT_L1_SCALE, "x_scale": "jac"}
     return least_squares(residuals, start, derivative, **options).x
 
 
 def inverse_root(rows):
-    """Return R, (p, p), with ``R Rᵀ = (Jᵀ J)⁻¹``, of rows J, (n, p).
+    """Return R, (p, p), with ``R Rᵀ = (Jᵀ J)⁻¹``, of the Jacobian J, (n, p), the argument `rows`.
 
-    R is large in the directions that J does not determine.
+    R is large in the directions that J does not determine, but finite.
     """
     size = np.linalg.norm(rows, axis=0)
     size[size == 0] = 1.0
+    # rows of zeros give all p singular values even if there are fewer than p rows
     square = np.concatenate([rows / size, np.zeros((len(size),) * 2)])
     _, values, axes = np.linalg.svd(square, full_matrices=False)
     return axes.T / np.maximum(values, UNSEEN * (values[0] or 1.0)) / size[:, None]
 
 
 def fit_gravity_norm(f):
-    """Fit the norm of gravity at poses with soft-L1 loss and a wide prior about the data sheet.
+    """Fit the accelerometer to the norm of gravity at poses, with soft-L1 loss.
 
-    Takes the specific force f of n poses in shares of gravity, (n, 3). Returns the parameters of
-    the accelerometer, (9,), and a root of their covariance, (9, 9). Parameters that the poses do
-    not determine stay at the data sheet.
+    A wide prior about the data sheet keeps parameters there that the poses do not determine.
+
+    Parameters
+    ----------
+    f : ndarray, shape (n, 3)
+        Mean specific force at n poses, in shares of gravity.
+
+    Returns
+    -------
+    ndarray, shape (9,)
+        The parameters: three elements of T, then K and b, the latter in shares of gravity.
+    ndarray, shape (9, 9)
+        A root R of their covariance ``R Rᵀ``.
     """
     n, loose, start = len(f), np.eye(9) / LOOSE, NOMINAL[:9]
 
     def linearise(x):
+        """Return the errors of the norm of gravity and their Jacobian, RestRows."""
         sensor = State(np.append(x, NOMINAL[9:])).sensor("accelerometer")
         return gravity_norm(sensor, f, 1.0, np.zeros((n, 3, 0)))
 
+    # the prior has the standard deviation `LOOSE`, the residuals that of the loss
     x = fit_robustly(
         lambda x: np.append(linearise(x).residual, SOFT_L1_SCALE * loose @ (x - start)),
         lambda x: np.concatenate([linearise(x).jacobian[:, 0], SOFT_L1_SCALE * loose]),
         start,
     )
     rows = linearise(x)
+    # standard deviation of the residuals from their median size, which few large ones hardly change
     usual = np.median(np.abs(rows.residual)) / 0.67 * np.sqrt(n / max(n - 9, 1))
     return x, usual * inverse_root(np.concatenate([rows.jacobian[:, 0], usual * loose]))
 
 
 def sensor_errors(sensor, recording):
-    """Return the Errors of a sensor in a Recording.
+    """Return the Errors of a sensor, given by its name, in a Recording.
 
     Those of the accelerometer are errors of the norm of gravity at the poses, in shares of gravity,
-    by a soft-L1 fit. Those of the gyroscope are errors of the rotations, rad, with nominal
-    parameters. A rotation carries the direction of gravity from one pose to the next. Its error has
-    two components, across the direction that the accelerometer measures there. The bias of a
-    rotation is the mean rate of both poses, as the bias may drift.
+    after a fit of its nine parameters. Those of the gyroscope are errors of the rotations, rad,
+    with nominal T and K. A rotation carries the direction of gravity from one pose to the next. Its
+    error has two components, across the direction that the accelerometer measures there. The bias
+    of a rotation is the mean rate of both poses, as the bias may drift.
     """
     poses, moves, n = recording.poses, recording.rotations, len(recording.poses)
+    # in shares of gravity, as its scale may be far from the declared one
     f = poses.f / np.median(np.linalg.norm(poses.f, axis=1))
     x, root = fit_gravity_norm(f)
     bias = (poses.w[moves.first] + poses.w[moves.first + 1]) / 2
@@ -123,12 +147,18 @@ def sensor_errors(sensor, recording):
     linearised = Factors(1.0).about(recording, state).at(state.x)
     residual, jacobian = linearised.residual, linearised.jacobian
     if sensor == "accelerometer":
-        return Errors(residual[:n, None], jacobian[:n, None, :9], np.zeros((n, 1, 1)))
+        design = jacobian[:n, None, :9]
+        return Errors(values=residual[:n, None], design=design, spread=np.zeros((n, 1, 1)))
+    # the first 4 n residuals are those of the poses: norm of gravity, and three of the rate
     design = jacobian[4 * n :].reshape(len(moves), 2, COUNT)
     # root of the covariance by the uncertain directions of gravity
     by_force = design[..., BASE["accelerometer"]] @ root
     by_turn = design[..., BASE["gyroscope"]][..., :9]
-    return Errors(residual[4 * n :].reshape(-1, 2), by_turn, by_force @ by_force.swapaxes(1, 2))
+    return Errors(
+        values=residual[4 * n :].reshape(-1, 2),
+        design=by_turn,
+        spread=by_force @ by_force.swapaxes(1, 2),
+    )
 
 
 def sensors_work(poses):
@@ -138,11 +168,13 @@ def sensors_work(poses):
 
 
 def odd_turns(recording):
-    """Return which rotations of a Recording contradict all others, (m,), and all errors, rad, (m,).
+    """Return which rotations of a Recording contradict the others, and the errors of all.
 
-    No rotation is marked if more than a few contradict the others, or if there are fewer than
-    `FEWEST`. The uncertainty of a rotation by undersampling, and by directions of gravity that the
-    poses do not determine, is allowed for.
+    The first result is a mask, (m,) of bool, of the m rotations. The second has the size of the
+    error of each, rad, (m,), by a robust fit of the gyroscope to all rotations. No rotation is
+    marked if more than a few contradict the others, or if there are fewer than `FEWEST`. The
+    uncertainty of a rotation by undersampling, and by directions of gravity that the poses do not
+    determine, is allowed for.
     """
     rotations = recording.rotations
     if len(rotations) < FEWEST or not sensors_work(recording.poses):
@@ -150,32 +182,35 @@ def odd_turns(recording):
     turns = sensor_errors("gyroscope", recording)
     errors = turns.sizes()
     extra = rotations.aliasing_covariance + rotations.time_covariance
+    # trace of the covariance of each error, with the additional errors of all parts of a rotation
     variance = np.einsum("mcc->m", turns.spread) + np.einsum("mgii->m", extra)
     odd = errors > np.maximum(TIMES * np.maximum(np.median(errors), np.sqrt(variance)), TURN)
     return odd & (odd.sum() <= max(1, SHARE * len(odd))), errors
 
 
 def first_changed(errors, fewest, least):
-    """Return the index k at which the parameters of a sensor changed; None if they did not.
+    """Return the index k of the first error after a sensor changed; None if it did not change.
 
-    For each k, the errors are split in those before k and those from k on. Parameters are fitted to
-    one part and predict the errors of the other. The parts contradict each other if most errors of
-    the other part are larger than `least` and far larger than the uncertainty of the prediction.
-    Among all k at which the parts contradict each other, those are kept whose fitted part has
-    nearly the smallest residuals. The k with the longest fitted part of these is returned.
+    For each k, the errors are split in those before k and those from k on. The nine parameters of
+    the sensor are fitted to one part and predict the errors of the other. The parts contradict each
+    other if most errors of the other part are larger than `least` and far larger than the
+    uncertainty of the prediction. Among all k at which the parts contradict each other, those are
+    kept whose fitted part has nearly the smallest residuals. The k with the longest fitted part of
+    these is returned.
 
     Parameters
     ----------
     errors : Errors
-        Errors in order of time.
+        Errors of m poses or rotations in order of time.
     fewest : int
         Fewest poses or rotations that determine the parameters.
     least : float
-        Least error that contradicts.
+        Least size of an error that contradicts, in the unit of the errors.
     """
     n, splits = len(errors.values), []
     if np.sum(errors.sizes() > least) < CHANGED * MOST:
         return None
+    # (residuals of the fitted part, its length, k) of each contradiction
     for k in range(CHANGED, n - CHANGED + 1):
         before = np.arange(n) < k
         for part in (before, ~before):
@@ -183,6 +218,7 @@ def first_changed(errors, fewest, least):
                 continue
             rows, y = errors.design[part].reshape(-1, 9), errors.values[part].ravel()
             root = inverse_root(rows)
+            # least-squares solution of rows p = -y, and the standard deviation of its residuals
             p = -root @ (root.T @ (rows.T @ y))
             usual = np.sqrt(np.sum((y + rows @ p) ** 2) / (len(y) - len(p)))
             # the errors of the other part, and their covariance by noise and by the error of p
@@ -199,7 +235,11 @@ def first_changed(errors, fewest, least):
 
 
 def changed_at(sensor, recording):
-    """Return when a sensor changed during a Recording, s, and a sentence; None if it did not."""
+    """Return when a sensor changed during a Recording, s, and a sentence on it, or None.
+
+    It is None if the sensor, given by its name, did not change, if the recording has several
+    sessions, or if it has too few poses or rotations to tell.
+    """
     poses, (what, name) = recording.poses, WORDS[sensor]
     table = poses if sensor == "accelerometer" else recording.rotations
     # the clocks of two sessions cannot be compared
@@ -217,6 +257,9 @@ def changed_at(sensor, recording):
 
 
 def change(sensor, recording):
-    """Return a sentence on when and how a sensor changed during a Recording; None if it did not."""
+    """Return a sentence on when and how a sensor changed during a Recording, or None.
+
+    It is None if the sensor, given by its name, did not change or if the data cannot tell.
+    """
     time_and_text = changed_at(sensor, recording)
     return time_and_text and time_and_text[1]

@@ -29,24 +29,28 @@ LEAST_JITTER = 0.02
 
 
 def errors_of_time(t, w, begin, last, bias, variance):
-    """Return the errors of rotations by dropped samples and by jitter of the time stamps.
+    """Return the errors of m rotations by dropped samples and by jitter of the time stamps.
+
+    The error of a gap is measured where the samples are complete: samples are left out there, and
+    the interpolated angle is compared with the angle by all samples.
 
     Parameters
     ----------
     t, w : ndarray, shape (N,), (N, 3)
         Time, s, and angular rate, rad/s, of the whole log.
     begin, last : ndarray of int, shape (m,)
-        First and last sample of each rotation.
+        Index of the first and of the last sample of each rotation.
     bias, variance : ndarray, shape (m, 3)
         Mean, rad/s, and sample variance, (rad/s)², of the angular rate at rest.
 
     Returns
     -------
     covariance : ndarray, shape (m, PARTS, 3, 3)
-        Covariance of the error that arises in each part of a rotation, on body axes, rad².
+        Covariance of the error that arises in each of `PARTS` equal parts of a rotation, on body
+        axes, rad².
     accurate : ndarray of bool, shape (m,)
-        Whether the standard deviation of the angle by all gaps is below that by the noise, or below
-        `LARGEST_ERROR` of the angle.
+        Whether the standard deviation of the angle by all gaps is below that by the noise of the
+        gyroscope, or below the share `LARGEST_ERROR` of the angle.
     longest : ndarray of int, shape (m,)
         Largest number of samples dropped in a row.
     """
@@ -57,6 +61,8 @@ def errors_of_time(t, w, begin, last, bias, variance):
     accurate, longest = np.zeros(len(begin), bool), np.zeros(len(begin), int)
     for k, (i, j) in enumerate(zip(begin, last, strict=True)):
         rates, missing = w[i : j + 1], lost[i:j]
+        # covariance of each step's rotation by its gap, and half the change of the rate over the
+        # two steps at each sample
         gaps, slopes = gap_covariance(rates, missing, usual), (rates[2:] - rates[:-2]) / 2
         angle = np.linalg.norm(rates[1:] - bias[k], axis=1) @ steps[i:j]
         limit = max(variance[k].sum() * usual * steps[i:j].sum(), (LARGEST_ERROR * angle) ** 2)
@@ -66,13 +72,14 @@ def errors_of_time(t, w, begin, last, bias, variance):
 
 
 def _estimate_jitter(t, w, usual):
-    """Return the standard deviation of the jitter of time stamps, s.
+    """Return the standard deviation of the jitter of time stamps, s, a float.
 
-    Zero if the samples were taken at their time stamps, or if the jitter is below `LEAST_JITTER`.
-    Takes time, s, (N,), angular rate, rad/s, (N, 3), and the usual step, s.
+    It is zero if the samples were taken at their uneven time stamps, so that these are right, or if
+    it is below the share `LEAST_JITTER` of a step. Takes time t, s, (N,), angular rate w, rad/s,
+    (N, 3), and the usual step, s.
     """
-    # the median of |e| of a normal variable e is 0.6745 of its standard deviation; `bend` adds half
-    # of the variance, as it subtracts the mean of two neighbours
+    # `bend` is a time stamp less the mean of its neighbours, with 1.5 times the variance of one.
+    # The median of |e| of a normal variable e is 0.6745 of its standard deviation
     std = np.median(np.abs(bend(t))) / 0.6745 / np.sqrt(1.5) if len(t) > 2 else 0.0
     if std < LEAST_JITTER * usual:
         return 0.0
@@ -82,10 +89,11 @@ def _estimate_jitter(t, w, usual):
 
 
 def gap_covariance(w, lost, usual):
-    """Return the covariance of the rotation over each step by interpolation, rad², (k - 1, 3, 3).
+    """Return the covariance of the rotation over each step, rad², (k - 1, 3, 3), by interpolation.
 
-    It is zero for a step without missing samples. Takes angular rate, rad/s, (k, 3), the number of
-    samples missing in each step, (k - 1,), and the usual step, s.
+    It is zero for a step without missing samples, and infinite for one with so many that the error
+    cannot be measured. Takes angular rate w, rad/s, (k, 3), of the k samples of a rotation, the
+    number of samples `lost` in each step, (k - 1,), and the usual step, s.
     """
     covariance = np.zeros((len(lost), 3, 3))
     for n in set(lost[lost > 0].tolist()):
@@ -94,17 +102,20 @@ def gap_covariance(w, lost, usual):
 
 
 def _mean_square(w, lost, n, usual):
-    """Return the mean square error of interpolation over gaps of n samples, rad², (3, 3).
+    """Return the mean square error of interpolation over a gap of n samples, rad², (3, 3).
 
-    It is infinite if fewer than `FEWEST` windows have all samples. Other arguments as for
-    `gap_covariance`.
+    It is measured in all windows of a rotation that have all samples, as if n of them were missing,
+    and is infinite if there are fewer than `FEWEST` windows. Takes angular rate w, rad/s, (k, 3),
+    the number of samples `lost` in each step, (k - 1,), and the usual step, s.
     """
     # a window has the step before the gap, the n + 1 steps of the gap, and the step after it
     complete = np.convolve(lost == 0, np.ones(n + 3), "valid") > n + 2.5
     first = np.flatnonzero(complete) + 1
     if len(first) < FEWEST:
         return np.full((3, 3), np.inf)
+    # angle by all samples since the start, at the end of each step
     turned = usual * np.cumsum(mean_rates(w, np.full(len(w) - 1, usual)), axis=0)
+    # the two samples before and the two after the gap, and the angle over it by interpolation
     around = np.stack([w[first + i] for i in (-1, 0, n + 1, n + 2)], axis=1)
     steps = np.tile(usual * np.array([1.0, n + 1, 1.0]), (len(first), 1))
     interpolated = mean_rates(around, steps, steps > gap_limit(usual))[:, 1] * steps[:, 1:2]

@@ -14,21 +14,21 @@ SAME = 5.0
 
 
 def nominal_sensors(reasons, recording, noise, units, prior):
-    """Return the calibrations of sensors without a fit.
+    """Return the calibrations of sensors without a fit, a dict of SensorCalibration by sensor.
 
-    Their T, K and b are the means of the prior. If there is a rest, the bias of the gyroscope is
-    measured instead, unless it changed during the recording.
+    Their misalignment T, scale factors K and bias b are the means of the prior. If there is a rest,
+    the bias of the gyroscope is measured instead, unless it changed during the recording.
 
     Parameters
     ----------
     reasons : dict of str to str
         For each sensor, why there is no fit.
     recording : Recording
-        Poses and rotations.
+        Poses and rotations; the poses give the bias of the gyroscope.
     noise : NoiseModel
         Noise of the device.
     units : dict of str to RawUnit
-        Unit of each sensor.
+        Raw unit of each sensor, its scale and offset by the data sheet.
     prior : Prior
         Prior of the parameters.
 
@@ -37,17 +37,20 @@ def nominal_sensors(reasons, recording, noise, units, prior):
     dict of str to SensorCalibration
         A calibration for each sensor in `reasons`.
     """
-    made = {}
+    calibrations = {}
     for sensor, reason in reasons.items():
         calibration = SensorCalibration.nominal(units[sensor], reason)
         if sensor == "gyroscope":
             time, words = changed_at(sensor, recording) or (np.inf, "")
+            # the reason may name the change already; without a change the words are empty
             reason = reason if words in reason else f"{reason}; {words}"
             calibration = rest_bias(recording.poses, noise, units[sensor], reason, time)
-        mean = in_raw_units(sensor, units[sensor], *prior.of(sensor), prior=prior)
+        x, covariance = prior.of(sensor)
+        mean = in_raw_units(sensor, units[sensor], x=x, covariance=covariance, prior=prior)
+        # a calibration with names of parameters has a measured bias
         b = calibration.b if calibration.names else mean.b
-        made[sensor] = replace(calibration, T=mean.T, K=mean.K, b=b, prior=mean.prior)
-    return made
+        calibrations[sensor] = replace(calibration, T=mean.T, K=mean.K, b=b, prior=mean.prior)
+    return calibrations
 
 
 def rest_bias(poses, noise, unit, reason, changed=np.inf):
@@ -63,11 +66,11 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
     Parameters
     ----------
     poses, noise, unit : Poses, NoiseModel, RawUnit
-        The rests, the noise of the device, and the unit of the gyroscope.
+        The rests, the noise of the device, and the raw unit of the gyroscope.
     reason : str
         Why the other parameters are not calibrated.
     changed : float, optional
-        Time at which the gyroscope changed, s.
+        Time at which the gyroscope changed, s; by default never.
     """
     silent = poses.unknown_noise(noise, ANGULAR_RATE)
     if silent or not len(poses):
@@ -77,17 +80,22 @@ def rest_bias(poses, noise, unit, reason, changed=np.inf):
     weights = np.linalg.solve(covariance, np.ones((3, len(poses), 1)))[..., 0]
 
     def means(group):
-        """Return the shares of each pose in the mean of each group, (g, 3, n), and the means."""
+        """Return the share of each pose in the mean of its group, (g, 3, n), and the means, (g, 3).
+
+        `group`, (n,), has a number for each of n poses; equal numbers are one of g groups.
+        """
         shares = weights * (group == np.unique(group)[:, None])[:, None]
         shares /= shares.sum(axis=2, keepdims=True)
         return shares, np.einsum("gan,na->ga", shares, poses.w)
 
+    # difference between the biases after and before the change, and its variance; zero without one
     shares, biases = means(poses.start_s > changed)
     contrast = shares[-1] - shares[0]
     variance = np.einsum("an,anm,am->a", contrast, covariance, contrast)
     if np.any((biases[-1] - biases[0]) ** 2 > SAME**2 * variance):
         return nominal
     _, (bias,) = means(np.zeros(len(poses)))
+    # variance of the mean by the noise, and the mean of each power cycle
     variance, (_, biases) = 1 / weights.sum(axis=1), means(poses.power_cycle)
     if len(biases) > 1:
         between = biases.var(axis=0, ddof=1) / len(biases)

@@ -1,4 +1,8 @@
-"""Poses, gathered from the segments of all sessions."""
+"""Poses, gathered from the segments of all sessions.
+
+A pose is an attitude in which the device rests. Segments are the rests, moves and gaps of a
+session. Nominal SI values are raw readings less the data sheet's offset, times its scale.
+"""
 
 from dataclasses import dataclass, fields, replace
 
@@ -31,9 +35,9 @@ class Table:
 
 @dataclass(frozen=True)
 class Poses(Table):
-    """Means over n static poses. All fields are arrays with a row per pose."""
+    """Means over n poses, in which the device rests. All fields are arrays with a row per pose."""
 
-    # index of the session, and of the power cycle (`imuloop.core.segments.power_cycles`): no two
+    # index of the session, and number of the power cycle, from one switching-on to the next: no two
     # sessions share a power cycle, and the noise of different power cycles is independent
     session: np.ndarray
     power_cycle: np.ndarray
@@ -45,7 +49,7 @@ class Poses(Table):
     w: np.ndarray  # mean angular rate, rad/s, (n, 3), nominal SI
     variance: np.ndarray  # sample variance of the six channels within the pose, (n, 6)
     temperature: np.ndarray | None  # mean, degC; None unless every session logs a temperature
-    # variance that rounding (`rounding_variance`) and tilts add to the six means, (n, 6)
+    # variance that rounding to the number format and tilts add to the six means, (n, 6)
     extra_variance: np.ndarray
     # root mean square of the tilt that both sensors show in the pose, rad, (n,)
     tilt: np.ndarray
@@ -61,7 +65,10 @@ class Poses(Table):
 
     @property
     def windows(self):
-        """Start and end, s, (n, 2), of a window about each pose's middle, as long as its rest."""
+        """Start and end, s, (n, 2), of a window about the middle of each pose, as long as its rest.
+
+        A rest that was interrupted is shorter than its pose.
+        """
         half = self.duration_s / 2
         return np.column_stack([self.mid_s - half, self.mid_s + half])
 
@@ -69,10 +76,10 @@ class Poses(Table):
         """Return the covariance of the pose means, (6, n, n), SI units squared, in order ax … gz.
 
         It is the sum of the covariance that the NoiseModel `noise` predicts and the variance that
-        rounding and tilts add, which is independent between poses. If the noise of an axis is not
+        rounding and tilts add, which is independent between poses. If the noise of a channel is not
         known, its covariance is diagonal: the sample variance within the pose over the number of
-        samples. The joint fit does not use this covariance, but `ResidualCovariance`, which
-        includes the rotations.
+        samples. The fit of both sensors does not use this covariance, but one that includes the
+        rotations (`ResidualCovariance`).
         """
         covariances = noise.mean_covariance(self.windows, self.power_cycle)
         for axis, covariance in enumerate(covariances):
@@ -81,9 +88,10 @@ class Poses(Table):
         return covariances
 
     def unknown_noise(self, noise, channels):
-        """Return the reason why a pose mean of some channels has no weight; None if all have one.
+        """Return the reason, text, why the noise of some channels is not known, or None.
 
-        Takes a NoiseModel and the names of the channels.
+        Then the means over the poses would have no weight in a fit. `noise` is a NoiseModel, and
+        `channels` has the names of the channels. The result is None if all are known.
         """
         chosen = [c in channels for c in CHANNELS]
         silent, lines = without_weight(self.mean_covariance(noise)[chosen])
@@ -101,20 +109,23 @@ class Poses(Table):
 def gather_poses(segments):
     """Return the Poses of several sessions, in order of session and time.
 
-    Rests of one power cycle that share a pose number are one pose. `segments` holds the segments
-    of each session, a DataFrame or a dict of arrays.
+    Rests of one power cycle that share a pose number are one pose. `segments` has the table of each
+    session, a DataFrame or a dict of arrays with a row per segment.
     """
+    # the rests that are part of a pose: others have the number -1
     chosen = [(np.asarray(t["kind"]) == STATIC) & (np.asarray(t["pose"]) >= 0) for t in segments]
 
     def join(columns):
         """Return a column of all r rests, (r,), given the whole column of each session."""
-        parts = zip(columns, chosen, strict=True)
-        return np.concatenate([np.zeros(0), *(np.asarray(x)[is_rest] for x, is_rest in parts)])
+        by_session = zip(columns, chosen, strict=True)
+        return np.concatenate([np.zeros(0), *(np.asarray(x)[is_rest] for x, is_rest in by_session)])
 
     def column(name):
+        """Return the column of the segments with a name, of all r rests, (r,)."""
         return join(table[name] for table in segments)
 
     session = np.repeat(np.arange(len(chosen)), [np.sum(is_rest) for is_rest in chosen])
+    # a pose is a triple of session, power cycle and pose number; `pose` is its index, by rest
     numbers = session, join(map(power_cycles, segments)), column("pose")
     poses, pose = np.unique(np.column_stack(numbers).astype(int), axis=0, return_inverse=True)
     start, end, n = column("start_s"), column("end_s"), column("n")
@@ -123,7 +134,10 @@ def gather_poses(segments):
     share = of_pose * n / (of_pose @ n)[:, None]
 
     def mean_powers(names, power=1):
-        """Return the mean of a power of some columns over the samples of each pose, (n, c)."""
+        """Return the means over each pose of c columns, raised to a power, (n, c).
+
+        The columns have a value per rest; the rests of a pose count by their number of samples.
+        """
         return share @ np.column_stack([column(name) ** power for name in names])
 
     return Poses(
@@ -156,9 +170,9 @@ def rounding_variance(samples, variance):
     Parameters
     ----------
     samples : ndarray, shape (m,)
-        Samples of the channel. The result is zero if they have no common step.
-    variance : ndarray
-        Sample variance within each rest; their mean gives σ².
+        Samples of the channel, of which q is found. The result is zero if they have no common step.
+    variance : ndarray, shape (r,)
+        Sample variance within each of r rests; their mean, less q²/12 by rounding, is σ².
 
     References
     ----------
@@ -167,6 +181,7 @@ def rounding_variance(samples, variance):
     """
     levels = np.unique(samples[:DECIDING])
     steps = np.diff(levels)
+    # values that differ by the precision of their number format are one level
     steps = steps[steps > SAME_LEVEL * np.maximum(np.abs(levels[1:]), np.abs(levels[:-1]))]
     count = steps / (q := steps.min(initial=np.inf))
     if not len(steps) or np.abs(count - np.round(count)).max() > UNEVEN:
@@ -178,9 +193,9 @@ def rounding_variance(samples, variance):
 
 
 def add_rounding(poses, logs):
-    """Add the variance of quantization to the `extra_variance` of Poses, in place.
+    """Add the variance of the means by rounding to the `extra_variance` of Poses, in place.
 
-    Takes the Poses and the Log of each session.
+    `logs` has the Log of each session. The step of each channel is taken from its log.
     """
     for session in np.unique(poses.session):
         rows, log = poses.session == session, logs[session]
@@ -190,21 +205,25 @@ def add_rounding(poses, logs):
 
 
 def _taper_weights(n, share):
-    """Return weights of n samples, (n,), tapered as a cosine over a share of them at each end."""
+    """Return weights of n samples, (n,), from 0 to 1, with a cosine taper at both ends.
+
+    `share` is the share of the samples over which they rise at the start and fall at the end.
+    """
     from_end = np.minimum(np.arange(1, n + 1), np.arange(n, 0, -1)) / (n + 1)
     return (1 - np.cos(np.pi * np.minimum(from_end / share, 1))) / 2
 
 
 def add_tilt_turns(poses, logs):
-    r"""Set the turns within the poses that tilt, and correct their means, in place.
+    r"""Set the small rotations within the poses that tilt, and correct their means, in place.
 
-    These fields of such poses change:
+    A pose tilts if both sensors show that the device moves slightly, as in a hand. These fields of
+    such poses change:
 
     - `to_start` and `to_end`. The mean specific force of a pose is the specific force at the
-      attitude where the rotation since the start equals its mean over the pose. From there, the
-      device turns by the mean over the pose of :math:`\int_t^{end} w` to its end, and by the mean
+      attitude where the rotation since the start equals its mean over the pose. From there the
+      device rotates by the mean over the pose of :math:`\int_t^{end} w` to its end, and by the mean
       of :math:`-\int_{start}^t w` to its start. w is the angular rate less the bias, which is the
-      mean angular rate of the poses without a tilt.
+      mean angular rate of the poses without a tilt. The result is a rotation vector, body axes.
     - `f`, `w` and `duration_s`, if the rest was not interrupted. A hand that moves at the ends of
       a rest adds its change of velocity over the duration to the mean specific force. So the means
       are weighted, with a taper of `FADE` seconds at both ends. The mean of directions that differ
@@ -213,7 +232,7 @@ def add_tilt_turns(poses, logs):
       than Δ/T, so (Δ/T)² is added to the variance of its mean angular rate. Δ is √12 times the root
       mean square of the tilt, as in a turn at constant rate.
 
-    Takes the Poses and the Log of each session.
+    `poses` are the Poses, and `logs` has the Log of each session.
     """
     poses.extra_variance[:, 3:] += 12 * (poses.tilt / poses.duration_s)[:, None] ** 2
     f, w, still = poses.f, poses.w, poses.tilt == 0
@@ -222,6 +241,7 @@ def add_tilt_turns(poses, logs):
         log = logs[poses.session[k]]
         rows = slice(*np.searchsorted(log.t, [poses.start_s[k], poses.end_s[k]]))
         t, force, rate = log.t[rows], log.f[rows], log.w[rows]
+        # rotation vector since the start, as the sum of the rates in the middle of the steps
         middle = (rate[1:] + rate[:-1]) / 2 - bias
         turned = np.pad(np.cumsum(middle * np.diff(t)[:, None], axis=0), ((1, 0), (0, 0)))
         mean = turned.mean(axis=0)

@@ -1,4 +1,9 @@
-"""A recording: poses, the rotations between them, and the channels that effects depend on."""
+"""A recording: poses, the rotations between them, and the channels that effects depend on.
+
+A pose is an attitude in which the device rests. Nominal SI values are raw readings less the data
+sheet's offset, times its scale. An effect is an error of a sensor that depends on channels: time,
+output of both sensors, temperature.
+"""
 
 from dataclasses import dataclass, field, replace
 from functools import cache, cached_property, partial
@@ -25,7 +30,7 @@ from imuloop.model.effect import Channels, LoggedChannels
 
 
 def identity(values):
-    """Return the values themselves."""
+    """Return the argument itself."""
     return values
 
 
@@ -43,7 +48,8 @@ class Log:
     def of(cls, samples, rails=None):
         """Return the Log of samples, a DataFrame or a dict of arrays.
 
-        `rails` are the ends of the range of each channel, as in `core.samples.at_rail`.
+        `rails` has by channel the ends of its range, (low, high), SI; an end is None if no sample
+        reaches it. Without `rails` no sample counts as clipped.
         """
         t, temperature = np.asarray(samples[TIME]), None
         if TEMPERATURE in samples and np.isfinite(samples[TEMPERATURE]).any():
@@ -51,18 +57,33 @@ class Log:
         sensors = ANGULAR_RATE, ACCELERATION
         w, f = (np.column_stack([samples[c] for c in axes]) for axes in sensors)
         clipped = np.array([at_rail(samples, rails or {}, axes) for axes in sensors])
-        return cls(t, f, w, temperature, clipped)
+        return cls(t=t, f=f, w=w, temperature=temperature, clipped=clipped)
 
-    def evaluate(self, sensor, function, *constants, output=identity, see=identity):
-        """Return the values of a function of a sensor's channels at all samples, (N, …).
+    def evaluate(self, sensor, function, *constants, output=identity, align_other=identity):
+        """Return the values of a function of a sensor's channels at all N samples, (N, …).
 
-        The function takes the channels of the whole log, of the sensor and with its `output`, and
-        the constants. `output` converts values of the sensor, nominal SI, (N, 3), to
-        ``K (raw - b)``; `see` converts values of the other sensor to those that an effect uses.
+        Parameters
+        ----------
+        sensor : str
+            Name of the sensor.
+        function : callable
+            Takes LoggedChannels, the channels of the whole log that effects of the sensor depend
+            on, and the constants. Returns an array (N, …).
+        *constants
+            Further arguments of the function.
+        output : callable, optional
+            Converts values of the sensor, nominal SI, (N, 3), to ``K (raw - b)``, SI.
+        align_other : callable, optional
+            Converts values of the other sensor, nominal SI, (N, 3), to calibrated ones, SI.
         """
-        changes = zip((output, see), OWN[sensor], strict=True)
-        outputs = (partial(change, getattr(self, name)) for change, name in changes)
-        return function(LoggedChannels(self.t, self.temperature, *outputs), *constants)
+        own_name, other_name = OWN[sensor]
+        channels = LoggedChannels(
+            self.t,
+            self.temperature,
+            output=lambda: output(getattr(self, own_name)),
+            other=lambda: align_other(getattr(self, other_name)),
+        )
+        return function(channels, *constants)
 
 
 @dataclass(frozen=True)
@@ -82,11 +103,14 @@ class Recording:
 
     @cached_property
     def means(self):
-        """The ChannelMeans of the poses and of parts of the rotations."""
+        """Covariances of the mean noise over the poses and parts of the rotations, ChannelMeans."""
         return ChannelMeans(self.poses, self.rotations)
 
     def select(self, keep):
-        """Return the Recording with the poses of a mask, and the rotations between two of them."""
+        """Return the Recording with some of the n poses, and the rotations between them.
+
+        `keep`, (n,) of bool, is the mask of the poses. A rotation stays if both its poses do.
+        """
         keep = np.asarray(keep)
         first = self.rotations.first
         rotations = self.rotations.select(keep[first] & keep[first + 1])
@@ -97,12 +121,13 @@ class Recording:
     def of_new_power_cycles(self):
         """Return a copy of the Recording with negative numbers of power cycles.
 
-        No calibration was fitted to power cycles with such numbers.
+        A calibration may have a bias for each of the power cycles 0, 1, … that it was fitted to. It
+        has none for a negative number, as for a power cycle that comes later.
         """
         new = replace(self.poses, power_cycle=-1 - self.poses.power_cycle)
         return replace(self, poses=new)
 
-    def pose_channels(self, sensor, output, other, see=identity):
+    def pose_channels(self, sensor, output, other, align_other=identity):
         """Return the Channels that an effect of a sensor depends on, at the n poses.
 
         Parameters
@@ -112,67 +137,109 @@ class Recording:
         output : callable
             Converts values of the sensor, nominal SI, (n, 3), to ``K (raw - b)``, SI.
         other : ndarray, shape (n, 3)
-            Values of the other sensor at the poses, SI.
-        see : callable, optional
-            Converts values of the other sensor in a log, nominal SI, (N, 3), to such as `other`.
+            Calibrated values of the other sensor at the poses, SI.
+        align_other : callable, optional
+            Converts values of the other sensor, nominal SI, (N, 3), to calibrated ones, such as
+            `other`. Effects that depend on the whole log of N samples use it.
         """
         poses = self.poses
-        history = self._history(sensor, output, see, partial(pose_means, poses, self.logs))
-        values = output(getattr(poses, OWN[sensor][0]))
-        return Channels(poses.mid_s, values, other, poses.temperature, history, poses.power_cycle)
+        mean_over_poses = partial(pose_means, poses, self.logs)
+        return Channels(
+            t=poses.mid_s,
+            output=output(getattr(poses, OWN[sensor][0])),
+            other=other,
+            temperature=poses.temperature,
+            history=self._history(sensor, output, align_other, mean_over_poses),
+            power_cycle=poses.power_cycle,
+        )
 
-    def rotation_channels(self, sensor, output, other, see=identity):
-        """Return the Channels that an effect of a sensor depends on, along the rotations.
+    def rotation_channels(self, sensor, output, other, align_other=identity):
+        """Return the Channels that an effect of a sensor depends on, along the m rotations.
 
-        They have m k points: the k samples of the first rotation, then of the next. `other` has the
-        shape (m, k, 3); all arguments have the same meaning as for `pose_channels`.
+        They have m k points: the k samples of the first rotation, then of the next.
+
+        Parameters
+        ----------
+        sensor : str
+            Name of the sensor.
+        output : callable
+            Converts values of the sensor, nominal SI, (m k, 3), to ``K (raw - b)``, SI.
+        other : ndarray, shape (m, k, 3)
+            Calibrated values of the other sensor along the rotations, SI.
+        align_other : callable, optional
+            Converts values of the other sensor, nominal SI, (N, 3), to calibrated ones, such as
+            `other`. Effects that depend on the whole log of N samples use it.
         """
-        rotations, warmth = self.rotations, self.rotations.temperature
+        rotations, temperature = self.rotations, self.rotations.temperature
         session = self.poses.session[rotations.first]
 
         def select_samples(logged):
-            """Return the values at the samples of the rotations, of an array per session."""
+            """Return the values at the samples of the rotations, (m k, …).
+
+            `logged` has an array (N, …) by session, with a value for each sample of its log.
+            """
             rows = zip(session, rotations.t, strict=True)
             return np.concatenate([logged[s][np.searchsorted(self.logs[s].t, t)] for s, t in rows])
 
-        history = self._history(sensor, output, see, select_samples)
-        values = output(getattr(rotations, OWN[sensor][0]).reshape(-1, 3))
-        warmth = None if warmth is None else warmth.ravel()
-        cycle = self.poses.power_cycle[rotations.first].repeat(rotations.t.shape[1])
-        return Channels(rotations.t.ravel(), values, other.reshape(-1, 3), warmth, history, cycle)
+        return Channels(
+            t=rotations.t.ravel(),
+            output=output(getattr(rotations, OWN[sensor][0]).reshape(-1, 3)),
+            other=other.reshape(-1, 3),
+            temperature=None if temperature is None else temperature.ravel(),
+            history=self._history(sensor, output, align_other, select_samples),
+            power_cycle=self.poses.power_cycle[rotations.first].repeat(rotations.t.shape[1]),
+        )
 
     def calibrated_force(self, calibration):
-        """Return the specific force, m/s^2, at the poses, (n, 3), and along rotations, (m, k, 3).
+        """Return the calibrated specific force, m/s^2, at the n poses and along the m rotations.
 
-        `calibration` is the SensorCalibration of the accelerometer.
+        The results have the shapes (n, 3) and (m, k, 3), with k samples per rotation. `calibration`
+        is the SensorCalibration of the accelerometer, with its effects. These see the angular rate
+        in nominal SI.
         """
         poses, rotations = self.poses, self.rotations
-        channels = self.pose_channels("accelerometer", calibration.output, poses.w)
+        at_poses = self.pose_channels("accelerometer", calibration.output, poses.w)
         along = self.rotation_channels("accelerometer", calibration.output, rotations.w)
-        turned = calibration.apply(rotations.f.reshape(-1, 3), along)
-        return calibration.apply(poses.f, channels), turned.reshape(rotations.f.shape)
+        in_rotations = calibration.apply(rotations.f.reshape(-1, 3), along)
+        return calibration.apply(poses.f, at_poses), in_rotations.reshape(rotations.f.shape)
 
-    def _history(self, sensor, output, see, reduce):
-        """Return the function that `Channels.evaluate` calls.
+    def _history(self, sensor, output, align_other, reduce):
+        """Return the function with which Channels evaluate a function of the whole log.
 
-        It evaluates a function of the channels of the whole log of each session. `reduce` converts
-        the results, an array (N, …) by session, to values at the points of the Channels.
+        The returned function takes that function, of the LoggedChannels of a session, and its
+        constants. It returns the values at the points of the Channels.
+
+        Parameters
+        ----------
+        sensor : str
+            Name of the sensor whose effects the channels are for.
+        output, align_other : callable
+            Convert values of the sensor, nominal SI, to ``K (raw - b)``, and those of the other
+            sensor to calibrated ones.
+        reduce : callable
+            Takes a dict with an array (N, …) by session, the values at all samples of its log;
+            returns the values at the points of the Channels.
         """
 
         @cache
         def history(function, *constants):
-            sessions, how = set(self.poses.session.tolist()), {"output": output, "see": see}
-            return reduce(
-                {s: self.logs[s].evaluate(sensor, function, *constants, **how) for s in sessions}
-            )
+            """Return the values of a function of the whole log at the points of the Channels."""
+            by_session = {
+                session: self.logs[session].evaluate(
+                    sensor, function, *constants, output=output, align_other=align_other
+                )
+                for session in set(self.poses.session.tolist())
+            }
+            return reduce(by_session)
 
         return history
 
 
 def pose_means(poses, logs, logged):
-    """Return the mean over each pose, (n, ...), of `logged`, an array (N, ...) per session.
+    """Return the mean over the samples of each pose, (n, ...), of values of the logs.
 
-    Takes the Poses and the Log of each session.
+    `logged` has an array (N, ...) by session, with a value for each of the N samples of its log.
+    `poses` are the Poses, and `logs` has the Log of each session.
     """
     means = []
     for s, start, end in zip(poses.session, poses.start_s, poses.end_s, strict=True):
@@ -182,18 +249,19 @@ def pose_means(poses, logs, logged):
 
 
 def record(samples, segments, longest_rotation, rails=None):
-    """Return the Recording of several sessions.
+    """Return the Recording of several sessions: poses, and the rotations between them.
 
-    It has temperatures only if every session logs them.
+    It has temperatures only if every session logs them. Rotations that contradict all others are
+    left out.
 
     Parameters
     ----------
     samples, segments : sequence of DataFrame or dict of arrays
-        The samples and the segments of each session.
+        For each session the table of its samples, SI, and that of its segments: rests, moves, gaps.
     longest_rotation : float
         Longest rotation, s.
     rails : sequence of dict, optional
-        Ends of the range of each channel, by session, as for `core.samples.at_rail`.
+        For each session the ends of the range by channel, SI, a dict.
     """
     rails = rails or [{}] * len(samples)
     logs = tuple(map(Log.of, map(on_gyroscope_clock, samples), rails))
@@ -204,8 +272,10 @@ def record(samples, segments, longest_rotation, rails=None):
         temperature = pose_means(poses, logs, [log.temperature for log in logs])
         poses = replace(poses, temperature=temperature)
     rotations, lost = gather_rotations(poses, logs, segments, longest_rotation)
-    recording = Recording(poses, rotations, logs, lost, any(map(_has_slow_force, samples)))
+    slow_force = any(map(_has_slow_force, samples))
+    recording = Recording(poses, rotations, logs=logs, lost=lost, slow_force=slow_force)
     odd, errors = odd_turns(recording)
+    # session, start, end and error of each rotation that contradicts the others
     left_out = poses.session[rotations.first], rotations.start_s, rotations.end_s, errors
     contradicting = tuple(zip(*(values[odd].tolist() for values in left_out), strict=True))
     railed = sum(int(np.sum(np.asarray(table["kind"]) == DISTURBED)) for table in segments)
@@ -214,6 +284,10 @@ def record(samples, segments, longest_rotation, rails=None):
 
 
 def _has_slow_force(samples):
-    """Return whether fewer than two thirds of the rows have a new sample of the accelerometer."""
-    own = samples.get(OWN_TIME["accelerometer"])
-    return own is not None and np.mean(np.diff(own) > 0) < 2 / 3
+    """Return whether an accelerometer is slower than its gyroscope, so that it is interpolated.
+
+    That is so if fewer than two thirds of the rows of `samples` have a new sample of it, by its own
+    time stamps; without them it is not.
+    """
+    stamps = samples.get(OWN_TIME["accelerometer"])
+    return stamps is not None and np.mean(np.diff(stamps) > 0) < 2 / 3

@@ -1,6 +1,7 @@
 """The set-up of a device with a reference, such as motion capture, estimated in one fit.
 
-The set-up is the offset of the clock, the mounting, the place of the marker and the biases.
+The set-up is the offset of the clock, the mounting, the place of the marker and the biases. A
+window is a piece of a log in which one sensor is compared with the reference.
 """
 
 from dataclasses import dataclass, replace
@@ -44,43 +45,49 @@ class ReferenceLog:
     t: np.ndarray  # (N,): time, s
     f: np.ndarray  # (N, 3): calibrated specific force, m/s^2
     w: np.ndarray  # (N, 3): calibrated angular rate, rad/s
-    # (N, 3, 3): rotation from axes near the body's to the world's axes, not-a-number where the
-    # reference was lost. It is the attitude that the reference gives times `frame`
+    # (N, 3, 3): rotation matrices from axes near the body's to the axes of the reference's world,
+    # not-a-number where the reference was lost: the attitude that the reference gives times `frame`
     attitude: np.ndarray
     place: np.ndarray  # (N, 3): position of the marker, m
-    frame: np.ndarray  # (3, 3): estimate of the rotation from the body to the reference's axes
+    frame: np.ndarray  # (3, 3): estimated rotation from the body to the axes of the tracked body
     noise: tuple[float, float]  # standard deviations of the attitude, rad, and of the place, m
 
 
 def read_reference(sessions, calibration):
     """Return the ReferenceLog of each session with a reference, a dict by name.
 
-    `sessions` are dicts by name, as in `imuloop.calibrate.sessions`. The Calibration of the device
-    is applied without the effects that depend on time, or on channels that not every log has.
+    `sessions` is a dict by name of dicts with the ``kind`` of the session and the paths of its
+    ``samples`` and ``segments``. The Calibration of the device is applied to the logs without the
+    effects that depend on time, or on channels that not every log has.
     """
     logs = {}
-    for sensor in SENSORS:
-        own = getattr(calibration, sensor)
-        steady = tuple(e for e in own.effects if not (e.effect.timed or e.effect.needs))
-        calibration = replace(calibration, **{sensor: replace(own, effects=steady)})
+    for name in SENSORS:
+        sensor = getattr(calibration, name)
+        steady = tuple(e for e in sensor.effects if not (e.effect.timed or e.effect.needs))
+        calibration = replace(calibration, **{name: replace(sensor, effects=steady)})
     for name, session in sessions.items():
         metadata = read_metadata(session["samples"]).get("reference") or {}
         if session["kind"] == "reference_motion" and "noise" in metadata:
             samples = read_columns(session["samples"])
             log, frame = Log.of(samples), np.array(metadata["frame"])
-            f, w = calibration.calibrated(log.f, log.w, log.t, None)
+            f, w = calibration.calibrated(log.f, log.w, log.t, temperature=None)
             q, place = (np.column_stack([samples[c] for c in n]) for n in (ORIENTATION, POSITION))
             attitude, valid = np.full((len(q), 3, 3), np.nan), np.isfinite(q[:, 0])
             attitude[valid] = Rotation.from_quat(q[valid], scalar_first=True).as_matrix() @ frame
+            # a reference without positions has no noise of them
             noise = metadata["noise"]["orientation"], metadata["noise"]["position"] or 0.0
-            logs[name] = ReferenceLog(log.t, f, w, attitude, place, frame, noise)
+            logs[name] = ReferenceLog(
+                t=log.t, f=f, w=w, attitude=attitude, place=place, frame=frame, noise=noise
+            )
     return logs
 
 
 class Windows:
     """The m windows of all logs in which one sensor is compared with the reference.
 
-    All windows are padded to k samples by repeating the last one.
+    A subclass for each sensor has the residuals. The set-up has parameters x: first those of each
+    session, then those that all sessions share. All windows are padded to k samples by repeating
+    the last one.
 
     Parameters
     ----------
@@ -89,7 +96,7 @@ class Windows:
     gravity : float
         Local gravity, m/s^2.
     calibration : Calibration
-        The calibration of the device, which the logs have.
+        The calibration of the device, which was applied to the logs.
 
     Attributes
     ----------
@@ -101,38 +108,45 @@ class Windows:
         Index and time, s, of all samples of each window.
     shared : ndarray of int
         Indices, among all parameters x of the set-up, of those that the sessions share: the
-        parameters of `effects`, then the `entries` of the matrix A, the error of T and K.
+        parameters of `effects`, such as the offset of the clock, then the `entries` of the matrix
+        A, the error of the calibration's T and K: the output is ``(1 + A) (y - b)``.
     prior : ndarray
         Prior standard deviations of the shared parameters, SI.
     places : ndarray of int, shape (s, q)
-        Indices among all parameters of those of each session: the bias, then the mounting. They are
-        the columns `session_entries` of `SESSION_STD`.
+        Indices among all parameters of the q that a session has for this sensor: bias, mounting,
+        and for the accelerometer the tilt of the world. They are the entries `session_entries` of
+        `SESSION_STD`, which has the parameters of a session for both sensors.
     """
 
     def __init__(self, logs, gravity, calibration):
         self.logs, self.gravity = logs, gravity
-        rows = [np.zeros((0, 4), int), *(self._find_windows(*item) for item in enumerate(logs))]
+        by_session = (self._find_windows(session, log) for session, log in enumerate(logs))
+        rows = [np.zeros((0, 4), int), *by_session]
         self.session, self.first, self.middle, self.last = np.concatenate(rows).T
         length = np.max(self.last - self.first, initial=-1) + 1
         self.rows = np.minimum(self.first[:, None] + np.arange(length), self.last[:, None])
         self.t = self.read_logs("t", self.rows)
-        # A has the standard deviations of T and of K, the latter relative to K
+        # A has the standard errors of T and of K, the latter relative to K, or those of the data
+        # sheet if these are smaller
         sensor, sheet = getattr(calibration, self.sensor), data_sheet().std[BASE[self.sensor]]
         names = [f"K{i}" if i == j else f"T{i}{j}" for i, j in zip(*self.entries, strict=True)]
         scale = [sensor.K[int(n[1])] if n[0] == "K" else 1.0 for n in names]
         std = np.array([sensor.std.get(n, np.inf) for n in names]) / scale
         std = np.minimum(std, sheet[[NAMES[self.sensor].index(n) for n in names]])
+        # the parameters of all effects with their units: an effect of the set-up has several
         self.units = {n: unit for units in self.effects.values() for n, unit in units.items()}
         self.prior = np.append([LOOSE[n] for n in self.units], std)
         self.places = len(SESSION_STD) * np.arange(len(logs))[:, None] + self.session_entries
 
     def _find_windows(self, session, log):
-        """Return index of the session, first, middle and last sample of a log's windows, (n, 4).
+        """Return the n windows of a ReferenceLog in which no sample is missing, (n, 4) of int.
 
-        No sample is missing in a window.
+        The columns are the index of the session, `session`, and those of the first, middle and last
+        sample. Half a window lasts `self.half` seconds. The reference is needed at these three
+        samples; for the accelerometer its attitude is needed at all samples.
         """
         step, i, windows = np.median(np.diff(log.t)), 0, []
-        # a number that rises at each interruption
+        # a number that rises at each interruption: a window lies where it is constant
         part = np.append(0, np.cumsum(np.diff(log.t) > gap_limit(step)))
         lost, half = ~np.isfinite(log.attitude[:, 0, 0]), round(self.half / step)
         valid = ~lost & np.isfinite(getattr(log, self.channel)[:, 0])
@@ -142,13 +156,16 @@ class Windows:
             rows = [i, i + half, i + 2 * half]
             complete = valid[rows].all() and part[i] == part[i + 2 * half]
             windows += [(session, *rows)] * int(complete)
+            # windows begin a second and five samples apart, so that those of the gyroscope do not
+            # touch; without all samples a window is tried again a tenth of its half later
             i += round(TURN / step) + 5 if complete else 1 + half // 10
         return np.array(windows, int).reshape(-1, 4)
 
     def read_logs(self, values, rows):
-        """Return values of the logs at rows of each window, (m, …).
+        """Return values of the logs at some samples of each of the m windows, (m, …).
 
-        `values` is the name of a field of the logs, or a list with an array for each log.
+        `values` is the name of a field of the logs, or a list with an array for each log. `rows`,
+        (m,) or (m, c), has the indices of the samples in the log of the window.
         """
         if isinstance(values, str):
             values = [getattr(log, values) for log in self.logs]
@@ -157,11 +174,13 @@ class Windows:
     def output(self, x, drift=0.0):
         """Return the sensor's output ``(1 + A) (y - b)`` at the samples of the windows, (m, k, 3).
 
-        y are the calibrated values of the sensor, interpolated at the times of the reference, and b
-        is the bias. A sample with the time stamp s was taken at ``s + dt + d (s - s_m)`` on the
-        clock of the reference, where s_m is the middle of the log, dt the offset of the clock, and
-        d its drift.
+        y are the calibrated values of the sensor, interpolated at the times of the reference. A is
+        the error of the calibration's T and K, and b the bias, both of the parameters x, (p,); the
+        unit is that of the sensor. A sample with the time stamp s was taken at ``s + dt + d (s -
+        s_m)`` on the clock of the reference, where s_m is the middle of the log, dt the offset of
+        the clock, and d its drift, the argument `drift`.
         """
+        # 1 + A; the first shared parameter is the offset of the clock, the last are those of A
         A, values, shared = np.eye(3), [], x[self.shared]
         A[self.entries] += shared[-len(self.entries[0]) :]
         for log in self.logs:
@@ -171,11 +190,18 @@ class Windows:
         return (self.read_logs(values, self.rows) - x[self.places[self.session, None, :3]]) @ A.T
 
     def mounting(self, x):
-        """Return the mounting M, the rotation from the body to axes of `attitude`, (m, 3, 3)."""
+        """Return the mounting M of each window, (m, 3, 3), from the parameters x, (p,).
+
+        It rotates from the axes of the IMU's body to those that the attitude of the logs starts
+        from, which are near them.
+        """
         return Rotation.from_rotvec(x[self.places[:, 3:6]]).as_matrix()[self.session]
 
     def derivative(self, x):
-        """Return the derivative of the residuals with respect to all parameters, (3 m, p)."""
+        """Return the derivative of the 3 m residuals with respect to the parameters x, (3 m, p).
+
+        It is numerical. The residuals of a window have three components.
+        """
         residual, jacobian = self.values(x), np.zeros((3 * len(self.t), len(x)))
         # one parameter is changed in all sessions at once
         for columns in (*np.tile(self.shared, (len(self.logs), 1)).T, *self.places.T):
@@ -186,19 +212,22 @@ class Windows:
         return jacobian
 
     def noise(self, model):
-        """Return the variances of the attitude, rad², (m,), and of the place, m², (m,), and N².
+        """Return the noise of the reference in each window, and that of the sensor.
 
-        N² is the mean square density of the sensor's white noise by the NoiseModel `model`.
+        The first two are the variances of the attitude, rad², (m,), and of the place, m², (m,). The
+        third is N², the density of the sensor's white noise by the NoiseModel `model`, squared and
+        averaged over its axes.
         """
         variances = np.array([log.noise for log in self.logs])[self.session].T ** 2
         return *variances, np.mean([model.axes[c].N.square for c in SENSORS[self.sensor]])
 
 
 class Turns(Windows):
-    """Residuals of the rotation over a window, rad: ``ε = log(Mᵀ Qᵀ M C)``.
+    """Residuals of the rotation over a window, rad: ``ε = log(Mᵀ Qᵀ M C)``, a rotation vector.
 
-    C is the rotation over the window by the gyroscope, Q the rotation by the reference, M the
-    mounting.
+    C, by the gyroscope, takes the body axes at the end of the window to those at the start. Q does
+    the same by the reference, on axes near the body's. The mounting M rotates from the body axes to
+    these axes.
     """
 
     sensor, channel, kind, unit = "gyroscope", "w", "reference_rotation", "rad"
@@ -206,14 +235,21 @@ class Turns(Windows):
     half, entries, session_entries = TURN / 2, np.divmod(np.arange(9), 3), [0, 1, 2, 6, 7, 8]
 
     def values(self, x):
-        """Return the residuals ε for the parameters x, (m, 3)."""
+        """Return the residuals ε, rad, (m, 3), for the parameters x, (p,)."""
+        # the second shared parameter is the drift of the clock
         steps = step_vectors(self.output(x, x[self.shared[1]]), np.diff(self.t, axis=1))
         C, M = matrix(prefix_product(exponential(steps))[:, -1]), self.mounting(x)
         start, end = (self.read_logs("attitude", rows) @ M for rows in (self.first, self.last))
         return Rotation.from_matrix(end.swapaxes(1, 2) @ start @ C).as_rotvec()
 
     def floor(self, x, model):
-        """Return the variance of each component of ε by the noise of both sensors, rad², (m,)."""
+        """Return the variance of a component of the residuals ε by the noise alone, rad², (m,).
+
+        A residual is the difference between the rotations over a window by the gyroscope and by the
+        reference, a rotation vector. The noise is that of the reference's attitude at both ends,
+        and the white noise of the gyroscope over the window, by the NoiseModel `model`. `x` are the
+        parameters, (p,).
+        """
         attitude, _, white = self.noise(model)
         return 2 * attitude + white * np.ptp(self.t, axis=1)
 
@@ -223,9 +259,10 @@ class Places(Windows):
 
         ε = ∫ tri (C M f) dt / h² - g u - Δ²(p + C M r) / h²
 
-    The first terms are the acceleration by the accelerometer: f is the specific force, C the
-    attitude by the reference, M the mounting, tri a triangular weight over the window of length
-    2 h, g gravity and u its upward direction. The last term is the acceleration by the reference:
+    The first terms are the acceleration by the accelerometer: f is the specific force on body axes,
+    M the mounting that rotates these to axes near them, C the attitude by the reference from there
+    to the axes of its world, tri a triangular weight over the window of length 2 h, g gravity and u
+    the upward direction. The last term is the acceleration by the reference:
     the second difference Δ² over h of the place of the accelerometer, with the place p of the
     marker and the arm r from the marker to the accelerometer.
     """
@@ -236,6 +273,7 @@ class Places(Windows):
 
     def __init__(self, *arguments):
         super().__init__(*arguments)
+        # too few windows are not used
         if len(self.session) < LEAST_WINDOWS:
             return
         # weights of a mean, which fall linearly from the middle; times the attitude, (m, 3, 3 k)
@@ -244,6 +282,7 @@ class Places(Windows):
         self.weights = weights / weights.sum(axis=1, keepdims=True)
         mean = self.read_logs("attitude", self.rows) * self.weights[..., None, None]
         self.mean = mean.swapaxes(1, 2).reshape(len(mean), 3, -1)
+        # attitude, (m, 3, 3, 3), and place, (m, 3, 3), at the start, middle and end of each window
         ends = np.column_stack([self.first, self.middle, self.last])
         self.ends = self.read_logs("attitude", ends), self.read_logs("place", ends)
         up = self.subtract_motion(self.read_logs("f", self.rows), np.zeros((1, 3, 1)))
@@ -255,8 +294,9 @@ class Places(Windows):
         """Return the mean specific force less the acceleration by the reference, m/s², (m, 3).
 
         Both are on the axes of the reference's world and are averaged over each of the m windows.
-        `f` is the specific force of the k samples of a window on the axes of the body, (m, k, 3);
-        `arm` is the place of the sensor seen from the marker on the same axes, m, (m or 1, 3, 1).
+        `f`, (m, k, 3), is the specific force of the k samples of a window, and `arm`, m,
+        (m or 1, 3, 1), the place of the sensor seen from the marker. Both are on the axes that the
+        attitude of the logs starts from.
         """
         place = self.ends[1] + (self.ends[0] @ arm[:, None])[..., 0]
         half = np.ptp(self.t, axis=1)[:, None] / 2
@@ -264,15 +304,22 @@ class Places(Windows):
         return force - np.diff(place, 2, axis=1)[:, 0] / half**2
 
     def values(self, x):
-        """Return the residuals ε for the parameters x, (m, 3)."""
+        """Return the residuals ε, m/s², (m, 3), for the parameters x, (p,)."""
         M, up = self.mounting(x), self.up + x[self.places[:, 6:]]
         up *= self.gravity / np.linalg.norm(up, axis=1, keepdims=True)
         force, arm = self.output(x) @ M.swapaxes(1, 2), M @ x[self.shared[1:4], None]
         return self.subtract_motion(force, arm) - up[self.session]
 
     def floor(self, x, model):
-        """Return the variance of each component of ε by the noise of both sensors, (m,)."""
+        """Return the variance of a component of the residuals ε by the noise alone, (m/s²)², (m,).
+
+        A residual is the difference between the mean accelerations over a window by the
+        accelerometer and by the reference. The noise is that of the reference's attitude and place,
+        and the white noise of the accelerometer, by the NoiseModel `model`. `x` are the parameters,
+        (p,).
+        """
         attitude, place, white = self.noise(model)
+        # a second difference of places has the variance 6 of one place
         force = self.gravity**2 * attitude + white / np.median(np.diff(self.t, axis=1), axis=1)
         place = 6 * (place + (x[self.shared[1:4]] ** 2).sum() * attitude) / HALF**4
         return force * (self.weights**2).sum(axis=1) + place
@@ -292,59 +339,73 @@ class SetUp:
     # (n + p, p + 1): Jacobian at x, and in the last column the residuals; all rows are scaled to
     # variance one, and the prior has the last p rows
     white: np.ndarray
-    floor: np.ndarray  # (n,): variance of the residuals by the noise alone
-    variance: np.ndarray  # (n,): variance of the residuals that the fit estimates
+    floor: np.ndarray  # (n,): variance of the residuals by the noise alone, SI
+    variance: np.ndarray  # (n,): variance of the residuals that the fit estimates, SI
 
     def of_windows(self, values):
-        """Return values of the windows of all sensors, repeated for three components, (n,).
+        """Return a value for each of the n residuals, (n,), given values of the windows.
 
-        `values` is a function that takes Windows and returns an array with a value per window.
+        `values` is a function that takes the Windows of a sensor and returns an array with a value
+        per window; its three residuals have the same value.
         """
         return np.repeat(np.concatenate([values(w) for w in self.windows]), 3)
 
-    def errors(self, parts, without=()):
-        """Return the residuals of a cross-validation, (n,), SI, by the linear model at x.
+    def errors(self, folds, without=()):
+        """Return the n residuals of a cross-validation, (n,), SI, by the linear model at x.
 
         Parameters
         ----------
-        parts : ndarray of int, shape (n,)
+        folds : ndarray of int, shape (n,)
             Fold of each residual. The shared parameters are fitted to the other folds, and the
             parameters of the sessions to all residuals. Every fit has the residuals of fold -1.
         without : sequence of int, optional
-            Indices of parameters that are set to zero.
+            Indices in x of parameters that are set to zero.
         """
+        # index of the first shared parameter; the residuals if some parameters are zero, by the
+        # Jacobian in all columns of `white` but the last, which has the residuals
         first, without = min(w.shared[0] for w in self.windows), [*without]
         r = self.white[:, -1] - self.white[:, without] @ self.x[without]
         by_session = np.linalg.qr(self.white[:, :first])[0]
         rows = np.column_stack([np.delete(self.white[:, :-1], without, axis=1)[:, first:], r])
         # remove the part of each row that the parameters of the sessions can explain
         rows -= by_session @ (by_session.T @ rows)
-        folds, residual = np.append(parts, np.full(len(self.x), -1)), np.zeros(len(rows))
-        for fold in np.unique(parts):
-            held_out, used = folds == fold, rows[(folds != fold) | (folds < 0)]
+        # the rows of the prior belong to fold -1, which all fits use
+        fold_of_row = np.append(folds, np.full(len(self.x), -1))
+        residual = np.zeros(len(rows))
+        for fold in np.unique(folds):
+            held_out, used = fold_of_row == fold, rows[(fold_of_row != fold) | (fold_of_row < 0)]
             change = np.linalg.lstsq(used[:, :-1], -used[:, -1])[0]
             residual[held_out] = rows[held_out] @ np.append(change, 1.0)
-        return residual[: len(parts)] * np.sqrt(self.variance)
+        return residual[: len(folds)] * np.sqrt(self.variance)
 
 
 def windows_of(logs, gravity, calibration):
-    """Return the Turns and the Places of a list of ReferenceLog, a tuple.
+    """Return the windows of the gyroscope, Turns, and of the accelerometer, Places, a tuple.
 
-    Either is left out if it has fewer than `LEAST_WINDOWS` windows. Takes local gravity, m/s^2, and
-    the Calibration of the device.
+    Either is left out if it has fewer than `LEAST_WINDOWS` windows. `logs` is a list of
+    ReferenceLog; `gravity` is local gravity, m/s^2, and `calibration` the Calibration of the
+    device.
     """
     windows = [cls(logs, gravity, calibration) for cls in (Turns, Places)]
     return tuple(w for w in windows if len(w.session) >= LEAST_WINDOWS)
 
 
 def fit_set_up(windows, noise):
-    """Return the SetUp that fits a tuple of Windows best; `noise` is a NoiseModel."""
+    """Return the SetUp of the reference that fits the windows of all sensors best.
+
+    `windows` is a tuple of Windows, one for each sensor, and `noise` is a NoiseModel. The indices
+    of the shared parameters are set in the Windows.
+    """
     prior = np.tile(SESSION_STD, len(windows[0].logs))
     for w in windows:
         w.shared, prior = len(prior) + np.arange(len(w.prior)), np.append(prior, w.prior)
     x = np.zeros(len(prior))
 
     def white(x, size, _):
+        """Return all residuals, then x, divided by their standard deviations `size`, (n + p,).
+
+        The last argument is for the derivative alone.
+        """
         return np.concatenate([*(w.values(x).ravel() for w in windows), x]) / size
 
     # each round estimates the variances from the residuals of the round before
@@ -353,15 +414,24 @@ def fit_set_up(windows, noise):
         variance = np.concatenate([*map(_estimate_variance, residuals, floor)]).repeat(3)
         size = np.append(np.sqrt(variance), prior)
         slope = np.concatenate([*(w.derivative(x) for w in windows), np.eye(len(x))])
-        scaled = size, slope / size[:, None]
-        # the derivative is constant within a round, as it changes little
-        x = least_squares(white, x, lambda *a: a[-1], args=scaled, method="lm", x_scale="jac").x
-    rows, floor = np.column_stack([scaled[1], white(x, *scaled)]), np.concatenate(floor).repeat(3)
-    return SetUp(windows, x, covariance_of(scaled[1]), rows, floor, variance)
+        jacobian = slope / size[:, None]
+        # the derivative is constant within a round, as it changes little: the solver takes it from
+        # the last of `args`
+        x = least_squares(
+            white, x, lambda *a: a[-1], args=(size, jacobian), method="lm", x_scale="jac"
+        ).x
+    return SetUp(
+        windows=windows,
+        x=x,
+        covariance=covariance_of(jacobian),
+        white=np.column_stack([jacobian, white(x, size, jacobian)]),
+        floor=np.concatenate(floor).repeat(3),
+        variance=variance,
+    )
 
 
 def _estimate_variance(values, floor):
-    """Return the variance of a component of the residuals of each window, (m,).
+    """Return the variance of a component of the residuals of each of m windows, (m,).
 
     It is the variance by the noise, `floor`, (m,), plus one that all windows have in common. The
     latter follows from the median of the squared residuals `values`, (m, 3), as the median of χ²

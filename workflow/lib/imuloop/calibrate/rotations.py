@@ -1,4 +1,8 @@
-"""Rotations from one pose to the next, gathered from the logs of all sessions."""
+"""Rotations from one pose to the next, gathered from the logs of all sessions.
+
+A pose is an attitude in which the device rests. Nominal SI values are raw readings less the data
+sheet's offset, times its scale.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,7 +23,7 @@ ONSET, SEEN = 0.03, 0.1
 
 @dataclass(frozen=True)
 class Rotations(Table):
-    """The samples of m rotations between consecutive poses.
+    """The samples of m rotations between consecutive poses of a session.
 
     All rotations are padded to the same number k of samples: the last sample is repeated, so that
     the time steps of the padding are zero.
@@ -35,8 +39,8 @@ class Rotations(Table):
     # whether samples are missing in each step, (m, k - 1)
     uneven: np.ndarray | None = None
     # additional errors of a rotation: the step in the middle of each of the g parts in which they
-    # arise, (m, g), and their covariance as a rotation vector, rad², (m, g, 3, 3), due to
-    # undersampling (`undersampling.aliased_turns`), and due to missing samples and jitter
+    # arise, (m, g), and their covariance as a rotation vector on body axes, rad², (m, g, 3, 3), due
+    # to undersampling (`undersampling.aliased_turns`), and due to missing samples and jitter
     extra_at: np.ndarray | None = None
     aliasing_covariance: np.ndarray | None = None
     time_covariance: np.ndarray | None = None
@@ -88,7 +92,7 @@ class Lost:
 
 
 def gather_rotations(poses, logs, segments, longest_s):
-    """Return the Rotations between consecutive poses of the same session, and the Lost.
+    """Return the Rotations between consecutive poses of a session, and the Lost, those left out.
 
     A rotation lasts from the last sample of a pose to the first sample of the next pose. A slow
     rotation also takes the nearest part of both poses: it starts and ends too slowly to be told
@@ -102,17 +106,26 @@ def gather_rotations(poses, logs, segments, longest_s):
     poses : Poses
         The poses of all sessions.
     logs, segments : sequence
-        The Log and the segments, a DataFrame or a dict of arrays, of each session.
+        For each session its Log, and the table of its segments, a DataFrame or a dict of arrays.
     longest_s : float
         Longest rotation, s.
+
+    Returns
+    -------
+    Rotations
+        The rotations that a fit can use.
+    Lost
+        How many rotations were left out, and why.
     """
-    # columns of each session; the first are empty, for a device without sessions
+    # by session the columns pose, first, last, session, step, force_clipped, time_covariance, and
+    # aliased, fall, aliasing_covariance; the first are empty, for a device without sessions
     columns = [(*np.zeros((6, 0)), np.zeros((0, PARTS, 3, 3)), *aliased_turns(*[()] * 6))]
     candidates, lost_runs, clipped_turns = 0, [], 0
     # part of each pose that a slow rotation may take, s; poses that tilt have their turns already
     room = np.where(poses.tilt > 0, 0.0, poses.duration_s / 2)
     for session in np.unique(poses.session):
         log, table = logs[session], segments[session]
+        # poses from which a rotation starts, and its start and end
         pose = np.flatnonzero((poses.session[:-1] == session) & (poses.session[1:] == session))
         pose = pose[poses.start_s[pose + 1] - poses.end_s[pose] <= longest_s]
         start, end = poses.end_s[pose], poses.start_s[pose + 1]
@@ -123,30 +136,37 @@ def gather_rotations(poses, logs, segments, longest_s):
         crosses_gap = ((gap_start < end[:, None]) & (gap_end > start[:, None])).any(axis=1)
         # `end_s` is exclusive: the last sample of the pose is the one before it
         first, last = np.searchsorted(log.t, start) - 1, np.searchsorted(log.t, end)
+        # the rate at rest before the rotation
         bias, variance = poses.w[pose], poses.variance[pose, 3:]
         covariance, accurate, lost = errors_of_time(log.t, log.w, first, last, bias, variance)
         accurate &= ~crosses_gap
         # a rotation is clipped if the number of clipped samples rises between its ends
         count = np.pad(np.cumsum(log.clipped, axis=1), ((0, 0), (1, 0)))
         rate_clipped, force_clipped = count[:, last + 1] > count[:, first]
-        kept = np.flatnonzero(accurate & ~rate_clipped)
+        usable = np.flatnonzero(accurate & ~rate_clipped)
         candidates += len(pose)
         lost_runs += lost[~accurate].tolist()
         clipped_turns += np.count_nonzero(accurate & rate_clipped)
-        pose, first, last, bias, variance = (x[kept] for x in (pose, first, last, bias, variance))
-        same = (np.full(len(kept), value) for value in (session, np.median(np.diff(log.t))))
+        pose, first, last, bias, variance = (
+            column[usable] for column in (pose, first, last, bias, variance)
+        )
+        same = (np.full(len(usable), value) for value in (session, np.median(np.diff(log.t))))
         aliasing = aliased_turns(log.t, log.w, first, last, bias, variance)
-        own = pose, first, last, *same, force_clipped[kept], covariance[kept], *aliasing
-        columns.append(own)
+        errors = force_clipped[usable], covariance[usable], *aliasing
+        columns.append((pose, first, last, *same, *errors))
     *columns, time_covariance, aliased, fall, aliasing_covariance = map(
         np.concatenate, zip(*columns, strict=True)
     )
     pose, first, last, session = (column.astype(int) for column in columns[:4])
+    # samples of each rotation, with the last one repeated up to the length of the longest
     length = np.max(last - first, initial=1) + 1
     rows = np.minimum(first[:, None] + np.arange(length), last[:, None])
 
     def along(name, *shape):
-        """Return the samples of a field of the logs along all rotations, (m, k, ...)."""
+        """Return the samples of a field of the logs along all rotations, (m, k, *shape).
+
+        `name` is the name of the field, and `shape` is (3,) for a vector.
+        """
         values = [getattr(logs[s], name)[i] for s, i in zip(session, rows, strict=True)]
         return np.reshape(values, (*rows.shape, *shape))
 
@@ -167,4 +187,9 @@ def gather_rotations(poses, logs, segments, longest_s):
         fall=fall,
         force_clipped=columns[5] > 0,
     )
-    return rotations, Lost(candidates, len(lost_runs), max(lost_runs, default=0), clipped_turns)
+    return rotations, Lost(
+        rotations=candidates,
+        left_out=len(lost_runs),
+        longest=max(lost_runs, default=0),
+        clipped=clipped_turns,
+    )

@@ -31,17 +31,22 @@ GROUPS = {
 def usable_sessions(sessions, *kinds):
     """Return the sessions of some kinds that were not rejected.
 
+    `sessions` are the sessions by name. A rejected session has no segments.
+
     Returns
     -------
     list of (dict, dict)
-        Each session and its segments, a dict of arrays.
+        Each session and the table of its segments, a dict of arrays.
     """
     chosen = [(s, read_columns(s["segments"])) for s in sessions.values() if s["kind"] in kinds]
     return [(session, table) for session, table in chosen if len(table["kind"])]
 
 
 def why_no_pose(sessions, kind):
-    """Return a text that says what became of the sessions of a kind without a pose."""
+    """Return a text that says why no session of a kind has a pose, and what became of each.
+
+    `sessions` are the sessions by name. A pose is an attitude in which the device rests.
+    """
     fates = []
     for name, session in sessions.items():
         if session["kind"] == kind:
@@ -51,12 +56,15 @@ def why_no_pose(sessions, kind):
 
 
 def read_poses(sessions, kind):
-    """Return the Poses of the sessions of one kind."""
+    """Return the Poses, means over rests, of the sessions of one kind.
+
+    `sessions` are the sessions by name.
+    """
     return gather_poses([table for _, table in usable_sessions(sessions, kind)])
 
 
 def read_recording(sessions, longest_rotation, kind="multi_position"):
-    """Return the Recording of the sessions that are fitted together.
+    """Return the Recording, poses and rotations between them, of the sessions of one method.
 
     Parameters
     ----------
@@ -65,7 +73,7 @@ def read_recording(sessions, longest_rotation, kind="multi_position"):
     longest_rotation : float
         Longest rotation between two poses, s.
     kind : str, optional
-        The method, a key of `GROUPS`.
+        The method, a key of `GROUPS`, which has the kinds of sessions that are fitted together.
 
     Returns
     -------
@@ -83,37 +91,45 @@ def read_recording(sessions, longest_rotation, kind="multi_position"):
 def largest_recording(sessions, longest_rotation):
     """Return the method in `GROUPS` whose sessions have the most poses, and their Recording.
 
-    `longest_rotation` is the longest rotation between two poses, s.
+    `sessions` are the sessions by name, and `longest_rotation` is the longest rotation between two
+    poses, s.
     """
-    made = [read_recording(sessions, longest_rotation, kind) for kind in GROUPS]
-    recording = max(made, key=lambda made: len(made.poses))
+    recordings = [read_recording(sessions, longest_rotation, kind) for kind in GROUPS]
+    recording = max(recordings, key=lambda recording: len(recording.poses))
     return recording.kind, recording
 
 
 def first_log(sessions):
     """Return the metadata of the samples of the first session in the order of `KINDS`, a dict.
 
-    A session without samples comes last, because the units of a log that was not read are not
-    known.
+    `sessions` are the sessions by name. A session without samples comes last, because the units of
+    a log that was not read are not known.
     """
 
     def order(session):
+        """Return the sort key: whether a session has no samples, then the index of its kind."""
         return not len(Samples(session["samples"])), KINDS.index(session["kind"])
 
     return read_metadata(min(sessions.values(), key=order)["samples"])
 
 
 def raw_units(sessions):
-    """Return the RawUnit of the accelerometer and of the gyroscope in the log of `first_log`."""
+    """Return the RawUnit of the accelerometer and that of the gyroscope, a tuple.
+
+    They are those of the first session in the order of `KINDS`, of the sessions by name.
+    """
     units = first_log(sessions)["raw_units"]
     chosen = (units[quantity] for quantity in ("acceleration", "angular_rate"))
-    return tuple(RawUnit(unit["name"], unit["scale"], unit["offset"]) for unit in chosen)
+    return tuple(
+        RawUnit(name=unit["name"], scale=unit["scale"], offset=unit["offset"]) for unit in chosen
+    )
 
 
 def layout(sessions):
-    """Return the settings that were declared for the log of `first_log`, a dict.
+    """Return the settings that were declared for a log, as its columns and units, a dict.
 
-    If the log holds an autopilot's numbers of its sensors, they have the key ``sensor_ids``.
+    It is the log of the first session in the order of `KINDS`, of the sessions by name. If the log
+    holds an autopilot's numbers of its sensors, they have the key ``sensor_ids``.
     """
     first = first_log(sessions)
     ids = first.get("sensor_ids")

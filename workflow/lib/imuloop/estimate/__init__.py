@@ -4,16 +4,16 @@ Terms of this package:
 
 row
     One scalar residual, of a pose, of a move, or of the mean over a window at rest.
-effect, kind, shape
+effect, kind, variant
     An effect is an error that the base model lacks. Its kind is the type of error and the sensor.
-    Its shape is the kind with values of its constants, as a time constant. The parameters of a
-    shape are linear, and a fit estimates them.
+    A variant is an effect with values of its constants, such as a time constant. The parameters of
+    a variant are linear, and a fit estimates them.
 base
     The effects that are in the model already when another effect is tested.
 base model
     The model of a sensor without effects: bias, scale factors and misalignments.
 pattern
-    The derivative of all rows with respect to the parameters of one shape.
+    The derivative of all rows with respect to the parameters of one variant.
 column
     One column of a pattern on one axis, scaled to length one and stored under a number.
 nuisance parameters
@@ -29,5 +29,5 @@ training rows, training fit
 held-out error, floor
     The error of a prediction of held-out rows. The floor is the error that the noise alone gives.
 trial
-    The significance test of one effect, in its best shape, added to the base.
+    The significance test of one effect, in its best variant, added to the base.
 """

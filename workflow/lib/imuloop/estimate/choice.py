@@ -12,23 +12,24 @@ from imuloop.estimate.search import Search, Trial, kinds_of
 class Choice:
     """The effects that were added to the model, and those that failed cross-validation."""
 
-    # test of each added effect, with all other added effects in the model
+    # significance test of each added effect, with all other added effects in the model
     added: tuple[Trial, ...] = ()
-    # effects that passed the test but did not lower the held-out error: interval of the ratio, by
-    # kind
+    # effects that passed the test but did not lower the held-out error: by kind of effect, the 95 %
+    # interval [low, high] of the ratio of the error with the effect to that without
     failed: dict = field(default_factory=dict)
 
     @property
     def effects(self):
-        """The added effects, in their best shapes."""
+        """The added effects, each with the values of its constants that fit best, a tuple."""
         return tuple(trial.effect for trial in self.added)
 
 
 class Choices:
     """The choice of effects for a problem, with the searches and errors of cross-validation.
 
-    The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`: the
-    rows of one kind of record, their folds, and the shapes to try.
+    The problem is a `StaticProblem`, `PoseProblem` or `MotionProblem` of `imuloop.diagnose`. It has
+    the rows (scalar residuals) of one kind of record; their folds, the groups of rows that are held
+    out together; and the variants to try, effects with values of their constants.
     """
 
     def __init__(self, problem):
@@ -36,7 +37,10 @@ class Choices:
         self._searches, self._errors, self._choice = {}, {}, None
 
     def search(self, held_out=frozenset()):
-        """Return the Search in the rows without the folds in `held_out`; by default in all rows."""
+        """Return the Search for effects in the rows that are in no fold of `held_out`.
+
+        `held_out` is a frozenset of int; by default all rows are searched.
+        """
         if held_out not in self._searches:
             self._searches[held_out] = Search(self.problem, held_out)
         return self._searches[held_out]
@@ -44,39 +48,43 @@ class Choices:
     def errors(self, choose_effects):
         """Return the held-out error of every row on each axis, (N, a), SI.
 
-        Each fold is predicted by a fit to the other rows. `choose_effects` takes the Search in
-        these rows and returns the effects of the fit. Rows of no fold are nan. The verdict uses
-        the errors with `nested_choice` as `choose_effects`.
+        A row is one scalar residual per axis, and a fold has the rows that are held out together.
+        It is predicted by a fit to the other rows. `choose_effects` is a function that takes the
+        Search in these other rows and returns the effects of the fit, a tuple. The errors of rows
+        of no fold are nan.
         """
         errors, problem = None, self.problem
         for fold in range(problem.folds):
             search = self.search(frozenset({fold}))
             effects = choose_effects(search)
+            # residuals of all rows by the fit to the rows outside the fold
             residuals = problem.residuals(search, effects)
             errors = np.full(residuals.shape, np.nan) if errors is None else errors
             rows = problem.fold_of_row == fold
             errors[rows] = residuals[rows]
+            # each fold has a fit of its own, and all together need much memory
             search.training_fit(effects).release()
         return errors
 
     def errors_with(self, kinds):
-        """Return the held-out errors, (N, a), SI, of models with effects of the given kinds.
+        """Return the held-out errors, (N, a), SI, of models with effects of some kinds, a tuple.
 
-        The shapes of the effects are chosen again without each fold.
+        For each fold, the constants of the effects are chosen by the other rows alone.
         """
         if kinds not in self._errors:
             self._errors[kinds] = self.errors(lambda search: search.effects_of_kinds(kinds))
         return self._errors[kinds]
 
     def choice(self):
-        """Return the Choice that all rows lead to.
+        """Return the Choice of effects by all rows. It is computed once.
 
         1. The effect with the smallest p-value is added if it lowers the held-out error. If no
            effect does so alone, two effects are added together if the pair does.
         2. Step 1 is repeated until nothing is added.
         3. Each effect is tested with all others in the model. An effect that no longer lowers the
            held-out error is removed, and step 3 starts again.
-        4. The constants of the remaining effects are refined between those of the shapes.
+        4. The constants of the remaining effects, which were taken from a grid of variants, are
+           refined between the values of the grid.
         """
         if self._choice is None:
             effects, (extended, failed) = (), self._with_next(())
@@ -85,16 +93,22 @@ class Choices:
             trials = None
             while trials is None:
                 effects, trials = self._confirm(effects, failed)
-            refined = zip(effects, self.search().refine(effects), strict=True)
-            added = tuple(replace(trials[effect], effect=shape) for effect, shape in refined)
+            pairs = zip(effects, self.search().refine(effects), strict=True)
+            added = tuple(replace(trials[effect], effect=refined) for effect, refined in pairs)
             self._choice = Choice(added, failed)
         return self._choice
 
     def _with_next(self, effects):
         """Return the effects plus the next effect, or pair of them, that lowers held-out errors.
 
-        The first result is `effects` itself if there is no such effect. The second result has the
-        effects that failed on the way: the interval of the error ratio by kind.
+        Returns
+        -------
+        tuple of Effect
+            `effects`, which are in the model already, and the next ones; `effects` itself if none
+            lowers the held-out errors for certain.
+        dict
+            The effects that were tried and failed: by kind, the 95 % interval, [low, high], of the
+            ratio of held-out errors with the effect to those without.
         """
         search, failed = self.search(), {}
         while best := search.best_trial(effects, [k for k in search.kinds if k not in failed]):
@@ -112,21 +126,27 @@ class Choices:
         return effects, failed
 
     def _extend(self, effects, trial, *further):
-        """Return the effects plus the one of a trial and `further` ones, and their ErrorChange."""
-        extended = self.search().with_best_shapes((*effects, trial.effect, *further))
+        """Return a model with more effects, a tuple, and the ErrorChange by the addition.
+
+        `effects` are in the model already, `trial` is the Trial of the first effect to add, and
+        `further` are other effects to add. The constants of all but the last are chosen again.
+        """
+        extended = self.search().with_best_variants((*effects, trial.effect, *further))
         self.problem.refit(extended)
         return extended, self._error_change(effects, trial, extended)
 
     def _confirm(self, effects, failed):
-        """Test each effect with all others in the model, until one does not lower the errors.
+        """Test each of some effects with all others in the model, until one fails.
+
+        An effect fails if its addition to the others does not lower the held-out error.
 
         Returns
         -------
         tuple of Effect
             The effects without the one that failed.
         dict of Effect to Trial, or None
-            The test of each effect; None if one failed. `failed`, a dict, then has the interval of
-            its error ratio by its kind.
+            The test of each effect; None if one failed. The argument `failed`, a dict, then gets
+            the 95 % interval of the effect's error ratio under its kind.
         """
         search, trials = self.search(), {}
         # effects of time are removed first, before those of temperature
@@ -140,44 +160,50 @@ class Choices:
             if not change.certain:
                 failed[effect.kind] = change.ratio
                 return other_effects, None
-            best_shape = search.trial(other_effects, effect.kind)
-            tries = best_shape.tries if best_shape else 0.0
+            # the p-value counts how many variants of the effect were tried
+            best_trial = search.trial(other_effects, effect.kind)
+            tries = best_trial.tries if best_trial else 0.0
             trials[effect] = replace(trial, log_p=trial.log_p + tries, tries=tries, change=change)
         return effects, trials
 
     def _error_change(self, effects, trial, extended):
         """Return the ErrorChange from a model with `effects` to one with the `extended` effects.
 
-        The ratio is that of the axis on which the trial is clearest. If this axis does not confirm
-        the effect, but all axes together do, it is the ratio of all axes, with the errors of each
-        axis divided by their root mean square.
+        `trial` is the Trial of an effect that only the second model has. The ratio of held-out
+        errors is that of the axis on which the trial has the smallest p-value. If this axis does
+        not show that the errors fall, but all axes together do, it is the ratio of all axes, with
+        the errors of each axis divided by their root mean square without the effect.
         """
         problem = self.problem
         try:
             before, after = (self.errors_with(kinds_of(e)) for e in (effects, extended))
         except np.linalg.LinAlgError:
-            # with few folds, the rows without one of them may not determine the parameters
-            return ErrorChange("", np.zeros((0, 1)), np.zeros((0, 1)), [np.inf, np.inf])
+            # with few folds, the rows without one of them may not determine the parameters: then
+            # the errors do not fall for certain
+            empty = np.zeros((0, 1))
+            return ErrorChange(residual_kind="", before=empty, after=empty, ratio=[np.inf, np.inf])
+        # the kind of residual, as rotations, that the effect changes most, and the mask of its rows
         residual_kind, rows = problem.most_changed_rows(self.search(), effects, trial)
         index = np.arange(len(before))[rows]
         index = index[np.isfinite(before[index, 0]) & np.isfinite(after[index, 0])]
         before, after, folds = before[index], after[index], problem.fold_of_row[index]
+        # residuals of different units or scatter have equal weights
         scale = np.broadcast_to(problem.error_scale, len(problem.fold_of_row))[index, None]
-        on_axis = before[:, [trial.axis]], after[:, [trial.axis]]
-        ratio = ratio_interval(folds, *(errors / scale for errors in on_axis))
-        change = ErrorChange(residual_kind, *on_axis, ratio)
+        one_before, one_after = before[:, [trial.axis]], after[:, [trial.axis]]
+        ratio = ratio_interval(folds, one_before / scale, one_after / scale)
+        change = ErrorChange(residual_kind, before=one_before, after=one_after, ratio=ratio)
         if not change.certain and before.shape[1] > 1:
             size = np.sqrt((before**2).mean(axis=0))
             size = np.where(size > 0, size, 1.0)
             ratio = ratio_interval(folds, before / size, after / size)
-            on_all_axes = ErrorChange(residual_kind, before, after, ratio)
+            on_all_axes = ErrorChange(residual_kind, before=before, after=after, ratio=ratio)
             return on_all_axes if on_all_axes.certain else change
         return change
 
     def nested_choice(self, search):
-        """Return the effects that a Search without one fold finds significant, a tuple.
+        """Return the effects that are significant in the training rows of a Search, a tuple.
 
-        Only kinds of effects that all rows add are tried. Whether they are significant, their
-        shapes and their sizes do not depend on the fold.
+        Only the kinds of effects are tried that the choice by all rows adds. Whether they are
+        significant, and their constants and sizes, depend on the training rows alone.
         """
         return search.significant_effects(kinds_of(self.choice().effects))

@@ -1,6 +1,9 @@
 """Evidence: all rows of a problem, their noise hypotheses, and the columns of all patterns.
 
-The package's docstring defines these terms.
+A row is one scalar residual. A noise hypothesis is one covariance that the noise of the rows may
+have. A pattern is the derivative of all rows with respect to the parameters of an effect; each of
+its columns belongs to one parameter and one axis. Nuisance parameters, as the level of each record,
+are in every fit. A fold has the rows that cross-validation holds out together, and a number.
 """
 
 from collections.abc import Callable
@@ -22,7 +25,7 @@ class Hypotheses:
 
     @classmethod
     def of(cls, covariances):
-        """Return the Hypotheses with the given covariances, an iterable of arrays (n, n)."""
+        """Return the Hypotheses with the h covariances of an iterable, arrays (n, n)."""
         inverses, log_det = [], []
         for covariance in covariances:
             inverse, root = precision(covariance)
@@ -31,9 +34,9 @@ class Hypotheses:
         return cls(np.array(inverses), np.array(log_det))
 
     def mean(self, weights):
-        """Return the weighted sum of the covariances, (n, n), with `weights`, (h,).
+        """Return the weighted sum, (n, n), of the h covariances; `weights` has the shape (h,).
 
-        A hypothesis with a negligible weight is skipped.
+        A covariance with a negligible weight is skipped, as each has to be inverted again.
         """
         indices = np.flatnonzero(weights > 1e-9 * weights.max())
         return sum(weights[h] * precision(self.precision[h])[0] for h in indices)
@@ -41,7 +44,10 @@ class Hypotheses:
 
 @dataclass(frozen=True)
 class RowGroup:
-    """n rows whose noise is correlated; the noise of different groups is independent."""
+    """n rows (scalar residuals) whose noise is correlated.
+
+    The noise of different groups is independent.
+    """
 
     # (n, a): residuals on a axes. The covariances of the axes differ by a factor only
     values: np.ndarray
@@ -54,13 +60,14 @@ class RowGroup:
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """The derivative of all N rows, on a axes, with respect to the q parameters of one shape.
+    """The derivative of all N rows, on a axes, with respect to the q parameters of an effect.
 
+    The effect has values of its constants, such as a time constant: it is one variant of its kind.
     `columns`, `parameters` and `scale` have one entry per axis. An axis has a column for each
     parameter that its rows depend on.
     """
 
-    effect: object  # the shape
+    effect: object  # the Effect or SensorEffect, with its constants
     design: np.ndarray  # (N, a, q): the derivative, SI
     columns: tuple[tuple[int, ...], ...]  # numbers of the columns in the Evidence
     parameters: tuple[list[int], ...]  # index of the parameter that each column belongs to
@@ -71,8 +78,9 @@ class Pattern:
 class Evidence:
     """All N rows, group by group, and the columns of the patterns that may explain them.
 
-    A column is one column of a pattern on one axis, (N,), scaled to length one. It is stored under
-    a number, as are the residuals of each axis. There are h noise hypotheses.
+    A row is one scalar residual. A column, (N,), is the derivative of the rows on one axis with
+    respect to one parameter of an effect, scaled to length one. It is stored under a number, as are
+    the residuals of each axis. The covariance of the noise is one of h hypotheses.
     """
 
     row_groups: list[RowGroup]
@@ -89,7 +97,7 @@ class Evidence:
     nuisance_index: int | None = None
 
     def __post_init__(self):
-        """Store the residuals of each axis as columns."""
+        """Set the masks that have no value to their defaults; store each axis' residuals."""
         if self.estimation_mask is None:
             self.estimation_mask = np.ones(len(self.log_prior), dtype=bool)
         if self.as_estimated_mask is None:
@@ -98,6 +106,7 @@ class Evidence:
         # columns, (N,) each; for each group, the product of its precision and each column, (h, n)
         self.columns, self._weighted = [], [[] for _ in self.row_groups]
         self._numbers, self._patterns, self._training_fits, self._variances = {}, {}, {}, {}
+        # index of the first row of each group but the first
         self._ends = np.cumsum([len(g.values) for g in self.row_groups])[:-1]
         # for each group, the product of its precision and the nuisance derivative, (h, n, p)
         self.weighted_nuisance = [g.noise.precision @ g.nuisance for g in self.row_groups]
@@ -106,9 +115,15 @@ class Evidence:
         self.residual_columns = self.add_columns(values.T)
 
     def add_columns(self, vectors):
-        """Store k columns, (k, N), and return their numbers; equal columns share a number."""
+        """Store k columns, the array `vectors`, (k, N), and return their numbers, a tuple of int.
+
+        A column is the derivative of the N rows (scalar residuals) by one parameter, or the
+        residuals themselves. Its product with the precision of each group of rows is stored, too. A
+        column that is stored already keeps its number.
+        """
         new, numbers = [], []
         for vector in vectors:
+            # equal columns, as of a parameter that acts alike on all axes, are stored once
             key = vector.tobytes()
             if key not in self._numbers:
                 self._numbers[key] = len(self._numbers)
@@ -119,56 +134,76 @@ class Evidence:
             by_group = zip(
                 self.row_groups, self._weighted, self.split(np.array(new).T), strict=True
             )
+            # of each group: its list of products, one of shape (h, n) for each column, and its rows
+            # of the new columns, (n, number of new columns)
             for group, weighted, rows in by_group:
                 weighted += list(np.moveaxis(group.noise.precision @ rows, 2, 0))
         return tuple(numbers)
 
     def weighted_columns(self, i, numbers):
-        """Return the product of the precision of group i and k columns, (h, k, n).
+        """Return the product of the precision of row group i and its part of k columns, (h, k, n).
 
+        The group has n rows, and a precision (inverse covariance) for each of h noise hypotheses.
         `numbers` are the numbers of the columns.
         """
         return np.stack([self._weighted[i][c] for c in numbers], axis=1)
 
     def matrix(self, numbers):
-        """Return the k columns with the given numbers, (N, k)."""
+        """Return the k stored columns with the numbers `numbers`, (N, k)."""
         columns = [self.columns[c] for c in numbers]
         return np.reshape(columns, (len(numbers), len(self.columns[0]))).T
 
     def patterns(self, effects):
-        """Return the Pattern of each effect, a tuple, after storing its columns."""
+        """Return the Pattern of each of some effects, a tuple, and store its columns.
+
+        The pattern is the derivative of all rows with respect to the parameters of the effect.
+        """
         new = [effect for effect in dict.fromkeys(effects) if effect not in self._patterns]
         for effect, design in zip(new, self.designs(new) if new else (), strict=True):
             by_axis = []
             for matrix in design.swapaxes(0, 1):
+                # parameters that the rows of the axis depend on
                 used = np.flatnonzero(np.any(matrix != 0, axis=0))
                 scale = np.linalg.norm(matrix[:, used], axis=0)
                 columns = self.add_columns((matrix[:, used] / scale).T)
                 by_axis.append((columns, used.tolist(), scale))
-            self._patterns[effect] = Pattern(effect, design, *zip(*by_axis, strict=True))
+            columns, parameters, scale = zip(*by_axis, strict=True)
+            self._patterns[effect] = Pattern(
+                effect, design, columns=columns, parameters=parameters, scale=scale
+            )
         return tuple(self._patterns[effect] for effect in effects)
 
     def columns_of(self, effects, axis):
-        """Return the numbers of all columns that some effects have on one axis, a tuple."""
+        """Return the numbers of all columns that some effects have on one axis, a tuple of int.
+
+        There is a column for each parameter that the rows of the axis, an index, depend on.
+        """
         return tuple(c for p in self.patterns(effects) for c in p.columns[axis])
 
     def with_noise(self, noise):
-        """Return the Evidence of the same rows with other Hypotheses, one object per group.
+        """Return the Evidence of the same rows with other noise hypotheses.
 
-        The new hypotheses are equally probable beforehand.
+        `noise` has a Hypotheses for each group of rows, the covariances that its noise may have.
+        All hypotheses are equally probable before the residuals are seen.
         """
         groups = [replace(g, noise=n) for g, n in zip(self.row_groups, noise, strict=True)]
-        return Evidence(groups, np.zeros(len(noise[0].log_det)), self.designs, self.least_scale)
+        log_prior = np.zeros(len(noise[0].log_det))
+        return Evidence(groups, log_prior, designs=self.designs, least_scale=self.least_scale)
 
     def with_folds(self, row_folds):
-        """Return the Evidence of the same rows with other folds, (N, 2), as in `RowGroup`."""
+        """Return the Evidence of the same N rows with other folds of cross-validation.
+
+        `row_folds`, (N, 2), has the fold that each row is held out with, and a second fold that it
+        depends on; -1 is no fold.
+        """
         pairs = zip(self.row_groups, self.split(row_folds), strict=True)
         return replace(self, row_groups=[replace(g, row_folds=folds) for g, folds in pairs])
 
     def held_out_variance(self, hypothesis):
-        """Return the variance of the held-out error of each row, (N,), without any effect.
+        """Return the variance of the held-out error of each row, (N,), by the noise alone.
 
-        `hypothesis` is the index of the noise hypothesis.
+        Each fold is predicted by a fit of the nuisance parameters, without effects, to the other
+        rows. `hypothesis` is the index of the noise hypothesis for the covariance and the weights.
         """
         if hypothesis not in self._variances:
             variances = []
@@ -182,7 +217,10 @@ class Evidence:
         return self._variances[hypothesis]
 
     def training_fit(self, held_out=frozenset()):
-        """Return the TrainingFit of the rows that depend on no fold in `held_out`."""
+        """Return the TrainingFit, least squares of the rows that depend on no fold in `held_out`.
+
+        `held_out` is a frozenset of folds; by default all rows are fitted.
+        """
         if held_out not in self._training_fits:
             masks = (np.isin(g.row_folds, list(held_out)).any(axis=1) for g in self.row_groups)
             held_rows = tuple(np.flatnonzero(mask) for mask in masks)
@@ -190,9 +228,9 @@ class Evidence:
         return self._training_fits[held_out]
 
     def release(self):
-        """Free the memory of all fits; they are recomputed if needed."""
+        """Delete all stored TrainingFits; they are recomputed if needed."""
         self._training_fits.clear()
 
     def split(self, rows):
-        """Return a list that has the part of an array, (N, …), for each group of rows."""
+        """Return the part, (n, …), of an array `rows`, (N, …), that each group of rows has."""
         return np.split(rows, self._ends)

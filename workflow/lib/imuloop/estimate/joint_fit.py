@@ -1,4 +1,9 @@
-"""The joint fit of accelerometer and gyroscope to the rests and moves of a recording."""
+"""The joint fit of accelerometer and gyroscope to the rests and moves of a recording.
+
+A rest is a pose at rest, a move is what lies between two rests. The state x has the parameters of
+both sensors, 21, and then those of the effects, in nominal SI: raw readings less the data sheet's
+offset, times its scale.
+"""
 
 from dataclasses import dataclass, replace
 from operator import attrgetter
@@ -28,18 +33,19 @@ class JointFit:
     Attributes
     ----------
     factors : Factors
-        Measurements that the fit uses.
+        Choice of the kinds of residuals that the fit uses, and of the sensors that it estimates.
     noise : NoiseModel
         Noise of the device.
     units : dict of str to RawUnit
-        Raw units of each sensor.
+        Raw unit of each sensor, its scale and offset by the data sheet.
     start : ndarray, shape (21,)
         State x to start from, without effects.
     prior : Prior or None
-        The data sheet or the device family, before the data.
+        The distribution of x before the data, by the data sheet or the device family. It is written
+        into the calibrations.
     known : (ndarray, ndarray)
-        Prior rows R, (k, 21), and z, (k,), of the state x: ``R x - z`` has mean zero and variance
-        one. They include `prior`.
+        What is known of x before the fit, R, (k, 21), and z, (k,): ``R x - z`` has mean zero and
+        independent components of variance one. It includes `prior`, and turns by known angles.
     method : str
         Kind of the sessions that were recorded; it is written into the calibrations.
     """
@@ -52,87 +58,108 @@ class JointFit:
     known: tuple = (np.zeros((0, COUNT)), np.zeros(0))
     method: str = "multi_position"
 
-    # the same properties of the Factors
+    # of the Factors: names of the estimated sensors, kinds of residuals that count, and a function
+    # that takes a recording and returns the rests and the kind of each of its residuals
     estimated = property(attrgetter("factors.sensors"))
     kinds = property(attrgetter("factors.kinds"))
     rows = property(attrgetter("factors.rows"))
 
     @property
     def names(self):
-        """Names of the parameters without effects."""
+        """Names of the 21 parameters without effects, such as ``gyroscope.K0``, a tuple."""
         return State(self.start).names
 
     def of_sensors(self, sensors):
-        """Return the JointFit that estimates only the given sensors."""
+        """Return the JointFit that estimates only the sensors with the given names."""
         return replace(self, factors=replace(self.factors, sensors=tuple(sensors)))
 
     def measure(self, x, recording, effects=()):
-        """Return the Measurements of a recording for the state x, (p,), and some effects."""
+        """Return the Measurements of a recording, with effects linearised about a state.
+
+        The state x, (p,), has the 21 parameters of both sensors and then those of `effects`, a
+        sequence of SensorEffect.
+        """
         return self.factors.about(recording, State(x, tuple(effects)))
 
     def linearise(self, solution, recording):
-        """Return the Linearised factors of a recording at the parameters of a Fit."""
+        """Return the residuals of a recording and their Jacobian at the estimates of a Fit.
+
+        `solution` is the Fit. The result is an object Linearised.
+        """
         return self.measure(solution.x, recording, solution.effects).at(solution.x)
 
-    def noise_components(self, linearised, prior_rows):
+    def noise_components(self, linearised, prior_count):
         """Return the parts of the covariance of N residuals by noise of known and unknown size.
 
-        The N rows are the residuals of the Linearised factors and then `prior_rows` rows of a
-        prior, which have variance one.
+        The N residuals are those of the Linearised factors `linearised`, and then `prior_count`
+        residuals of a prior, which are independent and have variance one.
 
         Returns
         -------
         ndarray, shape (N, N)
             Covariance by the noise of known size.
         list of Component
-            Flicker and random walk of each channel, with the size that the noise model gives as
-            prior, and the error of turns that were sampled too slowly.
+            Flicker and random walk of each channel whose size the noise model gives with a standard
+            error; both are the prior of the size. Then the error of rotations that were sampled too
+            slowly.
         list of Component
-            A white excess for each kind of residual, of unknown size: an error that the model
-            lacks, or the motion of a hand, does not average out over a rest.
+            For each kind of residual an excess, independent noise of unknown size: errors that the
+            model lacks, and the motion of a hand, which do not average out over a rest.
         """
         recording, covariance = linearised.measured.recording, linearised.noise
         # residuals of the gyroscope depend on the accelerometer, which gives gravity's direction
         sensors = SENSORS if "gyroscope" in self.estimated else self.estimated
+        # the kind of residual that the slow noise of each channel contributes to most
         kind_of_channel = {c: OF_SENSOR[sensor][-1] for sensor in sensors for c in SENSORS[sensor]}
         sizes = {(c, term): self.noise.known(c, term) for c in kind_of_channel for term in "BK"}
         uncertain = {key: size for key, size in sizes.items() if size[1] > 0}
         aliased = "gyroscope" in self.estimated and recording.rotations.aliased.any()
         certain_noise = self.noise.with_sizes(dict.fromkeys(uncertain, 0.0))
+        # noise of uncertain size is left out here, as it is among the components
         fixed = covariance.by(certain_noise, aliasing=not aliased)
+        # (covariance at size one, prior size, its standard deviation, kind of residual): the unit
+        # of the size is the standard error, so that sizes of all terms are of the same order
         parts = [
             (std**2 * covariance.component(c, term), size / std, 1.0, kind_of_channel[c])
             for (c, term), (size, std) in uncertain.items()
         ]
         if aliased:
             parts.append((covariance.of_aliasing(), 1.0, ALIASED_TO, "rotation"))
-        fixed = block_diag(fixed, np.eye(prior_rows))
-        slow = [Component(np.pad(matrix, (0, prior_rows)), *prior) for matrix, *prior in parts]
+        fixed = block_diag(fixed, np.eye(prior_count))
+        slow = [
+            Component(np.pad(matrix, (0, prior_count)), size=size, deviation=deviation, kind=kind)
+            for matrix, size, deviation, kind in parts
+        ]
         variance = np.diag(total_covariance(fixed, slow, [component.size for component in slow]))
-        kinds = np.append(self.rows(recording)[1], np.full(prior_rows, ""))
+        kinds = np.append(self.rows(recording)[1], np.full(prior_count, ""))
         rows = {kind: kinds == kind for kind in self.kinds if kind in kinds}
+        # an excess of size one has about the variance of the noise of its kind
         excess = [Component(np.diag(r * np.median(variance[r])), kind=k) for k, r in rows.items()]
         return fixed, slow, excess
 
     def fit(self, recording, effects=(), start=None, prior=None):
         """Fit the state to a recording by generalised least squares of all residuals.
 
-        The weights come from the noise model, with an excess for each kind of residual that the
-        residuals make likeliest.
+        The weights are the inverse of the covariance by the noise model, plus an excess of variance
+        for each kind of residual. The size of each excess is the likeliest by the residuals.
 
         Parameters
         ----------
         recording : Recording
+            Rests and moves.
         effects : sequence of SensorEffect
             Effects that the model has.
         start : ndarray, optional
-            Parameters of a fit with fewer effects; by default the attribute `start`.
+            Parameters of a fit with the first of the effects, or with none; by default the
+            attribute `start`.
         prior : (ndarray, ndarray), optional
-            Rows R, (k, p), and z, (k,), of a prior, as in the attribute `known`, the default.
+            R, (k, p), and z, (k,), such that ``R x - z`` has mean zero and independent components
+            of variance one before the fit; by default the attribute `known`.
 
         Returns
         -------
         Fit
+            The estimates of the p parameters, with the effects and the reduced χ² by sensor.
 
         References
         ----------
@@ -141,6 +168,7 @@ class JointFit:
         """
         x, effects = self.start if start is None else start, tuple(effects)
         p = COUNT + sum(len(e.parameters) for e in effects)
+        # effects that the start lacks start at zero, and the prior does not depend on them
         x, sizes = np.append(x, np.zeros(p - len(x))), None
         R, z = self.known if prior is None else prior
         R = np.pad(R, ((0, 0), (0, p - R.shape[1])))
@@ -151,10 +179,11 @@ class JointFit:
             linearised = measured.at(x)
             fixed, slow, excess = self.noise_components(linearised, len(z))
             estimated = total_covariance(fixed, slow, [component.size for component in slow])
-            sizes = likely_sizes(*_with_prior(linearised, R, z), estimated, excess, sizes)
+            values, jacobian = _with_prior(linearised, R, z)
+            sizes = likely_sizes(values, jacobian, estimated, excess, start=sizes)
             n = len(fixed) - len(z)
             covariance = total_covariance(estimated, excess, sizes)[:n, :n]
-            solution = fit(measured.at, x, covariance, (R, z), linearised)
+            solution = fit(measured.at, x, covariance, prior=(R, z), first=linearised)
             change, x = np.abs(solution.x - x), solution.x
             if np.all(change < STILL * np.sqrt(np.diag(solution.covariance))):
                 break
@@ -167,21 +196,27 @@ class JointFit:
         return replace(solution, effects=effects, reduced_chi2=reduced)
 
     def calibrations(self, solution, covariance=None):
-        """Return a dict with the SensorCalibration of each estimated sensor, from a Fit.
+        """Return the SensorCalibration of each estimated sensor, a dict by name, from a Fit.
 
-        `covariance`, (p, p), is that of the parameters; by default `Fit.scaled_covariance`.
+        `covariance`, (p, p), is that of the p estimates; by default the covariance of the Fit times
+        its reduced χ², if that is above one.
         """
         covariance = solution.scaled_covariance if covariance is None else covariance
         state, calibrations = State(solution.x.copy(), solution.effects), {}
+        # the bias of the gyroscope may be held at its value before the fit: it has the variance of
+        # its prior, and no covariance with other parameters
         if self.factors.bias_held:
             state.x[BIAS], covariance[BIAS], covariance[:, BIAS] = self.start[BIAS], 0.0, 0.0
             covariance[BIAS, BIAS] = solution.covariance[BIAS, BIAS] * np.eye(3)
         for sensor in self.estimated:
             index = state.places(sensor)
             calibrations[sensor] = in_raw_units(
-                *(sensor, self.units[sensor], state.x[index], covariance[np.ix_(index, index)]),
-                [e.effect for e in solution.effects if e.sensor == sensor],
-                self.prior,
+                sensor,
+                self.units[sensor],
+                x=state.x[index],
+                covariance=covariance[np.ix_(index, index)],
+                effects=[e.effect for e in solution.effects if e.sensor == sensor],
+                prior=self.prior,
                 method=self.method,
                 reduced_chi2=solution.reduced_chi2.get(sensor),
             )
@@ -189,9 +224,10 @@ class JointFit:
 
 
 def _with_prior(linearised, R, z):
-    """Return residuals, (N,), and Jacobian, (N, p), of Linearised factors and then of a prior.
+    """Return residuals, (N,), and their Jacobian, (N, p), of a recording and then of a prior.
 
-    The prior has k rows ``R x - z`` with R, (k, p), and z, (k,).
+    `linearised` has the residuals and the Jacobian of the recording at the state x, (p,). The prior
+    has the residuals ``R x - z`` with R, (k, p), and z, (k,).
     """
     values = np.append(linearised.residual, R @ linearised.state.x - z)
     return values, np.concatenate([linearised.jacobian, R])

@@ -33,8 +33,8 @@ def why_no_fit(error):
 class Fit:
     """A generalised least-squares fit of p parameters to n residuals.
 
-    r are the residuals and Σ their covariance, J is their Jacobian, and R are the rows of the
-    prior.
+    r are the residuals and Σ their covariance, J is their Jacobian, (n, p). R, (k, p), and z are a
+    prior: ``R x - z`` has mean zero and independent components of variance one.
     """
 
     x: np.ndarray  # (p,): estimates of the parameters
@@ -48,9 +48,10 @@ class Fit:
 
     @property
     def scaled_covariance(self):
-        """Covariance, (p, p), times the reduced χ² if that is above one.
+        """Covariance of the estimates, (p, p), times the reduced χ² if that is above one.
 
-        The factor is one if there are fewer than `LEAST_DOF` degrees of freedom.
+        The factor is one if there are fewer than `LEAST_DOF` degrees of freedom, as the reduced χ²
+        says little then.
         """
         enough = self.dof >= LEAST_DOF
         return self.covariance * max(1.0, self.chi2 / self.dof if enough else 1.0)
@@ -68,18 +69,20 @@ def fit(linearise, x0, covariance, prior=None, first=None):
         Takes x; returns an object that has the residuals, shape (n,), as `residual`, and their
         Jacobian, shape (n, p), as `jacobian`.
     x0 : array_like, shape (p,)
-        Start.
+        Parameters to start from.
     covariance : array_like, shape (n, n) or (n,)
         Covariance Σ of the residuals, positive definite. A vector has the variances of independent
         residuals.
     prior : (ndarray, ndarray), optional
-        R, shape (k, p), and z, shape (k,), from other data. Without it the second term is zero.
+        R, shape (k, p), and z, shape (k,), from other data, such that ``R x - z`` has mean zero and
+        independent components of variance one. Without it the second term is zero.
     first : optional
         Result of `linearise` at `x0`, if it was computed before.
 
     Returns
     -------
     Fit
+        The estimates, their covariance, and χ².
 
     Raises
     ------
@@ -90,15 +93,17 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     independent = np.ndim(covariance) == 1
     root = np.sqrt(covariance) if independent else np.linalg.cholesky(covariance)
     whiten = np.diag(1 / root) if independent else np.linalg.inv(root)
-    rows, z = (np.zeros((0, len(x0))), np.zeros(0)) if prior is None else prior
+    R, z = (np.zeros((0, len(x0))), np.zeros(0)) if prior is None else prior
     x = np.array(x0, dtype=float)
     linearised = keep_last_result(linearise, x, first)
 
     def residual(x):
-        return np.append(whiten @ linearised(x).residual, rows @ x - z)
+        """Return the whitened residuals and those of the prior, (n + k,), of variance one."""
+        return np.append(whiten @ linearised(x).residual, R @ x - z)
 
     def jacobian(x):
-        return np.concatenate([whiten @ linearised(x).jacobian, rows])
+        """Return the derivative of `residual`, (n + k, p)."""
+        return np.concatenate([whiten @ linearised(x).jacobian, R])
 
     if not np.isfinite(residual(x)).all():
         raise LinAlgError("residuals that are not finite")
@@ -109,8 +114,8 @@ def fit(linearise, x0, covariance, prior=None, first=None):
     x, covariance = result.x, covariance_of(jacobian(result.x))
     white = residual(x)[: len(whiten)]
     # tr(R C Rᵀ) is the number of parameters that the prior determines instead of the data
-    dof = float(len(white) - len(x) + np.sum(rows @ covariance * rows))
-    return Fit(x, covariance, float(white @ white), dof, white)
+    dof = float(len(white) - len(x) + np.sum(R @ covariance * R))
+    return Fit(x, covariance=covariance, chi2=float(white @ white), dof=dof, white=white)
 
 
 def keep_last_result(function, x=None, result=None):
@@ -123,6 +128,7 @@ def keep_last_result(function, x=None, result=None):
     last = None if result is None else (x.copy(), result)
 
     def stored(x):
+        """Return the result for x: the stored one if x equals the last x."""
         nonlocal last
         if last is None or np.any(last[0] != x):
             last = x.copy(), function(x)
@@ -134,7 +140,8 @@ def keep_last_result(function, x=None, result=None):
 def chi_square(values, covariance, jacobian, groups):
     """Return χ² and degrees of freedom of each group of residuals, and the log likelihood of all.
 
-    The p parameters are fitted again to all residuals, by one linear step.
+    The p parameters are fitted again to all residuals, by one linear step, as the weights may
+    differ from those of the fit that gave the residuals.
 
     Parameters
     ----------
@@ -145,7 +152,7 @@ def chi_square(values, covariance, jacobian, groups):
     jacobian : ndarray, shape (n, p)
         Their Jacobian J.
     groups : sequence of ndarray, shape (n,) of bool
-        The residuals of each group.
+        For each group, a mask of its residuals.
 
     Returns
     -------
@@ -157,9 +164,11 @@ def chi_square(values, covariance, jacobian, groups):
         Logarithm of the restricted likelihood of all residuals.
     """
     root = cholesky(covariance, lower=True)
+    # columns of length one keep parameters of different units from losing digits
     size = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian / np.where(size > 0, size, 1.0)
     white = solve_triangular(root, np.column_stack([values, scaled]), lower=True)
+    # residuals after the linear step; the leverage L has ``LᵀL = J C Jᵀ``
     q, r = np.linalg.qr(white[:, 1:])
     residuals = values - scaled @ solve_triangular(r, q.T @ white[:, 0])
     leverage = solve_triangular(r, scaled.T, trans=1)
@@ -170,6 +179,7 @@ def chi_square(values, covariance, jacobian, groups):
         # rounding can make the square of constant residuals negative
         square = max(float(residuals[rows] @ np.linalg.solve(block, residuals[rows])), 0.0)
         squares.append((square, float(rows.sum() - share)))
+    # whitened residuals without what the parameters explain
     rest = white[:, 0] - q @ (q.T @ white[:, 0])
     likelihood = -np.log(np.diag(root)).sum() - np.log(np.abs(np.diag(r))).sum() - rest @ rest / 2
     return squares, float(likelihood)
@@ -178,7 +188,8 @@ def chi_square(values, covariance, jacobian, groups):
 def covariance_of(white):
     """Return ``(Wᵀ W)⁻¹``, (p, p), for a matrix W, (n, p), the argument `white`.
 
-    It is computed from the singular value decomposition of W with columns of length one. Raises
+    For the whitened Jacobian W of n residuals it is the covariance of the p parameters. It is
+    computed from the singular value decomposition of W with columns of length one. Raises
     LinAlgError if W has no full rank or is not finite.
     """
     length = np.linalg.norm(white, axis=0)
@@ -187,5 +198,6 @@ def covariance_of(white):
     _, values, axes = np.linalg.svd(white / length, full_matrices=False)
     if values[-1] < _SMALLEST * values[0] or len(white) < len(length):
         raise LinAlgError("singular derivative of the residuals")
+    # C = V S⁻² Vᵀ of the decomposition U S Vᵀ, with the scale of each parameter put back
     root = axes / values[:, None] / length
     return root.T @ root

@@ -1,4 +1,8 @@
-"""Effects that these data cannot tell apart, judged by their patterns and by the tests."""
+"""Effects that these data cannot tell apart, judged by their patterns and by the tests.
+
+The pattern of an effect is the derivative of all rows (scalar residuals) with respect to its
+parameters. Each of its columns belongs to one parameter and one axis.
+"""
 
 from itertools import permutations
 
@@ -12,43 +16,54 @@ ONE = 0.999
 
 
 def share_on_axes(training_fit, first, second):
-    """Return the share of the first effect that the second imitates, on the axis with the least.
+    """Return the share of the first effect that the second one imitates, a float from 0 to 1.
 
-    `training_fit` is the TrainingFit of the rows.
+    The share is that of the square of the first effect which the second one explains, whatever the
+    parameters of the first. It is taken on the axis with the least share, of those on which the
+    first effect acts. `training_fit` is the TrainingFit of the rows.
     """
     first_pattern, second_pattern = training_fit.evidence.patterns((first, second))
+    # by axis, the numbers of the columns of both effects; without columns an effect does not act
     pairs = zip(first_pattern.columns, second_pattern.columns, strict=True)
-    return min(imitated_share(training_fit, *pair) for pair in pairs if pair[0])
+    return min(imitated_share(training_fit, one, other) for one, other in pairs if one)
 
 
 def imitated_share(training_fit, first, second):
     """Return the share of the first effect that the second one imitates on one axis.
 
-    The share is ``cos²`` of the largest principal angle between the patterns of both effects, after
-    the nuisance parameters are projected out. The second effect explains at least this share of the
-    square of the first one, whatever the parameters of the first. It is zero if the second has
-    fewer columns. The metric is the likeliest noise hypothesis without effects.
+    The share is ``cos²`` of the largest principal angle between the patterns of both effects, the
+    derivatives of all rows with respect to their parameters, after the nuisance parameters, which
+    every fit has, are projected out. The second effect explains at
+    least this share of the square of the first one, whatever the parameters of the first. The share
+    is zero if the second has fewer columns. Products of columns are weighted with the inverse of
+    the noise covariance that is likeliest without effects.
 
     Parameters
     ----------
     training_fit : TrainingFit
+        Least squares of the rows.
     first, second : tuple of int
-        Numbers of the columns that both effects have on the axis.
+        Numbers, in the Evidence, of the columns that both effects have on the axis.
     """
     if len(first) > len(second):
         return 0.0
     columns, k = (*first, *second), len(first)
+    # axis 0 stands for all: the noise of the axes differs by a factor only
     hypothesis = training_fit.hypothesis(training_fit.fit((), 0))
     gram = training_fit.products(columns, columns)[hypothesis]
     roots = [_root(gram[:k, :k]), _root(gram[k:, k:])]
     if any(root is None for root in roots):
         return 0.0
+    # singular values between orthonormal columns of both: the least belongs to the largest angle
     cosines = np.linalg.svd(roots[0] @ gram[:k, k:] @ roots[1].T, compute_uv=False)
     return float(cosines[-1] ** 2)
 
 
 def _root(gram):
-    """Return R with ``R G Rᵀ = 1`` for a Gram matrix G, (k, k); None if G is singular."""
+    """Return R, (k, k), with ``R G Rᵀ = 1`` for the Gram matrix G, (k, k); None if G is singular.
+
+    R makes k columns orthonormal; G has their products.
+    """
     size = np.sqrt(np.maximum(np.diag(gram), 0.0))
     if not size.all():
         return None
@@ -59,20 +74,29 @@ def _root(gram):
 
 
 def imitations(search, kinds):
-    """Return the pairs of kinds of which one imitates the other, judged by their patterns alone.
+    """Return the pairs of kinds of effects of which one imitates the other, a list of dict.
 
-    Each pair is a dict with the names ``effect`` and ``with``, and the ``share`` of the first that
-    the second imitates, if it is at least `SHARE`. For each shape of the first kind the best shape
-    of the second is taken, on the axis with the least share; the share is the median over the
-    shapes of the first kind.
+    A pair has the name of the imitated kind, ``effect``, the name of the imitator, ``with``, and
+    the ``share`` of the square of the first that the second explains, if it is at least `SHARE`. A
+    kind has variants, effects with values of their constants. For each variant of the first kind,
+    the variant of the second kind is taken that explains most, on the axis on which it explains
+    least; the share is the median over the variants of the first kind.
+
+    Parameters
+    ----------
+    search : Search
+        The search in all rows, with the variants of each kind.
+    kinds : sequence
+        The kinds to compare; a kind without a variant that can be estimated is left out.
     """
-    training_fit, shapes_by_kind, pairs = search.training_fit(()), {}, []
+    # a model without effects
+    training_fit, variants_by_kind, pairs = search.training_fit(()), {}, []
     for kind in kinds:
-        shapes = search.problem.shapes.get(kind, ())
-        if testable := [trial.effect for trial in search.tests((), shapes) if trial]:
-            shapes_by_kind[kind] = testable
-    for (kind, shapes), (other, other_shapes) in permutations(shapes_by_kind.items(), 2):
-        shares = [max(share_on_axes(training_fit, a, b) for b in other_shapes) for a in shapes]
+        variants = search.problem.variants.get(kind, ())
+        if testable := [trial.effect for trial in search.tests((), variants) if trial]:
+            variants_by_kind[kind] = testable
+    for (kind, variants), (other, other_variants) in permutations(variants_by_kind.items(), 2):
+        shares = [max(share_on_axes(training_fit, a, b) for b in other_variants) for a in variants]
         share = float(np.median(shares))
         if share >= SHARE:
             pairs.append({"effect": kind.name, "with": other.name, "share": share})
@@ -80,11 +104,11 @@ def imitations(search, kinds):
 
 
 def twin(search, base, kind):
-    """Return the name of an effect that a candidate could replace, or None.
+    """Return the name of an effect in the model that a candidate could replace, or None.
 
-    It could if the candidate passes the test without this effect in the model, and the effect does
-    not pass it with the candidate in the model. `base` has the effects in the model, and `kind` is
-    the kind of the candidate.
+    The candidate could if it passes the significance test without this effect in the model, and the
+    effect does not pass with the candidate in the model. `search` is the Search in all rows, `base`
+    has the effects in the model, and `kind` is the kind of the candidate.
     """
     for effect in reversed(base):
         other_effects = tuple(e for e in base if e is not effect)
@@ -98,10 +122,11 @@ def twin(search, base, kind):
 
 
 def masking_effect(search, base, kind):
-    """Return the name of an effect that prevents the trial of a candidate, or None.
+    """Return the name of an effect in the model that prevents the test of a candidate, or None.
 
-    Without this effect in the model the candidate can be estimated. `base` has the effects in the
-    model, and `kind` is the kind of the candidate.
+    With all effects in the model the candidate cannot be estimated; without this one it can.
+    `search` is the Search in all rows, `base` has the effects in the model, and `kind` is the kind
+    of the candidate.
     """
     alone = search.trial((), kind)
     for effect in base if alone else ():

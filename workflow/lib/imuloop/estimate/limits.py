@@ -1,4 +1,9 @@
-"""Detection limits: the least size of an effect that the test and cross-validation would show."""
+"""Detection limits: the least size of an effect that the test and cross-validation would show.
+
+A row is one scalar residual. A column is the derivative of all rows on one axis with respect to one
+parameter of the effect, scaled to length one; its size is the parameter times the scale. A noise
+hypothesis is one covariance that the noise of the rows may have.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -16,7 +21,7 @@ from imuloop.estimate.verdict import MARGIN
 CHANCE = np.log(0.5)
 # sizes that are tried, in standard errors of the parameter
 SIZES = np.geomspace(1.0, 300.0, 250)
-# typical factor between a true time constant, or width, and the one of the nearest shape: the
+# typical factor between a true time constant, or width, and the one of the nearest variant: the
 # root mean square of log factors that are uniform up to log 1.3
 BETWEEN = 1.3**3**-0.5
 # least noncentrality of F on the grid, and the number of grid points
@@ -28,21 +33,22 @@ GROWN = 4.0
 def detection_limits(search, base, trial, power, must_lower_error=True):
     """Return the least size of each parameter of an effect that these data would show.
 
-    For each limit the data are assumed to have the effect with this one parameter. Its time
-    constant or width lies between two neighbours of the library's grid, by the factor `BETWEEN`
-    from one of them. The limit is the least of the `SIZES` that passes the test with the
-    probability `power` and lowers the held-out error with confidence. Both conditions are computed
-    from expected values, see `AxisTest`. For an effect that slow noise imitates, the noise is
-    estimated again with the effect in the data.
+    For each limit the data are assumed to have the effect with this one parameter. The time
+    constant or width in the data differs by the factor `BETWEEN` from that of the tested effect,
+    as the true one lies between two values of the grid that is searched. The limit is the least of
+    the `SIZES` that passes the significance test with the probability `power` and lowers the
+    held-out error with confidence. Both conditions are computed from expected values, without
+    random data. For an effect that slow noise imitates, the noise is estimated again with the
+    effect in the data.
 
     Parameters
     ----------
     search : Search
-        The search of all data.
+        The search for effects in all rows.
     base : tuple of Effect
         Effects that are in the model already.
     trial : Trial
-        The test of the effect.
+        The significance test of the effect, with the constants that fit best.
     power : float
         Probability with which the test has to find the effect.
     must_lower_error : bool
@@ -51,11 +57,12 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
     Returns
     -------
     dict of str to float
-        The limits, SI, by parameter. A parameter that is not detectable at any size is left out.
+        The limits, SI, by name of the parameter. A parameter that no size shows is left out.
     """
     problem, effect, limits = search.problem, trial.effect, {}
     training_fit = search.training_fit(base)
     pattern, moved = training_fit.evidence.patterns((effect, effect.moved(BETWEEN)))
+    # the test multiplies the p-value by the number of variants that were tried
     threshold = search.threshold(len(base)) - trial.tries
     # the axes that do not have the parameter show p-values in the middle of chance
     other_log_p = (trial.axes - 1) * [CHANCE]
@@ -63,10 +70,20 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
         fit = training_fit.fit((*base, effect), axis) if pattern.columns[axis] else None
         if fit is None:
             continue
-        test = AxisTest(training_fit, base, effect, axis, columns, power, threshold, other_log_p)
+        test = AxisTest(
+            training_fit=training_fit,
+            base=base,
+            effect=effect,
+            axis=axis,
+            columns=columns,
+            power=power,
+            threshold=threshold,
+            other_log_p=other_log_p,
+        )
         # information about each column under the likeliest noise hypothesis
         information = test.chi_square_drop() / fit.scale[:, None]
         information = information[np.argmax(fit.probability)]
+        # a column that the other parameters explain has no information: no size of it passes
         shown = information > 0
         sizes = SIZES[:, None] / np.sqrt(np.where(shown, information, np.inf))
         passes = shown & test.passes(sizes)
@@ -87,9 +104,10 @@ def detection_limits(search, base, trial, power, must_lower_error=True):
 
 
 def first_size(passes):
-    """Return the index of the size from which on all sizes pass, (q,); s if the last one fails.
+    """Return the index of the size from which on all larger sizes pass, (q,) of int.
 
-    `passes`, (s, q) of bool, says which of s increasing sizes of each of q columns pass.
+    `passes`, (s, q) of bool, says which of s increasing sizes of each of q parameters pass a test.
+    The index is s if the largest size fails.
     """
     failing = np.vstack([np.zeros_like(passes[:1]), passes])[::-1]
     return len(passes) - np.argmin(failing, axis=0)
@@ -97,49 +115,55 @@ def first_size(passes):
 
 @dataclass(frozen=True)
 class AxisTest:
-    """The expected test of an effect on one axis, in data that have q columns of known sizes.
+    """The expected test of an effect on one axis, in data with an effect of known size.
 
-    In all methods `sizes`, (s, q), are s sizes of each column, and the data have one column at a
-    time. There are h noise hypotheses.
+    The data have one of q columns at a time, the derivative of all rows with respect to one
+    parameter. In all methods `sizes`, (s, q), are s sizes of each column, increasing. The
+    covariance of the noise is one of h hypotheses.
     """
 
     training_fit: object  # TrainingFit of all rows
     base: tuple  # effects that are in the model already
     effect: object  # the effect that is tested
     axis: int  # index of the axis
-    columns: tuple  # numbers of the q columns
+    columns: tuple  # numbers, in the Evidence, of the q columns that the data may have
     power: float  # probability with which the test has to find the effect
-    threshold: float  # largest log p that passes
-    other_log_p: list  # log p of the other axes
+    threshold: float  # largest logarithm of a p-value that passes
+    other_log_p: list  # logarithm of the p-value of each other axis
 
     @property
     def fits(self):
-        """Fit without the effect and Fit with it."""
+        """List of two Fits of the axis to the rows, without the effect and with it."""
         extended = (*self.base, self.effect)
         return [self.training_fit.fit(effects, self.axis) for effects in (self.base, extended)]
 
     def chi_square_drop(self):
-        """Return by how much the effect lowers χ² of data that are one column of size one, (h, q).
+        """Return by how much the effect in the model lowers χ², (h, q), under h noise hypotheses.
 
-        The result is χ² without the effect in the model minus χ² with it.
+        The data are one of the q columns, of size one, without noise. The result is χ² of the fit
+        without the effect minus χ² of the fit with it.
         """
         columns_of, drops = self.training_fit.evidence.columns_of, []
         base, extended = (columns_of(e, self.axis) for e in (self.base, (*self.base, self.effect)))
         columns = (*extended, *self.columns)
         gram = self.training_fit.products(columns, columns)
+        # a fit of the first n columns explains gᵀ G⁻¹ g of χ², with the products g with the data
         for n in (len(base), len(extended)):
             side = gram[:, :n, len(extended) :]
             drops.append((side * np.linalg.solve(gram[:, :n, :n], side)).sum(axis=1))
         return drops[1] - drops[0]
 
     def passes(self, sizes):
-        """Return which sizes pass the test with the wanted power, (s, q) of bool.
+        """Return which sizes pass the test with the probability `power`, (s, q) of bool.
 
-        Under each noise hypothesis F has the noncentrality ``size² drop/scale``, with the
-        `chi_square_drop`; its lower quantile gives the p-value that is reached with the probability
-        `power`. `averaged_log_p` averages these p-values over the hypotheses.
+        Under each noise hypothesis the F statistic of the test has the noncentrality
+        ``size² drop/scale``: drop is the fall of χ² by the effect at size one, scale the estimated
+        factor on the covariance of the noise. The lower quantile of F gives the p-value that is
+        reached with the probability `power`. These p-values are averaged over the hypotheses, and
+        combined with those of the other axes by Fisher's method.
         """
         without, fit = self.fits
+        # number of parameters that the effect adds
         q, scale = without.dof - fit.dof, fit.scale[:, None, None]
         square = np.maximum(sizes**2 * self.chi_square_drop()[:, None] / scale, LEAST)
         grid = np.geomspace(LEAST, max(square.max(), 2 * LEAST), GRID)
@@ -155,12 +179,25 @@ class AxisTest:
         return fisher([log_p, *self.other_log_p]) < self.threshold
 
     def passes_with_slow_noise(self, problem, sizes, passes):
-        """Return which sizes pass if the effect resembles slow noise, (s, 1) of bool.
+        """Return which sizes pass the significance test if the effect resembles slow noise.
 
         Data with such an effect raise the estimate of slow noise. So the noise is estimated again
         from the residuals plus the effect, at `GROWN` times the least size that passes with the
-        present noise. `passes`, (s, 1) of bool, are the sizes that pass with the present noise; the
-        test has one column.
+        present noise. The AxisTest has to have one column.
+
+        Parameters
+        ----------
+        problem : StaticProblem, PoseProblem or MotionProblem
+            The rows; its `noise_with` estimates the noise of other residuals.
+        sizes : ndarray, shape (s, 1)
+            Sizes of the column.
+        passes : ndarray of bool, shape (s, 1)
+            Whether each size passes with the present noise.
+
+        Returns
+        -------
+        ndarray of bool, shape (s, 1)
+            Whether each size passes with the noise that is estimated again.
         """
         first = first_size(passes)[0]
         if first == len(sizes):
@@ -177,33 +214,40 @@ class AxisTest:
     def lowers_error(self, problem, sizes):
         """Return which sizes lower the held-out error with confidence, (s, q) of bool.
 
-        A size s counts if the confidence interval of the error ratio would lie below one.
+        A size counts if the 95 % interval of the ratio of held-out errors, with the effect in the
+        model to without, would lie below one. The data have s times the column x, the derivative of
+        all rows (scalar residuals) with respect to one parameter of the effect. A row is predicted
+        by a fit to the rows of other folds; its held-out error is
 
-        - e, variance v: the held-out error of a row that the noise alone gives.
-        - ``e + s c``: the error of a model without the effect; c is the held-out part of the
-          column.
-        - ``e + s C - d δ``: the error of a model with it; C is what the effect's pattern leaves of
-          c, d the held-out part of the pattern's columns, δ the error of their coefficients, V its
-          covariance.
+        - e, with the variance v, by the noise alone;
+        - ``e + s c`` without the effect in the model, where c is the held-out error of x;
+        - ``e + s C - d δ`` with the effect in the model, where C is the held-out error of x in a
+          fit that has the effect's columns. d are the held-out errors of these columns without the
+          effect in the model, and δ is the error of their coefficients, with the covariance V.
 
         The expected sums of squares over fold k, without the effect and with it, are
 
             B_k = Σ (v + s² c²),    A_k = Σ (v + s² C² + d V dᵀ).
 
         The variance of their difference is ``Σ 4 v (s² (c - C)² + d V dᵀ)``. From these sums follow
-        the ratio ``√(A/B)`` over all folds and its jackknife error, see `is_below_one`.
+        the ratio ``√(A/B)`` over all folds and its jackknife error. `problem` is the StaticProblem,
+        PoseProblem or MotionProblem; it gives the unit of the errors and the kinds of residuals.
         """
         evidence, quantile = self.training_fit.evidence, ndtri(self.power)
         groups, folds, q = evidence.row_groups, evidence.row_folds, len(self.columns)
         fit = self.fits[1]
         h = self.training_fit.hypothesis(fit)
+        # h is the likeliest noise hypothesis, `scale` the estimated factor on its covariance, and
+        # `weights` the inverse of that covariance
         scale, weights = fit.scale[h], block_diag(*(g.noise.precision[h] for g in groups))
         base, pattern = (
             evidence.matrix(evidence.columns_of(e, self.axis)) for e in (self.base, (self.effect,))
         )
+        # the model without the effect: nuisance parameters, which are in every fit, and the base
         base = np.column_stack([block_diag(*(g.nuisance for g in groups)), base])
         columns = evidence.matrix(self.columns)
         unit = np.broadcast_to(problem.error_scale, len(folds))[:, None]
+        # held-out errors of the columns, in units that make all kinds of residuals comparable
         c, _ = fold_fits(np.column_stack([columns, pattern]), weights, base, folds)
         C, inverses = fold_fits(columns, weights, np.column_stack([base, pattern]), folds)
         c, C, d = c[:, :q] / unit, C / unit, c[:, q:] / unit
@@ -219,6 +263,7 @@ class AxisTest:
         variance = np.maximum(2 * np.einsum("kab,kba->k", by_kind, by_kind), 0.0)
         most = np.trace(by_kind, axis1=1, axis2=2) + quantile * np.sqrt(variance)
         lowers = np.zeros(sizes.shape, dtype=bool)
+        # the error of the coefficients alone may put the held-out error too far above its floor
         if np.any(most > (MARGIN**2 - 1) * (kinds @ v)):
             return lowers
         for j in range(q):
@@ -238,15 +283,19 @@ class AxisTest:
 def is_below_one(after, before, variance, quantile):
     """Return whether ratios of held-out errors are below one with confidence, (s,) of bool.
 
+    A ratio is the root of the sum of squares with an effect over that without. Its standard error
+    comes from the scatter between folds, as by a jackknife, and from the noise.
+
     Parameters
     ----------
     after, before : ndarray, shape (s, folds)
-        Expected sums of squares of each fold, with and without the effect, at s sizes.
+        Expected sums of squares of the held-out errors in each fold, with and without an effect in
+        the model, at s sizes of the effect in the data.
     variance : ndarray, shape (s, folds)
-        Variance of their difference.
+        Variance of their difference by the noise.
     quantile : float
-        Number of standard deviations by which the ratio may be larger: the upper end of its 95 %
-        interval has to stay below one even then.
+        Number of standard deviations by which the noise may make the ratio larger: the upper end of
+        its 95 % interval has to stay below one even then.
     """
     n, total_after, total_before = before.shape[1], after.sum(axis=1), before.sum(axis=1)
     ratio = np.sqrt(total_after / total_before)

@@ -44,8 +44,8 @@ class Component:
 def total_covariance(fixed, components, sizes):
     """Return the covariance ``Σ = Σ₀ + Σ_k s_k² V_k`` of n residuals, (n, n).
 
-    `fixed` is Σ₀, (n, n), `components` are the k Components with the covariances V_k, and `sizes`
-    are s_k, (k,).
+    `fixed` is the part Σ₀ of known size, (n, n). `components` are the Components, whose covariance
+    at size one is V_k, (n, n), and `sizes` are their sizes s_k.
     """
     covariance = np.array(fixed)
     for size, component in zip(sizes, components, strict=True):
@@ -54,7 +54,10 @@ def total_covariance(fixed, components, sizes):
 
 
 def likely_sizes(values, jacobian, fixed, components, start=None):
-    """Return the most likely sizes of k components, shape (k,), within their prior bounds.
+    """Return the most likely sizes of k variance components of the noise, (k,).
+
+    The size is a factor on the standard deviation. It is at most `FARTHEST` prior standard
+    deviations above its prior value, and zero if the likelihood is largest there.
 
     Parameters
     ----------
@@ -65,9 +68,9 @@ def likely_sizes(values, jacobian, fixed, components, start=None):
     fixed : ndarray, shape (n, n)
         Covariance Σ₀ of the noise whose size is known.
     components : sequence of Component
-        The k components.
+        The k components, each with its covariance at size one and the prior of its size.
     start : ndarray, shape (k,), optional
-        Sizes to start from; by default the prior values.
+        Sizes to start from; by default the prior values, or small sizes where these are zero.
 
     Raises
     ------
@@ -83,11 +86,12 @@ def likely_sizes(values, jacobian, fixed, components, start=None):
 class Projection:
     """The terms of the likelihood at given sizes that do not depend on the residuals.
 
-    `SizeLikelihood` names the symbols.
+    Σ is the covariance of the n residuals at these sizes, J their Jacobian, and V_k the covariance
+    by component k at size one.
     """
 
     squares: np.ndarray  # (k,): squares of the sizes
-    matrix: np.ndarray  # (n, n): P
+    matrix: np.ndarray  # (n, n): P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹
     log_det: float  # (log |Σ| + log |Jᵀ Σ⁻¹ J|)/2
     trace: np.ndarray  # (k,): trace of P V_k
 
@@ -106,11 +110,11 @@ class SizeLikelihood:
     Parameters
     ----------
     jacobian : ndarray, shape (n, p)
-        J.
+        The Jacobian J of the residuals.
     fixed : ndarray, shape (n, n)
-        Σ₀.
+        The covariance Σ₀ by the noise of known size.
     components : sequence of Component
-        At least one.
+        The k components, at least one.
 
     References
     ----------
@@ -129,24 +133,29 @@ class SizeLikelihood:
         self.covariances = np.reshape([c.covariance for c in components], (len(components), -1))
 
     def covariance(self, squares):
-        """Return the covariance Σ, (n, n), at squares of the sizes, (k,)."""
+        """Return the covariance Σ of the residuals, (n, n), at squares of the sizes, (k,)."""
         return self.fixed + (squares @ self.covariances).reshape(self.fixed.shape)
 
     def _project(self, squares):
-        """Return the Projection at squares of sizes, (k,), clipped to the bounds."""
+        """Return the Projection, which has ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``, at some sizes.
+
+        `squares`, (k,), are the squares of the sizes; they are clipped to their bounds first.
+        """
         squares = np.clip(squares, TINY**2, self.largest_squares)
         inverse, root = precision(self.covariance(squares))
         q, r = np.linalg.qr(solve_triangular(root, self.jacobian, lower=True))
         back = solve_triangular(root, q, lower=True, trans=1)
         matrix = inverse - back @ back.T
         log_det = np.log(np.diag(root)).sum() + np.log(np.abs(np.diag(r))).sum()
-        return Projection(squares, matrix, log_det, self.covariances @ matrix.ravel())
+        trace = self.covariances @ matrix.ravel()
+        return Projection(squares, matrix=matrix, log_det=log_det, trace=trace)
 
     def _loss_and_derivatives(self, values, projection):
-        """Return minus the log likelihood, its gradient, (k,), and the information, (k, k).
+        """Return minus the log of likelihood times prior, its gradient and its information.
 
-        Gradient and information are those with respect to the squares of the sizes; `values` are
-        the residuals, (n,), and `projection` is the Projection at the sizes.
+        The gradient, (k,), and the average information, (k, k), are those with respect to the
+        squares of the sizes. `values` are the residuals, (n,), and `projection` has the terms of
+        the likelihood at the sizes.
         """
         n, sizes = len(values), np.sqrt(projection.squares)
         weighted, change = projection.matrix @ values, sizes - self.prior_sizes
@@ -158,16 +167,19 @@ class SizeLikelihood:
         within = np.all(projection.squares < self.largest_squares)
         excess = max(1.0, chi2 / (n - self.jacobian.shape[1])) if within else 1.0
         information = products @ projection.matrix @ products.T / (2 * excess)
+        # second derivative of the prior's term with respect to s²
         of_prior = self.weight * self.prior_sizes / (4 * sizes**3)
+        # the small term keeps the matrix positive definite
         return loss, gradient, information + np.diag(of_prior + 1e-12 * projection.trace**2)
 
     def maximise(self, values, start=None, rise=RISE):
-        """Return the most likely sizes, (k,), for n residuals.
+        """Return the most likely sizes, (k,), of the k components for n residuals.
 
-        Newton steps in the squares of the sizes stay within the bounds. They use the average
-        information ``rᵀ P V_k P V_l P r/2``, divided by the reduced χ² if that is above one: the
-        information falls by this factor when the sizes have grown. Each step is damped until the
-        likelihood rises.
+        The search takes Newton steps in the squares of the sizes, within the bounds. They use the
+        average information ``rᵀ P V_k P V_l P r/2``, with the covariance V_k by component k at size
+        one and ``P = Σ⁻¹ - Σ⁻¹ J (Jᵀ Σ⁻¹ J)⁻¹ Jᵀ Σ⁻¹``. It is divided by the reduced χ² if that is
+        above one, because it falls by this factor when the sizes have grown. Each step is damped
+        until the likelihood rises.
 
         Parameters
         ----------
@@ -185,6 +197,7 @@ class SizeLikelihood:
             If the likelihood still rises by more than `UNSETTLED` after the last step.
         """
         if start is None:
+            # a component with the prior value zero starts from a small size, off its bound
             small = 0.3 * np.minimum(self.deviations, 1.0)
             start = np.where(self.prior_sizes > 0, self.prior_sizes, small)
         point, damping = self._project(start**2), 1e-3
@@ -206,4 +219,5 @@ class SizeLikelihood:
         else:
             if -gradient @ step > UNSETTLED:
                 raise NotConverged(f"the size of the noise is not found in {STEPS} steps")
+        # a size at the least bound is zero
         return np.where(point.squares > 1.01 * TINY**2, np.sqrt(point.squares), 0.0)

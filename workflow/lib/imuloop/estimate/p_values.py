@@ -1,4 +1,7 @@
-"""P-values of the parameters that one fit has and another has not, averaged over hypotheses."""
+"""P-values of the parameters that one fit has and another has not, averaged over hypotheses.
+
+A noise hypothesis is one covariance that the noise of the residuals may have.
+"""
 
 import numpy as np
 from scipy.special import betainc, betaln
@@ -7,9 +10,10 @@ from imuloop.estimate.training_fit import ChiSquare
 
 
 def log_f_tail(statistic, q, dof):
-    """Return the log of the upper tail probability of F with q and `dof` degrees of freedom.
+    """Return the natural log of the upper tail probability of an F distribution.
 
-    `statistic` is F. The tail is the regularised incomplete beta function ``I_x(a, b)`` with
+    The distribution has q and `dof` degrees of freedom. `statistic` is F, a float or an array; the
+    result has its shape. The tail is the regularised incomplete beta function ``I_x(a, b)`` with
     ``x = dof/(dof + q F)``, ``a = dof/2`` and ``b = q/2``. Tails below the range of floating point
     numbers are its leading term, ``x^a (1-x)^(b-1) / (a B(a, b))``.
     """
@@ -27,13 +31,15 @@ def log_f_tail(statistic, q, dof):
 def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
     """Return the logarithm of the p-value of the q parameters that only one of two fits has.
 
-    Under each noise hypothesis the F test gives an exact p-value. The p-values are averaged with
-    the probabilities of the hypotheses in the fit with the parameters. So a pattern that is as
-    smooth as slow noise is not significant if the data cannot exclude this noise.
+    Under each of h noise hypotheses, covariances that the noise may have, the F test gives an exact
+    p-value. The p-values are averaged with the probabilities of the hypotheses in the fit with the
+    parameters. So an effect that is as smooth as slow noise is not significant if the data cannot
+    exclude this noise.
 
     If other data say how large the noise is (`least_scale` above zero), the average also includes
-    the probabilities in the fit without the parameters. They get the weight of that fit by
-    Schwarz's criterion ``ln L - q/2 ln n``, half at most: q parameters fit some of the noise, too.
+    the probabilities in the fit without the parameters, because q parameters fit some of the noise,
+    too. They get the weight of that fit by Schwarz's criterion ``ln L - q/2 ln n`` of n residuals
+    with the likelihood L, but half at most.
 
     Parameters
     ----------
@@ -47,6 +53,7 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
     Returns
     -------
     float or ndarray, shape (m,)
+        The natural logarithm of the p-value.
 
     References
     ----------
@@ -58,6 +65,7 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
     log_with, log_without = (f.log_probability[hypotheses] for f in (fit, without))
     log_weight, log_without = log_with - log_sum(log_with), log_without - log_sum(log_without)
     if fit.least_scale > 0:
+        # logarithm of the likelihood ratio of the two fits, and the weight of the one without
         gain = log_sum(log_without + (without.loss - fit.loss)[hypotheses])
         log_share = -np.logaddexp(0.0, np.maximum(gain - q / 2 * np.log(without.dof), 0.0))
         log_weight = log_weight + np.log1p(-np.exp(log_share))
@@ -66,25 +74,31 @@ def averaged_log_p(without, with_parameters, q, hypotheses=slice(None)):
 
 
 def log_p_values(pairs, hypotheses=slice(None)):
-    """Return the log p of each pair of fits, a list of float, as `averaged_log_p`.
+    """Return the log p-value of the parameters that one of two fits has, a list of float.
 
-    A pair has the ChiSquare of the fit without some parameters and of the fit with them.
-    `hypotheses` is as in `averaged_log_p`.
+    `pairs` is a list of (ChiSquare, ChiSquare): the fit without some parameters and the fit with
+    them. The p-value is averaged over the noise hypotheses in the mask `hypotheses`, (h,) of bool;
+    all by default.
     """
+    # by degrees of freedom of both fits, the indices of the pairs
     log_p, groups = [None] * len(pairs), {}
     for k, (without, fit) in enumerate(pairs):
         groups.setdefault((without.dof, fit.dof), []).append(k)
     for (dof_without, dof), indices in groups.items():
         # fits of equal degrees of freedom are tested at once
-        both = [_stack([pairs[k][side] for k in indices]) for side in (0, 1)]
-        values = averaged_log_p(*both, dof_without - dof, hypotheses).tolist()
+        without, with_parameters = (_stack([pairs[k][side] for k in indices]) for side in (0, 1))
+        q = dof_without - dof
+        values = averaged_log_p(without, with_parameters, q, hypotheses).tolist()
         for k, value in zip(indices, values, strict=True):
             log_p[k] = value
     return log_p
 
 
 def _stack(fits):
-    """Return one ChiSquare of m fits that have equal degrees of freedom, with shapes (h, m)."""
+    """Return one ChiSquare of m fits of equal degrees of freedom, with arrays (h, m).
+
+    h is the number of noise hypotheses.
+    """
     chi2, log_prior = (
         np.stack([getattr(f, name) for f in fits], axis=-1) for name in ("chi2", "log_prior")
     )

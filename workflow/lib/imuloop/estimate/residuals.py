@@ -12,11 +12,12 @@ SINGULAR = 1e-12
 def fold_fits(values, weights, jacobian, row_folds):
     """Predict each fold by a linear fit to the other rows, and return the held-out errors.
 
-    The fit to the training residuals r_s has the parameters ``A r_s``, with
+    A fold has the rows (scalar residuals) that are held out together. The fit to the training
+    residuals r_s, those outside the fold, has the parameters ``A r_s``, with
     ``A = (Jᵀ W J)⁻¹ Jᵀ W``; W is the inverse of their covariance and J their Jacobian. The held-out
-    error of the residuals r_h, with the Jacobian J_h, is ``E r = r_h - J_h A r_s``. Its covariance
-    is ``E Σ Eᵀ`` with the covariance Σ of all residuals. Slow noise that training and held-out rows
-    share cancels there as far as a fitted bias follows it.
+    error of the residuals r_h, with the Jacobian J_h, is ``E r = r_h - J_h A r_s``. E is linear, so
+    the covariance of the errors is ``E Σ Eᵀ`` with the covariance Σ of all residuals. Slow noise
+    that training and held-out rows share cancels there as far as a fitted bias follows it.
 
     Parameters
     ----------
@@ -25,7 +26,7 @@ def fold_fits(values, weights, jacobian, row_folds):
     weights : ndarray, shape (n, n)
         Inverse of the covariance Σ of all residuals.
     jacobian : ndarray, shape (n, p)
-        Jacobian of all residuals.
+        Jacobian of all residuals, their derivative with respect to p parameters.
     row_folds : ndarray, shape (n, 2)
         The fold that a row is held out with, and a second one that it depends on; -1 is no fold. A
         row is in the training data of neither.
@@ -35,7 +36,7 @@ def fold_fits(values, weights, jacobian, row_folds):
     ndarray, shape (n, m)
         The errors E r, zero in rows of no fold. They are linear in r.
     dict of int to ndarray, shape (p, p)
-        ``(Jᵀ W J)⁻¹`` of the training rows of each fold.
+        For each fold ``(Jᵀ W J)⁻¹`` of its training rows.
     """
     size = np.linalg.norm(jacobian, axis=0)
     size = np.where(size > 0, size, 1.0)
@@ -44,12 +45,14 @@ def fold_fits(values, weights, jacobian, row_folds):
     folds = sorted(set(row_folds[:, 0].tolist()) - {-1})
     for fold in folds:
         held_rows = np.flatnonzero((row_folds == fold).any(axis=1))
-        # W J of the training rows, from the weights of all rows
+        # W J of the training rows, from the weights of all rows: their covariance is a block of Σ,
+        # whose inverse is a Schur complement
         block = weights[:, held_rows]
         weighted = product - block @ np.linalg.solve(block[held_rows], product[held_rows])
         weighted[held_rows] = 0.0
         information.append(jacobian.T @ weighted)
         moments.append(weighted.T @ values)
+    # a parameter that only the held-out rows show has no information: it is not fitted
     information = np.reshape(information, (-1, *2 * jacobian.shape[1:]))
     inverses = np.linalg.pinv(information, SINGULAR, hermitian=True)
     errors = np.zeros_like(values)
@@ -62,6 +65,8 @@ def fold_fits(values, weights, jacobian, row_folds):
 def held_out_covariance(covariance, jacobian, row_folds, weights=None):
     """Return the covariance of the held-out errors of n residuals, (n, n), by the noise alone.
 
+    Each fold is predicted by a linear fit of p parameters to the residuals outside it.
+
     Parameters
     ----------
     covariance : ndarray, shape (n, n)
@@ -69,10 +74,10 @@ def held_out_covariance(covariance, jacobian, row_folds, weights=None):
     jacobian : ndarray, shape (n, p)
         Jacobian of the residuals.
     row_folds : ndarray, shape (n, 2)
-        Folds of each residual, as in `fold_fits`.
+        The fold that a residual is held out with, and a second one that it depends on; -1 is no
+        fold. A residual is in the training data of neither.
     weights : ndarray, shape (n, n), optional
-        Weights of the fits to the training rows, as in `fold_fits`; by default the inverse of the
-        covariance.
+        Inverse of the covariance that the fits assume; by default the inverse of `covariance`.
     """
     weights = precision(covariance)[0] if weights is None else weights
     operator, _ = fold_fits(np.eye(len(row_folds)), weights, jacobian, row_folds)
@@ -82,9 +87,9 @@ def held_out_covariance(covariance, jacobian, row_folds, weights=None):
 def exceedance_probability(square, covariances):
     """Return the probability that the sum of squares of normal errors is larger than `square`.
 
-    `covariances` is a list with the covariance of the errors e of each independent group, (n, n).
-    The distribution of ``Σ eᵀe`` is approximated by a scaled and shifted χ² of the same mean,
-    variance and skewness.
+    `covariances` is a list with the covariance of the n errors e of each independent group, (n, n).
+    The distribution of the sum ``Σ eᵀe`` over the groups is approximated by a scaled and shifted χ²
+    of the same mean, variance and skewness.
 
     References
     ----------
@@ -94,10 +99,14 @@ def exceedance_probability(square, covariances):
     for covariance in covariances:
         twice = covariance @ covariance
         moments += np.trace(covariance), np.trace(twice), np.sum(twice * covariance)
+    # the k-th cumulant of the sum of squares is proportional to the trace of the k-th power
     dof = moments[1] ** 3 / moments[2] ** 2
     return float(chdtrc(dof, max(dof + (square - moments[0]) * np.sqrt(dof / moments[1]), 0.0)))
 
 
 def rms_norm(values):
-    """Return the root mean square norm of n residuals of k components, (n, k), without nan."""
+    """Return the root mean square of the norms of n residuals of k components, a float.
+
+    `values` has the shape (n, k). Residuals with a component that is nan are left out.
+    """
     return float(np.sqrt(np.nanmean((values**2).sum(axis=1))))

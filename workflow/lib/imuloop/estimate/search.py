@@ -1,6 +1,9 @@
-"""The search: test every shape of every effect, added to the model, on the training rows.
+"""The search: test every variant of every effect, added to the model, on the training rows.
 
-The package's docstring defines shape, row and noise hypothesis.
+A variant is an effect with values of its constants, such as a time constant. A row is one scalar
+residual; the training rows are those that cross-validation does not hold out. A noise hypothesis is
+one covariance that the noise of the rows may have. The base has the effects that are in the model
+already.
 """
 
 from dataclasses import dataclass, field, replace
@@ -14,24 +17,25 @@ from imuloop.estimate.p_values import log_p_values
 from imuloop.estimate.training_fit import combined_axes
 from imuloop.model.effect import Effect
 
-# two shapes are equally significant if their log p differs by less than this share
+# two variants are equally significant if their log p differs by less than this share
 ALIKE = 0.05
 # a temperature effect goes before a time effect if its log p is at least this share of the other's
 AS_CLEARLY = 0.5
-# factors on the constants of a shape, tried one after the other, in `Search.refine`
+# factors on the constants of a variant, tried one after the other, in `Search.refine`
 FACTORS = (1.4, 1.2, 1.1, 1.05, 1.02)
 
 
 def kinds_of(effects):
-    """Return the kind of each effect, a tuple."""
+    """Return the kind of each effect, its class and its sensor, a tuple."""
     return tuple(effect.kind for effect in effects)
 
 
 def _price(base, effect):
-    """Return the price of a shape: the logarithm by which its constants make it less likely.
+    """Return the price of an effect: the log p-value that it has to be better by, a float.
 
-    It is zero if an effect of `base`, the effects in the model, has the same constants already: a
-    device has one thermometer, and one lag.
+    An effect with a constant that is rarely needed, such as the lag of a thermometer, has a price.
+    It is zero if an effect of the same name in `base`, the effects in the model, has the same
+    constants already: a device has one thermometer, and one lag.
     """
     if not effect.price:
         return 0.0
@@ -40,26 +44,29 @@ def _price(base, effect):
 
 
 def _of_temperature(effect):
-    """Return whether an effect depends on the temperature itself."""
+    """Return whether an effect depends on the present temperature, not on past temperatures."""
     return "temperature" in effect.needs and not effect.after_temperature
 
 
 @dataclass(frozen=True)
 class Trial:
-    """The significance test of one effect, in its best shape, added to a model."""
+    """The significance test of one effect added to a model.
 
-    effect: Effect  # the shape
-    log_p: float  # logarithm of the p-value times the number of shapes that were tried
+    Of the variants of the effect, which differ in the values of its constants, it has the best one.
+    """
+
+    effect: Effect  # the best variant
+    log_p: float  # logarithm of the p-value times the number of variants that were tried
     axis: int  # index of the axis with the smallest p-value
     axes: int  # number of axes that the test combines
-    tries: float = 0.0  # logarithm of the number of shapes
+    tries: float = 0.0  # logarithm of the number of variants, part of `log_p`
     # whether a parameter is above its physical limit by more than its standard error
     impossible: bool = False
     change: ErrorChange | None = None  # change of the held-out errors, if it was computed
 
     @property
     def p_value(self):
-        """Probability that data without the effect give so small a p, at most 1."""
+        """P-value of the test, times the number of variants that were tried, at most 1."""
         return float(min(1.0, np.exp(self.log_p)))
 
 
@@ -67,8 +74,10 @@ class Trial:
 class Search:
     """A search for effects in the training rows of a problem.
 
-    `Choices` describes the `problem`; `held_out` has the numbers of the folds that the search does
-    not use. In all methods `base` is a tuple of the effects that are in the model already.
+    The `problem` has the rows (scalar residuals) of one kind of record, their folds for
+    cross-validation, and the variants of effects to try, by kind. The search does not use the rows
+    of the folds in `held_out`, a frozenset of int. In all methods `base` is a tuple of the effects
+    that are in the model already.
     """
 
     problem: object
@@ -77,24 +86,30 @@ class Search:
     _by_kinds: dict = field(default_factory=dict)
 
     def threshold(self, count):
-        """Return the logarithm of the largest p-value that passes the test.
+        """Return the logarithm of the largest p-value that passes the test, a float.
 
-        It follows Holm's method for several tests; `count` is the number of effects that are in
-        the model already.
+        By Holm's method for several tests, the significance is divided by the number of tests that
+        are left; `count` is the number of effects that are in the model already.
         """
         settings = self.problem.settings
         return np.log(settings.significance / max(1, self.problem.tests - count))
 
     def training_fit(self, base):
-        """Return the TrainingFit of the training rows, linearised with the base effects."""
+        """Return the TrainingFit, least squares of the training rows.
+
+        The rows are linearised about a fit that has the effects in `base`.
+        """
         return self.problem.training_fit(base, self.held_out)
 
     def test(self, base, effect):
-        """Return the Trial of one shape added to the base, or None if it cannot be estimated."""
+        """Return the Trial of an effect with given constants added to the effects in `base`.
+
+        It is None if the training rows do not determine the parameters of the effect.
+        """
         return self.tests(base, (effect,))[0]
 
     def tests(self, base, effects, hypotheses=slice(None)):
-        """Test several shapes, each added to the base alone.
+        """Test several variants, effects with values of their constants, each added alone.
 
         Each axis has its own parameters and its own noise; Fisher's method combines the p-values
         of the axes.
@@ -104,20 +119,23 @@ class Search:
         base : tuple of Effect
             Effects that are in the model already.
         effects : sequence of Effect
-            The shapes.
+            The variants to test.
         hypotheses : ndarray, shape (h,) of bool, optional
-            The noise hypotheses that the test averages over; all by default.
+            The noise hypotheses, covariances that the noise may have, over which the p-value is
+            averaged; all by default.
 
         Returns
         -------
         list of Trial or None
-            An entry for each shape; None if an axis cannot estimate it.
+            An entry for each variant. It is None if no axis depends on the variant, or if one that
+            does cannot estimate it.
         """
         training_fit, testable = self.training_fit(base), {}
         axes = range(training_fit.evidence.axes)
         fits_without = [training_fit.fit(base, axis) for axis in axes]
         fits_with = training_fit.fits(base, [(e,) for e in effects])
         for k, pattern in enumerate(training_fit.evidence.patterns(effects)):
+            # by axis that depends on the effect, the fits without and with it
             fits = {a: (fits_without[a], fits_with[a][k]) for a in axes if pattern.columns[a]}
             if fits and all(without and with_effect for without, with_effect in fits.values()):
                 testable[k] = fits
@@ -125,69 +143,90 @@ class Search:
         log_p, trials = iter(log_p_values(pairs, hypotheses)), [None] * len(effects)
         for k, fits in testable.items():
             by_axis = {axis: next(log_p) for axis in fits}
-            joint = float(fisher(by_axis.values()))
-            trials[k] = Trial(effects[k], joint, min(by_axis, key=by_axis.get), len(by_axis))
+            trials[k] = Trial(
+                effect=effects[k],
+                log_p=float(fisher(by_axis.values())),
+                axis=min(by_axis, key=by_axis.get),
+                axes=len(by_axis),
+            )
         return trials
 
     def trial(self, base, kind, may_give_up=False):
-        """Return the Trial of the best shape of a kind, added to the base, or None.
+        """Return the Trial of the best variant of a kind of effect, added to `base`, or None.
 
-        It is None if the base has the kind, or if no shape can be estimated. With `may_give_up` it
-        is also None if a scan stops early, because its first step is no clearer than chance.
+        It is None if the base has the kind, or if no variant can be estimated. Most kinds have a
+        list of variants. A kind with too many, such as steps at any time, has a scan, a function
+        that finds the best one. With `may_give_up` the result is also None if the scan stops early,
+        because its first step is no clearer than chance.
         """
         if kind in kinds_of(base):
             return None
+        # a list of variants cannot give up, so both values share a stored result
         may_give_up = may_give_up and kind in self.problem.scans
         key = base, kind, may_give_up
         if key not in self._trials:
             if kind in self.problem.scans:
                 self._trials[key] = self.problem.scans[kind](self, base, may_give_up)
             else:
-                shapes = self.problem.shapes[kind]
-                # a shape with a price counts as a fraction of a try
-                tries = np.log(sum(np.exp(-shape.price) for shape in shapes))
-                self._trials[key] = self.best_of_shapes(base, shapes, tries)
+                variants = self.problem.variants[kind]
+                # a variant with a price pays for itself, so it counts as exp(-price) tries
+                tries = np.log(sum(np.exp(-variant.price) for variant in variants))
+                self._trials[key] = self.best_variant(base, variants, tries)
         return self._trials[key]
 
-    def best_of_shapes(self, base, shapes, tries):
-        """Return the Trial of the best of several shapes, or None if none can be estimated.
+    def best_variant(self, base, variants, tries):
+        """Return the Trial of the best of several variants, or None if none can be estimated.
 
-        The best shape has the smallest p-value. If several are equally significant, see `ALIKE`,
-        it is the one with the smallest p-value under the noise hypotheses that estimates may use.
-        `tries` is the logarithm of the number of shapes, and is added to log p.
+        The best variant has the smallest p-value. If others have a log p within a share `ALIKE` of
+        the smallest, the best is the one with the smallest p-value under those noise hypotheses
+        that estimates of parameters may use.
+
+        Parameters
+        ----------
+        base : tuple of Effect
+            Effects that are in the model already.
+        variants : sequence of Effect
+            Effects of one kind, with different values of their constants.
+        tries : float
+            Logarithm of the number of variants that were tried. It is added to log p.
         """
-        trials = self._priced_tests(base, shapes)
+        trials = self._priced_tests(base, variants)
         smallest = min((t.log_p for t in trials), default=0.0)
         clearest = [t for t in trials if t.log_p <= (1 - ALIKE) * smallest]
         if not clearest:
             return None
         best = clearest[0]
         if len(clearest) > 1:
-            # shapes with equal patterns differ by rounding only: the first is taken
+            # variants with equal patterns differ by rounding only: the first is taken
             mask = self.training_fit(base).evidence.estimation_mask
             again = self._priced_tests(base, [t.effect for t in clearest], mask)
             best = clearest[int(np.argmin([round(t.log_p, 6) for t in again]))]
+        # most kinds have no physical limit, and their parameters need not be estimated
         impossible = False
         if np.isfinite(best.effect.kind.limit):
             values, std, _ = self.estimate(base, best.effect)
             impossible = bool(np.any(np.abs(values) - std > best.effect.kind.limit))
+        # log p includes the price already
         price = _price(base, best.effect)
         return replace(best, log_p=best.log_p + tries, tries=tries + price, impossible=impossible)
 
-    def _priced_tests(self, base, shapes, hypotheses=slice(None)):
-        """Return the Trials of the shapes that can be estimated, with their price added to log p.
+    def _priced_tests(self, base, variants, hypotheses=slice(None)):
+        """Return the significance tests of those variants that can be estimated, a list of Trial.
 
-        The arguments are those of `tests`.
+        `variants` are effects with values of their constants; each is added alone to the effects in
+        `base`. A variant with a constant that is rarely needed has a price, which is added to its
+        log p. The p-values are averaged over the noise covariances in the mask `hypotheses`, (h,)
+        of bool; by default over all.
         """
-        trials = [t for t in self.tests(base, shapes, hypotheses) if t]
+        trials = [t for t in self.tests(base, variants, hypotheses) if t]
         return [replace(t, log_p=t.log_p + _price(base, t.effect)) for t in trials]
 
     def estimate(self, base, effect):
-        """Return the parameters of an effect added to the base, with standard errors.
+        """Return the p parameters of an effect added to `base`, the effects in the model.
 
-        The result is the values, (p,), the standard errors, (p,), and the covariance, (p, p), SI.
-        They are averaged over the noise hypotheses and combined from all axes. Parameters that no
-        axis can estimate are zero.
+        The result is their values, (p,), standard errors, (p,), and covariance, (p, p), SI. They
+        are averaged over the noise hypotheses and combined from all axes. Parameters that no axis
+        can estimate are zero.
         """
         training_fit, estimates = self.training_fit(base), []
         (pattern,) = training_fit.evidence.patterns((effect,))
@@ -195,6 +234,7 @@ class Search:
             index, scale = pattern.parameters[axis], pattern.scale[axis]
             fit = training_fit.fit((*base, effect), axis) if columns else None
             if fit is not None:
+                # the last coefficients are those of the effect; each is a parameter times `scale`
                 coefficients, covariance = fit.average()
                 covariance = covariance[-len(columns) :, -len(columns) :] / np.outer(scale, scale)
                 estimates.append((index, coefficients[-len(columns) :] / scale, covariance))
@@ -203,32 +243,38 @@ class Search:
 
     @property
     def kinds(self):
-        """All kinds of effects that can be tried."""
-        return (*self.problem.shapes, *self.problem.scans)
+        """All kinds of effects that can be tried, a tuple: with a list of variants, or a scan."""
+        return (*self.problem.variants, *self.problem.scans)
 
     def significant_effects(self, kinds):
-        """Return the significant effects of some kinds, a tuple, without cross-validation.
+        """Return the significant effects of the given kinds, a tuple, without cross-validation.
 
         They are added one by one, each time the one with the smallest p-value, until none passes
-        the test.
+        the test. After each addition the constants of the earlier effects are chosen again.
         """
         effects = ()
         while best := self.best_trial(effects, kinds):
-            effects = self.with_best_shapes((*effects, best.effect))
+            effects = self.with_best_variants((*effects, best.effect))
         return effects
 
     def best_trial(self, base, kinds):
-        """Return the Trial of some kinds with the smallest p-value that passes the test, or None.
+        """Return the clearest Trial that passes the test, of the given kinds of effects, or None.
 
-        An effect of the temperature itself goes before an effect of time or of the past temperature
-        if it is at least half as clear, see `AS_CLEARLY`: the log shows its cause. Formulas are
-        tried if no named effect passes.
+        The clearest has the smallest p-value. But an effect of the present temperature goes before
+        an effect of time or of the past temperature if the size of its log p is at least half that
+        of the other's (`AS_CLEARLY`), as the log shows its cause. Formulas, effects without a known
+        cause, are tried if no other effect passes. `base` has the effects in the model.
         """
         named, formulas = ([k for k in kinds if k.is_formula == last] for last in (False, True))
         return self._best_of(base, named) or self._best_of(base, formulas)
 
     def _best_of(self, base, kinds):
-        """Return the best Trial by the rules of `best_trial`, with named and formulas alike."""
+        """Return the clearest Trial that passes the test, of the given kinds of effects, or None.
+
+        The clearest has the smallest p-value. But an effect of the present temperature goes before
+        one of time or of the past temperature if the size of its log p is at least the share
+        `AS_CLEARLY` of that of the other's. `base` has the effects in the model.
+        """
         trials = [self.trial(base, kind, may_give_up=True) for kind in kinds]
         passing = [
             t for t in trials if t and not t.impossible and t.log_p < self.threshold(len(base))
@@ -242,9 +288,10 @@ class Search:
         return self._first_alike(base, best, passing) if best else None
 
     def _first_alike(self, base, best, passing):
-        """Return the first Trial in the list `passing` that these data cannot tell from the best.
+        """Return the first Trial in a list that these data cannot tell from the best one.
 
         In one attitude, for example, a change of scale factor is the same as a change of bias.
+        `base` has the effects in the model; `passing` is the list, and `best` is one of its Trials.
         """
         training_fit = self.training_fit(base)
         for trial in passing:
@@ -257,23 +304,28 @@ class Search:
             ):
                 return trial
 
-    def with_best_shapes(self, effects):
-        """Return the effects, each but the last in the shape that fits best with the others."""
+    def with_best_variants(self, effects):
+        """Return the effects with their constants chosen again, a tuple.
+
+        Each effect but the last, one after the other, gets the variant (values of its constants)
+        with the smallest p-value when it is added to all others.
+        """
         for i, effect in enumerate(effects[:-1]):
-            shapes, best = self.problem.shapes.get(effect.kind, ()), None
+            variants, best = self.problem.variants.get(effect.kind, ()), None
             other_effects = effects[:i] + effects[i + 1 :]
-            if len(shapes) > 1:
-                best = self.best_of_shapes(other_effects, shapes, 0.0)
+            # only the p-values of one kind are compared, so the number of tries is left out
+            if len(variants) > 1:
+                best = self.best_variant(other_effects, variants, 0.0)
             elif effect.kind in self.problem.scans and self.problem.scans_again:
                 best = self.trial(other_effects, effect.kind)
             effects = (*effects[:i], best.effect, *effects[i + 1 :]) if best else effects
         return effects
 
     def refine(self, effects):
-        """Return the effects with refined constants, which may lie between those of the shapes.
+        """Return the effects with refined constants, a tuple.
 
-        The constants of one effect after the other are moved by the `FACTORS` while the likelihood
-        rises.
+        The search takes the constants, such as a time constant, from a grid. Here those of one
+        effect after the other are multiplied or divided by the `FACTORS` if the likelihood rises.
         """
         for i, effect in enumerate(effects):
             other_effects = effects[:i] + effects[i + 1 :]
@@ -281,27 +333,33 @@ class Search:
             training_fit = self.training_fit(other_effects)
             axes = range(training_fit.evidence.axes)
             fits = [training_fit.fit((*other_effects, effect), axis) for axis in axes]
+            # an effect without such a constant is not changed by a factor
             if not all(fits) or effect.moved(2.0) == effect:
                 continue
             hypotheses = [training_fit.hypothesis(fit) for fit in fits]
             for factor in FACTORS:
-                shapes = [effect.moved(f) for f in (1.0, 1 / factor, factor)]
+                variants = [effect.moved(f) for f in (1.0, 1 / factor, factor)]
                 losses = []
-                for shape in shapes:
-                    fits = [training_fit.fit((*other_effects, shape), axis) for axis in axes]
+                for variant in variants:
+                    fits = [training_fit.fit((*other_effects, variant), axis) for axis in axes]
                     by_axis = zip(fits, hypotheses, strict=True)
                     losses.append(sum(fit.loss[h] if fit else np.inf for fit, h in by_axis))
-                effect = shapes[int(np.argmin(np.round(losses, 6)))]
+                # equally likely to the sixth digit: the constant stays
+                effect = variants[int(np.argmin(np.round(losses, 6)))]
             effects = (*effects[:i], effect, *effects[i + 1 :])
         return effects
 
     def effects_of_kinds(self, kinds):
-        """Return one effect of each of the given kinds, in the best shape by the training rows.
+        """Return one effect of each of the given kinds, a tuple.
 
-        The effects are added one after the other. A kind without a trial is left out.
+        The effects are added one after the other, with the constants that fit the training rows
+        best. A kind that cannot be estimated is left out.
         """
+        # the first kinds alone are stored, too: choices without a fold ask for them again
         if kinds and kinds not in self._by_kinds:
             base = self.effects_of_kinds(kinds[:-1])
             trial = self.trial(base, kinds[-1])
-            self._by_kinds[kinds] = self.with_best_shapes((*base, trial.effect)) if trial else base
+            self._by_kinds[kinds] = (
+                self.with_best_variants((*base, trial.effect)) if trial else base
+            )
         return self._by_kinds.get(kinds, ())

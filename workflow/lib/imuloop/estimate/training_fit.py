@@ -1,6 +1,9 @@
 """The fit to training rows: generalised least squares under every noise hypothesis.
 
-The package's docstring defines row, column, fold, hypothesis and nuisance parameter.
+A row is one scalar residual. A noise hypothesis is one of h covariances that the noise of the rows
+may have. A column is the derivative of all rows with respect to one parameter of an effect, on one
+axis. Nuisance parameters, as the level of each record, are in every fit. A fold has the rows that
+cross-validation holds out together; the training rows are those of no held-out fold.
 """
 
 from dataclasses import dataclass, field
@@ -21,7 +24,8 @@ ROUNDING = 1e-12
 class ChiSquare:
     """χ² of a least-squares fit under each of h noise hypotheses, and what follows from it.
 
-    It may also stand for m fits with the same degrees of freedom: then all shapes (h,) are (h, m).
+    A noise hypothesis is one covariance that the noise of the rows may have. An instance may also
+    stand for m fits with the same degrees of freedom: then all arrays (h,) are (h, m).
     """
 
     chi2: np.ndarray  # (h,): χ² of the residuals
@@ -33,23 +37,30 @@ class ChiSquare:
 
     @property
     def scale(self):
-        """Estimated variance of the noise over the variance of the hypothesis, (h,)."""
+        """Factor s, (h,), by which the fit multiplies the covariance of each noise hypothesis.
+
+        It is the reduced χ², or the lower limit `least_scale` if that is larger.
+        """
         return np.maximum(self.least_scale, self.chi2 / self.dof)
 
     @property
     def loss(self):
-        """Term ``(dof log scale + χ²/scale)/2`` of minus the log likelihood, (h,)."""
+        """Term ``(dof log s + χ²/s)/2`` of minus the log likelihood, (h,), with s from `scale`."""
         return (self.dof * np.log(self.scale) + self.chi2 / self.scale) / 2
 
     @property
     def log_probability(self):
-        """Logarithm of restricted likelihood times prior of each hypothesis, (h,)."""
+        """Logarithm of restricted likelihood times prior of each noise hypothesis, (h,)."""
         return self.log_prior - self.loss
 
 
 @dataclass(frozen=True)
 class Fit(ChiSquare):
-    """Least squares of one axis with k columns, under each of h noise hypotheses."""
+    """Least squares of one axis, under each of h noise hypotheses.
+
+    The fit estimates the coefficients of k columns, the derivatives of the residuals by the
+    parameters of effects, each scaled to length one.
+    """
 
     # (h, k, k): normal matrix of the columns, each divided by its norm
     normal: np.ndarray
@@ -58,17 +69,18 @@ class Fit(ChiSquare):
 
     @property
     def probability(self):
-        """Posterior probability of each hypothesis, (h,); the sum is one."""
+        """Posterior probability of each noise hypothesis, (h,); the sum is one."""
         return softmax(self.log_probability)
 
     def average(self):
-        """Return the coefficients, (k,), and their covariance, (k, k), averaged over hypotheses.
+        """Return the coefficients of the columns, (k,), and their covariance, (k, k).
 
-        Each hypothesis has its posterior probability as weight. The covariance includes the scatter
-        of the coefficients between hypotheses.
+        Both are averaged over the noise hypotheses, each weighted with its posterior probability.
+        The covariance includes the scatter of the coefficients between hypotheses.
         """
         mean = self.probability @ self.coefficients
         change = self.coefficients - mean
+        # `normal` has columns of length one, so its inverse is scaled back
         inverse = np.linalg.inv(self.normal) / self.norms[:, :, None] / self.norms[:, None]
         squares = inverse * self.scale[:, None, None] + change[:, :, None] * change[:, None]
         return mean, np.einsum("h,hpq->pq", self.probability, squares)
@@ -76,12 +88,13 @@ class Fit(ChiSquare):
 
 @dataclass
 class TrainingFit:
-    """Least squares of the training rows, those that are not held out.
+    """Least squares of the training rows, which are all rows but those of held-out folds.
 
-    All products of columns use the precision P̃ of the training rows after the nuisance parameters
-    are projected out. For columns x and y of a group of rows with precision P it is
-    ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. The vectors t_x and t_y, (u,), are called the corrections of x
-    and y. Corrections and fits are stored, so that each is computed once.
+    All products of columns use P̃, the inverse of the covariance of the training rows after the
+    nuisance parameters, which are in every fit, are projected out. For columns x and y of a group
+    of rows with precision P the product is ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. The vectors t_x and t_y,
+    (u,), are called the corrections of x and y. Corrections and fits are stored, so that each is
+    computed once.
 
     Shapes: h noise hypotheses, n rows of a group, N rows of all groups, k columns, and u parameters
     that are projected out: one for each held-out row, and the nuisance parameters.
@@ -98,49 +111,56 @@ class TrainingFit:
 
     @cached_property
     def _roots(self):
-        """For each group a root R, (h, u, u), of ``(Uᵀ P U)⁻¹``, so that ``R Rᵀ`` is this inverse.
+        """For each group of rows R, (h, u, u), upper triangular, with ``R Rᵀ = (Uᵀ P U)⁻¹``.
 
-        U, (n, u), has a unit vector for each held-out row, as if the row had its own parameter,
-        and then the derivative by the nuisance parameters. P is the precision of all rows of the
-        group. R is upper triangular.
+        U, (n, u), has the columns that are projected out of the n rows of the group. First it has a
+        unit vector for each held-out row: with a parameter of its own, the row has no influence.
+        Then it has the derivative of the rows by the nuisance parameters. P, (n, n), is the inverse
+        of the covariance of the rows under each of h noise hypotheses.
         """
         roots, evidence = [], self.evidence
         groups = zip(evidence.row_groups, evidence.weighted_nuisance, self.held_rows, strict=True)
         for group, weighted_nuisance, held_rows in groups:
             if not np.all(np.any(np.delete(group.nuisance, held_rows, axis=0), axis=0)):
                 raise np.linalg.LinAlgError("a parameter that nothing seen depends on")
+            # Uᵀ P U in blocks: held-out rows first, nuisance parameters last
             normal = group.noise.precision[:, held_rows[:, None], held_rows]
             mixed, corner = weighted_nuisance[:, held_rows], group.nuisance.T @ weighted_nuisance
             below = np.concatenate([np.swapaxes(mixed, 1, 2), corner], axis=2)
             normal = np.concatenate([np.concatenate([normal, mixed], axis=2), below], axis=1)
             size = np.sqrt(np.einsum("huu->hu", normal))
             lower = np.linalg.cholesky(normal / size[:, :, None] / size[:, None])
-            # the transposed inverse of each lower triangle
+            # the transposed inverse of each lower triangle; the diagonal was scaled to one
             root = np.array([dtrtri(triangle.T)[0] for triangle in lower])
             roots.append(root / size[:, :, None])
         return roots
 
     @cached_property
     def free_rows(self):
-        """Number of training rows minus number of nuisance parameters."""
+        """Number of training rows (not held out) minus number of nuisance parameters."""
         nuisances = sum(group.nuisance.shape[1] for group in self.evidence.row_groups)
         return len(self.evidence.row_folds) - sum(map(len, self.held_rows)) - nuisances
 
     @cached_property
     def log_det(self):
-        """``log det Σ + log det Nᵀ Σ⁻¹ N``, (h,), of the training rows.
+        """``log det Σ + log det Nᵀ Σ⁻¹ N``, (h,), of the training rows, those not held out.
 
-        Σ is their covariance under each hypothesis, N the derivative by the nuisance parameters.
+        Σ is their covariance under each of h noise hypotheses, N their derivative by the nuisance
+        parameters. The sum equals ``log det Σ_all + log det Uᵀ P U`` with the covariance Σ_all of
+        all rows, its inverse P, and U that has N and a unit vector for each held-out row.
         """
         groups = zip(self.evidence.row_groups, self._roots, strict=True)
         diagonals = ((g, np.einsum("huu->hu", root)) for g, root in groups)
         return sum(g.noise.log_det - 2 * np.log(diagonal).sum(axis=1) for g, diagonal in diagonals)
 
     def products(self, first, second):
-        """Return the products ``Yᵀ P̃ Z`` of columns Y and Z, (h, k, m), summed over the groups.
+        """Return the products ``Yᵀ P̃ Z`` of columns Y and Z, (h, k, m), under h noise hypotheses.
 
-        `first` has the numbers of the k columns Y, and `second` those of the m columns Z. With U as
-        in `_roots` a product is ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)``.
+        `first` has the numbers, in the Evidence, of the k columns Y, and `second` those of the m
+        columns Z. P̃ is the precision of the training rows without the nuisance parameters. A
+        product is the sum of ``Yᵀ P Z - (Uᵀ P Y)ᵀ (Uᵀ P U)⁻¹ (Uᵀ P Z)`` over all groups of rows.
+        P is the precision of all rows of a group; U has a unit vector for each held-out row, and
+        the derivative of the rows by the nuisance parameters.
         """
         self._add_columns((*first, *second))
         total, by_group = 0.0, self.evidence.split(self.evidence.matrix(second))
@@ -152,7 +172,8 @@ class TrainingFit:
     def _products_in_sets(self, sets):
         """Return the products ``Zᵀ P̃ Z`` within each of s sets of q columns Z, (h, s, q, q).
 
-        `sets`, (s, q), has the numbers of the columns.
+        `sets`, (s, q), has the numbers of the columns in the Evidence. P̃ is the precision of the
+        training rows, without the nuisance parameters, under each of h noise hypotheses.
         """
         columns, total = tuple(sets.ravel().tolist()), 0.0
         self._add_columns(columns)
@@ -164,11 +185,22 @@ class TrainingFit:
         return total
 
     def corrections(self, i, columns):
-        """Return the stored corrections of k columns in group i, (h, k, u)."""
+        """Return the corrections of k columns, (h, k, u), in row group i, stored beforehand.
+
+        A correction is the vector t with ``xᵀ P̃ y = xᵀ P y - t_x·t_y`` under each of h noise
+        hypotheses, where P̃ projects u parameters out. `columns` are the numbers of the columns.
+        """
         return np.stack([self._corrections[c][i] for c in columns], axis=1)
 
     def _add_columns(self, columns):
-        """Compute and store the corrections and squares of columns that have none yet."""
+        """Compute and store the corrections and squares of columns that have none yet.
+
+        `columns` are numbers of columns in the Evidence. P is the precision of all rows, and P̃
+        that of the training rows after the nuisance parameters are projected out. The correction of
+        a column x is the vector t with ``xᵀ P̃ x = xᵀ P x - |t|²``. Its square is ``xᵀ P x`` less
+        the part of |t|² by the held-out rows, under the first noise hypothesis: with it a column is
+        compared that the nuisance parameters and other columns may explain.
+        """
         new = [c for c in dict.fromkeys(columns) if c not in self._corrections]
         if not new:
             return
@@ -180,20 +212,22 @@ class TrainingFit:
             all_squares = all_squares + square
             squares = squares + square - (t[0, :, : len(held_rows)] ** 2).sum(axis=1)
             by_group.append(t)
-        # a column that is zero in all training rows has a square of rounding errors only
+        # a column that is zero in all training rows has a square of rounding errors only: with an
+        # infinite square it counts as dependent
         squares = np.where(squares > ROUNDING * all_squares, squares, np.inf)
         self._corrections |= {c: [t[:, k] for t in by_group] for k, c in enumerate(new)}
         self._squares |= dict(zip(new, squares.tolist(), strict=True))
 
     def release(self):
-        """Free the memory of fits and products; they are recomputed if needed."""
+        """Delete the stored fits and products of columns; they are recomputed if needed."""
         for store in (self._fits, self._corrections, self._squares):
             store.clear()
 
     def apply_precision(self, i, hypothesis, columns):
-        """Return ``P̃ X`` of columns X, (n, k), of group i; held-out rows are zero.
+        """Return ``P̃ X``, (n, k), of the part X of k columns, (n, k), in the n rows of group i.
 
-        `hypothesis` is the index of the noise hypothesis.
+        P̃ is the precision of the training rows without the nuisance parameters, under the noise
+        hypothesis of index `hypothesis`. Held-out rows of the result are zero.
         """
         precision = self.evidence.row_groups[i].noise.precision[hypothesis]
         held_rows = self.held_rows[i]
@@ -205,20 +239,22 @@ class TrainingFit:
         return result
 
     def correction(self, i, hypothesis, weighted):
-        """Return the correction t, (..., u), of columns x in group i.
+        """Return the correction ``t = xᵀ P U R``, (..., u), of columns x in the n rows of group i.
 
-        `weighted`, (..., n), has the products ``xᵀ P``; `hypothesis` is the index of one noise
-        hypothesis, or a slice of all.
+        With it ``xᵀ P̃ y = xᵀ P y - t_x·t_y``. P is the precision of all n rows, U has the u
+        columns that are projected out, and ``R Rᵀ = (Uᵀ P U)⁻¹``. `weighted`, (..., n), has the
+        products ``xᵀ P``; `hypothesis` is the index of one noise hypothesis, or a slice of all.
         """
         nuisance = self.evidence.row_groups[i].nuisance
         side = np.concatenate([weighted[..., self.held_rows[i]], weighted @ nuisance], axis=-1)
         return side @ self._roots[i][hypothesis]
 
     def step_information(self, i, hypothesis):
-        """Return ``xᵀ P̃ x``, (n,), of a unit step x before each row of group i.
+        """Return ``xᵀ P̃ x``, (n,), for a step x before each of the n rows of group i.
 
-        It is the information of the group about the size of the step. `hypothesis` is the index of
-        the noise hypothesis.
+        x is zero before the step and one after it, so the result is the Fisher information of the
+        group about the size of the step. P̃ is the precision of the training rows without the
+        nuisance parameters, under the noise hypothesis of index `hypothesis`.
         """
         precision = self.evidence.row_groups[i].noise.precision[hypothesis]
         # the sum over all rows from row k on is the product with a step before row k
@@ -227,14 +263,17 @@ class TrainingFit:
         return np.triu(weighted).sum(axis=1) - removed
 
     def fit(self, effects, axis):
-        """Return the Fit of one axis to effects, or None if their columns are dependent."""
+        """Return the Fit of one axis, an index, to the training rows with some effects.
+
+        It is None if the derivatives by the parameters of the effects are linearly dependent.
+        """
         key = tuple(effects)
         if key not in self._fits:
             self._fits[key] = [fit for (fit,) in self.fits(effects, [()])]
         return self._fits[key][axis]
 
     def fits(self, base, additions):
-        """Fit the base effects together with each of several tuples of further effects.
+        """Fit the base effects, already in the model, with each of several tuples of further ones.
 
         Parameters
         ----------
@@ -244,10 +283,13 @@ class TrainingFit:
         Returns
         -------
         list of list of Fit or None
-            For each axis a list with an entry for each tuple in `additions`. It is None if the
-            columns of the effects are linearly dependent, or if there are as many columns as rows.
+            For each axis a list with an entry for each tuple in `additions`. The entry is None if
+            the derivatives by the parameters of the effects (columns) are linearly dependent, or
+            if there are as many columns as rows.
         """
         axes, columns_of = range(len(self.residual_columns)), self.evidence.columns_of
+        # by the base's columns and the number q of further columns: for each set of further columns
+        # the fits that have it, as (axis, index of the addition)
         fits, groups = [[None] * len(additions) for _ in axes], {}
         for axis in axes:
             shared = columns_of(base, axis)
@@ -264,20 +306,25 @@ class TrainingFit:
         return fits
 
     def _fit(self, shared, sets):
-        """Fit `shared` columns plus each of s sets of q further columns.
+        """Fit some columns that are in every fit, plus each of s sets of q further columns.
+
+        A column is the derivative of all rows on one axis by one parameter of an effect. The
+        Evidence stores it under a number.
 
         Parameters
         ----------
         shared : tuple of int
-            Numbers of the shared columns.
+            Numbers of the columns in every fit.
         sets : ndarray, shape (s, q) of int
-            Numbers of the further columns.
+            Numbers of the further columns of each set.
 
         Returns
         -------
         list of list of Fit, or None
-            For each set a Fit on each axis; None if the columns are linearly dependent.
+            For each set a Fit to the residuals of each axis; None if its columns are linearly
+            dependent.
         """
+        # number of axes, of sets, of further columns, and of all columns of a fit
         axes, (count, q) = len(self.residual_columns), sets.shape
         k = len(shared) + q
         dof = self.free_rows - k
@@ -292,6 +339,7 @@ class TrainingFit:
         gram[:, :, c:, :c] = gram[:, :, :c, c:].swapaxes(2, 3)
         if q:
             gram[:, :, c:, c:] = self._products_in_sets(sets)
+        # normal matrix, (h, s, k, k), right-hand sides, (h, s, k, a), and χ² without columns
         normal, moment = gram[:, :, axes:, axes:], gram[:, :, axes:, :axes]
         total = np.einsum("hsaa->hsa", gram[:, :, :axes, :axes])
         # dependent columns, and a nearly singular matrix, give no fit
@@ -310,14 +358,26 @@ class TrainingFit:
         log_prior = (self.evidence.log_prior - self.log_det / 2)[:, None] - log_det / 2
         fits = [None] * count
         for s in np.flatnonzero(independent):
-            terms = log_prior[:, s], dof, self.evidence.least_scale, normal[:, s], norms[:, s]
-            fits[s] = [Fit(chi2[:, s, a], *terms, coefficients[:, s, :, a]) for a in range(axes)]
+            # all axes have the same columns
+            fits[s] = [
+                Fit(
+                    chi2=chi2[:, s, a],
+                    log_prior=log_prior[:, s],
+                    dof=dof,
+                    least_scale=self.evidence.least_scale,
+                    normal=normal[:, s],
+                    norms=norms[:, s],
+                    coefficients=coefficients[:, s, :, a],
+                )
+                for a in range(axes)
+            ]
         return fits
 
     def hypothesis(self, fit):
-        """Return the index of the noise hypothesis for estimates of parameters.
+        """Return the index of the noise hypothesis that estimates of parameters use.
 
-        It is the likeliest hypothesis of a Fit that `Evidence.estimation_mask` allows.
+        It is the likeliest hypothesis, by the Fit `fit`, of those that may be used for estimates
+        (`Evidence.estimation_mask`).
         """
         allowed = np.where(self.evidence.estimation_mask, fit.log_probability, -np.inf)
         return int(np.argmax(allowed))
@@ -325,8 +385,13 @@ class TrainingFit:
     def solve(self, effects, axis):
         """Return the estimates of one axis: nuisance parameters and coefficients of columns.
 
-        The nuisance parameters are a list of arrays, (p,), one for each group. The coefficients,
-        (k,), belong to the columns of the effects; they are zero if the columns are dependent.
+        Returns
+        -------
+        list of ndarray, shape (p,)
+            For each group of rows its p nuisance parameters, which are in every fit.
+        ndarray, shape (k,)
+            The coefficients of the k columns that `effects` have on the axis, an index. They are
+            zero if the columns are linearly dependent.
         """
         fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None and columns:
@@ -335,23 +400,32 @@ class TrainingFit:
             raise np.linalg.LinAlgError("fewer rows are seen than parameters")
         hypothesis = self.hypothesis(fit)
         index = self.evidence.nuisance_index
+        # by default the hypothesis of the coefficients also estimates the nuisance parameters
         index = hypothesis if index is None else index
         coefficients, nuisances = fit.coefficients[hypothesis], []
         for i, (root, held_rows) in enumerate(zip(self._roots, self.held_rows, strict=True)):
+            # corrections of the residuals and of the columns: ``R t`` are the parameters that fit
+            # them
             t = self.corrections(i, (self.residual_columns[axis], *columns))[index]
+            # the first parameters that are projected out belong to the held-out rows
             nuisances.append((root[index] @ (t[0] - coefficients @ t[1:]))[len(held_rows) :])
         return nuisances, coefficients
 
     def parameters(self, effects, axis):
         """Return the estimates of one axis: nuisance parameters and parameters of the effects.
 
-        The nuisance parameters are a list of arrays, (p,), one for each group. The parameters of
-        the effects are a dict of arrays, (q,), SI, by effect; they are zero where the rows of the
-        axis do not depend on them.
+        Returns
+        -------
+        list of ndarray, shape (p,)
+            For each group of rows its p nuisance parameters, which are in every fit.
+        dict of Effect to ndarray, shape (q,)
+            The q parameters of each of the `effects`, SI. They are zero if the rows of the axis, an
+            index, do not depend on them.
         """
         nuisances, coefficients = self.solve(effects, axis)
         parameters = {}
         for pattern in self.evidence.patterns(effects):
+            # the effect has a column for each parameter in `index`, divided by `scale`
             index, scale = pattern.parameters[axis], pattern.scale[axis]
             parameters[pattern.effect] = np.zeros(pattern.design.shape[2])
             parameters[pattern.effect][index] = coefficients[: len(index)] / scale
@@ -359,7 +433,11 @@ class TrainingFit:
         return nuisances, parameters
 
     def residuals(self, effects, axis):
-        """Return the residuals of all rows on one axis, (N,), from the fit to the training rows."""
+        """Return the residuals of all N rows on one axis, (N,), SI, from a fit with some effects.
+
+        The fit is to the training rows alone, so the residuals of the other rows are held-out
+        errors. `axis` is the index of the axis.
+        """
         nuisances, coefficients = self.solve(effects, axis)
         groups = zip(self.evidence.row_groups, nuisances, strict=True)
         fitted = np.concatenate([g.nuisance @ nuisance for g, nuisance in groups])
@@ -367,11 +445,12 @@ class TrainingFit:
         return self.evidence.columns[self.residual_columns[axis]] - fitted - columns @ coefficients
 
     def estimate(self, effects, axis):
-        """Return the coefficients of the effects' columns, (k,), and their covariance, (k, k).
+        """Return the coefficients, (k,), of the effects' k columns and their covariance, (k, k).
 
-        The coefficients are estimated with the precision P̃ of one hypothesis, see `hypothesis`.
-        Their covariance is ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``, with the columns Z, ``A = Zᵀ P̃ Z`` and the
-        noise covariance Σ averaged over the hypotheses. Both results are None without a fit.
+        `axis` is the index of the axis. The coefficients are estimated with the precision P̃ under
+        the likeliest noise hypothesis of those that estimates may use. Their covariance is
+        ``A⁻¹ Zᵀ P̃ Σ P̃ Z A⁻¹``, with the columns Z, ``A = Zᵀ P̃ Z`` and the noise covariance Σ
+        averaged over all hypotheses. Both results are None if the columns are linearly dependent.
         """
         fit, columns = self.fit(effects, axis), self.evidence.columns_of(effects, axis)
         if fit is None:
@@ -384,10 +463,11 @@ class TrainingFit:
         return fit.coefficients[self.hypothesis(fit)], inverse @ variance @ inverse
 
     def moments(self, fit, columns):
-        """Return the information ``Zᵀ P̃ Z`` and its variance ``Zᵀ P̃ Σ P̃ Z``, both (k, k).
+        """Return ``Zᵀ P̃ Z``, (k, k), and the covariance of ``Zᵀ P̃ r``, ``Zᵀ P̃ Σ P̃ Z``, (k, k).
 
-        `columns` are Z, (N, k). The precision P̃ of the training rows is that of one hypothesis of
-        the Fit, see `hypothesis`. The noise covariance Σ is averaged over all hypotheses.
+        `columns` are Z, (N, k). P̃ is the precision of the training rows without the nuisance
+        parameters, under the noise hypothesis that estimates by the Fit `fit` use. The covariance Σ
+        of the noise r is averaged over all hypotheses.
         """
         hypothesis, information, variance = self.hypothesis(fit), 0.0, 0.0
         for i, z in enumerate(self.evidence.split(columns)):
@@ -399,7 +479,11 @@ class TrainingFit:
 
 
 def scaled_inverse(matrix):
-    """Return the inverse of a positive definite matrix, computed with ones on its diagonal."""
+    """Return the inverse, (p, p), of a positive definite matrix, (p, p).
+
+    It is computed from the matrix scaled to ones on the diagonal, as parameters of different units
+    would make it ill-conditioned.
+    """
     size = np.sqrt(np.diag(matrix))
     return np.linalg.inv(matrix / np.outer(size, size)) / np.outer(size, size)
 
@@ -407,8 +491,9 @@ def scaled_inverse(matrix):
 def combined_axes(count, estimates):
     """Combine the estimates of p parameters from several axes.
 
-    Parameters that several axes share are averaged with the weights C_a⁻¹:
-    ``C = (Σ C_a⁻¹)⁻¹`` and ``θ = C Σ C_a⁻¹ θ_a``. Parameters of no axis are zero.
+    Each axis a has estimates θ_a of some of the parameters, with the covariance C_a. Parameters
+    that several axes estimate are averaged with the weights C_a⁻¹: ``C = (Σ C_a⁻¹)⁻¹`` and
+    ``θ = C Σ C_a⁻¹ θ_a``. Parameters that no axis estimates are zero.
 
     Parameters
     ----------
@@ -425,6 +510,7 @@ def combined_axes(count, estimates):
     values, covariance = np.zeros(count), np.zeros((count, count))
     for index, axis_values, axis_covariance in estimates:
         values[index], covariance[np.ix_(index, index)] = axis_values, axis_covariance
+    # if no parameter is estimated twice, nothing has to be averaged
     indices = np.concatenate([np.zeros(0, int), *(index for index, _, _ in estimates)])
     # an axis that never changes has estimates of variance zero, which cannot be averaged
     estimates = [e for e in estimates if np.all(np.diag(e[2]) > 0)]

@@ -17,20 +17,28 @@ LEFT = ("unexplained", "partly_explained")
 
 
 def not_testable(why):
-    """Return the fields of diagnosis.json for data that cannot be tested; `why` is the reason."""
+    """Return the fields of diagnosis.json for data that cannot be tested, a dict.
+
+    `why` is the reason, one line of text.
+    """
     lists = ("effects", "candidates", "confounded")
     return {"verdict": "not_testable", "why": why, "residuals": {}} | {name: [] for name in lists}
 
 
 @dataclass(frozen=True)
 class ResidualGroup:
-    """n residuals whose noise is independent of all others, with the m covariances it may have."""
+    """n residuals whose noise is independent of that of all other groups.
 
-    values: np.ndarray  # (n,): residuals of a fit
+    The noise has one of m covariances, the alternatives.
+    """
+
+    values: np.ndarray  # (n,): residuals of a fit, SI
     jacobian: np.ndarray  # (n, p): derivative with respect to the parameters of the fit
     covariances: list  # m arrays, (n, n): each is one alternative; the noise as estimated is first
-    row_folds: np.ndarray  # (n, 2): folds that a residual is held out with, as in `RowGroup`
-    kinds: list  # the residuals of each kind, (n,) of bool
+    # (n, 2): the fold that a residual is held out with, and a second fold that it depends on, as a
+    # move depends on the pose at its end; -1 is no fold
+    row_folds: np.ndarray
+    kinds: list  # for each kind of residual, such as rotation, its residuals, (n,) of bool
 
 
 @dataclass(frozen=True)
@@ -56,7 +64,8 @@ def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
     squares : list of float
         Sum of the squared held-out errors of each kind of residual.
     fitted : int
-        Number of fitted parameters that are not columns of a Jacobian.
+        Number of fitted parameters that are not columns of a Jacobian. It is subtracted from the
+        degrees of freedom of every kind.
     predicted : ndarray, shape (n,) of bool, or True
         Residuals of a group that have held-out errors; all by default.
 
@@ -67,6 +76,8 @@ def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
     list of NoiseComparison
         The comparison for each kind of residual.
     """
+    # by alternative: χ² and degrees of freedom of each kind, p-value of its held-out errors, and
+    # the logarithm of prior times likelihood of all residuals
     chi2, heldout_p_values, log_weights = [], [], []
     rows_of_groups = [[rows & predicted for rows in group.kinds] for group in groups]
     for m, prior in enumerate(log_prior):
@@ -85,16 +96,23 @@ def compare_with_noise(groups, log_prior, squares, fitted=0, predicted=True):
     weights, comparisons = softmax(log_weights), []
     for fits, heldout in zip(np.swapaxes(chi2, 0, 1), np.transpose(heldout_p_values), strict=True):
         p_values = [float(chdtrc(dof, square)) for square, dof in fits]
-        means, (square, dof) = (float(weights @ p_values), float(weights @ heldout)), fits[0]
-        comparisons.append(NoiseComparison(*means, p_values[0], float(square / dof)))
+        # the first alternative is the noise as estimated
+        square, dof = fits[0]
+        comparison = NoiseComparison(
+            p_value=float(weights @ p_values),
+            heldout_p_value=float(weights @ heldout),
+            p_value_as_estimated=p_values[0],
+            reduced_chi2=float(square / dof),
+        )
+        comparisons.append(comparison)
     return weights, comparisons
 
 
 def verdict(above_before, above_after, effects):
     """Return the verdict on a residual, one of `TESTED`.
 
-    `above_before` and `above_after`, bool, say whether the residual is above its floor without and
-    with the added effects; `effects` says whether there are any.
+    `above_before` and `above_after`, bool, say whether the residual is larger than the noise
+    explains, without and with the added effects; `effects`, bool, says whether there are any.
     """
     if not effects:
         return "unexplained" if above_before else "consistent"
@@ -102,36 +120,41 @@ def verdict(above_before, above_after, effects):
 
 
 def of_calibration(records, static):
-    """Return the worst verdict of the records that a sensor's calibration comes from.
+    """Return the worst verdict of the records that a sensor's calibration comes from, one word.
 
-    Poses and the comparison to a reference always count. Other records, such as motion, count if
-    they added an effect.
+    It is ``not_testable`` if no record was tested. Poses and the comparison to a reference always
+    count. Other records, such as motion, count if they added an effect.
 
     Parameters
     ----------
     records : dict of str to dict
-        Content of diagnosis.json for each kind of record of the sensor.
+        For each kind of record of the sensor, its part of diagnosis.json.
     static : bool
         Whether there is a static session: then the static record counts, too.
     """
-    kinds = ("poses", "reference", *["static_record"] * static)
-    verdicts = [c["verdict"] for kind, c in records.items() if kind in kinds or c["effects"]]
+    always_counted = ("poses", "reference", *["static_record"] * static)
+    verdicts = [
+        content["verdict"]
+        for kind, content in records.items()
+        if kind in always_counted or content["effects"]
+    ]
     return max((v for v in verdicts if v in TESTED), key=TESTED.index, default="not_testable")
 
 
 def may_lack_effect(content):
-    """Return whether a record may lack an effect, from its content of diagnosis.json.
+    """Return whether the model of a record may lack an effect, a bool.
 
     It may if the verdict says so, or if only more slow noise than was estimated explains the
-    residuals: a missing effect can look like slow noise.
+    residuals, as a missing effect can look like slow noise. `content` is the part of diagnosis.json
+    on this record, a dict.
     """
     return content["verdict"] in LEFT or content.get("slow_noise", False)
 
 
 def above_floor(comparison, significance, heldout, floor, has_effects):
-    """Return whether a residual is larger than the noise explains.
+    """Return whether a residual is larger than the noise explains, a bool.
 
-    It is in two cases:
+    It is in two cases. The floor is the held-out error that the noise alone gives:
 
     - χ² of the fit is too large, and the held-out error is above its floor.
     - The held-out error is above its floor by more than `MARGIN`, and is too large for the noise.
@@ -140,14 +163,14 @@ def above_floor(comparison, significance, heldout, floor, has_effects):
     Parameters
     ----------
     comparison : NoiseComparison
-        P-values of the residual.
+        The p-values of the residual by the noise alone.
     significance : float
         Largest p-value that counts as too large a residual.
     heldout, floor : float
-        Held-out error, and the held-out error that the noise alone predicts.
+        Root mean square of the held-out error, and of the one that the noise alone predicts, SI.
     has_effects : bool
         Whether the model has effects, which the data chose. Without effects the first case is the
-        main test, and the second one has a tenth of the significance.
+        main test, so the second one has a tenth of the significance.
     """
     level = significance if has_effects else significance / 10
     far_above = comparison.heldout_p_value < level and heldout > MARGIN * floor
@@ -157,8 +180,8 @@ def above_floor(comparison, significance, heldout, floor, has_effects):
 def why_not_shown(kind, limits, units):
     """Return the reason, text, why these data cannot show an effect of any possible size, or None.
 
-    `kind` is the kind of effect. `limits` are its detection limits, SI, and `units` their units,
-    both dicts by parameter.
+    `kind` is the kind of effect, whose `limit` is the largest possible size. `limits` are the least
+    sizes that the data would show, SI, and `units` their units, both dicts by parameter.
     """
     if not limits:
         return "at no size that was tried would held-out parts confirm it for certain"

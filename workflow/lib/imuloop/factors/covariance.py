@@ -11,35 +11,39 @@ from imuloop.factors.means import PARTS
 
 
 class ResidualCovariance:
-    """The covariance that the noise predicts for the residuals of Linearised factors.
+    """The covariance that the noise predicts for the residuals of a recording at a state.
 
-    The noise of each channel enters the residuals in two ways. Slow noise and the noise of rests
-    enter by M means, over the n rests and the parts of the m moves (`ChannelMeans`); the gain is
-    the derivative of the residuals with respect to these means. White noise within a move, and
-    errors by undersampling, dropped samples and jitter, enter the residuals of that move only; they
-    correlate its rotation and its velocity. Noise of different power cycles is independent.
+    The recording has n rests and m moves between them. The noise of each channel enters the
+    residuals in two ways. Slow noise and the noise of rests enter by M means of the channel, over
+    the rests and over `PARTS` parts of each move; the gain is the derivative of the residuals with
+    respect to these means. White noise within a move, and errors by undersampling, dropped samples
+    and jitter, enter the residuals of that move only; they correlate its rotation and its velocity.
+    Noise of different power cycles is independent.
 
-    Takes the Linearised factors, which have N residuals that count.
+    Takes the Linearised factors, which have N residuals that the fit uses.
     """
 
-    def __init__(self, at):
-        measured, self.means = at.measured, at.measured.recording.means
+    def __init__(self, linearised):
+        measured, self.means = linearised.measured, linearised.measured.recording.means
         self.rests, self.moves, self.counted = measured.rests, measured.moves, measured.counted
-        self.rows, self.places, self.weights = at.move_rows, at.places, at.weights
-        self.force, self.force_gain = at.force_at_rest, at.force.gain
+        self.rows, self.places = linearised.move_rows, linearised.places
+        self.weights = linearised.weights
+        self.force, self.force_gain = linearised.force_at_rest, linearised.force.gain
         # few means enter each residual
-        self.gains = [csr_array(gain) for gain in self._gains(at.rest_rows)]
+        self.gains = [csr_array(gain) for gain in self._gains(linearised.rest_rows)]
 
     def by(self, noise, aliasing=True):
-        """Return the covariance of the residuals that count by a NoiseModel, (N, N).
+        """Return the covariance, (N, N), of the N residuals that the fit uses, by a NoiseModel.
 
-        It includes the errors by undersampling if `aliasing` is true.
+        It includes the errors of rotations by undersampling if `aliasing` is true.
         """
         covariance, places, moves = 0.0, self.places, self.moves
         for gain, channel in zip(self.gains, range(6), strict=True):
             covariance = covariance + _propagate(gain, self.means.covariance(noise, channel))
+        # (m, a, a): of the a residuals of each move by white noise within it
         white = [noise.axes[name].N.square for name in CHANNELS]
         within = np.tensordot(white, self._within, 1)
+        # dropped samples and jitter always count
         within += self._extra(moves.time_covariance + aliasing * moves.aliasing_covariance)
         covariance[places[:, :, None], places[:, None]] += within
         for axis, columns in zip(ANGULAR_RATE, self._tilt_columns, strict=True):
@@ -47,39 +51,47 @@ class ResidualCovariance:
         return self._select_counted(covariance)
 
     def component(self, channel, term):
-        """Return the covariance of the residuals that count by one noise term of size one, (N, N).
+        """Return the covariance, (N, N), of the N residuals that the fit uses, by one noise term.
 
-        The term is flicker, 'B', or random walk, 'K', of the channel with the given name.
+        The term is flicker, 'B', or random walk, 'K', of the channel with the name `channel`, with
+        a coefficient of one SI unit.
         """
         gain = self.gains[CHANNELS.index(channel)]
         return self._select_counted(_propagate(gain, self.means.of_one[term]))
 
     def of_aliasing(self):
-        """Return the covariance of the residuals that count by undersampling, (N, N)."""
+        """Return the covariance, (N, N), of the N residuals that the fit uses, by undersampling."""
         total, places = np.zeros((len(self.counted),) * 2), self.places
         total[places[:, :, None], places[:, None]] = self._extra(self.moves.aliasing_covariance)
         return self._select_counted(total)
 
     def _select_counted(self, covariance):
-        """Return the rows and columns of the residuals that count."""
+        """Return the part, (N, N), of the covariance of all residuals that the fit uses."""
         counted = self.counted
         return covariance if counted.all() else covariance[np.ix_(counted, counted)]
 
     @cached_property
     def _within(self):
-        """Covariance of a move's residuals by white noise of density one, (6, m, a, a)."""
+        """Covariance of the a residuals of each move by white noise within it, (6, m, a, a).
+
+        The first axis is the channel, in the order ax … gz. The noise has the density one.
+        """
         a = self.rows.residual.shape[1]
-        made, turned = np.zeros((6, len(self.moves), a, a)), np.moveaxis(self.rows.by_turn, -1, 0)
-        made[3:] = (turned * self.moves.steps[..., None]).swapaxes(2, 3) @ turned
+        by_turn = np.moveaxis(self.rows.by_turn, -1, 0)
+        covariance = np.zeros((6, len(self.moves), a, a))
+        covariance[3:] = (by_turn * self.moves.steps[..., None]).swapaxes(2, 3) @ by_turn
         if self.rows.by_force is not None:
-            pushed = np.moveaxis(self.rows.by_force @ self.force_gain, -1, 0)
-            made[:3, :, 2:, 2:] = (pushed * self.weights[..., None]).swapaxes(2, 3) @ pushed
-        return made
+            by_force = np.moveaxis(self.rows.by_force @ self.force_gain, -1, 0)
+            weighted = by_force * self.weights[..., None]
+            # the first two residuals are those of the rotation, which the force does not enter
+            covariance[:3, :, 2:, 2:] = weighted.swapaxes(2, 3) @ by_force
+        return covariance
 
     def _extra(self, covariance):
-        """Return the covariance of a move's residuals by errors of its rotation, (m, a, a).
+        """Return the covariance of each move's a residuals by errors of its rotation, (m, a, a).
 
-        Takes the covariance of the errors that arise in each part of a rotation, (m, g, 3, 3).
+        `covariance`, (m, g, 3, 3), is that of the errors, rad², that arise in each of g parts of
+        the rotation, on body axes.
         """
         steps = self.moves.extra_at
         gain = self.rows.by_turn[np.arange(len(steps))[:, None], steps]
@@ -87,10 +99,11 @@ class ResidualCovariance:
 
     @cached_property
     def _tilt_columns(self):
-        """Columns C, (3, N, c), of the covariance ``C Cᵀ`` by white noise of each rate at tilts.
+        """Columns C, (3, L, c), of the covariance ``C Cᵀ`` by white noise of each rate at tilts.
 
-        The direction of gravity at a rest that tilts is turned by the gyroscope to the start or the
-        end of the rest, of duration T. White noise n of density one changes these turns by
+        L is the number of all residuals, used by the fit or not. The first axis is the rate's.
+        At a rest that tilts, the gyroscope turns the direction of gravity to the start or the end
+        of the rest, of duration T. White noise n of density one changes these small rotations by
         ``∫ n s/T ds`` to the end and ``-∫ n (1 - s/T) ds`` to the start, with the time s since the
         start. Their variances are T/3, their covariance is -T/6.
         """
@@ -99,38 +112,47 @@ class ResidualCovariance:
             leaving, arriving = np.zeros((2, len(self.counted), 3))
             leaving[self.places[first == k]] = self.rows.by_start[first == k]
             arriving[self.places[first + 1 == k]] = self.rows.by_end[first + 1 == k]
+            # two independent columns give these variances and this covariance
             crossed = np.sqrt(rests.duration_s[k] / 3) * cross_matrix(self.force[k])
             columns += [(leaving - arriving / 2) @ crossed, np.sqrt(3) / 2 * arriving @ crossed]
         return np.array(columns).reshape(-1, len(self.counted), 3).transpose(2, 1, 0)
 
     def _gains(self, rest_rows):
-        """Return the derivative of all residuals with respect to the M means, (6, N, M).
+        """Return the derivative of all residuals with respect to the M means of each channel.
 
-        K and T of the gyroscope are taken as one, which they are within a few percent. Takes the
-        RestRows of both sensors.
+        The result is (6, number of residuals, M), with the channels in the order ax … gz. The M
+        means are those over the n rests, then those over `PARTS` parts of each move. K and T of the
+        gyroscope are taken as one, which they are within a few percent. Takes the residuals at
+        rests and their derivatives, RestRows of accelerometer and gyroscope.
         """
         rows, places, n, m = self.rows, self.places, len(self.rests), len(self.moves)
         gains, rests = np.zeros((6, len(self.counted), n + PARTS * m)), np.arange(n)
+        # index of the rest before each move, and of the means over its parts
         first, parts = self.moves.first[:, None], n + np.arange(PARTS * m).reshape(m, PARTS, 1)
+        # the order of residuals is: n norms of gravity, 3 n rates, then those of moves
         force_gain, rate_gain = (np.moveaxis(sensor.gain, -1, 0) for sensor in rest_rows)
         gains[:3, rests[:, None], rests[:, None]] = force_gain
         gains[3:, n + np.arange(3 * n).reshape(n, 3), rests[:, None]] = rate_gain
+        # a time step counts to the part of the move that its middle lies in
         steps, passed = self.moves.steps, self.moves.steps.cumsum(axis=1)
-        turned = _integrate_parts(rows.by_turn, steps, passed - steps / 2)
-        gains[3:, places[:, None], parts] = np.moveaxis(turned, -1, 0)
+        by_rate = _integrate_parts(rows.by_turn, seconds=steps, passed=passed - steps / 2)
+        gains[3:, places[:, None], parts] = np.moveaxis(by_rate, -1, 0)
         gains[:3, places, first] += np.moveaxis(rows.by_start @ self.force_gain, -1, 0)
         gains[:3, places, first + 1] += np.moveaxis(rows.by_end @ self.force_gain, -1, 0)
         if rows.by_force is not None:
             passed = np.pad(passed, ((0, 0), (1, 0)))
-            pushed = _integrate_parts(rows.by_force @ self.force_gain, self.weights, passed)
-            gains[:3, places[:, None, 2:], parts] = np.moveaxis(pushed, -1, 0)
+            by_raw_force = rows.by_force @ self.force_gain
+            by_force = _integrate_parts(by_raw_force, seconds=self.weights, passed=passed)
+            # the first two residuals of a move are those of the rotation
+            gains[:3, places[:, None, 2:], parts] = np.moveaxis(by_force, -1, 0)
         return gains
 
 
 def _integrate_parts(values, seconds, passed):
-    """Return integrals of values, (m, k, a, 3), over the parts of each move, (m, parts, a, 3).
+    """Return integrals over time of values over `PARTS` parts of each move, (m, PARTS, a, 3).
 
-    Takes the duration of each value and its time since the start of the move, s, (m, k) each.
+    `values`, (m, k, a, 3), has k values per move. `seconds`, (m, k), is the time that each value
+    lasts, and `passed`, (m, k), its time since the start of the move, s.
     """
     part = np.minimum((passed / passed.max(axis=1, keepdims=True) * PARTS).astype(int), PARTS - 1)
     weights = (part[:, None] == np.arange(PARTS)[:, None]) * seconds[:, None]
@@ -139,5 +161,8 @@ def _integrate_parts(values, seconds, passed):
 
 
 def _propagate(gain, covariance):
-    """Return ``G C Gᵀ`` of a gain G, (N, M), and a covariance C, (M, M)."""
+    """Return the covariance ``G C Gᵀ``, (N, N), of G x, for a gain G, (N, M), and a covariance C.
+
+    C, (M, M), is the covariance of x. G may be sparse.
+    """
     return gain @ (gain @ covariance).T

@@ -10,7 +10,7 @@ from imuloop.factors.linearised import Linearised
 from imuloop.model.effect import effect_design
 from imuloop.model.state import State
 
-# kinds of residuals in the order of their rows: SI unit and number of components
+# kinds of residuals, in their order in the fit: SI unit and number of components
 KINDS = {
     "gravity_norm": ("m/s^2", 1),
     "pose_rate": ("rad/s", 3),
@@ -24,13 +24,16 @@ OF_SENSOR = {s: tuple(kind for kind, owner in OWNER.items() if owner == s) for s
 AT_RESTS = ("gravity_norm", "pose_rate")
 VELOCITY = ("velocity_vertical", "velocity_horizontal")
 OWNER |= dict.fromkeys(VELOCITY, "motion")
-# names of a sensor's own values in Poses, Rotations and Log, and of the other sensor's
+# by sensor, the field of Poses, Rotations and Log with its values, and that of the other sensor
 OWN = {"accelerometer": ("f", "w"), "gyroscope": ("w", "f")}
 
 
 @dataclass(frozen=True)
 class Factors:
-    """The choice of the measurements that count, which a fit uses.
+    """The choice of the measurements that a fit uses: these count.
+
+    Each rest gives residuals of the norm of gravity and of the angular rate. Each move, from one
+    rest to the next, gives residuals of its rotation and of the velocity at its end.
 
     Attributes
     ----------
@@ -41,9 +44,10 @@ class Factors:
     quiet : ndarray of bool, shape (m,), or None
         Whether the velocity of each move counts; None if none does.
     share : ndarray, shape (m, 3, 2), or None
-        Velocity that a residual of the rotation predicts, m/s per rad; None for zero.
+        Velocity that a residual of the rotation of each of m moves predicts, m/s per rad. It is
+        subtracted from the residual of the velocity. None is zero.
     bias_held : bool
-        Whether the bias of the gyroscope is fixed at the mean of the prior.
+        Whether the bias of the gyroscope is fixed at its value before the fit.
     """
 
     gravity: float
@@ -54,7 +58,7 @@ class Factors:
 
     @property
     def kinds(self):
-        """Kinds of residuals that count, a dict with SI unit and number of components of each."""
+        """Kinds of residuals that count: by kind, its SI unit and number of components."""
         owners = {*self.sensors} if self.quiet is None else {*self.sensors, "motion"}
         kinds = {kind: KINDS[kind] for kind, owner in OWNER.items() if owner in owners}
         if "accelerometer" not in owners:
@@ -63,50 +67,65 @@ class Factors:
         return kinds
 
     def every_row(self, recording):
-        """Return four columns with a row for each residual of a Recording, counted or not.
+        """Return four arrays, (M,), with a value for each of M residuals of a Recording.
 
-        They are its kind, the index of the rest where it starts, the index of the rest where it
-        ends, and whether it counts.
+        They are the kind of the residual, the index of the rest where it starts, the index of the
+        rest where it ends, and whether the fit uses it. Velocities are left out if none counts.
         """
         rests, first = np.arange(len(recording.poses)), recording.rotations.first
         columns, kinds = [], self.kinds
         for kind, (_, width) in KINDS.items():
             if kind in VELOCITY and self.quiet is None:
                 continue
+            # a residual of a rest starts and ends there
             ends = (rests, rests) if kind in AT_RESTS else (first, first + 1)
             counts = self.quiet if kind in VELOCITY else kind in kinds
-            of_kind = np.broadcast_arrays(kind, *ends, counts)
-            columns.append([np.repeat(column, width) for column in of_kind])
+            by_residual = np.broadcast_arrays(kind, *ends, counts)
+            # all components of a residual have the same values
+            columns.append([np.repeat(column, width) for column in by_residual])
         return [np.concatenate(column) for column in zip(*columns, strict=True)]
 
     def rows(self, recording):
-        """Return the rests, (N, 2), and the kind, (N,), of each residual that counts.
+        """Return the rests, (N, 2) of int, and the kind, (N,) of str, of N residuals.
 
-        The rests are the indices of those where the residual starts and ends.
+        These are the residuals of a Recording that the fit uses. The rests are the indices of those
+        where the residual starts and ends.
         """
         kinds, start, end, counts = self.every_row(recording)
         return np.column_stack([start, end])[counts], kinds[counts]
 
     def owners(self, recording):
-        """Return the sensor, or "motion", that each residual that counts measures, (N,) of str."""
+        """Return what each of the N residuals of a Recording that count measures, (N,) of str.
+
+        It is the name of a sensor, or "motion" for a velocity, which depends on both.
+        """
         return np.array([OWNER[kind] for kind in self.rows(recording)[1].tolist()], dtype=str)
 
     def about(self, recording, state):
-        """Return the Measurements of a Recording, with the effects linearised about a State."""
+        """Return the Measurements of a Recording, with the effects linearised about a State.
+
+        Effects depend on calibrated values; these are those of the State, the parameters of both
+        sensors and of the effects.
+        """
         if "accelerometer" not in self.sensors:
-            # a dead accelerometer has no direction of gravity
+            # an accelerometer that is not used, as a dead one, has no direction of gravity
             up = np.tile([0.0, 0.0, self.gravity], (len(recording.poses), 1))
             recording = replace(recording, poses=replace(recording.poses, f=up))
         return Measurements(self, recording, state)
 
     def without_rotation(self, recording, state, noise):
-        """Return the Factors with the `share` that makes velocities independent of rotations.
+        """Return the Factors whose residuals of velocities are independent of those of rotations.
 
-        It follows from the covariance of both that the NoiseModel predicts at a State.
+        From the velocity of each of m moves they subtract the velocity that the residual of its
+        rotation predicts: `share`, (m, 3, 2), times that residual. The share follows from the
+        covariance of both in a Recording, which the NoiseModel `noise` predicts at a State.
         """
-        every = np.ones(len(recording.rotations), dtype=bool)
-        at = replace(self, share=None, quiet=every).about(recording, state).at(state.x)
-        block = at.noise.by(noise)[at.places[:, :, None], at.places[:, None]]
+        all_moves = np.ones(len(recording.rotations), dtype=bool)
+        factors = replace(self, share=None, quiet=all_moves)
+        linearised = factors.about(recording, state).at(state.x)
+        index = linearised.places
+        # (m, 5, 5): covariance of the five residuals of each move; two are of its rotation
+        block = linearised.noise.by(noise)[index[:, :, None], index[:, None]]
         share = np.linalg.solve(block[:, :2, :2], block[:, :2, 2:]).swapaxes(1, 2)
         return replace(self, share=share)
 
@@ -115,8 +134,9 @@ class Factors:
 class Measurements:
     """Rests and moves of a recording, with the effects linearised about the State `about`.
 
-    The effects depend on calibrated values of both sensors, which are those of this State during
-    the whole fit. So the effects are linear in their parameters.
+    `factors` says which of their residuals count. The effects depend on calibrated values of both
+    sensors, which are those of this State during the whole fit. So the effects are linear in their
+    parameters.
     """
 
     factors: Factors
@@ -125,30 +145,35 @@ class Measurements:
 
     @property
     def rests(self):
-        """The n rests, Poses."""
+        """The n rests of the recording, Poses."""
         return self.recording.poses
 
     @property
     def moves(self):
-        """The m moves of k samples, Rotations."""
+        """The m moves of k samples between rests of the recording, Rotations."""
         return self.recording.rotations
 
     @cached_property
     def counted(self):
-        """Whether each of all residuals counts."""
+        """Whether the fit uses each of the M residuals of the recording, (M,) of bool."""
         return self.factors.every_row(self.recording)[3]
 
     @cached_property
     def designs(self):
-        """Derivatives of the effects of the state, as `designs_with` returns them."""
+        """By sensor, the derivative of the sum of its effects with respect to their q parameters.
+
+        It is a pair: at the rests, (n, 3, q), and along the moves, (m, k, 3, q). The latter is None
+        for the accelerometer if no velocity counts.
+        """
         return self.designs_with(())
 
     def designs_with(self, effects):
-        """Return the derivatives D of the effects of the state and of more effects, by sensor.
+        """Return the derivatives of the effects of the state and of more effects, a dict by sensor.
 
-        D is the derivative of the sum of a sensor's effects with respect to their q parameters. It
-        is given at the rests, (n, 3, q), and along the moves, (m, k, 3, q). The latter is None for
-        the accelerometer if no velocity counts.
+        `effects` are the additional ones, a sequence of SensorEffect. The derivative of the sum of
+        a sensor's effects with respect to their q parameters is a pair: at the rests, (n, 3, q),
+        and along the moves, (m, k, 3, q). The latter is None for the accelerometer if no velocity
+        counts.
         """
         state, recording = self.about.with_effects(effects), self.recording
         return {
@@ -162,21 +187,24 @@ class Measurements:
         }
 
     def at(self, x):
-        """Return the Linearised factors at the parameters x, (p,)."""
+        """Return the residuals and their Jacobian at the parameters x, (p,), a Linearised."""
         return Linearised(self, State(x, self.about.effects))
 
 
 def _design(sensor, state, table, channels):
-    """Return the derivative D of a sensor's effects at a State, (..., 3, q).
+    """Return the derivative of the sum of a sensor's effects at a State, (..., 3, q).
 
-    `table` is the Poses or the Rotations, `channels` the method of the recording that returns their
-    Channels.
+    The derivative is with respect to the q parameters of the effects. `table` is the Poses or the
+    Rotations, where it is taken. `channels` is the method of the recording that returns the
+    Channels there, on which effects depend.
     """
+    # values of the sensor and of the other one, nominal SI
     y, other_y = (getattr(table, name) for name in OWN[sensor])
     effects = [e.effect for e in state.effects if e.sensor == sensor]
     model, (other,) = state.sensor(sensor), (s for s in SENSORS if s != sensor)
     if not (effects and len(y)):
         return np.zeros((*y.shape, len(model.p)))
-    see = state.sensor(other).aligned
-    inputs = channels(sensor, model.output, see(other_y), see)
+    # effects depend on the other sensor's values with its T, K and b, but without its effects
+    align = state.sensor(other).aligned
+    inputs = channels(sensor, output=model.output, other=align(other_y), align_other=align)
     return effect_design(effects, inputs, model.p).reshape(*y.shape, len(model.p))

@@ -16,7 +16,8 @@ class KnownTurns:
     """m turns about fixed axes: ``T K (a - b L) = θ u``.
 
     T, K and b are the misalignment, the scale factors and the bias of the gyroscope. a is the
-    integral of the angular rate over the turn, L its duration, θ its known angle, u its axis.
+    integral of the angular rate over the turn, L its duration, θ its known angle and u its axis, a
+    unit vector. Nominal SI values are raw readings less the data sheet's offset, times its scale.
     """
 
     turned: np.ndarray  # (m, 3): a, rad, nominal SI
@@ -28,7 +29,7 @@ class KnownTurns:
         return len(self.seconds)
 
     def select(self, keep):
-        """Return the KnownTurns that `keep`, an index array or a mask, chooses."""
+        """Return the KnownTurns without others than `keep`, an index array or a mask, chooses."""
         chosen = {name: getattr(self, name)[keep] for name in ("turned", "seconds", "target")}
         return replace(self, **chosen)
 
@@ -40,31 +41,39 @@ class KnownTurns:
     def estimate_sensor(self):
         """Return the gyroscope, a Sensor, that fits the turns best.
 
-        Its bias is that of the rests. If the turns do not determine T and K, these are nominal.
+        Its bias b is that of the rests. a is the integral of the angular rate over a turn, L its
+        duration, θ its known angle, and u its axis. The matrix T K is the least-squares solution of
+        ``T K (a - b L) = θ u``, or one if the turns do not determine it, as with one axis only.
         """
         raw, gain = self.turned - self.seconds[:, None] * self.bias, np.eye(3)
         if len(self) and np.linalg.matrix_rank(raw, tol=0.1 * np.abs(raw).max()) == 3:
             gain = np.linalg.lstsq(raw, self.target, rcond=None)[0].T
+        # T has ones on its diagonal
         K = np.diag(gain)
-        return Sensor(ENTRIES["gyroscope"], gain / K, K, self.bias, np.zeros(0))
+        return Sensor(ENTRIES["gyroscope"], T=gain / K, K=K, b=self.bias, p=np.zeros(0))
 
     def rows(self):
-        """Return the linear equations R x = z that the turns give the fit, scaled to variance one.
+        """Return R, (3 m, 21), and z, (3 m,), such that ``R x - z`` has mean zero and variance one.
 
-        R, (3 m, 21), is the Jacobian of the residuals T K (a - b L) - θ u with respect to the state
-        x without effects, over the standard deviation `BY_HAND`. z is (3 m,). The equations are
-        linearised about the result of `estimate_sensor`.
+        x is the state: the 21 parameters of both sensors, without effects, in nominal SI.
+        ``R x - z`` are the residuals ``T K (a - b L) - θ u`` of the m turns over their standard
+        deviation `BY_HAND`: T K and b are matrix and bias of the gyroscope, a is the integral of
+        the angular rate, L the duration, θ the known angle, and u the axis of the turn. They are
+        linearised about the gyroscope that fits the turns best.
         """
         sensor, m = self.estimate_sensor(), len(self)
         x = np.concatenate([sensor.T[sensor.entries], sensor.K, sensor.b])
         weights = self.seconds[:, None, None, None] * np.eye(3)
         J = sensor.jacobian(weights, self.rate[:, None], np.zeros((m, 1, 3, 0))).reshape(-1, 12)
+        # the residuals are J (x' - x) plus those at x, for a gyroscope with the parameters x'
         z = J @ x - self.errors(sensor).ravel()
         return np.pad(J, ((0, 0), (BASE["gyroscope"].start, 0))) / BY_HAND, z / BY_HAND
 
     def errors(self, calibration):
-        """Return the residual T K (a - b L) - θ u of each turn, rad, (m, 3).
+        """Return the rotation by the gyroscope less the known one of each turn, rad, (m, 3).
 
-        Takes a SensorCalibration or a Sensor of the gyroscope.
+        It is ``T K (a - b L) - θ u`` on body axes, with the matrix T K and the bias b of the
+        gyroscope, the integral a of the angular rate, the duration L, the angle θ and the axis u.
+        Takes the calibration of the gyroscope, a SensorCalibration or a Sensor.
         """
         return self.seconds[:, None] * calibration.aligned(self.rate) - self.target

@@ -15,14 +15,16 @@ from imuloop.model.state import BIAS
 
 
 class Linearised:
-    """The factors of n rests and m moves of k samples, linearised at a state.
+    """Residuals of n rests and m moves of k samples at a state, with their Jacobian.
+
+    Each kind of residual is a factor of the fit. A move lies between two rests.
 
     Attributes
     ----------
     measured, state : Measurements, State
-        The measurements, and the parameters, p of them.
+        The rests and moves, and the p parameters of both sensors and of their effects.
     force : Sensor
-        The accelerometer.
+        The accelerometer with these parameters.
     force_at_rest : ndarray, shape (n, 3)
         Calibrated specific force at the rests, m/s^2.
     across : ndarray, shape (n, 3, 3)
@@ -31,10 +33,11 @@ class Linearised:
         Upward direction at the start and at the end of each move, as the accelerometer measures it
         at the rests.
     after : ndarray, shape (m, k - 1, 4)
-        Attitude after each step relative to the start of the move, quaternions that take body axes
-        to the axes at the start.
+        Attitude after each time step, quaternions that take the body axes then to those at the
+        start of the move.
     attitude_within : ndarray, shape (m, k - 1, 3, 3)
-        Attitude in the middle of each step relative to the start of the move, rotation matrices.
+        Attitude in the middle of each time step, matrices that take the body axes then to those at
+        the start of the move.
     weights : ndarray, shape (m, k)
         Weight of each sample in an integral by trapezoids, s.
     move_rows : MoveRows
@@ -47,16 +50,20 @@ class Linearised:
     def __init__(self, measured, state):
         self.measured, self.state = measured, state
         rests, moves, factors = measured.rests, measured.moves, measured.factors
+        # derivative of the sum of a sensor's effects with respect to their parameters: of the
+        # accelerometer at rests, of the gyroscope along moves
         (of_force, _), (_, along) = measured.designs.values()
         self.force, turn = (state.sensor(name) for name in SENSORS)
         self.force_at_rest = self.force.values(rests.f, of_force)
         norm = np.linalg.norm(self.force_at_rest, axis=1, keepdims=True)
         up = self.force_at_rest / norm
         self.across = (np.eye(3) - up[:, :, None] * up[:, None]) / norm[..., None]
-        # the small turns within a rest that tilts are calibrated as angular rates are
+        # upward directions at the start and end of each rest, which differ if it tilts: the small
+        # rotations within it are calibrated as angular rates are
         gain = measured.about.sensor("gyroscope").gain.T
         start, end = (up + np.cross(up, small @ gain) for small in (rests.to_start, rests.to_end))
         self.leaving, self.arriving = end[moves.first], start[moves.first + 1]
+        # rotation vectors of the time steps
         turns = step_vectors(turn.values(moves.w, along), moves.steps, moves.uneven)
         half = exponential(turns / 2)
         self.after = prefix_product(multiply(half, half))
@@ -64,6 +71,8 @@ class Linearised:
         half[..., 1:] *= -1
         self.attitude_within = matrix(multiply(self.after, half))
         self.weights = add_at_both_ends(moves.steps / 2)
+        # for each kind of residual of a move, the index of its first one and its components: a rest
+        # has one residual of the norm of gravity and three of the rate, so 4 n come before
         self.move_rows, blocks = rotation(self), [(4 * len(rests), 2)]
         if factors.quiet is not None:
             self.move_rows = velocity(self, self.move_rows, factors.share)
@@ -73,7 +82,11 @@ class Linearised:
         self.places = np.concatenate(places, axis=1)
 
     def _rest_rows(self, state, designs):
-        """Return the RestRows of both sensors at a State, with the derivatives of its effects."""
+        """Return the RestRows, residuals and derivatives at rests, of both sensors at a State.
+
+        `designs` has the derivatives of the effects of the state by sensor, a pair: at the rests,
+        (n, 3, q), and along the moves, (m, k, 3, q).
+        """
         rests, (of_force, of_turn) = self.measured.rests, (at for at, _ in designs.values())
         force, turn = (state.sensor(name) for name in SENSORS)
         gravity = self.measured.factors.gravity
@@ -81,12 +94,12 @@ class Linearised:
 
     @cached_property
     def rest_rows(self):
-        """The RestRows of the accelerometer and of the gyroscope."""
+        """Residuals at rests and their derivatives, RestRows of accelerometer and gyroscope."""
         return self._rest_rows(self.state, self.measured.designs)
 
     @property
     def residual(self):
-        """Residuals that count, SI, (N,)."""
+        """The N residuals that the fit uses, SI, (N,)."""
         values = np.zeros(len(self.measured.counted))
         at_rest = np.concatenate([rows.residual.ravel() for rows in self.rest_rows])
         values[: len(at_rest)] = at_rest
@@ -95,27 +108,36 @@ class Linearised:
 
     @cached_property
     def jacobian(self):
-        """Derivative of the residuals that count with respect to the state, (N, p)."""
+        """Derivative of the N residuals that the fit uses by the p parameters, (N, p)."""
         return self._jacobian(self.state, self.measured.designs, self.rest_rows)
 
     def columns(self, effects):
-        """Return the derivative of the residuals with respect to more effects of size zero, (N, q).
+        """Return the derivative of the N residuals with respect to effects that the state lacks.
 
-        q is the number of parameters of these effects, a sequence of SensorEffect.
+        `effects` is a sequence of SensorEffect with q parameters, which are zero. The result is
+        (N, q), with a row for each residual that the fit uses.
         """
         state, designs = self.state.with_effects(effects), self.measured.designs_with(effects)
         jacobian = self._jacobian(state, designs, self._rest_rows(state, designs))
         return jacobian[:, len(self.state.x) :]
 
     def _jacobian(self, state, designs, rest_rows):
-        """Return the derivative of the residuals with respect to a State, by the chain rule.
+        """Return the derivative of the N residuals that the fit uses by the p parameters, (N, p).
 
-        `designs` are the derivatives of its effects, `rest_rows` the RestRows of both sensors.
+        It is taken at a State. `designs` has the derivatives of its effects by sensor, a pair: at
+        the rests, (n, 3, q), and along the moves, (m, k, 3, q). `rest_rows` has the residuals at
+        rests and their derivatives, RestRows of both sensors.
         """
         rests, moves, rows = self.measured.rests, self.measured.moves, self.move_rows
         jacobian, start = np.zeros((len(self.measured.counted), len(state.x))), 0
 
         def add(sensor, places, weights, y, design):
+            """Add to the residuals at `places` what a sensor's k samples per move contribute.
+
+            `weights`, (m, k, a, 3), is the derivative of the residuals by the calibrated values of
+            the samples, y, (m, k, 3), their values in nominal SI (before calibration), and
+            `design`, (m, k, 3, q), their derivative by the parameters of the effects.
+            """
             change = state.sensor(sensor).jacobian(weights, y, design)
             jacobian[places[..., None], state.places(sensor)] += change
 
@@ -123,30 +145,34 @@ class Linearised:
             stop = start + at_rest.residual.size
             jacobian[start:stop, state.places(sensor)] = np.concatenate(at_rest.jacobian)
             start = stop
-        (resting, pushed), (_, turned) = designs.values()
-        for weights, at in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
-            values = rests.f[at, None], resting[at, None]
-            add("accelerometer", self.places, weights[:, None], *values)
+        # derivatives of the effects of the accelerometer at rests and along moves, and of those of
+        # the gyroscope along moves
+        (at_rests, along_by_force), (_, along_by_rate) = designs.values()
+        for weights, rest in ((rows.by_start, moves.first), (rows.by_end, moves.first + 1)):
+            f, design = rests.f[rest, None], at_rests[rest, None]
+            add("accelerometer", self.places, weights=weights[:, None], y=f, design=design)
         # the rate of a step is the mean of those at its ends
         weights = add_at_both_ends(rows.by_turn * (moves.steps[..., None, None] / 2))
-        add("gyroscope", self.places, weights, moves.w, turned)
+        add("gyroscope", self.places, weights=weights, y=moves.w, design=along_by_rate)
         if rows.by_force is not None:
             weights = rows.by_force * self.weights[..., None, None]
-            add("accelerometer", self.places[:, -weights.shape[2] :], weights, moves.f, pushed)
+            # only the last components, the velocity, depend on the force during a move
+            places = self.places[:, -weights.shape[2] :]
+            add("accelerometer", places, weights=weights, y=moves.f, design=along_by_force)
         if self.measured.factors.bias_held:
             jacobian[:, BIAS] = 0.0
         return jacobian[self.measured.counted]
 
     @cached_property
     def noise(self):
-        """The ResidualCovariance at this state."""
+        """The covariance by noise of the residuals at this state, a ResidualCovariance."""
         return ResidualCovariance(self)
 
 
 def add_at_both_ends(values):
     """Return, for each sample, the sum of the values of the steps before and after it, (m, k, ...).
 
-    Takes the values of the steps, (m, k - 1, ...).
+    `values`, (m, k - 1, ...), are those of the time steps between the k samples of each move.
     """
     sums = np.zeros((len(values), values.shape[1] + 1, *values.shape[2:]))
     sums[:, 1:] = values

@@ -8,15 +8,16 @@ import numpy as np
 from imuloop.core.noise_model import AxisNoise, Coefficient, edges
 from imuloop.core.samples import CHANNELS
 
-# number of parts of a move with a mean of slow noise each: early noise changes the velocity at the
-# end more than late noise
+# number of parts of a move with a mean of slow noise each: one mean per move is not enough, as
+# early noise changes the velocity at the end more than late noise
 PARTS = 4
 
 
 class ChannelMeans:
-    """Means of the noise of a channel over windows: the n rests, then the parts of the m moves.
+    """Means of the noise of a channel over M windows: the n rests, then the parts of the m moves.
 
-    Slow noise is taken relative to its mean over all rests, because that mean is part of the bias.
+    Each move has `PARTS` parts of equal length. Slow noise (flicker and random walk) is taken
+    relative to its mean over all rests, because that mean is part of the bias.
 
     Parameters
     ----------
@@ -35,17 +36,22 @@ class ChannelMeans:
 
     @cached_property
     def of_one(self):
-        """Covariance of the means, (M, M), by flicker, 'B', and random walk, 'K', of size one."""
+        """Covariance of the M means, (M, M), by slow noise with a coefficient of one SI unit.
+
+        It is a dict with the keys 'B', flicker, and 'K', random walk.
+        """
         ones = {term: AxisNoise(**{term: Coefficient(1.0)}) for term in "BK"}
         return {term: self._subtract_mean(self._covariance(one)) for term, one in ones.items()}
 
     def covariance(self, noise, channel):
         """Return the covariance of the M means of a channel, (M, M), SI units squared.
 
-        It is the sum of the covariance by the NoiseModel `noise` and the variance of the rests by
-        rounding and tilts. `channel` is the index of the channel.
+        It is the sum of the covariance by the NoiseModel `noise` and the variance that rounding and
+        tilts add to the rests. The white noise of moves is left out: `ResidualCovariance` adds it
+        sample by sample. `channel` is the index of the channel, in the order ax … gz.
         """
         rests, model, n = self.rests, noise.axes[CHANNELS[channel]], len(self.rests)
+        # white noise and quantization alone; the rest is slow
         fast = replace(model, B=Coefficient(), K=Coefficient(), gauss_markov=())
         covariance = self._covariance(fast)
         if model.B.square or model.K.square or model.gauss_markov:
@@ -55,7 +61,7 @@ class ChannelMeans:
         diagonal = covariance.diagonal().copy()
         if model.N.square or model.Q.square:
             diagonal[:n] += rests.extra_variance[:, channel]
-            # `ResidualCovariance` adds the white noise within a move sample by sample
+            # the mean over a part of duration T has the variance N²/T by white noise
             diagonal[n:] -= model.N.square / np.ptp(self.windows[n:], axis=1)
         else:
             # white noise is not known: it is estimated by the variance within the rests
@@ -64,11 +70,14 @@ class ChannelMeans:
         return covariance + slow
 
     def _covariance(self, model):
-        """Return the covariance of the means, (M, M), by an AxisNoise."""
+        """Return the covariance of the M means, (M, M), by an AxisNoise, the noise of a channel."""
         return model.mean_covariance(self.windows, self.edges)
 
     def _subtract_mean(self, covariance):
-        """Return the covariance of the means less their mean over all rests, (M, M)."""
+        """Return the covariance, (M, M), of the M means less the mean over all rests.
+
+        `covariance`, (M, M), is that of the means themselves. Rests count by their duration.
+        """
         share = np.zeros(len(covariance))
         share[: len(self.rests)] = self.rests.duration_s / self.rests.duration_s.sum()
         centred = covariance - share @ covariance

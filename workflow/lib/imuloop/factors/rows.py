@@ -7,16 +7,17 @@ import numpy as np
 
 @dataclass(frozen=True)
 class RestRows:
-    """Residuals of one sensor at n rests, with a components each.
+    """Residuals of one sensor at n rests, with a components each, and their derivatives.
 
     Attributes
     ----------
     residual : ndarray, shape (n, a)
         Residuals, SI.
     jacobian : ndarray, shape (n, a, p)
-        Their derivative with respect to the parameters of the sensor.
+        Their derivative with respect to the p parameters of the sensor: T, K, b, and those of its
+        effects.
     gain : ndarray, shape (n, a, 3)
-        Their derivative with respect to the mean of each channel, nominal SI.
+        Their derivative with respect to the mean of each channel, nominal SI (before calibration).
     """
 
     residual: np.ndarray
@@ -33,9 +34,10 @@ class MoveRows:
     residual : ndarray, shape (m, a, 1)
         Residuals, SI.
     by_start, by_end : ndarray, shape (m, a, 3)
-        Derivative with respect to calibrated specific force at the rests before and after.
+        Derivative with respect to the calibrated specific force at the rests before and after.
     by_turn : ndarray, shape (m, k - 1, a, 3)
-        Derivative with respect to a small rotation, on body axes, in the middle of each step.
+        Derivative with respect to a small rotation, rad, in the middle of each time step, on the
+        body axes there.
     by_force : ndarray, shape (m, k, b, 3), or None
         Derivative of the last b components with respect to the integral of calibrated specific
         force over the time of each sample; None if no residual depends on it.
@@ -48,14 +50,21 @@ class MoveRows:
     by_force: np.ndarray | None = None
 
     def after(self, other, share):
-        """Return the rows R of `other`, followed by the rows S of these less ``share @ R``.
+        """Return MoveRows with the rows R of `other`, followed by the rows S of these less share R.
 
-        R has b components and does not depend on the force during the move; share is (m, a, b).
+        The subtraction can make the noise of both independent. `other`, MoveRows, has b components
+        per move and does not depend on the force during the move. `share` has the shape (m, a, b).
         """
 
         def stack(name, share):
+            """Return the field with a name, of R and of S less share R, stacked by component."""
             first = getattr(other, name)
             return np.concatenate([first, getattr(self, name) - share @ first], axis=-2)
 
-        ends = (stack(name, share) for name in ("residual", "by_start", "by_end"))
-        return MoveRows(*ends, stack("by_turn", share[:, None]), self.by_force)
+        return MoveRows(
+            residual=stack("residual", share),
+            by_start=stack("by_start", share),
+            by_end=stack("by_end", share),
+            by_turn=stack("by_turn", share[:, None]),
+            by_force=self.by_force,
+        )

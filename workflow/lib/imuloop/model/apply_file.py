@@ -30,9 +30,9 @@ from imuloop.core.tables import text_cell, text_cells
 
 
 def apply_file(calibration, source, target, shift=0.0):
-    """Write the calibrated samples of a file; the values equal the result of `Calibration.apply`.
+    """Write the samples of a file with calibrated specific force and angular rate.
 
-    Other columns of the file are kept.
+    The values equal the result of `Calibration.apply`. Other columns of the file are kept.
 
     Parameters
     ----------
@@ -46,8 +46,8 @@ def apply_file(calibration, source, target, shift=0.0):
     Returns
     -------
     dict
-        For each (sensor, effect), the number of samples at which the effect was clamped to the
-        range of its data, if any.
+        By (sensor, effect), both names, the number of samples at which the effect was clamped to
+        the range of the data that it was fitted to, if there are any.
 
     Raises
     ------
@@ -67,26 +67,31 @@ def apply_file(calibration, source, target, shift=0.0):
         raise ImuloopError(f"{source}: {error}") from error
     t, *values = samples.read((TIME, *CHANNELS), 0, len(samples))
     f, w = np.split(np.transpose(values), 2, axis=1)
-    warm = filled(t, samples[TEMPERATURE]) if TEMPERATURE in samples else None
+    temperature = filled(t, samples[TEMPERATURE]) if TEMPERATURE in samples else None
+    # by sensor, a dict that is filled by name of the effect with the samples where it was clamped
     clamped = {}, {}
-    f, w = calibration.calibrated(f, w, t, warm, clamped)
+    f, w = calibration.calibrated(f, w, t, temperature, clamped)
     table = pq.read_table(source)
     for name, column in zip((TIME, *CHANNELS), (t + shift, *f.T, *w.T), strict=True):
         table = table.set_column(table.column_names.index(name), name, pa.array(column))
     attrs = calibrated_attrs(calibration.device)
     with replaced(target) as temporary:
         if target.suffix == ".csv":
-            _write_text(temporary, _as_text(table))
+            _write_text(temporary, _mark_calibrated(table))
         else:
             marks = {METADATA_KEY: json.dumps(attrs[METADATA_KEY.decode()])}
             marked = table.replace_schema_metadata(marks | {ATTRS_KEY: json.dumps(attrs)})
             pq.write_table(marked, temporary, compression="zstd")
-    masks = {(s, n): x for s, of in zip(SENSORS, clamped, strict=True) for n, x in of.items()}
+    by_sensor = zip(SENSORS, clamped, strict=True)
+    masks = {(s, effect): mask for s, of_sensor in by_sensor for effect, mask in of_sensor.items()}
     return {key: int(mask.sum()) for key, mask in masks.items() if mask.any()}
 
 
-def _as_text(table):
-    """Return a table marked as calibrated, with empty cells for temperatures that are missing."""
+def _mark_calibrated(table):
+    """Return a table of text cells with a column that marks the samples as calibrated.
+
+    Temperatures that are missing are empty cells.
+    """
     if TEMPERATURE in table.column_names:
         column = pa.array(table[TEMPERATURE].to_numpy(), from_pandas=True)
         table = table.set_column(table.column_names.index(TEMPERATURE), TEMPERATURE, column)
@@ -94,7 +99,8 @@ def _as_text(table):
 
 
 def _write_text(path, table):
-    """Write a table as text; Arrow would put its header in quotes."""
+    """Write a table as a CSV file."""
+    # the header is written apart, as Arrow would put it in quotes
     with open(path, "w", encoding="utf-8", newline="") as file:
         csv.writer(file, lineterminator="\n").writerow(map(text_cell, table.column_names))
     options = pa.csv.WriteOptions(include_header=False, quoting_style="needed")

@@ -1,6 +1,9 @@
 """The calibration of a device, ``x = T (K (raw - b) - e)``, which is applied to samples here.
 
-`imuloop.model.sensor` has the same equation, with its derivative, for the fit.
+x are calibrated values, raw values are in the units of the log, T is the misalignment, K are the
+scale factors, b the biases, and e is the sum of the effects. `imuloop.model.sensor` has the same
+equation, with its derivative, for the fit. Nominal SI values are raw values less the data sheet's
+offset, times its scale.
 """
 
 from dataclasses import dataclass, field
@@ -42,7 +45,10 @@ OF_ONE_LOG = (
 
 
 def _digits(value, std):
-    """Return a value and its standard error as text, with two digits of the error."""
+    """Return a value and its standard error as a pair of texts, with two digits of the error.
+
+    A value without an error, `std` zero or nan, has six digits.
+    """
     if not std > 0:
         return f"{value:.6g}", "—"
     exponent = [int(np.floor(np.log10(size))) for size in (abs(value) or std, std)]
@@ -52,7 +58,7 @@ def _digits(value, std):
 
 @dataclass(frozen=True)
 class Calibration:
-    """The calibration of a device."""
+    """The calibration of a device: of its accelerometer and its gyroscope."""
 
     device: str  # name
     gravity: float  # local gravity that the accelerometer was calibrated to, m/s^2
@@ -67,12 +73,12 @@ class Calibration:
 
     @property
     def effects(self):
-        """The effects of both sensors, fitted, the accelerometer's first."""
+        """The effects of both sensors with their parameters, the accelerometer's first, a tuple."""
         return (*self.accelerometer.effects, *self.gyroscope.effects)
 
     @property
     def measured(self):
-        """Whether anything was measured of either sensor."""
+        """Whether any parameter of either sensor was measured; otherwise all are nominal."""
         return self.accelerometer.measured or self.gyroscope.measured
 
     def parameters(self):
@@ -94,17 +100,20 @@ class Calibration:
         return f"<Calibration of {self.device}: {sensors}>"
 
     def _repr_html_(self):
+        """Return the parameters with their standard errors as a table in HTML, for notebooks."""
         table = self.parameters()
         both = zip(table["value"], table["std"], strict=True)
-        table["value"], table["std"] = zip(*(_digits(*each) for each in both), strict=True)
+        texts = (_digits(value, std) for value, std in both)
+        table["value"], table["std"] = zip(*texts, strict=True)
         table = table.rename(columns={"std": "standard error"})
         return f"<p>{escape(repr(self))}</p>\n{table.to_html(index=False)}"
 
     def limits(self, *sensors):
-        """Return lines of text on the limits of the calibration of sensors, by default of both.
+        """Return lines of text on the limits of the calibration, a list.
 
-        They name a sensor that is not fully calibrated or explained, and effects, such as a step,
-        that only the calibrated log has.
+        `sensors` are the names of the sensors, by default both. The lines name a sensor that is not
+        fully calibrated or explained, and effects, such as a step, that only the calibrated log
+        has.
         """
         lines = []
         for name in sensors or SENSORS:
@@ -217,10 +226,22 @@ class Calibration:
         return f.reshape(shape), w.reshape(shape)
 
     def apply_file(self, source, target, *, nominal=False, shift=0.0):
-        """Write the calibrated samples of a samples file; see `imuloop.model.apply_file`.
+        """Write the samples of a file with calibrated specific force and angular rate.
 
-        `shift`, s, is added to the time stamps. `nominal` says whether a calibration of which
-        nothing was measured is applied all the same.
+        Parameters
+        ----------
+        source, target : path
+            Parquet file of samples that ingest wrote, and file to write, ``.csv`` or ``.parquet``.
+        nominal : bool
+            Whether a calibration of which nothing was measured is applied all the same.
+        shift : float
+            Seconds to add to the time stamps.
+
+        Returns
+        -------
+        dict
+            By (sensor, effect), both names, the number of samples at which the effect was clamped
+            to the range of the data that it was fitted to, if there are any.
         """
         if not nominal:
             self.refuse_nominal()
@@ -242,10 +263,12 @@ class Calibration:
         temperature : ndarray, shape (n,), or None
             Temperature, degC.
         clamped : pair of dict or None
-            For each sensor, a dict that is filled with the samples at which an effect was clamped.
+            For each sensor, a dict that is filled, by name of the effect, with a mask of the
+            samples at which it was clamped to the range of the data that it was fitted to.
         """
 
         def apply_sensor(k, sensor, values, other):
+            """Return calibrated values of sensor k, whose effects depend on the `other` values."""
             output = sensor.output(values)
             channels = Channels(t, output, other, temperature, clamped=clamped[k])
             return sensor.apply(values, channels)
@@ -267,26 +290,27 @@ class Calibration:
     def to_json(self, path):
         """Write the calibration as JSON.
 
-        Raises an ImuloopError for an impossible one, see `imuloop.model.calibration_faults`.
+        Raises an ImuloopError for an impossible one, such as one with a singular misalignment.
         """
-        self._refuse(path)
+        self._refuse_impossible(path)
         content = {"format": FORMAT, "device": self.device, "gravity": self.gravity}
         content |= {"log": self.log} | {s: getattr(self, s).to_dict() for s in SENSORS}
-        more = {"sha256": list(self.sha256), "updated": self.updated}
-        write_json(path, content | {key: value for key, value in more.items() if value})
+        # these keys are left out if there is nothing to say
+        optional = {"sha256": list(self.sha256), "updated": self.updated}
+        write_json(path, content | {key: value for key, value in optional.items() if value})
 
     @classmethod
     def from_json(cls, path):
         """Return the calibration of a JSON file.
 
         Raises an ImuloopError if the file has another format, violates the schema, or holds an
-        impossible calibration (see `imuloop.model.calibration_faults`).
+        impossible calibration, such as one with a singular misalignment.
         """
         content = read_json(path, MOST_BYTES)
-        found = content.get("format") if isinstance(content, dict) else None
-        if found != FORMAT:
+        number = content.get("format") if isinstance(content, dict) else None
+        if number != FORMAT:
             raise ImuloopError(
-                f"{path}: format {str(found)[:40]}, this version reads format {FORMAT}"
+                f"{path}: format {str(number)[:40]}, this version reads format {FORMAT}"
             )
         if fault := content_fault(content):
             raise ImuloopError(f"{path}: {fault}")
@@ -294,18 +318,18 @@ class Calibration:
             calibration = cls(
                 content["device"],
                 content["gravity"],
-                *(SensorCalibration.from_dict(content[sensor]) for sensor in SENSORS),
-                content.get("log", {}),
-                content.get("updated", {}),
-                tuple(content.get("sha256", ())),
+                **{sensor: SensorCalibration.from_dict(content[sensor]) for sensor in SENSORS},
+                log=content.get("log", {}),
+                updated=content.get("updated", {}),
+                sha256=tuple(content.get("sha256", ())),
             )
         except ImuloopError as error:
             raise ImuloopError(f"{path}: {error}") from error
-        calibration._refuse(path)
+        calibration._refuse_impossible(path)
         return calibration
 
-    def _refuse(self, path):
-        """Raise an ImuloopError that names the file if the calibration is impossible."""
+    def _refuse_impossible(self, path):
+        """Raise an ImuloopError that names the file `path` if the calibration is impossible."""
         for sensor in SENSORS:
             if fault := sensor_fault(getattr(self, sensor), sensor):
                 raise ImuloopError(f"{path}: {sensor}: {fault}")

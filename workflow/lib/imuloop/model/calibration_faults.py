@@ -40,6 +40,7 @@ _ROUNDING = 1e-6
 
 @cache
 def _validator():
+    """Return the validator of the schema of a calibration."""
     # loaded late and parsed once, as it takes longer than the rest of reading a calibration
     from jsonschema import Draft202012Validator
 
@@ -47,9 +48,10 @@ def _validator():
 
 
 def content_fault(content):
-    """Return the first fault of the JSON content of a calibration by its schema; None if valid.
+    """Return the first fault of the JSON content of a calibration, or None if it is valid.
 
-    Takes the content as a dict. The fault is one line of text.
+    It is a violation of the schema, or a number that is not finite, as one line of text. `content`
+    is a dict.
     """
     if error := next(_validator().iter_errors(content), None):
         key, text = ".".join(map(str, error.absolute_path)), error.message
@@ -65,7 +67,7 @@ def content_fault(content):
 
 
 def sensor_fault(calibration, sensor):
-    """Return the first reason why a SensorCalibration is impossible; None if it is possible.
+    """Return the first reason why no sensor can have a SensorCalibration; None if one can.
 
     Parameters
     ----------
@@ -101,14 +103,19 @@ def implausible_values(calibration, sensor):
 
 
 def _base_faults(calibration, sensor):
-    """Yield the faults of the raw unit, T, K and b, text."""
+    """Yield the faults of a sensor's raw unit, misalignment T, scale factors K and biases b, texts.
+
+    `calibration` is the SensorCalibration, and `sensor` is the name of the sensor.
+    """
     T, K, b, unit = calibration.T, calibration.K, calibration.b, calibration.raw_unit
     try:
-        known = raw_unit(_QUANTITIES[sensor], unit.name, asdict(unit))
+        expected = raw_unit(_QUANTITIES[sensor], unit.name, asdict(unit))
     except ImuloopError as error:
+        # only the first fault is asked for, so nothing follows this one
         yield str(error)
-    same = replace(known, scale=unit.scale) == unit and unit.scale > 0
-    if not (same and math.isclose(known.scale, unit.scale, rel_tol=1e-9)):
+    # the scale may differ by rounding
+    same = replace(expected, scale=unit.scale) == unit and unit.scale > 0
+    if not (same and math.isclose(expected.scale, unit.scale, rel_tol=1e-9)):
         yield f"raw_unit {unit.name} has not the scale {unit.scale} and the offset {unit.offset}"
     # these comparisons are false for not-a-number, which is refused
     if not np.all(np.abs(b - unit.offset) * unit.scale <= _LARGEST):
@@ -126,7 +133,10 @@ def _base_faults(calibration, sensor):
 
 
 def _effect_faults(calibration, sensor):
-    """Yield the faults of the effects, text."""
+    """Yield the faults of a sensor's effects, texts.
+
+    `calibration` is the SensorCalibration, and `sensor` is the name of the sensor.
+    """
     names = [effect.name for effect in calibration.effects]
     for effect in calibration.effects:
         if sensor not in effect.effect.sensors:
@@ -141,13 +151,17 @@ def _effect_faults(calibration, sensor):
 
 
 def _covariance_faults(calibration, sensor):
-    """Yield the faults of the covariance, text."""
+    """Yield the faults of the covariance of a sensor's parameters, texts.
+
+    `calibration` is the SensorCalibration, and `sensor` is the name of the sensor.
+    """
     names, matrix = calibration.names, calibration.covariance
     if matrix is None:
         matrix = np.zeros((0, 0))
-    known = {f"{effect.name}.{key}" for effect in calibration.effects for key in effect.values}
-    known |= _SCALES | (_UPPER if sensor == "accelerometer" else _ANGLES)
-    if unknown := set(names) - known:
+    possible = {f"{effect.name}.{key}" for effect in calibration.effects for key in effect.values}
+    # the accelerometer's axes define the body's: its T is upper triangular
+    possible |= _SCALES | (_UPPER if sensor == "accelerometer" else _ANGLES)
+    if unknown := set(names) - possible:
         yield f"covariance: '{min(unknown)}' is no parameter"
     if matrix.shape != (len(names), len(names)):
         yield f"covariance: {len(names)} names, but a matrix of the shape {matrix.shape}"

@@ -1,4 +1,7 @@
-"""An effect: an error of a sensor other than bias, scale factor and misalignment."""
+"""An effect: an error of a sensor other than bias, scale factor and misalignment.
+
+Nominal SI values are raw readings less the data sheet's offset, times its scale.
+"""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -10,7 +13,7 @@ import numpy as np
 
 from imuloop.core.errors import ImuloopError, did_you_mean
 
-# constants that a fit refines between the values that the shapes have
+# names of constants that a fit refines between the values of the variants that are tried
 FINE = ("tau", "half_width", "lag")
 # SI unit of each sensor's output
 OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
@@ -18,42 +21,55 @@ OUTPUT = {"accelerometer": "m/s^2", "gyroscope": "rad/s"}
 
 @dataclass(frozen=True)
 class Channels:
-    """The inputs of an effect at n points, which are samples or poses."""
+    """The inputs of an effect at n points, which are samples of a log or poses (rests)."""
 
     t: np.ndarray  # (n,): time since the start of the log, s
     output: np.ndarray  # (n, 3): the sensor's own output ``K (raw - b)``, SI, on its own axes
     other: np.ndarray  # (n, 3): the other sensor's output, SI
     temperature: np.ndarray | None = None  # (n,): degC; None where it was not logged
-    # evaluates a function of the whole log at the points, see `evaluate`; None if they are samples
+    # takes a function of the Channels of the whole log and its constants, returns its values at the
+    # points, (n, …); None if the points are all samples of the log
     history: Callable | None = None
     # (n,): number of the power cycle of each point, 0, 1, …; None if it is one unknown power cycle
     power_cycle: np.ndarray | None = None
-    # is filled, by name of the effect, with the points at which it was clamped to its range
+    # is filled, by name of the effect, with a mask of the points at which it was clamped to the
+    # range of the data that it was fitted to
     clamped: dict | None = None
 
     def map(self, change):
-        """Return the Channels with `change` applied to each array, from (n, …) to (m, …)."""
-        temperature = None if self.temperature is None else change(self.temperature)
+        """Return Channels at m other points, from those at n points.
+
+        `change` is a function that converts an array (n, …) to (m, …), as by choosing or averaging
+        points. Power cycles are left out.
+        """
+
+        def history(function, *constants):
+            """Return the values of a function of the whole log at the m points, (m, …)."""
+            return change(self.evaluate(function, *constants))
+
         return Channels(
-            *(change(values) for values in (self.t, self.output, self.other)),
-            temperature,
-            lambda function, *constants: change(self.evaluate(function, *constants)),
+            t=change(self.t),
+            output=change(self.output),
+            other=change(self.other),
+            temperature=None if self.temperature is None else change(self.temperature),
+            history=history,
         )
 
     def evaluate(self, function, *constants):
         """Return the values of a function of the whole log at the points, (n, …).
 
         The function takes the Channels of the whole log and the constants, and returns an array
-        with a row for each sample. The value at a pose is the mean over the samples of the pose.
+        with a row for each sample. The value at a pose, a rest, is the mean over its samples.
         """
         if self.history is not None:
             return self.history(function, *constants)
         return function(self, *constants)
 
     def evaluate_memory(self, function, *constants):
-        """Return the values, (n, …), of a function in which a sample depends on other samples.
+        """Return the values at the points, (n, …), of a function that needs more than one sample.
 
-        The function is evaluated as in `evaluate`. Raises an ImuloopError for a single sample.
+        The function takes the Channels of the whole log and the constants, and returns an array
+        with a row for each sample. Raises an ImuloopError for a single sample without its log.
         """
         if self.history is None and len(self.t) == 1:
             raise ImuloopError(
@@ -64,9 +80,10 @@ class Channels:
 
 
 class LoggedChannels:
-    """The `Channels` of a whole log, whose outputs are computed when they are first used.
+    """The inputs of an effect at all N samples of a log.
 
-    `output` and `other` are functions without arguments that return the outputs of both sensors.
+    The outputs of the sensor and of the other sensor, (N, 3), SI, are computed when they are first
+    used: `output` and `other` are functions without arguments that return them.
     """
 
     def __init__(self, t, temperature, output, other):
@@ -82,9 +99,10 @@ class Effect:
 
     An effect adds ``e = Σ_k p_k D_k`` to the sensor's output, SI, on the sensor's own axes, in the
     model ``x = T (K (raw - b) - e)``. p_k are its parameters, and D, which a subclass computes, is
-    the derivative of e with respect to them. Constants that enter D nonlinearly, such as a time
-    constant or an order, are fields of the subclass, which is then a frozen dataclass. An instance
-    with values of the constants is a shape of the effect.
+    the derivative of e with respect to them. T is the misalignment, K are the scale factors and b
+    the biases of the sensor. Constants that enter D nonlinearly, such as a time constant or an
+    order, are fields of the subclass, which is then a frozen dataclass. An instance, with values of
+    the constants, is a variant of the effect.
     """
 
     name: ClassVar[str]  # name in the results
@@ -112,8 +130,8 @@ class Effect:
     lasting: ClassVar[bool] = True  # whether a device that had it in one record has it in the next
     # whether it is one of many formulas without a known cause: it is tested after all others
     is_formula: ClassVar[bool] = False
-    # amount by which the logarithm of the p-value has to be lower than for shapes with fewer
-    # constants
+    # amount by which the logarithm of its p-value has to be lower than that of a variant without a
+    # price, because its constants are rarely needed
     price: ClassVar[float] = 0.0
     # least and largest value of constants that have limits
     bounds: ClassVar[dict[str, tuple[float, float]]] = {"tau": (1e-3, 1e7)}
@@ -127,32 +145,39 @@ class Effect:
 
     @property
     def constants(self):
-        """Constants of this shape, a dict by name."""
+        """Values of the constants, such as a time constant, a dict by name."""
         return asdict(self)
 
     def in_session(self, channels, session, windows):
-        """Return the derivative D of the means over windows of a session, (n, 3, p).
+        """Return the derivative D of the mean output over n windows of a session, SI, (n, 3, p).
 
-        `session` is the name of the session, `windows` are start and end, s, (n, 2). The channels
-        have a point for each window.
+        D is the derivative with respect to the p parameters of the effect. `session` is the name of
+        the session, `windows` are start and end, s, (n, 2). The Channels have a point for each
+        window, with the means over it.
         """
         return self.design(channels)
 
     def clamped(self, design, low, high):
-        """Return the derivative D, (n, 3, p), clamped to a range for each parameter.
+        """Return the derivative D, `design`, (n, 3, p), clamped to a range for each parameter.
 
-        `low` and `high` are the ends of the ranges, (p,).
+        `low` and `high`, (p,), are the ends of the ranges, those of D in the data that the effect
+        was fitted to: beyond them it is not known.
         """
         # zeros are kept: they are axes that do not depend on a parameter
         return np.where(design == 0, 0.0, np.clip(design, low, high))
 
     def moved(self, factor):
-        """Return the effect with its time constant, or width, multiplied by a factor."""
+        """Return the effect with its time constant, or width, multiplied by a factor.
+
+        An effect without such a constant is returned as it is.
+        """
         constants = [n for n in FINE if hasattr(self, n)]
         return replace(self, **{n: float(factor * getattr(self, n)) for n in constants})
 
     def __init_subclass__(cls, **kwargs):
+        """Set the properties of a subclass that follow from others, and add it to the library."""
         super().__init_subclass__(**kwargs)
+        # the docstring begins with the equation in double backticks
         cls.equation = (cls.__doc__ or "").removeprefix("``").partition("``")[0]
         cls.timed = cls.timed or cls.after_temperature
         if cls.records == ("motion",):
@@ -162,35 +187,38 @@ class Effect:
         Effect.library[cls.name] = cls
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the shapes to test in data with these Channels, a tuple.
+    def variants(cls, channels):
+        """Return the variants of the effect to test in data with these Channels, a tuple.
 
-        It is empty for an effect without a design.
+        They have different values of the constants, such as time constants that are short enough
+        for the data. The tuple is empty for an effect whose derivative is not implemented.
         """
         return () if cls.design is Effect.design else (cls(),)
 
     def units(self, sensor):
-        """Return the SI unit of each parameter, a dict by name, for the sensor of that name."""
+        """Return the SI unit of each parameter, a dict by name, for a sensor, given by its name."""
         output = OUTPUT[sensor]
         return {name: unit.replace("output", output) for name, unit in self.parameters.items()}
 
     def design(self, channels):
         """Return D, the derivative of e with respect to the p parameters, SI, (n, 3, p).
 
-        If e is not linear in the parameters, it is the derivative at zero.
+        e is what the effect adds to the output at the n points of the Channels. If it is not linear
+        in the parameters, D is the derivative at zero.
         """
         raise TypeError(f"{self.name}: {self.unobservable or 'it has no design'}")
 
     def design_at(self, channels, values):
-        """Return D, (n, 3, p), such that ``D p = e`` at the parameters p = `values`, (p,).
+        """Return D, SI, (n, 3, p), such that ``D x = e`` at the parameters x = `values`, (p,).
 
-        It differs from `design` only if e is not linear in the parameters.
+        e is what the effect adds to the output at the n points of the Channels. D is the derivative
+        of e at zero, unless e is not linear in the parameters.
         """
         return self.design(channels)
 
 
 def find_effect(name):
-    """Return the class of the effect with a name.
+    """Return the class of the effect with the given name in the results.
 
     Raises an ImuloopError if the library has none.
     """
@@ -202,17 +230,17 @@ def find_effect(name):
 
 
 def effect_design(effects, channels, values=()):
-    """Return the derivative D of the sum of effects with respect to their p parameters, (n, 3, p).
+    """Return the derivative of the sum of effects with respect to their p parameters, (n, 3, p).
 
-    It is taken at the parameters `values`, which may be only the first of the p; the others are
-    zero.
+    It is taken at the n points of the Channels and at the parameters `values`, which may be only
+    the first of the p; the others are zero.
     """
     ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
     x, ranges = np.append(values, np.zeros(ends[-1] - len(values))), pairwise(ends)
-    parts = [e.design_at(channels, x[i:j]) for e, (i, j) in zip(effects, ranges, strict=True)]
+    designs = [e.design_at(channels, x[i:j]) for e, (i, j) in zip(effects, ranges, strict=True)]
     empty = np.zeros((len(channels.t), 3, 0))
-    # a single D is not copied, as a search has one of hundreds of products
-    return parts[0] if len(parts) == 1 else np.concatenate([empty, *parts], axis=2)
+    # a single derivative is not copied, as a search has one of hundreds of products
+    return designs[0] if len(designs) == 1 else np.concatenate([empty, *designs], axis=2)
 
 
 @dataclass(frozen=True)
@@ -233,27 +261,37 @@ class FittedEffect:
 
     @property
     def vector(self):
-        """Parameters in the order of the derivative, SI, (p,)."""
+        """Parameters in the order of the columns of the derivative, SI, (p,)."""
         return np.array([self.values[name] for name in self.effect.parameters])
 
     def output(self, channels):
-        """Return e, which the effect adds to the sensor's output, SI, (n, 3), at the Channels."""
+        """Return e, which the effect adds to the sensor's output, SI, (n, 3).
+
+        It is taken at the n points of the Channels, with the derivative clamped to the range of the
+        data that the effect was fitted to. `channels.clamped` gets the points where it was.
+        """
         design = self.effect.design_at(channels, self.vector)
         if self.ranges:
             unlimited = (-np.inf, np.inf)
             ends = [self.ranges.get(name, unlimited) for name in self.effect.parameters]
-            clamped = self.effect.clamped(design, *np.transpose(ends))
+            low, high = np.transpose(ends)
+            clamped = self.effect.clamped(design, low, high)
             if channels.clamped is not None:
                 channels.clamped[self.name] = np.any(clamped != design, axis=(1, 2))
             design = clamped
         return design @ self.vector
 
     def with_ranges(self, channels):
-        """Return the FittedEffect with the ranges of its derivative in data, a list of Channels."""
-        parts = [self.effect.design_at(data, self.vector) for data in channels]
+        """Return the FittedEffect with the ranges of its derivative in the data that show it.
+
+        `channels` is a list of Channels, those of the data. A range has the least and the largest
+        value of the derivative with respect to a parameter.
+        """
+        designs = [self.effect.design_at(data, self.vector) for data in channels]
         ranges = dict(self.ranges)
         for k, name in enumerate(self.effect.parameters):
-            design = np.concatenate([np.zeros(0), *(part[:, :, k].ravel() for part in parts)])
+            design = np.concatenate([np.zeros(0), *(d[:, :, k].ravel() for d in designs)])
+            # zeros are of axes that do not depend on the parameter
             if (design := design[design != 0]).size:
                 ranges[name] = float(design.min()), float(design.max())
         return replace(self, ranges=ranges)
@@ -286,13 +324,17 @@ class FittedEffect:
         ranges = {key: (float(low), float(high)) for key, (low, high) in ranges.items()}
         if not all(low <= high for low, high in ranges.values()):
             raise ImuloopError(f"effect {name}: range is no least and largest value")
-        return cls(effect, values, dict(std), ranges)
+        return cls(effect, values=values, std=dict(std), ranges=ranges)
 
 
 def _check_constants(effect):
-    """Raise ValueError for a constant of another type than its default, or out of its bounds."""
+    """Raise TypeError or ValueError for a constant of an effect that is not possible.
+
+    It is of another type than its default, or out of its bounds or infinite.
+    """
     for constant in fields(effect):
         value = getattr(effect, constant.name)
+        # a float may be an int in the file, but a bool, which is an int in Python, is neither
         kinds = {float: (int, float)}.get(type(constant.default), type(constant.default))
         if isinstance(value, bool) or not isinstance(value, kinds):
             raise TypeError(f"{constant.name} is {value!r}")

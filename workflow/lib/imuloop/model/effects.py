@@ -8,7 +8,10 @@ from imuloop.model.effect import Effect
 
 @dataclass(frozen=True)
 class EffectKind:
-    """A class of the library of effects, with a sensor; it has the same properties as the class."""
+    """A kind of effect: a class of the library of effects, and the sensor that has the effect.
+
+    Name, limit and `is_formula` are those of the class.
+    """
 
     cls: type
     sensor: str
@@ -20,7 +23,10 @@ class EffectKind:
 
 @dataclass(frozen=True)
 class SensorEffect:
-    """An effect with its constants and its sensor; it has the same properties as the effect."""
+    """An effect with values of its constants, and the name of the sensor that has it.
+
+    The other properties are those of the effect.
+    """
 
     effect: Effect
     sensor: str
@@ -36,9 +42,9 @@ class SensorEffect:
 
     @property
     def kind(self):
-        """The class of the effect, with this sensor."""
+        """The kind of the effect: its class and its sensor, an EffectKind."""
         return EffectKind(type(self.effect), self.sensor)
 
     def moved(self, factor):
-        """Return the effect with its time constant, or width, multiplied by a factor."""
+        """Return the SensorEffect with its time constant, or width, multiplied by a factor."""
         return replace(self, effect=self.effect.moved(factor))

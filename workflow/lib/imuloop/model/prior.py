@@ -1,4 +1,7 @@
-"""The prior of a device: a Gaussian distribution of the parameters of both sensors."""
+"""The prior of a device: a Gaussian distribution of the parameters of both sensors.
+
+Nominal SI values are raw readings less the data sheet's offset, times its scale.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -13,7 +16,10 @@ DATA_SHEET = "data sheet"
 
 @dataclass(frozen=True)
 class Prior:
-    """``x ~ N(mean, covariance)``, where x is the state without effects, nominal SI.
+    """``x ~ N(mean, covariance)``, where x are the 21 parameters of both sensors, nominal SI.
+
+    They are T, K and b, misalignment, scale factors and biases, of the accelerometer, then of the
+    gyroscope, without effects.
 
     Attributes
     ----------
@@ -35,18 +41,24 @@ class Prior:
         return np.sqrt(np.diag(self.covariance))
 
     def of(self, sensor):
-        """Return mean, (p,), and covariance, (p, p), of the parameters of one sensor."""
+        """Return mean, (p,), and covariance, (p, p), of the p parameters of one sensor.
+
+        `sensor` is its name.
+        """
         return self.mean[BASE[sensor]], self.covariance[BASE[sensor], BASE[sensor]]
 
     def with_sensor(self, sensor, source, mean, covariance):
-        """Return the Prior with another source, mean, (p,), and covariance, (p, p), of a sensor."""
+        """Return the Prior with another mean, (p,), and covariance, (p, p), of one sensor.
+
+        `sensor` is its name, and `source` is the file that they come from.
+        """
         prior = self.with_part(BASE[sensor], mean, covariance)
         return replace(prior, sources=self.sources | {sensor: source})
 
     def with_part(self, places, mean, covariance):
         """Return the Prior with another mean, (p,), and covariance, (p, p), of p parameters.
 
-        `places` is the slice of their indices in x. They become independent of the others.
+        `places` is the slice of their indices in x. They are independent of all others then.
         """
         prior = replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
         prior.mean[places], prior.covariance[places], prior.covariance[:, places] = mean, 0.0, 0.0
@@ -54,20 +66,21 @@ class Prior:
         return prior
 
     def widened(self, x):
-        """Return the Prior, widened for each parameter of the state x, (21,), that contradicts it.
+        """Return the Prior with larger standard deviations of parameters that contradict it.
 
-        If a parameter is more than `FAR_OFF` standard deviations from the mean, its distance from
-        the mean becomes the standard deviation. Such data are of another unit, range or board than
-        the data sheet.
+        `x`, (21,), are estimates of the parameters. If one is more than `FAR_OFF` standard
+        deviations from the mean, its distance from the mean becomes the standard deviation, because
+        the data are of another unit, range or board than the data sheet.
         """
         distance = np.abs(x - self.mean)
         factor = np.where(distance > FAR_OFF * self.std, distance / self.std, 1.0)
         return replace(self, covariance=self.covariance * np.outer(factor, factor))
 
     def rows(self):
-        """Return R, (21, 21), and z, (21,), such that ``R x - z`` has independent components.
+        """Return R, (21, 21), and z, (21,), such that ``R x - z`` has mean zero and variance one.
 
-        Their variance is one, so ``Rᵀ R`` is the inverse of the covariance.
+        Its components are independent, so ``Rᵀ R`` is the inverse of the covariance. A fit adds
+        ``|R x - z|²`` to its sum of squares.
         """
         size = self.std
         root = np.linalg.cholesky(self.covariance / np.outer(size, size))
@@ -78,14 +91,16 @@ class Prior:
 def data_sheet(tolerances=None):
     """Return the Prior of a data sheet.
 
-    `tolerances` holds, by sensor, a dict of the fields of a `Tolerance`. A sensor without one has
-    the tolerances of a generic device.
+    `tolerances` has, by sensor, a dict with the standard deviations of ``misalignment``,
+    ``scale_factor`` and ``bias``. A sensor without one has those of a generic device. The mean is
+    that of a sensor without errors, and all parameters are independent.
     """
-    given = {sensor: Tolerance(**values) for sensor, values in (tolerances or {}).items()}
+    declared = {sensor: Tolerance(**values) for sensor, values in (tolerances or {}).items()}
     mean, std = [], []
     for sensor, names in NAMES.items():
-        sheet = given.get(sensor) or GENERIC[sensor]
+        sheet = declared.get(sensor) or GENERIC[sensor]
         by_letter = {"T": sheet.misalignment, "K": sheet.scale_factor, "b": sheet.bias}
         mean += [float(name[0] == "K") for name in names]
         std += [by_letter[name[0]] for name in names]
-    return Prior(np.array(mean), np.diag(np.square(std)), dict.fromkeys(NAMES, DATA_SHEET))
+    sources = dict.fromkeys(NAMES, DATA_SHEET)
+    return Prior(mean=np.array(mean), covariance=np.diag(np.square(std)), sources=sources)

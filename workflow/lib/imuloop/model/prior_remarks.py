@@ -18,10 +18,10 @@ CAUSES = {
 
 
 def remarks(sensor, calibration):
-    """Return a list of sentences on the prior of a SensorCalibration, the most important first.
+    """Return remarks on a SensorCalibration and its prior, sentences, the most important first.
 
-    The list is empty if all parameters were measured and are near the prior. `sensor` is the name
-    of the sensor.
+    They name parameters far from the prior, and those that the data hardly improved. The list is
+    empty if there are none. `sensor` is the name of the sensor.
     """
     sentences = []
     if far := calibration.far_off:
@@ -34,7 +34,7 @@ def remarks(sensor, calibration):
 
 
 def advice_on_unimproved(sensor, names):
-    """Return a text that names the parameters that the data did not improve, and says how to.
+    """Return a text that names parameters that the data did not improve, and what would do so.
 
     `sensor` is the name of the sensor. `names` are one or more parameters, such as ``T01``, ``K0``
     and ``b0``.
@@ -61,7 +61,11 @@ def advice_on_unimproved(sensor, names):
 
 
 def _words(names):
-    """Return parameters in words, such as "misalignment xy and xz, scale factor x and bias x"."""
+    """Return parameters in words, such as "misalignment xy and xz, scale factor x and bias x".
+
+    `names` are names of parameters, such as ``T01``, ``K0`` and ``b0``.
+    """
+    # by word, the axes of its parameters, in the order of the words
     axes = {}
     for name in sorted(names, key=lambda name: [*WORDS].index(name[0])):
         axes.setdefault(WORDS[name[0]], []).append("".join(AXES[int(i)] for i in name[1:]))

@@ -1,4 +1,7 @@
-"""Conversion between parameters in nominal SI and a calibration in the raw units of a log."""
+"""Conversion between parameters in nominal SI and a calibration in the raw units of a log.
+
+Nominal SI values are raw values less the data sheet's offset, times its scale.
+"""
 
 import numpy as np
 
@@ -8,23 +11,24 @@ from imuloop.model.sensor_calibration import SensorCalibration
 from imuloop.model.state import BASE, ENTRIES, NAMES, State
 
 
-def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **how):
-    """Return the SensorCalibration, in raw units, of parameters in nominal SI.
+def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **fields):
+    """Return the SensorCalibration, in raw units, of p parameters in nominal SI.
 
     ``K_raw = K s`` and ``b_raw = b / s + offset``, where s is `unit.scale`, offset `unit.offset`,
-    and nominal SI is ``s (raw - offset)``.
+    and nominal SI is ``s (raw - offset)``. T does not depend on the unit.
 
     Parameters
     ----------
     sensor, unit : str, RawUnit
-        Name of the sensor, and the unit of its log.
+        Name of the sensor, and the raw unit of its log.
     x, covariance : ndarray, shape (p,), (p, p)
-        T, K and b, then the parameters of the effects, and their covariance.
+        The parameters, off-diagonal elements of T, K, b, then those of the effects, and their
+        covariance.
     effects : sequence of Effect, optional
         The effects of the sensor.
     prior : Prior, optional
         Prior of the fit.
-    **how
+    **fields
         Other fields of the SensorCalibration.
     """
     names, T, fitted = NAMES[sensor], np.eye(3), []
@@ -32,21 +36,33 @@ def in_raw_units(sensor, unit, x, covariance, effects=(), prior=None, **how):
     T[ENTRIES[sensor]] = elements
     std = np.sqrt(np.diag(covariance))
     for effect in effects:
-        own = slice(len(names), len(names) + len(effect.parameters))
-        pairs = (zip(effect.parameters, v[own].tolist(), strict=True) for v in (x, std))
-        fitted.append(FittedEffect(effect, *map(dict, pairs)))
+        index = slice(len(names), len(names) + len(effect.parameters))
+        values, errors = (
+            dict(zip(effect.parameters, numbers[index].tolist(), strict=True))
+            for numbers in (x, std)
+        )
+        fitted.append(FittedEffect(effect, values=values, std=errors))
         names += tuple(f"{effect.name}.{p}" for p in effect.parameters)
     factor = si_factor(names, unit)
-    prior = prior and prior_content(sensor, prior, unit)
-    how |= {"covariance": covariance / np.outer(factor, factor), "prior": prior}
-    K, b = K * unit.scale, unit.from_si(b)
-    return SensorCalibration(unit, T, K, b, names=names, effects=tuple(fitted), **how)
+    return SensorCalibration(
+        raw_unit=unit,
+        T=T,
+        K=K * unit.scale,
+        b=unit.from_si(b),
+        names=names,
+        covariance=covariance / np.outer(factor, factor),
+        effects=tuple(fitted),
+        prior=prior and prior_content(sensor, prior, unit),
+        **fields,
+    )
 
 
 def prior_content(sensor, prior, unit):
-    """Return the Prior of a sensor in raw units, as the `prior` of a SensorCalibration holds it.
+    """Return the prior of a sensor in the raw units of its log, a dict.
 
-    It is a dict with its ``source``, and with dicts ``mean`` and ``std`` by name of the parameter.
+    It has the ``source`` of the prior, and its ``mean`` and ``std``, dicts by name of the
+    parameter. `sensor` is the name of the sensor, `prior` the Prior of the device in nominal SI,
+    and `unit` the RawUnit.
     """
     names, places = NAMES[sensor], BASE[sensor]
     factor = si_factor(names, unit)
@@ -58,14 +74,18 @@ def prior_content(sensor, prior, unit):
 
 
 def as_logged(sensor, calibration):
-    """Return T, K and b of a SensorCalibration in nominal SI, (p,): inverse of `in_raw_units`."""
+    """Return the off-diagonal elements of T, then K and b, of a SensorCalibration in nominal SI.
+
+    The result has the shape (p,), with p = 9 for the accelerometer and 12 for the gyroscope.
+    `sensor` is the name of the sensor.
+    """
     unit = calibration.raw_unit
     T = calibration.T[ENTRIES[sensor]]
     return np.concatenate([T, calibration.K / unit.scale, unit.to_si(calibration.b)])
 
 
 def state_of(calibration, effects=None):
-    """Return the State of a Calibration in nominal SI, with p parameters, and its covariance.
+    """Return the State of a Calibration, its p parameters in nominal SI, and their covariance.
 
     Parameters of different sensors have no covariance, and parameters that were not estimated have
     no variance. `effects` is a sequence of SensorEffect, some effects of the calibration; by
@@ -79,29 +99,30 @@ def state_of(calibration, effects=None):
         Their covariance.
     """
     sensors = {name: getattr(calibration, name) for name in NAMES}
-    fitted = {SensorEffect(e.effect, s): e for s, made in sensors.items() for e in made.effects}
+    fitted = {SensorEffect(e.effect, s): e for s in sensors for e in sensors[s].effects}
     effects = tuple(fitted if effects is None else effects)
-    parts = [as_logged(sensor, made) for sensor, made in sensors.items()]
-    state = State(np.concatenate([*parts, *(fitted[e].vector for e in effects)]), effects)
+    by_sensor = [as_logged(name, sensor) for name, sensor in sensors.items()]
+    state = State(np.concatenate([*by_sensor, *(fitted[e].vector for e in effects)]), effects)
     # effects from another record than the other parameters have standard errors only
     std = {f"{e.sensor}.{e.name}.{name}": s for e in effects for name, s in fitted[e].std.items()}
     covariance = np.diag([std.get(name, 0.0) ** 2 for name in state.names])
-    for sensor, made in sensors.items():
-        names = [f"{sensor}.{name}" for name in made.names]
+    for sensor, calibrated in sensors.items():
+        names = [f"{sensor}.{name}" for name in calibrated.names]
+        # parameters of the state that the calibration has a covariance of, and their rows there
         places = [k for k, name in enumerate(state.names) if name in names]
         if places:
             rows = [names.index(state.names[k]) for k in places]
-            factor = si_factor(made.names, made.raw_unit)
-            block = made.covariance * np.outer(factor, factor)
+            factor = si_factor(calibrated.names, calibrated.raw_unit)
+            block = calibrated.covariance * np.outer(factor, factor)
             covariance[np.ix_(places, places)] = block[np.ix_(rows, rows)]
     return state, covariance
 
 
 def si_factor(names, unit):
-    """Return the factors, (p,), that convert parameters of a calibration from raw units to SI.
+    """Return the factors, (p,), that convert errors of parameters from raw units to nominal SI.
 
-    With the scale s of the RawUnit `unit` they are 1/s for K, s for b (without its offset), and 1
-    for T and for parameters of effects. `names` are the names of the p parameters.
+    With the scale s of the RawUnit `unit` they are 1/s for K, s for b, and 1 for T and for the
+    parameters of effects. `names` are the names of the p parameters. The offset of b is left out.
     """
     factors = {"K": 1 / unit.scale, "b": unit.scale}
     return np.array([1.0 if "." in name else factors.get(name[0], 1.0) for name in names])

@@ -9,8 +9,9 @@ import numpy as np
 class Sensor:
     """The equation ``x = T (K (y - b) - e)`` of a sensor.
 
-    y are values in nominal SI, x the calibrated values, and e is the sum of the sensor's effects,
-    ``e = D p``, with their parameters p and the derivative D.
+    y are values in nominal SI (raw readings less the data sheet's offset, times its scale), x the
+    calibrated values, on the axes of the body, and e is the sum of the sensor's effects, ``e = D
+    p``, with their parameters p and the derivative D.
 
     Attributes
     ----------
@@ -32,7 +33,7 @@ class Sensor:
 
     @property
     def gain(self):
-        """Derivative of x with respect to y, (3, 3), without effects."""
+        """Derivative ``T diag(K)`` of x with respect to y, (3, 3), without effects."""
         return self.T * self.K
 
     def output(self, y):
@@ -40,7 +41,10 @@ class Sensor:
         return self.K * (y - self.b)
 
     def aligned(self, y):
-        """Return ``T K (y - b)``, calibrated SI without effects, (..., 3), of y in nominal SI."""
+        """Return ``T K (y - b)``, SI on the axes of the body without effects, (..., 3).
+
+        Takes y in nominal SI, (..., 3).
+        """
         return self.output(y) @ self.T.T
 
     def corrected(self, y, D):
@@ -52,7 +56,7 @@ class Sensor:
         return self.output(y) - D @ self.p if self.p.any() else self.output(y)
 
     def values(self, y, D):
-        """Return the calibrated values x, SI, (..., 3).
+        """Return the calibrated values ``x = T (K (y - b) - e)``, SI on the body's axes, (..., 3).
 
         Takes y in nominal SI, (..., 3), and the derivative D of e with respect to p, (..., 3, q).
         """
@@ -61,10 +65,12 @@ class Sensor:
     def jacobian(self, A, y, D):
         """Return the derivative of the sum of ``A x`` over the k samples of each of m groups.
 
+        It is taken with respect to the parameters of the sensor; A x has a components.
+
         Parameters
         ----------
         A : ndarray, shape (m, k, a, 3)
-            Weights of the calibrated values x.
+            Matrices that multiply the calibrated values x.
         y : ndarray, shape (m, k, 3)
             Values in nominal SI.
         D : ndarray, shape (m, k, 3, q)
@@ -76,17 +82,16 @@ class Sensor:
             Derivative with respect to the off-diagonal elements of T, K, b and p, in this order.
         """
         m, k, a, _ = A.shape
+        # sums over samples of products of A with values, as products of matrices; the axes are:
+        # group, row of A, column of A, axis of the values
         flat = A.reshape(m, k, 3 * a).swapaxes(1, 2)
-        # sums of products of A with values; the axes are: row of A, column of A, axis of the values
         by_corrected, by_raw = (
             (flat @ values).reshape(m, a, 3, 3) for values in (self.corrected(y, D), y - self.b)
         )
         # one product of matrices instead of one per sample
         on_sensor_axes = np.tensordot(A, self.T, 1).swapaxes(1, 2).reshape(m, a, 3 * k)
-        parts = [
-            by_corrected[:, :, *self.entries],
-            np.einsum("maij,ij->maj", by_raw, self.T),
-            -A.sum(axis=1) @ self.gain,
-            -on_sensor_axes @ D.reshape(m, 3 * k, D.shape[-1]),
-        ]
-        return np.concatenate(parts, axis=2)
+        by_T = by_corrected[:, :, *self.entries]
+        by_K = np.einsum("maij,ij->maj", by_raw, self.T)
+        by_b = -A.sum(axis=1) @ self.gain
+        by_p = -on_sensor_axes @ D.reshape(m, 3 * k, D.shape[-1])
+        return np.concatenate([by_T, by_K, by_b, by_p], axis=2)

@@ -1,4 +1,8 @@
-"""The calibration of one sensor, ``x = T (K (raw - b) - e)``."""
+"""The calibration of one sensor, ``x = T (K (raw - b) - e)``.
+
+Raw values are in the unit of the log. Nominal SI values are raw values less the data sheet's
+offset, times its scale.
+"""
 
 from dataclasses import dataclass
 
@@ -41,12 +45,13 @@ class SensorCalibration:
 
     @classmethod
     def nominal(cls, raw_unit, not_testable):
-        """Return the nominal calibration of the data sheet.
+        """Return the nominal calibration, the scale and offset of the data sheet.
 
-        Takes the RawUnit, and the reason why nothing was measured.
+        `raw_unit` is the RawUnit that has them, and `not_testable` the reason why nothing was
+        measured, a text.
         """
         scale, offset = np.full(3, raw_unit.scale), np.full(3, raw_unit.offset)
-        return cls(raw_unit, np.eye(3), scale, offset, not_testable=not_testable)
+        return cls(raw_unit, T=np.eye(3), K=scale, b=offset, not_testable=not_testable)
 
     @property
     def measured(self):
@@ -57,12 +62,15 @@ class SensorCalibration:
 
     @property
     def unexplained(self):
-        """Whether the errors of the data are larger than the noise and the effects explain."""
+        """Whether the data have larger errors than the noise and the effects explain."""
         return self.measured and self.verdict == "unexplained"
 
     @property
     def excess(self):
-        """Ratio of the variance of the residuals to that of the noise model, at least one."""
+        """Ratio of the variance of the residuals to that of the noise model, at least one.
+
+        It is one without degrees of freedom, when there is no reduced χ².
+        """
         return max(1.0, self.reduced_chi2 or 1.0)
 
     def output(self, values):
@@ -76,7 +84,8 @@ class SensorCalibration:
     def apply(self, values, channels=None):
         """Return calibrated values, SI, (n, 3), of values in nominal SI, (n, 3).
 
-        `channels` are the Channels that the effects depend on; without effects they are not used.
+        The result is on the axes of the body. `channels` are the Channels that the effects depend
+        on, at the n samples; without effects they are not used.
         """
         output = self.output(values)
         for effect in self.effects:
@@ -97,10 +106,11 @@ class SensorCalibration:
     def parameters(self, sensor):
         """Return a list of (name, value, standard error, unit, source) of all parameters.
 
-        The standard error is nan for a parameter that was not estimated. The source is ``data``, or
-        the source of the prior for a parameter that the data did not improve. `sensor` is the name
-        of the sensor.
+        T, K and b come first, then the parameters of the effects. The standard error is nan for a
+        parameter that was not estimated. The source is ``data``, or the source of the prior for a
+        parameter that the data did not improve. `sensor` is the name of the sensor.
         """
+        # names of the SI unit and of the raw unit
         si, raw, std = OUTPUT[sensor], self.raw_unit.name, self.std
         units = {"T": "rad", "K": "1" if raw == si else f"{si} per {raw}", "b": raw}
         prior = (self.prior or {}).get("source", "data sheet")
@@ -127,16 +137,18 @@ class SensorCalibration:
     def unimproved(self):
         """Names of the parameters that the data hardly improved, a tuple.
 
-        Their standard error is more than `IMPROVED` of the standard deviation of the prior.
+        Their standard error is more than the share `IMPROVED` of the standard deviation of the
+        prior. A parameter that was not estimated has that standard deviation.
         """
         prior, std = (self.prior or {"std": {}})["std"], self.std
         return tuple(name for name, size in prior.items() if std.get(name, size) > IMPROVED * size)
 
     @property
     def far_off(self):
-        """Distance from the mean of the prior, in its standard deviations, a dict by parameter.
+        """Parameters far from the prior: by name, the distance from its mean.
 
-        It holds only distances above `FAR_OFF`.
+        The unit of a distance is the standard deviation of the prior; only those above `FAR_OFF`
+        are in the dict.
         """
         prior = self.prior or {"std": {}}
         sizes = {n: abs(self.value(n) - prior["mean"][n]) / s for n, s in prior["std"].items()}
@@ -160,13 +172,17 @@ class SensorCalibration:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the SensorCalibration of the content of a JSON file, a dict."""
+        """Return the SensorCalibration of the content of a JSON file for one sensor, a dict.
+
+        Raises an ImuloopError if the matrix of the covariance is not square, or if an effect is not
+        in the library.
+        """
         rows = content["covariance"]["matrix"]
         if any(len(row) != len(rows) for row in rows):
             raise ImuloopError("covariance: the matrix is not square")
         return cls(
             RawUnit(content["raw_unit"], content["raw_scale"], content["raw_offset"]),
-            *(np.array(content[key], dtype=float) for key in "TKb"),
+            **{key: np.array(content[key], dtype=float) for key in "TKb"},
             names=tuple(content["covariance"]["names"]),
             covariance=np.array(rows, dtype=float).reshape(len(rows), len(rows)),
             effects=tuple(map(FittedEffect.from_dict, content["effects"])),

@@ -1,7 +1,9 @@
 """The state vector: parameters of the accelerometer, of the gyroscope, then of the effects.
 
-All parameters are in nominal SI. The accelerometer defines the axes of the body, so its T is upper
-triangular and has three parameters. The T of the gyroscope has six parameters.
+All parameters are in nominal SI: they apply to raw readings less the data sheet's offset, times its
+scale. A sensor has the misalignment T, the scale factors K and the biases b. The accelerometer
+defines the axes of the body, so its T is upper triangular and has three parameters. The T of the
+gyroscope has six parameters.
 """
 
 from dataclasses import dataclass
@@ -28,7 +30,10 @@ COUNT, BIAS = 21, slice(18, 21)
 
 @dataclass(frozen=True)
 class State:
-    """Values x of all parameters, (21 + q,); the last q belong to `effects`, of SensorEffect."""
+    """Values x of all parameters of both sensors, nominal SI, (21 + q,).
+
+    The last q are the parameters of `effects`, a tuple of SensorEffect.
+    """
 
     x: np.ndarray
     effects: tuple = ()
@@ -40,27 +45,35 @@ class State:
 
     @property
     def units(self):
-        """SI unit of a change of every parameter."""
+        """SI unit of a change of each parameter, a tuple."""
         return tuple(unit for *_, unit in parameters(self.effects))
 
     def places(self, sensor):
-        """Return the indices of the parameters of one sensor in x; its effects come last."""
+        """Return the indices of the parameters of one sensor in x, (p,) of int.
+
+        `sensor` is its name; the parameters of its effects come last.
+        """
         return np.flatnonzero([owner == sensor for owner, *_ in parameters(self.effects)])
 
     def sensor(self, sensor):
-        """Return the Sensor with these parameters; `sensor` is its name."""
+        """Return the equation of a sensor with these parameters, a Sensor; `sensor` is its name."""
+        # the parameters are the off-diagonal elements of T, then K, b, and those of the effects
         values, entries, T = self.x[self.places(sensor)], ENTRIES[sensor], np.eye(3)
         T[entries], values = np.split(values, [len(entries[0])])
-        return Sensor(entries, T, *np.split(values, [3, 6]))
+        K, b, p = np.split(values, [3, 6])
+        return Sensor(entries, T=T, K=K, b=b, p=p)
 
     def with_effects(self, effects):
-        """Return the State with more effects, whose parameters are zero."""
+        """Return the State with more effects, a sequence of SensorEffect, with parameters zero."""
         count = sum(len(e.parameters) for e in effects)
         return State(np.append(self.x, np.zeros(count)), (*self.effects, *effects))
 
 
 def parameters(effects=()):
-    """Return a list of (sensor, name, SI unit) of the parameters of a state with some effects."""
+    """Return a list of (sensor, name, SI unit) of all parameters of a state.
+
+    Those of both sensors come first, then those of `effects`, a sequence of SensorEffect.
+    """
     rows = []
     for sensor, names in NAMES.items():
         units = {"T": "rad", "K": "1", "b": OUTPUT[sensor]}
