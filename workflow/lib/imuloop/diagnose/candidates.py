@@ -5,7 +5,7 @@ from imuloop.model.effect import Effect
 
 
 def candidates(sensor, record, channels):
-    """Return the shapes to try on a sensor, and the effects that are not tried.
+    """Return the variants to try on a sensor, and the effects that are not tried.
 
     Effects that only motion shows are in neither result.
 
@@ -20,11 +20,11 @@ def candidates(sensor, record, channels):
     Returns
     -------
     dict of type to tuple of Effect
-        The shapes to try, by type of effect.
+        The variants to try, by type of effect.
     dict of type to (str, str)
         Status and reason of the effects that are not tried, by type of effect.
     """
-    shapes, reasons, cycle = {}, {}, channels.power_cycle
+    variants, reasons, cycle = {}, {}, channels.power_cycle
     several = cycle is not None and cycle.any()
     for cls in Effect.library.values():
         if sensor not in cls.sensors or (record not in cls.records and not cls.unobservable):
@@ -48,5 +48,5 @@ def candidates(sensor, record, channels):
         elif "power_cycle" in cls.needs and cycle.max() >= cls.bounds["runs"][1]:
             reasons[cls] = ("not_available", f"more power cycles than {cls.bounds['runs'][1]}")
         else:
-            shapes[cls] = tuple(cls.shapes(channels))
-    return shapes, reasons
+            variants[cls] = tuple(cls.variants(channels))
+    return variants, reasons

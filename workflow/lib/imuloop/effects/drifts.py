@@ -41,8 +41,8 @@ class WarmUp(Effect):
     after_temperature = True
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the shapes with the time constants that are short enough for the data."""
+    def variants(cls, channels):
+        """Return the variants with the time constants that are short enough for the data."""
         several = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
         longest = np.ptp(channels.t) / SETTLINGS
         return tuple(cls(tau) for tau in several if tau <= longest) or (cls(),)

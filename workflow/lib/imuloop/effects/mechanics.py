@@ -37,7 +37,7 @@ class Reorientation(Effect):
     timed = True
 
     @classmethod
-    def shapes(cls, channels):
+    def variants(cls, channels):
         """Return the time constants to try."""
         return tuple(cls(tau) for tau in CREEPS)
 

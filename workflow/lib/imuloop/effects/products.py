@@ -40,7 +40,7 @@ class Product(Effect):
 
     name = "product"
     reference = "a search of this device's residual; no cause is known"
-    # the class has no records, as `products` gives the shapes after all other effects
+    # the class has no records, as `products` gives the variants after all other effects
     records = ()
     is_formula = True
     bounds = {"reference_temperature": CELSIUS}

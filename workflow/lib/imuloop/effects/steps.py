@@ -47,7 +47,7 @@ class Steps(Effect):
         return per_axis({f"h{k}": "output" for k in range(1, len(self.times) + 1)})
 
     @classmethod
-    def shapes(cls, channels):
+    def variants(cls, channels):
         """Return none: a scan of the record finds the times."""
         return ()
 

@@ -112,8 +112,8 @@ class BiasTemperature(Effect):
         return per_axis({"c1": "output per K"} | powers)
 
     @classmethod
-    def shapes(cls, channels):
-        """Return shapes with the orders that the span of the temperature determines, up to 3.
+    def variants(cls, channels):
+        """Return variants with the orders that the span of the temperature determines, up to 3.
 
         They are without lag, and with each lag that is shorter than the data.
         """
@@ -155,8 +155,8 @@ class ScaleTemperature(Effect):
     limit = 3e-3
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the one shape, about the mean temperature."""
+    def variants(cls, channels):
+        """Return the one variant, about the mean temperature."""
         return (cls(whole_degrees(channels)),)
 
     def design(self, channels):
@@ -199,8 +199,8 @@ class BiasTemperatureRate(Effect):
     needs = ("temperature",)
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the shapes with the lags that are short enough for the data."""
+    def variants(cls, channels):
+        """Return the variants with the lags that are short enough for the data."""
         longest = np.ptp(channels.t) / RELAXATIONS
         return tuple(cls(tau) for tau in LAGS if tau <= longest) or (cls(),)
 
@@ -244,8 +244,8 @@ class ThermalHysteresis(Effect):
     needs = ("temperature",)
 
     @classmethod
-    def shapes(cls, channels):
-        """Return shapes whose half-widths are shares of the span of the temperature."""
+    def variants(cls, channels):
+        """Return variants whose half-widths are shares of the span of the temperature."""
         widths = {max(round(share * span(channels), 2), 0.01) for share in SHARES}
         return tuple(cls(width) for width in sorted(widths))
 

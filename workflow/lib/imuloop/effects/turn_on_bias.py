@@ -38,8 +38,8 @@ class TurnOnBias(Effect):
         return per_axis({f"s{k}": "output" for k in range(2, self.runs + 1)})
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the one shape for the power cycles of these Channels."""
+    def variants(cls, channels):
+        """Return the one variant for the power cycles of these Channels."""
         return (cls(int(channels.power_cycle.max()) + 1),)
 
     def design(self, channels):

@@ -66,22 +66,24 @@ class MotionProblem(PoseProblem):
 
 
 def candidates_in_motion(nuisance_kinds):
-    """Return the shapes to try in motion, by kind of effect, without the kinds of other records.
+    """Return the variants to try in motion, by kind of effect, without the kinds of other records.
 
     `nuisance_kinds` are the kinds of effects that other records showed.
     """
-    shapes = {}
+    variants = {}
     for cls in Effect.library.values():
         kind = EffectKind(cls, cls.sensors[0])
         if "motion" in cls.records and kind not in nuisance_kinds:
-            shapes[kind] = tuple(SensorEffect(shape, kind.sensor) for shape in cls.shapes(None))
-    return shapes
+            variants[kind] = tuple(
+                SensorEffect(variant, kind.sensor) for variant in cls.variants(None)
+            )
+    return variants
 
 
 def motion_products(sensor):
     """Return the Products that only motion shows: products of specific force and angular rate."""
-    shapes = products(sensor, "fw") if sensor == "accelerometer" else ()
-    return tuple(product for product in shapes if "motion" in product.records)
+    variants = products(sensor, "fw") if sensor == "accelerometer" else ()
+    return tuple(product for product in variants if "motion" in product.records)
 
 
 def diagnose_motion(poses, recording, settings, tests, information=None):
@@ -119,13 +121,13 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
     state, factors = State(solution.x, solution.effects), replace(joint_fit.factors, quiet=usable)
     factors = factors.without_rotation(recording, state, joint_fit.noise)
     joint_fit = replace(joint_fit, factors=factors, start=start)
-    shapes = candidates_in_motion(kinds_of(solution.effects))
-    tests += settings.family * len(shapes)
+    variants = candidates_in_motion(kinds_of(solution.effects))
+    tests += settings.family * len(variants)
     # the last entry, at index -1, is the fold of the poses: none
     folds = np.append(interleaved_folds(len(usable), settings.folds), -1)
     effects, prior = solution.effects, joint_fit.known
     problem = MotionProblem(
-        joint_fit, recording, shapes, settings, tests, folds, effects, information, prior
+        joint_fit, recording, variants, settings, tests, folds, effects, information, prior
     )
     try:
         # the same residuals judge both sensors

@@ -67,9 +67,9 @@ class PoseResult:
 
 
 def pose_candidates(sensor, recording, static_effects=()):
-    """Return the shapes to try on a sensor at the poses, and the effects that are not tried.
+    """Return the variants to try on a sensor at the poses, and the effects that are not tried.
 
-    Both are dicts by type of effect: a tuple of shapes, and a status with its reason. Effects of
+    Both are dicts by type of effect: a tuple of variants, and a status with its reason. Effects of
     the sensor in `static_effects`, SensorEffects that static records showed, are in neither. Both
     are empty without poses.
     """
@@ -78,14 +78,14 @@ def pose_candidates(sensor, recording, static_effects=()):
         return {}, {}
     other = poses.w if sensor == "accelerometer" else poses.f
     channels = recording.pose_channels(sensor, lambda y: y, other)
-    shapes, reasons = candidates(sensor, "poses", channels)
+    variants, reasons = candidates(sensor, "poses", channels)
     if np.ptp(poses.session):
-        del shapes[Steps]
+        del variants[Steps]
         reasons[Steps] = ("not_available", "a step is looked for in poses of one session")
     for cls in [e.kind.cls for e in static_effects if e.sensor == sensor]:
-        shapes.pop(cls, None)
+        variants.pop(cls, None)
         reasons.pop(cls, None)
-    return shapes, reasons
+    return variants, reasons
 
 
 def pose_problem(joint_fit, recording, settings, tests, static_effects=(), information=None):
@@ -107,19 +107,19 @@ def pose_problem(joint_fit, recording, settings, tests, static_effects=(), infor
     information : callable, optional
         Information of the static records, as `PoseProblem.information`.
     """
-    shapes, scans, few = {}, {}, too_few(recording)
+    variants, scans, few = {}, {}, too_few(recording)
     for sensor in (s for s in joint_fit.estimated if s not in few):
         for cls, tried in pose_candidates(sensor, recording, static_effects)[0].items():
             kind = EffectKind(cls, sensor)
             if cls is Steps:
                 scans[kind] = partial(pose_step, sensor)
             else:
-                shapes[kind] = tuple(SensorEffect(shape, sensor) for shape in tried)
+                variants[kind] = tuple(SensorEffect(variant, sensor) for variant in tried)
     folds = interleaved_folds(len(recording.poses), settings.folds)
     nuisances = tuple(e for e in static_effects if e.sensor in joint_fit.estimated)
     prior = joint_fit.known
     return PoseProblem(
-        joint_fit, recording, shapes, settings, tests, folds, nuisances, information, prior, scans
+        joint_fit, recording, variants, settings, tests, folds, nuisances, information, prior, scans
     )
 
 
@@ -241,9 +241,9 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
     """
     result, formulas_by_kind = judge_records(Choices(problem), kinds_by_sensors), {}
     for sensor in (s for s, content in result.contents.items() if may_lack_effect(content)):
-        if shapes := formulas(sensor):
+        if variants := formulas(sensor):
             kind = EffectKind(Product, sensor)
-            formulas_by_kind[kind] = tuple(SensorEffect(shape, sensor) for shape in shapes)
+            formulas_by_kind[kind] = tuple(SensorEffect(variant, sensor) for variant in variants)
     if formulas_by_kind:
         choices = Choices(problem.with_formulas(formulas_by_kind))
         result = judge_records(choices, kinds_by_sensors)

@@ -49,7 +49,7 @@ class PoseProblem:
 
     joint_fit: object  # JointFit
     recording: object  # Recording
-    shapes: dict  # shapes to try, a tuple for each kind of effect
+    variants: dict  # variants to try, a tuple for each kind of effect
     settings: DiagnoseSettings
     tests: int  # number of tests that share the significance
     # (n,): fold of each pose, or of each move in a MotionProblem; -1 is no fold
@@ -59,7 +59,7 @@ class PoseProblem:
     information: object = None
     # prior of the base model: rows R and z, ``R x - z`` has variance one
     base_rows: tuple = (np.zeros((0, 0)), np.zeros(0))
-    # for kinds of effects with too many shapes for a list: the function that finds the best one
+    # for kinds of effects with too many variants for a list: the function that finds the best one
     scans: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
@@ -83,9 +83,9 @@ class PoseProblem:
         if self.information is None:
             return {}, z_of_base
         # static records have too few attitudes to show formulas
-        named = (shapes for kind, shapes in self.shapes.items() if not kind.is_formula)
+        named = (variants for kind, variants in self.variants.items() if not kind.is_formula)
         effects = self.nuisance_effects + tuple(
-            s for shapes in named for s in shapes if "temperature" in s.needs and not s.timed
+            s for variants in named for s in variants if "temperature" in s.needs and not s.timed
         )
         if not effects:
             return {}, z_of_base
@@ -169,10 +169,10 @@ class PoseProblem:
         return problem
 
     def with_formulas(self, formulas):
-        """Return the problem with more shapes, by kind, that are tried after all others."""
+        """Return the problem with more variants, by kind, that are tried after all others."""
         # both problems share `_columns` and the linearisations
         count = self.tests + self.settings.family * len(formulas)
-        return replace(self, shapes=self.shapes | formulas, tests=count)
+        return replace(self, variants=self.variants | formulas, tests=count)
 
     def linearization(self, effects=()):
         """Return the Linearization at the fit of all poses with some effects."""
@@ -224,10 +224,12 @@ class PoseProblem:
         nuisances = jacobian.shape[1] - sum(len(e.parameters) for e in effects)
         patterns = split_by_effect(jacobian[:, None, nuisances:], effects)
 
-        def designs(shapes):
-            """Return the derivative of all rows by the parameters of each shape, (N, 1, q)."""
-            new_patterns = self.patterns([shape for shape in shapes if shape not in patterns])
-            return [(patterns | new_patterns)[shape] for shape in shapes]
+        def designs(variants):
+            """Return the derivative of all rows by the parameters of each variant, (N, 1, q)."""
+            new_patterns = self.patterns(
+                [variant for variant in variants if variant not in patterns]
+            )
+            return [(patterns | new_patterns)[variant] for variant in variants]
 
         group = RowGroup(-values[:, None], jacobian[:, :nuisances], hypotheses, self.row_folds)
         log_prior = np.full(len(as_estimated), -np.log(len(as_estimated)))
@@ -348,8 +350,8 @@ class PoseProblem:
     def why_no_trial(self, search, kind):
         """Return the reason, text, why a kind of effect has no trial."""
         rows = search.training_fit(()).free_rows
-        shapes = self.shapes.get(kind) or (kind.cls(),)
-        least = min(len(shape.parameters) for shape in shapes)
+        variants = self.variants.get(kind) or (kind.cls(),)
+        least = min(len(variant.parameters) for variant in variants)
         if rows <= least:
             return f"{rows} residuals to spare do not determine {least} more parameters"
         return "what it adds in these data is taken up by the base model"

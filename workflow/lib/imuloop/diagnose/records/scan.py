@@ -51,15 +51,15 @@ def best_steps(search, base, may_give_up=False):
     With `may_give_up` it is not tried if log p of the first is above `HOPELESS`. `base` has the
     effects that are in the model already.
     """
-    best, steps, tries, shapes = None, (), 0.0, ()
+    best, steps, tries, variants = None, (), 0.0, ()
     for number in range(1, MOST_STEPS + 1):
-        log_p, step, count = most_promising_step(search, base + shapes, steps)
+        log_p, step, count = most_promising_step(search, base + variants, steps)
         tries += np.log(max(count, 1) / number)
         if not step or (may_give_up and number == 1 and log_p + np.log(3) + tries > HOPELESS):
             break
         steps = (*steps, step)
-        shapes = (joined(steps),)
-        trial = search.best_of_shapes(base, shapes, tries)
+        variants = (joined(steps),)
+        trial = search.best_variant(base, variants, tries)
         if best is not None and (trial is None or trial.log_p >= best.log_p):
             break
         best = trial or best
@@ -127,12 +127,12 @@ def pose_step(sensor, search, base, may_give_up=False):
     spacing, tries = np.diff(times).max() / 2, np.log(2 * WITHIN * len(times))
     as_estimated = search.training_fit(base).evidence.as_estimated_mask
     while True:
-        shapes = [SensorEffect(Steps((float(t),)), sensor) for t in times]
-        trials = [t for t in search.tests(base, shapes, as_estimated) if t]
+        variants = [SensorEffect(Steps((float(t),)), sensor) for t in times]
+        trials = [t for t in search.tests(base, variants, as_estimated) if t]
         if not trials:
             return None
         clearest = min(trials, key=lambda t: t.log_p)
-        best = search.best_of_shapes(base, [clearest.effect], tries)
+        best = search.best_variant(base, [clearest.effect], tries)
         if best is None or spacing < CLOSE or best.log_p > 0:
             return best
         (time,) = best.effect.effect.times

@@ -26,11 +26,11 @@ class StaticProblem:
     """
 
     records: tuple  # StaticRecords; a session with several power cycles has several
-    shapes: dict  # shapes to try, a tuple for each kind of effect
+    variants: dict  # variants to try, a tuple for each kind of effect
     settings: DiagnoseSettings
     tests: int  # number of tests that share the significance
     noise: tuple | None = None  # Hypotheses of each record; default: a grid of white and slow noise
-    # for kinds of effects with too many shapes for a list: the function that finds the best one
+    # for kinds of effects with too many variants for a list: the function that finds the best one
     scans: ClassVar = {Steps: best_steps}
     # whether a scan is repeated when the base has grown; unit of the held-out errors
     scans_again, error_scale = False, 1.0

@@ -80,9 +80,9 @@ class StaticResult:
             ]
             if numbers:
                 index = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in numbers])
-                shapes = tuple(effects[k].effect for k in numbers)
+                variants = tuple(effects[k].effect for k in numbers)
                 search, base = finding.choices.search(), tuple(e.effect for e in finding.effects)
-                A[np.ix_(index, index)], b[index] = information(search, base, shapes)
+                A[np.ix_(index, index)], b[index] = information(search, base, variants)
         return A, b
 
 
@@ -114,17 +114,17 @@ def usable_records(records, settings):
 
 
 def static_candidates(sensor, records):
-    """Return the shapes to try on a sensor in static records, and the effects that are not tried.
+    """Return the variants to try on a sensor in static records, and the effects that are not tried.
 
-    Both are dicts by type of effect: a tuple of shapes, and a status with its reason.
+    Both are dicts by type of effect: a tuple of variants, and a status with its reason.
     """
     columns = []
     for name in ("t", "output", "other", "temperature"):
         parts = [getattr(record.channels, name) for record in records]
         columns.append(None if any(p is None for p in parts) else np.concatenate(parts))
-    shapes, reasons = candidates(sensor, "static_record", Channels(*columns))
-    # shapes with a price are for shorter records: hours at rest show the lag of a thermometer
-    return {cls: tuple(s for s in tried if not s.price) for cls, tried in shapes.items()}, reasons
+    variants, reasons = candidates(sensor, "static_record", Channels(*columns))
+    # variants with a price are for shorter records: hours at rest show the lag of a thermometer
+    return {cls: tuple(s for s in tried if not s.price) for cls, tried in variants.items()}, reasons
 
 
 def diagnose_static(data, records, calibration, noise, settings, noise_settings, tests):
@@ -212,9 +212,9 @@ def search_records(sensor, records, settings, tests):
 
     `tests` is the number of tests that share the significance.
     """
-    candidate_shapes, reasons = static_candidates(sensor, records)
-    shapes = {cls: s for cls, s in candidate_shapes.items() if s}
-    choices = Choices(StaticProblem(tuple(records), shapes, settings, tests))
+    candidate_variants, reasons = static_candidates(sensor, records)
+    variants = {cls: s for cls, s in candidate_variants.items() if s}
+    choices = Choices(StaticProblem(tuple(records), variants, settings, tests))
     choice, search = choices.choice(), choices.search()
     errors = choices.errors_with(()), choices.errors(choices.nested_choice)
     unconfirmed = [k for k in choice.failed if k.lasting]
