@@ -154,6 +154,8 @@ def _names(sessions, kinds):
 def combine_calibrations(base, poses, static, records, has_static_session, bias_held):
     """Return the Calibration of both sensors with the effects of poses and static records.
 
+    A static record is a rest of minutes to hours, as a list of means.
+
     Parameters
     ----------
     base : Calibration
@@ -172,6 +174,7 @@ def combine_calibrations(base, poses, static, records, has_static_session, bias_
     """
     # the gyroscope was calibrated with the direction of gravity by the accelerometer with effects
     force = poses.calibrations.get("accelerometer")
+    # and then its bias at the poses differs from the bias at the first rest
     bias_counts, calibrations = not bias_held or (force and force.effects), {}
     for sensor in SENSORS:
         calibration, at_poses = getattr(base, sensor), poses.calibrations.get(sensor)
@@ -213,6 +216,7 @@ def with_static_effects(calibration, effects, records):
     """
     b = calibration.b
     if effects and calibration.method == "static":
+        # values are outputs K (raw - b), so that their mean without effects is the error of K b
         levels = [r.values - sum(e.output(r.channels) for e in effects) for r in records]
         lengths = np.concatenate([r.length for r in records])
         b = b + np.average(np.concatenate(levels), axis=0, weights=lengths) / calibration.K
@@ -221,6 +225,8 @@ def with_static_effects(calibration, effects, records):
 
 def with_validity_ranges(calibration, poses, recording, records, static_effects):
     """Return the Calibration with the range of inputs in which each effect was estimated.
+
+    An effect is clamped to its range when the calibration is applied.
 
     Parameters
     ----------
@@ -238,9 +244,11 @@ def with_validity_ranges(calibration, poses, recording, records, static_effects)
     in_motion, inputs, sensors = [], {sensor: [] for sensor in SENSORS}, {}
     if "accelerometer" in poses.calibrations and force.effects:
         rate, aligned = recording.poses.w, turn.aligned(recording.rotations.w)
-        arguments = "accelerometer", force.output
-        inputs["accelerometer"] = [recording.pose_channels(*arguments, rate)]
-        in_motion = [recording.rotation_channels(*arguments, aligned, turn.aligned)]
+        # the other sensor's output is what an effect of the accelerometer depends on
+        inputs["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
+        in_motion = [
+            recording.rotation_channels("accelerometer", force.output, aligned, turn.aligned)
+        ]
     if "gyroscope" in poses.calibrations and turn.effects:
         at_rest, in_moves = recording.calibrated_force(force)
         inputs["gyroscope"] = [
