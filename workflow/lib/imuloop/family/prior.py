@@ -33,7 +33,7 @@ def read_prior(sheet, file, device, sessions, type=None):
     device : str
         Name of the device, which is left out of the family.
     sessions : dict of str to dict
-        ``kind``, and path of ``quality``, of each session that is calibrated, by name.
+        ``kind``, and path of ``samples``, of each session that is calibrated, by name.
     type : str, optional
         Type of the device; needed where the family.json holds several.
 
@@ -93,7 +93,7 @@ def _refuse_other_logs(calibration, sessions):
     """Raise an ImuloopError if a calibration is from these logs themselves, or from other axes.
 
     A static session may be in both, because only its noise is used. `sessions` has the ``kind``,
-    and path of ``quality``, of each session that is calibrated, by name.
+    and path of ``samples``, of each session that is calibrated, by name.
     """
     with_poses = {name: s for name, s in sessions.items() if s["kind"] != "static"}
     if {*hashes(with_poses)} & {*calibration.sha256}:
