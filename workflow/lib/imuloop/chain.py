@@ -225,9 +225,12 @@ def export(device):
 
     qualities = [files["quality"] for files in device.sessions.values()]
     exported = read_exported(
-        *(device.name, device.label or device.name),
-        *(device.file("calibration.json"), device.file("noise.json"), qualities),
-        device.file("diagnosis.json"),
+        device.name,
+        device.label or device.name,
+        calibration=device.file("calibration.json"),
+        noise=device.file("noise.json"),
+        quality=qualities,
+        diagnosis=device.file("diagnosis.json"),
     )
     write_exports(device.file("exports"), export_files(exported))
 
@@ -238,7 +241,10 @@ def report_device(device):
 
     export(device)
     write_section(
-        *(device.name, device.label or device.name, device.folder, device.kinds),
+        device.name,
+        device.label or device.name,
+        folder=device.folder,
+        sessions=device.kinds,
         data_sheet=device.data_sheet,
     )
 
@@ -249,7 +255,7 @@ def report(devices, command, family=None, failures=()):
     Parameters
     ----------
     devices : dict
-        Devices by name, as `imuloop.config.resolve` returns them.
+        Devices by name, as the config declares them, with all defaults.
     command : str
         Command that makes the report, to be shown in it.
     family : path-like, optional
@@ -266,8 +272,9 @@ def report(devices, command, family=None, failures=()):
     repository = Path(imuloop.__file__).parents[3]
     made_by = provenance(imuloop.__version__, repository, command, devices)
     Path("results").mkdir(exist_ok=True)
-    pages = "results/report.html", "results/comparison.csv"
-    write_report(folders, made_by, *pages, family, failures)
+    write_report(
+        folders, made_by, "results/report.html", "results/comparison.csv", family, failures
+    )
     return verdict_lines(folders)
 
 

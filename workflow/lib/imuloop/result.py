@@ -150,6 +150,7 @@ class Result:
         return f"<Result of {self.device.name}: {', '.join(verdicts)}>"
 
     def _repr_html_(self):
+        """Return the result as HTML, for a notebook."""
         return f"<pre>{escape(str(self))}</pre>\n{self.calibration._repr_html_()}"
 
 

@@ -123,8 +123,9 @@ def mean_rates(rates, steps, uneven=None):
 def prefix_product(q):
     """Return the products ``q₀, q₀q₁, q₀q₁q₂, …`` of quaternions, (..., n, 4).
 
-    The recursion multiplies neighbours, computes the prefix products of the results, and fills in
-    every other product. It needs two multiplications per quaternion.
+    `q` has n unit quaternions, (..., n, 4). A recursion multiplies neighbours, computes the
+    products of the results, and fills in every other product. It needs two multiplications per
+    quaternion.
 
     References
     ----------

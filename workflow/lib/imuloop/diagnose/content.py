@@ -25,7 +25,8 @@ def search_content(choices, fitted, reasons, sensor):
     Returns
     -------
     dict
-        ``effects``, ``candidates`` and ``confounded``.
+        ``effects``, the added effects; ``candidates``, all effects with the result of their test;
+        and ``confounded``, pairs of effects that these data cannot tell apart.
     """
     problem, search = choices.problem, choices.search()
     kinds = [kind for kind in search.kinds if getattr(kind, "sensor", sensor) == sensor]
@@ -45,7 +46,7 @@ def search_content(choices, fitted, reasons, sensor):
         ],
         "candidates": [
             *(_candidate(sensor, choices, kind) for kind in kinds),
-            *(untried(cls.name, *reason) for cls, reason in reasons.items()),
+            *(untried(cls.name, status, why) for cls, (status, why) in reasons.items()),
         ],
         "confounded": imitations(search, [k for k in kinds if not k.is_formula]),
     }

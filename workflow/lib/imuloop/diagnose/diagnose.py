@@ -85,7 +85,9 @@ def diagnose_device(
     Returns
     -------
     Diagnosed
+        Content of diagnosis.json, the calibration with effects, the noise, and tables.
     """
+    # the kind of sessions with the most poses is diagnosed
     method, recording = largest_recording(sessions, calibrate_settings.longest_rotation)
     base = Calibration.from_json(six_position if method == "six_position" else multi_position)
     data, noise = read_static(sessions), NoiseModel.from_json(noise)
@@ -111,6 +113,7 @@ def diagnose_device(
     if joint_fit:
         problem = pose_problem(joint_fit, recording, settings, tests, static_effects, information)
     poses = diagnose_poses(problem, reasons)
+    # a sensor whose data contradict each other keeps its nominal scale
     refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())
     base = replace(base, **refused)
     motion = diagnose_motion(poses, recording, settings, tests, information)
@@ -123,6 +126,7 @@ def diagnose_device(
     contents = dict(zip(RECORDS, (poses.contents, static.content, motion.contents), strict=True))
     contents |= {"reference": reference} if reference else {}
     by_sensor = {s: {record: c[s] for record, c in contents.items()} for s in SENSORS}
+    # rotations that contradict all others, which were left out of the fit
     if left_out := recording.lost.contradicting:
         keys = ("session", "start_s", "end_s", "angle")
         by_sensor["gyroscope"]["poses"]["contradicting"] = [
@@ -143,7 +147,16 @@ def diagnose_device(
     _, force_in_moves = recording.calibrated_force(force)
     tables["moves"] = moves_table(recording, names, gyroscope, force_in_moves, residuals)
     content = {"format": FORMAT, "device": device, "sensors": by_sensor}
-    return Diagnosed(content, calibration, static.allan, noise, poses, recording, names, tables)
+    return Diagnosed(
+        content=content,
+        calibration=calibration,
+        allan=static.allan,
+        noise=noise,
+        poses=poses,
+        recording=recording,
+        names=names,
+        tables=tables,
+    )
 
 
 def _names(sessions, kinds):

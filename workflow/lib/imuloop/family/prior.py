@@ -64,8 +64,8 @@ def of_calibration(prior, calibration, source):
     """Return the Prior by a Calibration from earlier logs of the device.
 
     It has the mean and covariance of the base parameters (misalignments, scale factors and biases)
-    that the calibration estimated; the others are as in `prior`. The variance of a bias includes
-    the scatter between power cycles. `source` is the name of the file.
+    that the calibration estimated; the others keep those of `prior`, a Prior. The variance of a
+    bias includes the scatter between power cycles. `source` is the name of the file.
     """
     if not calibration.measured:
         raise ImuloopError("nothing was measured there")

@@ -149,6 +149,7 @@ def _between_disturbances(rows, stretches, step, settings):
     stamps = next((name for name in OWN_TIME.values() if name in rows), None)
     if stamps is None:
         return undisturbed_ranges(x, stretches, step, settings)
+    # each sample of the slower sensor is in the rows from one edge to the next
     t, first = rows[TIME], own_rows(rows[stamps])
     edges = np.append(first, len(rows))
     means, step = np.add.reduceat(x, first, axis=1) / np.diff(edges), np.median(np.diff(t[first]))

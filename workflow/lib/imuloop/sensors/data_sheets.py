@@ -204,8 +204,10 @@ def find_sensor(name):
         hint = did_you_mean(_plain(name), table) or "; imuloop sensors lists them"
         raise ImuloopError(f"'{name}' is not a sensor of the table{hint}")
     row = table[key]
-    parts = [_figures(sensor, row[sensor]) if sensor in row else None for sensor in GENERIC]
-    return DataSheet(key, row["label"], row["manufacturer"], *parts)
+    figures = {
+        sensor: _figures(sensor, row[sensor]) if sensor in row else None for sensor in GENERIC
+    }
+    return DataSheet(key=key, label=row["label"], manufacturer=row["manufacturer"], **figures)
 
 
 @cache

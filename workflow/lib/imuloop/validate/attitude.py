@@ -72,8 +72,11 @@ def validate_attitude(device, diagnosed, settings):
     methods = {m: _summary(errors, m) for m in METHODS}
     floor = _rotation_floor(problem, poses.solution)
     methods["rotation"]["floor_deg"] = float(np.degrees(floor))
-    final = [each["final"] for each in models]
-    effects = [{s: [e.name for e in getattr(c, s).effects] for s in SENSORS} for c in final]
+    # names of the effects in the final model of each block, by sensor
+    effects = [
+        {s: [e.name for e in getattr(by_name["final"], s).effects] for s in SENSORS}
+        for by_name in models
+    ]
     content = {"format": FORMAT, "device": device, "status": "ok", "effects": effects}
     return content | {"methods": methods}, errors
 
@@ -139,17 +142,19 @@ def held_out_models(diagnosed, problem):
 
 
 def _errors(recording, block, models, names):
-    """Return the errors of all stretches, methods and models, a table with the `COLUMNS`.
+    """Return the errors of gravity's direction, deg, a row per stretch, method, model and rest.
 
-    `block` is the number of the block of each pose, (n,), and `names` are the names of the
-    sessions. `models` has, for each block, the Calibrations by name that do not see its poses.
+    A stretch goes from rest to rest within a block of poses that the models do not see. The result
+    is a DataFrame with the `COLUMNS`. `block` is the number of the block of each pose, (n,), and
+    `names` are the names of the sessions. `models` has, for each block, the Calibrations by name
+    that do not see its poses.
     """
-    tables, last = [], None
+    tables, calibrated_log = [], None
     for number, stretch in enumerate(stretches(recording, block)):
-        k, session = place = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
-        if place != last:
+        k, session = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
+        if (k, session) != calibrated_log:
             # the whole log is calibrated, because effects may depend on earlier samples
-            log, last = recording.logs[session], place
+            log, calibrated_log = recording.logs[session], (k, session)
             calibrated = {
                 model: models[k][model].calibrated(log.f, log.w, log.t, log.temperature)
                 for model in MODELS

@@ -180,8 +180,13 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
             "nothing can be tested: the calibration is so far from the log, or its errors are so "
             "large, that rounding leaves nothing of the noise"
         ) from error
-    counts = len(recording.poses), len(recording.rotations)
-    return Drift(calibration.device, level, *counts, sensors)
+    return Drift(
+        device=calibration.device,
+        level=level,
+        poses=len(recording.poses),
+        rotations=len(recording.rotations),
+        sensors=sensors,
+    )
 
 
 def _test(log, turn_on, level):

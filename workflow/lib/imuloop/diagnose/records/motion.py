@@ -62,6 +62,7 @@ class MotionProblem(PoseProblem):
         It comes from the likeliest noise without effects: the noise of a move grows with its
         length, and so does the error of a missing effect.
         """
+        # the last noise hypothesis is the likeliest
         likeliest = self.linearization().evidence.row_groups[0].noise.precision[-1]
         return np.sqrt(np.diag(precision(likeliest)[0]))
 

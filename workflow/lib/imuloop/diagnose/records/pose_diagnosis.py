@@ -90,9 +90,11 @@ def pose_candidates(sensor, recording, static_effects=()):
 
 
 def pose_problem(joint_fit, recording, settings, tests, static_effects=(), information=None):
-    """Return the PoseProblem of a device with interleaved folds.
+    """Return the PoseProblem of a device: its poses, their folds, and the effects to try.
 
-    Effects are tried on the fitted sensors that have enough poses and turns.
+    Neighbouring poses are in different folds of the cross-validation. Effects are tried on the
+    fitted sensors that have enough poses and turns. A scan finds the time of a step; all other
+    kinds of effects have a list of variants, with values of their constants.
 
     Parameters
     ----------
@@ -158,7 +160,8 @@ def diagnose_poses(problem, reasons):
     tested = [sensor for sensor in sensors if sensor not in few]
     try:
         if not tested:
-            result = PoseResult(contents, joint_fit, *final_solution(problem, ()))
+            solution, calibrations = final_solution(problem, ())
+            result = PoseResult(contents, joint_fit, solution, calibrations)
         else:
             kinds = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
             not_tried = {s: pose_candidates(s, recording, static_effects)[1] for s in tested}
@@ -381,9 +384,9 @@ def compare_rows(problem, linearization, kinds, errors):
     Parameters
     ----------
     problem : PoseProblem
-        It has N rows.
+        It has N rows, one for each component of a residual.
     linearization : Linearization
-        The fit, with m alternatives of the noise.
+        The fit, with m alternatives of the noise: covariances that it may have.
     kinds : sequence of str
         Kinds of residuals.
     errors : ndarray, shape (N, 1)

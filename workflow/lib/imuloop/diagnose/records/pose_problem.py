@@ -456,8 +456,9 @@ def kind_hypotheses(components, likelihood, likeliest):
     """
     kinds, number = np.unique([c.kind for c in components], return_inverse=True)
     # which kinds have the likeliest sizes: none, one, all but one, all
-    one = np.eye(len(kinds), dtype=bool)
-    is_likeliest = np.unique(np.vstack([0 * one, one, ~one, 0 * one == 0]), axis=0)[:, number]
+    single = np.eye(len(kinds), dtype=bool)
+    none = np.zeros_like(single)
+    is_likeliest = np.unique(np.vstack([none, single, ~single, ~none]), axis=0)[:, number]
     sizes = np.where(is_likeliest, likeliest, likelihood.prior_sizes)
     return Hypotheses.of(map(likelihood.covariance, sizes**2)), ~is_likeliest.any(axis=1)
 

@@ -81,6 +81,7 @@ def most_promising_step(search, base, earlier=()):
     # the training windows of each record, and the windows at whose start a step is tried
     starts, count = [], 0
     for i, record in enumerate(search.problem.records):
+        # windows that are not held out, without those too close to an end or to another step
         rows = np.delete(np.arange(len(record.windows)), training_fit.held_rows[i])
         windows, length = record.windows[rows], np.median(record.length)
         rows = rows[BESIDE : len(rows) - BESIDE + 1]
@@ -96,7 +97,8 @@ def most_promising_step(search, base, earlier=()):
         most, step = -1.0, None
         for i, record, windows, length, rows in starts:
             weighted = training_fit.apply_precision(i, hypothesis, residuals[i][:, None])[:, 0]
-            # a step at the start of a window, for all windows at once
+            # products of residuals and steps, one at the start of each window: the sum of the
+            # weighted residuals from there on
             score = weighted[::-1].cumsum()[::-1][rows]
             drop = _chi_square_drops(score, training_fit.step_information(i, hypothesis)[rows])
             # the time of the step is refined within the two windows next to the best start
@@ -108,7 +110,8 @@ def most_promising_step(search, base, earlier=()):
             drops = _chi_square_drops(weighted @ shares, information)
             if drops.max() > most:
                 time, span = span_between(times[np.argmax(drops)], windows)
-                most, step = drops.max(), Steps((time,), (record.session,), (span,))
+                most = drops.max()
+                step = Steps(times=(time,), sessions=(record.session,), spans=(span,))
         if step:
             steps.append((log_f_tail(most, 1, dof - 1), axis, step))
     log_p, _, step = min(steps, key=lambda entry: entry[:2])

@@ -34,7 +34,8 @@ def ratios(span, length):
 
 def unit_noise(name):
     """Return the AxisNoise of one process, 'N', 'B' or 'K', with the coefficient 1."""
-    return AxisNoise(**{name: Coefficient(1.0, (1.0, 1.0), 1.0, True)})
+    one = Coefficient(value=1.0, ci95=(1.0, 1.0), upper95=1.0, identifiable=True)
+    return AxisNoise(**{name: one})
 
 
 def hypotheses(windows, grid):

@@ -172,8 +172,10 @@ def fitted_effects(search, effects):
     values, covariance = combined_axes(ends[-1], estimates)
     std, fitted = np.sqrt(np.diag(covariance)), []
     for effect, (i, j) in zip(effects, pairwise(ends), strict=True):
-        by_name = (zip(effect.parameters, x[i:j].tolist(), strict=True) for x in (values, std))
-        fitted.append(FittedEffect(effect, *map(dict, by_name)))
+        by_name, std_by_name = (
+            dict(zip(effect.parameters, x[i:j].tolist(), strict=True)) for x in (values, std)
+        )
+        fitted.append(FittedEffect(effect, by_name, std_by_name))
     return tuple(fitted)
 
 

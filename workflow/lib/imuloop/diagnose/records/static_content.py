@@ -53,8 +53,11 @@ def static_content(sensor, finding, noise, noise_change):
         for r in problem.records
     ]
     errors, floor = finding.errors, _floor(problem, covariances)
-    pairs = zip(((), effects), errors, strict=True)
-    comparisons = [_comparisons(problem, *pair, covariances) for pair in pairs]
+    # without and with effects
+    comparisons = [
+        _comparisons(problem, added, heldout, covariances)
+        for added, heldout in zip(((), effects), errors, strict=True)
+    ]
     units = {"bias": OUTPUT[sensor]}
     content |= residuals_content(problem, units, comparisons, errors, floor, bool(effects))
     residual = content["residuals"]["bias"]
@@ -135,6 +138,7 @@ def _errors_by_session(axes, problem, errors, floor):
     alone, (N, 3) each.
     """
     squares = {"before": errors[0] ** 2, "after": errors[1] ** 2, "floor": floor}
+    # session of each of the N means
     names = np.concatenate([np.repeat(r.session, len(r.windows)) for r in problem.records])
     content = {}
     for session in dict.fromkeys(names):
