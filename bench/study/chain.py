@@ -131,7 +131,7 @@ def likeness(truth, sessions, folder):
     if (problem := _problem(truth, sessions, folder)) is None:
         return {}
     search, found = Choices(problem).search(), {}
-    for kind in (*search.problem.shapes, *search.problem.scans):
+    for kind in (*search.problem.variants, *search.problem.scans):
         if trial := search.trial((), kind):
             _, _, covariance = search.estimate((), trial.effect)
             information = np.linalg.inv(covariance)

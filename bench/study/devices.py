@@ -80,7 +80,7 @@ class Injected:
     sensor: str
     name: str  # in the library, or one of our own outside it
     values: dict = field(default_factory=dict)  # parameters, SI, by their names in the library
-    constants: dict = field(default_factory=dict)  # of the shape
+    constants: dict = field(default_factory=dict)  # of the variant
     limits: float = np.nan  # its size in detection limits
     extra: object = None  # what it adds to the output, from the `Channels` of a log
     noise: dict = field(default_factory=dict)  # or the processes that it adds to the noise
@@ -102,10 +102,10 @@ def _sum(first, second):
     return second if first is None else lambda channels: first(channels) + second(channels)
 
 
-def in_shape(truth, seed, injected, found, record):
-    """Return the values that an injected effect has in the shape that a diagnosis found.
+def in_variant(truth, seed, injected, found, record):
+    """Return the values that an injected effect has in the variant that a diagnosis found.
 
-    Where the shape is the injected one they are those that were injected. Else, as for a time
+    Where the variant is the injected one they are those that were injected. Else, as for a time
     constant between two of those that are tried, they are the ones that come nearest to it at
     rest, by least squares beside a bias in each session. What is random has none. `found` is the
     entry of ``effects`` of the diagnosis, `record` the kind of data in which it was found.

@@ -1,7 +1,7 @@
 """What is put into the devices, in closed form and apart from the library's designs.
 
 `EFFECTS` by name: functions of `Channels` of a whole log, of the values p of the parameters and of
-the constants c of the shape, by their names in the library; they return (n, 3), SI.
+the constants c of the variant, by their names in the library; they return (n, 3), SI.
 """
 
 import numpy as np

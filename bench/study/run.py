@@ -12,7 +12,7 @@ from bench.study.chain import (
     likeness,
     product_limits,
 )
-from bench.study.devices import DEVICES, in_shape, with_effects
+from bench.study.devices import DEVICES, in_variant, with_effects
 from bench.study.keep import kept
 from bench.study.score import fitted, is_true
 from bench.tables import commit
@@ -113,7 +113,7 @@ def made_device(case, seed, control, made_of):
 
 
 def _expected(case, truth, seed, effect, found, record):
-    """Return the values of an injected effect in the shape that was found; {} of none."""
+    """Return the values of an injected effect in the variant that was found; {} of none."""
     if case.kind == "product":
         return effect.values if is_true(case, found) else {}
-    return in_shape(truth, seed, effect, found, record)
+    return in_variant(truth, seed, effect, found, record)

@@ -147,14 +147,14 @@ def pulls(outcome):
 def base_pulls(case, outcome):
     """Return the errors of T, K and b of both sensors, in their standard errors.
 
-    Of devices that have what was put in, in its shape, and nothing else in their calibration: T, K
-    and b beside another effect are others.
+    Only of devices that have the injected effect in its variant, and nothing else in their
+    calibration: with another effect T, K and b differ.
     """
     judgement = judge(case, outcome)
     if judgement["more"] or judgement.get("missed") or judgement.get("twins"):
         return np.zeros(0)
-    shapes = {e["name"]: e["constants"] for e in outcome.get("injected", ())}
-    if any(f["constants"] != shapes[f["name"]] for f in outcome.get("found", ())):
+    constants = {e["name"]: e["constants"] for e in outcome.get("injected", ())}
+    if any(f["constants"] != constants[f["name"]] for f in outcome.get("found", ())):
         return np.zeros(0)
     return np.array([v for own in outcome["base_pulls"].values() for v in own.values()])
 

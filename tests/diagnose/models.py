@@ -26,16 +26,16 @@ def of_sensor(sensor, *effects):
     return tuple(SensorEffect(effect, sensor) for effect in effects)
 
 
-def shapes_of(sensor, *effects):
-    """Return shapes of one kind of effect of a sensor, by that kind."""
+def variants_of(sensor, *effects):
+    """Return variants of one kind of effect of a sensor, by that kind."""
     return {EffectKind(type(effects[0]), sensor): of_sensor(sensor, *effects)}
 
 
-def problem_of(pair, recording, shapes=None, folds=10, **more):
-    """Return a PoseProblem, folds interleaved, in which these shapes are looked for."""
+def problem_of(pair, recording, variants=None, folds=10, **more):
+    """Return a PoseProblem, folds interleaved, in which these variants are looked for."""
     fold_of_pose = interleaved_folds(len(recording.poses), folds)
     more = {"base_rows": pair.known} | more
-    return PoseProblem(pair, recording, shapes or {}, DiagnoseSettings(), 1, fold_of_pose, **more)
+    return PoseProblem(pair, recording, variants or {}, DiagnoseSettings(), 1, fold_of_pose, **more)
 
 
 def diagnosed(truth, recording, noise=None, tests=0, **settings):

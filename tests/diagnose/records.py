@@ -47,9 +47,9 @@ def record(values, session="s", warm=True, stretch=None):
 
 
 def search(records, effects, tests=20, held_out=frozenset()):
-    """Return a search for shapes of effects in records that does not see some parts."""
-    shapes = {}
+    """Return a search for variants of effects in records that does not see some parts."""
+    variants = {}
     for effect in effects:
-        shapes.setdefault(type(effect), []).append(effect)
-    shapes = {cls: tuple(own) for cls, own in shapes.items()}
-    return Search(StaticProblem(tuple(records), shapes, DiagnoseSettings(), tests), held_out)
+        variants.setdefault(type(effect), []).append(effect)
+    variants = {cls: tuple(own) for cls, own in variants.items()}
+    return Search(StaticProblem(tuple(records), variants, DiagnoseSettings(), tests), held_out)

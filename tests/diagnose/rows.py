@@ -35,7 +35,7 @@ class Rows:
     """A problem of rows that are the only one of their pose each, `fold_of_row` their folds."""
 
     evidence: Evidence
-    shapes: dict
+    variants: dict
     settings: DiagnoseSettings
     fold_of_row: np.ndarray
     tests, folds = 1, FOLDS
@@ -86,16 +86,16 @@ def rows(values, nuisance, columns, covariances=(), threshold=0.05):
     noise = Hypotheses.of(covariances or [np.eye(n)])
     fold_of_row = np.arange(n) % FOLDS
     group = RowGroup(values[:, None], nuisance, noise, fold_of_row[:, None])
-    prior, shapes = np.zeros(len(noise.log_det)), {}
+    prior, variants = np.zeros(len(noise.log_det)), {}
     plain = np.arange(len(prior)) == 0
     for effect in columns:
-        shapes[type(effect)] = (*shapes.get(type(effect), ()), effect)
+        variants[type(effect)] = (*variants.get(type(effect), ()), effect)
 
     def designs(effects):
         return [columns[effect].reshape(n, 1, -1) for effect in effects]
 
     evidence = Evidence([group], prior, designs, least_scale=1.0, as_estimated_mask=plain)
-    return Rows(evidence, shapes, DiagnoseSettings(significance=threshold), fold_of_row)
+    return Rows(evidence, variants, DiagnoseSettings(significance=threshold), fold_of_row)
 
 
 def search(*arguments, **more):

@@ -50,11 +50,13 @@ def log(n=400, seed=0, dt=0.05):
     return Channels(t, f, swing[1] + [0.2, -0.1, 0.3], warm, power_cycle=cycle)
 
 
-def shapes(name, channels=None):
-    return find_effect(name).shapes(channels or log())
+def variants(name, channels=None):
+    return find_effect(name).variants(channels or log())
 
 
-SHAPES = [pytest.param(shape, id=str(shape)) for name in LIBRARY for shape in shapes(name)]
+VARIANTS = [
+    pytest.param(variant, id=str(variant)) for name in LIBRARY for variant in variants(name)
+]
 
 
 def fitted(effect, seed=0, size=1.0):
@@ -84,35 +86,35 @@ def test_an_effect_says_what_a_report_tells(effect):
 MEMORY = ("bias_temperature_rate", "thermal_hysteresis", "reorientation", "warm_up")
 
 
-def written_out(shape, p, channels):
+def written_out(variant, p, channels):
     """Return what an effect adds, by equations apart from the library's."""
-    if shape.name == "bias_temperature":
+    if variant.name == "bias_temperature":
         warm = channels.temperature
-        if shape.lag:
-            late = lagged(warm, channels.t[1] - channels.t[0], SMOOTHED * shape.lag)
+        if variant.lag:
+            late = lagged(warm, channels.t[1] - channels.t[0], SMOOTHED * variant.lag)
             warm = late + (warm - late) / SMOOTHED
-        warmer = warm - shape.reference_temperature
-        orders = range(1, shape.order + 1)
+        warmer = warm - variant.reference_temperature
+        orders = range(1, variant.order + 1)
         return sum(np.outer(warmer**n, physics.of_axes(p, f"c{n}")) for n in orders)
-    if shape.name == "turn_on_bias":
-        sizes = [physics.of_axes(p, f"s{cycle}") for cycle in range(2, shape.runs + 1)]
+    if variant.name == "turn_on_bias":
+        sizes = [physics.of_axes(p, f"s{cycle}") for cycle in range(2, variant.runs + 1)]
         return np.array([-sum(sizes), *sizes])[channels.power_cycle]
-    return physics.EFFECTS[shape.name](channels, p, asdict(shape))
+    return physics.EFFECTS[variant.name](channels, p, asdict(variant))
 
 
 # a test below has vibration rectification, tests/calibrate/test_motion.py those with a derivative
 ELSEWHERE = ("vibration_rectification", "lever_arm", "time_offset", "gyro_axis_delay")
 
 
-@pytest.mark.parametrize("shape", [s for s in SHAPES if s.values[0].name not in ELSEWHERE])
-def test_the_design_is_the_equation(shape):
-    channels, effect = log(300), fitted(shape, 1)
-    expected = written_out(shape, effect.values, channels)
+@pytest.mark.parametrize("variant", [s for s in VARIANTS if s.values[0].name not in ELSEWHERE])
+def test_the_design_is_the_equation(variant):
+    channels, effect = log(300), fitted(variant, 1)
+    expected = written_out(variant, effect.values, channels)
     np.testing.assert_allclose(effect.output(channels), expected, rtol=1e-12, atol=1e-12)
 
 
-@pytest.mark.parametrize("shape", [s for s in SHAPES if s.values[0].name in MEMORY])
-def test_a_pose_sees_the_mean_over_its_samples(shape):
+@pytest.mark.parametrize("variant", [s for s in VARIANTS if s.values[0].name in MEMORY])
+def test_a_pose_sees_the_mean_over_its_samples(variant):
     whole = log()
     windows = [slice(10, 40), slice(100, 250), slice(300, 301)]
 
@@ -122,8 +124,8 @@ def test_a_pose_sees_the_mean_over_its_samples(shape):
 
     at = [np.mean(whole.t[w]) for w in windows]
     poses = Channels(np.array(at), *np.full((2, 3, 3), np.nan), None, history)
-    expected = [shape.design(whole)[w].mean(axis=0) for w in windows]
-    np.testing.assert_allclose(shape.design(poses), expected, rtol=1e-12, atol=1e-15)
+    expected = [variant.design(whole)[w].mean(axis=0) for w in windows]
+    np.testing.assert_allclose(variant.design(poses), expected, rtol=1e-12, atol=1e-15)
 
 
 def at(channels, rows):
@@ -137,24 +139,24 @@ FORMULAS = (
     ("θ f_x²", "y", "accelerometer"),
     ("f_y w_z²", "x", "accelerometer"),
 )
-EVERY = [shape for name, e in Effect.library.items() for shape in (e.shapes(log()) or (e(),))]
+EVERY = [variant for name, e in Effect.library.items() for variant in (e.variants(log()) or (e(),))]
 EVERY += [find_effect("product")(*formula) for formula in FORMULAS]
 
 
-@pytest.mark.parametrize("shape", EVERY, ids=str)
-def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(shape):
+@pytest.mark.parametrize("variant", EVERY, ids=str)
+def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(variant):
     """A part of a log gives what the whole log does, or it is `timed` or of a `rate_of_change`.
 
     A single sample gives that too or is refused, and without its time where the time counts.
     """
-    whole, effect = log(), fitted(shape, 2)
+    whole, effect = log(), fitted(variant, 2)
     expected = effect.output(whole)
 
     def same(channels, rows):
         return np.allclose(effect.output(channels), expected[rows], rtol=1e-9, atol=1e-12)
 
     part = slice(150, 250)
-    declared = bool(shape.timed or shape.rate_of_change)
+    declared = bool(variant.timed or variant.rate_of_change)
     assert declared or same(at(whole, part), part)
     assert declared or same(replace(at(whole, part), t=np.zeros(100)), part)
     for k in (150, 399):
@@ -162,10 +164,10 @@ def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(sh
             assert same(at(whole, [k]), [k])
         except ImuloopError as error:
             assert declared and "give the whole log" in str(error)
-    if "power_cycle" in shape.needs:
+    if "power_cycle" in variant.needs:
         return
     sensors = [SensorCalibration(RawUnit("SI", 1.0), np.eye(3), np.ones(3), np.zeros(3))] * 2
-    own = shape.sensors[0] == "gyroscope"
+    own = variant.sensors[0] == "gyroscope"
     sensors[own] = replace(sensors[own], effects=(effect,))
     made, f, w = Calibration("d", G, *sensors), whole.output[0], whole.other[0]
     if declared:
@@ -179,8 +181,8 @@ def test_what_depends_on_other_samples_or_the_time_is_declared_and_needs_them(sh
 NOT_HELD = ("time_offset", "gyro_axis_delay")
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_an_effect_is_held_to_what_its_data_showed(shape):
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_an_effect_is_held_to_what_its_data_showed(variant):
     whole = log()
     some = Channels(
         whole.t[100:150],
@@ -188,37 +190,37 @@ def test_an_effect_is_held_to_what_its_data_showed(shape):
         whole.temperature[100:150],
         power_cycle=whole.power_cycle[100:150],
     )
-    free = replace(fitted(shape, 6), std=dict.fromkeys(shape.parameters, 0.5))
+    free = replace(fitted(variant, 6), std=dict.fromkeys(variant.parameters, 0.5))
     held = free.with_ranges([some])
     # in the data nothing changes, and elsewhere no parameter adds more than it did there
     np.testing.assert_array_equal(held.output(some), free.output(some))
-    if shape.name in NOT_HELD:
+    if variant.name in NOT_HELD:
         np.testing.assert_array_equal(held.output(whole), free.output(whole))
     else:
-        most = np.abs(shape.design(some)).max(axis=0) @ np.abs(list(free.values.values()))
+        most = np.abs(variant.design(some)).max(axis=0) @ np.abs(list(free.values.values()))
         assert np.all(np.abs(held.output(whole)) <= most.max() * (1 + 1e-12))
     # a file gives it back
     assert FittedEffect.from_dict(json.loads(json.dumps(held.to_dict()))) == held
-    assert held.to_dict()["constants"] == asdict(shape)
+    assert held.to_dict()["constants"] == asdict(variant)
     # data of more than one kind widen the range
     wider = held.with_ranges([whole])
     np.testing.assert_allclose(wider.output(whole), free.output(whole), atol=1e-12)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_a_calibration_undoes_what_the_simulator_adds(shape):
-    if "power_cycle" in shape.needs:
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_a_calibration_undoes_what_the_simulator_adds(variant):
+    if "power_cycle" in variant.needs:
         # of a power cycle that it does not know a calibration knows nothing
-        assert not fitted(shape, 4).output(replace(log(), power_cycle=None)).any()
+        assert not fitted(variant, 4).output(replace(log(), power_cycle=None)).any()
         return
     truth, channels = example_truth(), log(600, 3)
     # each parameter adds some hundredths of its unit
-    effect = fitted(shape, 4, 0.02 / np.abs(shape.design(channels)).max())
+    effect = fitted(variant, 4, 0.02 / np.abs(variant.design(channels)).max())
     f, w = channels.output, channels.other
     made, logged = {}, {}
     for sensor, x, other in (("accelerometer", f, w), ("gyroscope", w, f)):
         plain = getattr(truth, sensor)
-        effects = (effect,) if sensor in shape.sensors else ()
+        effects = (effect,) if sensor in variant.sensors else ()
         plain = replace(plain, effects=effects)
         u = output(plain, x, lambda u, o=other: replace(channels, output=u, other=o))
         logged[sensor] = u / plain.K + plain.b
@@ -240,25 +242,25 @@ def test_temperatures_that_lack_are_filled(name):
     # one reading in 20 samples, on a straight line: nothing is lost
     line = 20 + 0.5 * channels.t
     slow = np.where(np.arange(241) % 20 == 0, line, np.nan)
-    for shape in shapes(name):
+    for variant in variants(name):
         np.testing.assert_allclose(
-            shape.design(replace(channels, temperature=slow)),
-            shape.design(replace(channels, temperature=line)),
+            variant.design(replace(channels, temperature=slow)),
+            variant.design(replace(channels, temperature=line)),
             atol=1e-9,
         )
     for nothing in (None, np.full(241, np.nan)):
         without = replace(channels, temperature=nothing)
         with pytest.raises(ImuloopError, match="needs a temperature"):
-            find_effect(name).shapes(without)[0].design(without)
+            find_effect(name).variants(without)[0].design(without)
 
 
 @pytest.mark.parametrize(("span", "orders"), [(4.9, [1]), (5.1, [1, 2]), (60.0, [1, 2, 3])])
 def test_the_span_of_temperature_bounds_the_order(span, orders):
     channels = replace(log(), temperature=31.2 + span * np.linspace(-0.5, 0.5, 400))
-    found = shapes("bias_temperature", channels)
-    assert [shape.order for shape in found if not shape.lag] == orders
-    assert {shape.order for shape in found if shape.lag} == set(orders)
-    assert {shape.reference_temperature for shape in found} == {31.0}
+    found = variants("bias_temperature", channels)
+    assert [variant.order for variant in found if not variant.lag] == orders
+    assert {variant.order for variant in found if variant.lag} == set(orders)
+    assert {variant.reference_temperature for variant in found} == {31.0}
 
 
 def test_vibration_is_counted_and_the_turn_beside_it_is_not():

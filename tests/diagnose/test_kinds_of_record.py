@@ -166,7 +166,7 @@ def test_the_p_value_is_that_of_generalised_least_squares(kind, size, base, held
 
     and p is the upper tail of F with q and ν degrees of freedom. The excess s is estimated; it is
     never less than 1 where the size of the noise is known, so smaller residuals prove nothing.
-    Of an effect in several shapes, p is the least times their number.
+    Of an effect in several variants, p is the least times their number.
     """
     make, least = KINDS[kind]
     problem = linear(size)

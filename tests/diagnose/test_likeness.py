@@ -12,7 +12,7 @@ LAST = np.eye(N)[:, -1:]
 
 def likeness(columns):
     made = search(np.random.default_rng(0).normal(size=N), LAST, columns)
-    return imitations(made, [*made.problem.shapes])
+    return imitations(made, [*made.problem.variants])
 
 
 def test_the_share_that_another_imitates_is_the_squared_cosine():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.devices import known_noise, planned, recording
-from diagnose.models import of_sensor, pair_of, problem_of, shapes_of
+from diagnose.models import of_sensor, pair_of, problem_of, variants_of
 from diagnose.records import record, root, search
 from diagnose.test_search import with_effect
 from imuloop.core.noise_model import Coefficient
@@ -19,7 +19,7 @@ from imuloop.simulate.truth import example_truth
 from seeds import least, seeds
 
 DRIFT = BiasDrift()
-DRIFTS = shapes_of("accelerometer", DRIFT)
+DRIFTS = variants_of("accelerometer", DRIFT)
 TRUTH = planned(example_truth(rate=50.0), poses=30)
 
 

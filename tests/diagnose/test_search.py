@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 import imuloop.effects  # noqa: F401  the library of effects
 from bench.study.chain import LIMITS
 from calibrate.devices import at_rest, recording
-from diagnose.models import diagnosed, of_sensor, pair_of, problem_of, shapes_of
+from diagnose.models import diagnosed, of_sensor, pair_of, problem_of, variants_of
 from imuloop.core.samples import SENSORS
 from imuloop.diagnose.candidates import candidates
 from imuloop.diagnose.records.pose_diagnosis import too_few
@@ -22,7 +22,7 @@ from imuloop.simulate.truth import example_truth
 
 G_SENSITIVITY = find_effect("g_sensitivity")()
 SENSITIVE = of_sensor("gyroscope", G_SENSITIVITY)
-SHAPES = shapes_of("gyroscope", G_SENSITIVITY)
+VARIANTS = variants_of("gyroscope", G_SENSITIVITY)
 # rad/s per m/s^2: 0.1 deg/s per g, as common parts have
 MATRIX = np.radians(0.1) / 9.80665 * Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
 TRUTH = example_truth()
@@ -110,7 +110,7 @@ def test_a_held_out_pose_hardly_touches_its_prediction(sensitive):
     spoiled["w"][0] += 1e-3
     spoiled["f"][0] += 1e-3
     changed = replace(made, poses=replace(made.poses, **spoiled))
-    first, again = (Choices(problem_of(pair, m, SHAPES)) for m in (made, changed))
+    first, again = (Choices(problem_of(pair, m, VARIANTS)) for m in (made, changed))
     problem, held_out = first.problem, frozenset({0})
     each = first.search(held_out)
     assert each.significant_effects(each.kinds) == SENSITIVE
@@ -137,9 +137,9 @@ def test_what_a_gyroscope_lacks_hides_no_effect_of_the_accelerometer():
     excess = np.random.default_rng(4).normal(0, 1e-3, made.poses.w.shape)
     for w in (made.poses.w, made.poses.w + excess):
         changed = replace(made, poses=replace(made.poses, w=w))
-        shapes = shapes_of("accelerometer", quadratic)
-        search = Choices(problem_of(pair_of(truth, changed), changed, shapes)).search()
-        found.append(search.trial((), *shapes).log_p)
+        variants = variants_of("accelerometer", quadratic)
+        search = Choices(problem_of(pair_of(truth, changed), changed, variants)).search()
+        found.append(search.trial((), *variants).log_p)
     assert found[1] < 0.8 * found[0] < -8
 
 
@@ -161,8 +161,8 @@ def test_a_time_constant_between_those_of_the_library_is_found_as_it_is():
     truth = with_effect("accelerometer", WarmUp(600.0), [0.5] * 3)
     made = recording(truth, 2)
     # each 1.8 off
-    shapes = shapes_of("accelerometer", WarmUp(330.0), WarmUp(1090.0))
-    choices = Choices(problem_of(pair_of(truth, made), made, shapes))
+    variants = variants_of("accelerometer", WarmUp(330.0), WarmUp(1090.0))
+    choices = Choices(problem_of(pair_of(truth, made), made, variants))
     (found,) = choices.choice().effects
     assert found.effect.tau == pytest.approx(600.0, rel=0.1)
     fitted = choices.problem.linearization((found,)).solution.x[-3:]
@@ -173,12 +173,12 @@ def test_a_time_constant_between_those_of_the_library_is_found_as_it_is():
 def test_the_error_of_a_parameter_holds_that_of_its_time_constant():
     size, pulls = np.array([0.02, -0.02, 0.02]), []
     truth = with_effect("accelerometer", WarmUp(260.0), size)
-    shapes = shapes_of("accelerometer", WarmUp(200.0), WarmUp(400.0))
+    variants = variants_of("accelerometer", WarmUp(200.0), WarmUp(400.0))
     for seed in range(6):
         made = recording(truth, seed)
-        problem = problem_of(pair_of(truth, made), made, shapes)
+        problem = problem_of(pair_of(truth, made), made, variants)
         search = Choices(problem).search()
-        base = search.refine(search.effects_of_kinds((*shapes,)))
+        base = search.refine(search.effects_of_kinds((*variants,)))
         x, covariance = problem.linearization(base).solution.x, problem.covariance(base)
         pulls.append((x[-3:] - size) / np.sqrt(np.diag(covariance)[-3:]))
     # 18 pulls, those of a device alike; 1.5 where the time constant is taken for known

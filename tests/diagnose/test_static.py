@@ -33,12 +33,12 @@ def names(finding):
 
 
 def pattern(name, n=N):
-    """Return what an effect with a parameter of 1 on each axis adds, (n, 3), and its shape."""
+    """Return what an effect with a parameter of 1 on each axis adds, (n, 3), and its variant."""
     rec = record(np.zeros((n, 3)))
     known = {"ramp": Ramp(), "steps": Steps((70 * LENGTH,), ("s",))}
-    shape = known.get(name) or find_effect(name).shapes(rec.channels)[0]
-    at = shape.in_session(rec.channels, "s", rec.windows)
-    return at[:, range(3), range(3)], shape
+    variant = known.get(name) or find_effect(name).variants(rec.channels)[0]
+    at = variant.in_session(rec.channels, "s", rec.windows)
+    return at[:, range(3), range(3)], variant
 
 
 # the others are found by their names in other tests, too
@@ -53,7 +53,7 @@ OFTEN = ("bias_temperature", "steps")
     ],
 )
 def test_each_effect_is_found_by_its_name(name):
-    add, shape = pattern(name)
+    add, variant = pattern(name)
     # white noise of a mean is 1/sqrt(60)
     add = add / np.abs(add - add.mean(axis=0)).max() * {"ramp": 6.0}.get(name, 3.0)
     # a warm-up is over after the first block of time: two starts to foresee one, and without it
@@ -64,7 +64,7 @@ def test_each_effect_is_found_by_its_name(name):
     assert finding.choices.choice().added[at].change.certain
     assert np.mean(finding.errors[1] ** 2) < 0.5 * np.mean(finding.errors[0] ** 2)
     if name == "steps":
-        assert abs(finding.effects[at].effect.times[0] - shape.times[0]) <= LENGTH
+        assert abs(finding.effects[at].effect.times[0] - variant.times[0]) <= LENGTH
 
 
 def test_devices_without_an_effect_have_none():

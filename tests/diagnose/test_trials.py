@@ -48,9 +48,9 @@ def test_a_constant_more_has_to_gain_its_price(like, chosen):
         LINE,
         {Warm(): like * true + np.sqrt(1 - like**2) * other, Late(): true},
     )
-    shapes = Warm(), Late()
-    tried = made.tests((), shapes)
-    best = made.best_of_shapes((), shapes, 0.0)
+    variants = Warm(), Late()
+    tried = made.tests((), variants)
+    best = made.best_variant((), variants, 0.0)
     assert (tried[1].log_p < tried[0].log_p - 3.0) == (chosen is Late)
     assert type(best.effect) is chosen
     paid = {Warm: tried[0].log_p, Late: tried[1].log_p + 3.0}[chosen]

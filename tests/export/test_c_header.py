@@ -140,8 +140,8 @@ def test_it_computes_what_the_calibration_does(board, calibrated):
 
 
 def test_effects_with_a_memory_are_left_out_and_said(calibrated):
-    shape = find_effect("bias_temperature_rate")(tau=30.0)
-    lag = FittedEffect(shape, dict.fromkeys(shape.parameters, 0.1), {})
+    variant = find_effect("bias_temperature_rate")(tau=30.0)
+    lag = FittedEffect(variant, dict.fromkeys(variant.parameters, 0.1), {})
     board, table = warm_device(gyroscope=(g_sensitivity(), lag)), warm_samples()
     applied = carried(board, CARRIED).apply(table)[list(CHANNELS)]
     np.testing.assert_allclose(calibrated(board, table), applied, rtol=0, atol=1e-14 * 40)

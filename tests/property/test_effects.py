@@ -46,8 +46,8 @@ def test_any_effect_of_the_library_lowers_chi_square(made, effect):
                 t, own, other, one.poses.temperature, power_cycle=one.poses.power_cycle
             )
             # a scan finds the time of a step
-            shapes = effect.shapes(channels) or (effect(times=(float(t.mean()),)),)
-            wide = of_sensor(sensor, shapes[-1])
+            variants = effect.variants(channels) or (effect(times=(float(t.mean()),)),)
+            wide = of_sensor(sensor, variants[-1])
             count = len(wide[0].parameters)
             # by the same noise: weights follow what is fitted
             plain, wider = (

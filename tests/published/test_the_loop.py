@@ -86,8 +86,8 @@ def test_mpu9150_g_sensitivity_is_chance_beside_a_drift(measured, board):
     drift, sensitivity = of_sensor(
         "gyroscope", *(find_effect(n)() for n in ("bias_drift", "g_sensitivity"))
     )
-    shapes = {effect.kind: (effect,) for effect in (drift, sensitivity)}
-    problem = problem_of(pair, recording, shapes)
+    variants = {effect.kind: (effect,) for effect in (drift, sensitivity)}
+    problem = problem_of(pair, recording, variants)
     problem.linearization((drift,))
     # what no effect explains counts as noise
     search = Choices(problem).search()

@@ -24,25 +24,27 @@ class Device:
     kinds: Mapping  # kind of each session by its name
     label: str = ""  # name in the report
     gravity: float = 9.80665  # local, m/s^2
-    # as `imuloop.sensors.device_figures` returns them
+    # by quantity: scale and offset of counts, and full scale, SI
     nominal: Mapping = field(default_factory=dict)
     full_scale: Mapping = field(default_factory=dict)
+    # by sensor: standard deviations of its parameters about their nominal values
     tolerances: Mapping = field(default_factory=dict)
-    data_sheet: Mapping = field(default_factory=dict)
+    data_sheet: Mapping = field(default_factory=dict)  # name of the sensor, its typical noise
     # settings of the stages that are not their defaults
     segment: Mapping = field(default_factory=dict)
     noise: Mapping = field(default_factory=dict)
     calibrate: Mapping = field(default_factory=dict)
     diagnose: Mapping = field(default_factory=dict)
-    prior: Mapping = field(default_factory=dict)  # file, and type, of `read_prior`
+    # file of an earlier calibration of the device or of its family, and type in the family
+    prior: Mapping = field(default_factory=dict)
 
     def file(self, name):
-        """Return the path of one of the device's results."""
+        """Return the path of one of the device's results, by its name in the device's folder."""
         return Path(self.folder) / name
 
     @property
     def sessions(self):
-        """Kind and files of each session by its name."""
+        """Kind and paths of the files of each session, dicts by name of the session."""
         return {
             name: {"kind": kind, "quality": self.file(f"{name}/quality.json")}
             | {table: self.file(f"{name}/{table}.parquet") for table in _TABLES}
@@ -51,24 +53,39 @@ class Device:
 
 
 def ingest(device, session, declared, paths):
-    """Write samples and quality of one session, the log of which lies in files at the paths.
+    """Write samples and quality of one session, the log of which lies in files.
 
-    ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps`` may be
-    declared. An ImuloopError if they do not fit the log.
+    Raises an ImuloopError if what is declared does not fit the log.
+
+    Parameters
+    ----------
+    device : Device
+    session : str
+        Name of the session.
+    declared : dict
+        ``format``, ``sources``, ``columns``, ``units``, ``rate``, ``time_range`` and ``pps`` of the
+        config; None, or without the key, if it is not declared.
+    paths : list of path-like
+        The files.
     """
     from imuloop.ingest.ingest import Declared, ingest
 
-    given = {key: getattr(device, key) for key in ("nominal", "full_scale", "gravity")}
-    stated = {key: value for key, value in declared.items() if value is not None}
+    of_device = {key: getattr(device, key) for key in ("nominal", "full_scale", "gravity")}
+    of_session = {key: value for key, value in declared.items() if value is not None}
     ingest(
         **_written_by_ingest(device, session),
         paths=paths,
-        declared=Declared(**stated, **given),
+        declared=Declared(**of_session, **of_device),
     )
 
 
 def ingest_or_reject(device, session, declared, paths):
-    """Do as `ingest`, but reject a session whose log does not fit what is declared."""
+    """Write samples and quality of one session; reject it if its log does not fit the config.
+
+    A rejected session has a table of samples without rows, and its quality has the reason. The
+    arguments are the Device, the name of the session, the keys of the config that are declared for
+    it, and the paths of the files of its log. A full disk stops the run.
+    """
     from imuloop.ingest.ingest import write_rejected
 
     try:
@@ -80,6 +97,7 @@ def ingest_or_reject(device, session, declared, paths):
 
 
 def _written_by_ingest(device, session):
+    """Return names, kind and output paths of a session, a dict of keywords of the ingest stage."""
     files = device.sessions[session]
     return {
         "device": device.name,
@@ -100,10 +118,11 @@ def segment(device):
     settings = SegmentSettings(**device.segment)
     for files in device.sessions.values():
         samples = Samples(files["samples"])
-        known = read_metadata(files["samples"])
-        unknown = {name: known[name] for name in ("rails", "stuck") if name in known}
-        found = segment_session(samples, files["kind"], settings, **unknown)
-        write_table(files["segments"], *found)
+        # ends of the ranges, and spans in which a channel is stuck, which ingest detected
+        metadata = read_metadata(files["samples"])
+        faults = {name: metadata[name] for name in ("rails", "stuck") if name in metadata}
+        table, counts = segment_session(samples, files["kind"], settings, **faults)
+        write_table(files["segments"], table, counts)
 
 
 def noise(device):
@@ -137,7 +156,10 @@ def calibrate(device):
 
 
 def _prior(device):
-    """Return the Prior of a device, by its file if it names one."""
+    """Return the Prior of a device: its parameters, with standard deviations, before the logs.
+
+    It comes from the file that the config names, else from the data sheet.
+    """
     from imuloop.family.prior import read_prior
     from imuloop.model.prior import data_sheet
 
@@ -160,7 +182,7 @@ def diagnose(device):
     from imuloop.validate.attitude import validate_attitude
 
     settings = DiagnoseSettings(**device.diagnose)
-    found = diagnose_device(
+    diagnosed = diagnose_device(
         device=device.name,
         gravity=device.gravity,
         sessions=device.sessions,
@@ -172,19 +194,20 @@ def diagnose(device):
         noise_settings=NoiseSettings(**device.noise),
         prior=_prior(device),
     )
-    step = next_step(found.calibration, found.noise, found.recording)
-    diagnosis = found.content | {"next_step": step}
-    attitude, series = validate_attitude(device.name, found, settings)
+    step = next_step(diagnosed.calibration, diagnosed.noise, diagnosed.recording)
+    diagnosis = diagnosed.content | {"next_step": step}
+    attitude, attitude_table = validate_attitude(device.name, diagnosed, settings)
     write_json(device.file("diagnosis.json"), diagnosis)
-    found.calibration.to_json(device.file("calibration.json"))
-    write_sessions(device.file("allan_corrected.parquet"), {"": no_curves(), **found.allan})
+    diagnosed.calibration.to_json(device.file("calibration.json"))
+    # an empty table keeps the columns if no session has curves
+    write_sessions(device.file("allan_corrected.parquet"), {"": no_curves(), **diagnosed.allan})
     write_json(device.file("attitude.json"), attitude)
-    for name, table in {"attitude": series, **found.tables}.items():
+    for name, table in {"attitude": attitude_table, **diagnosed.tables}.items():
         write_table(device.file(f"{name}.parquet"), table)
 
 
 def allan(device):
-    """Write the Allan curves of each session, those as logged first, then the corrected."""
+    """Write the Allan curves of each session: as logged, then after subtracting the effects."""
     from imuloop.core.tables import joined, read_session, write_table
     from imuloop.noise.allan import session_curves
     from imuloop.noise.records import read_recorded
@@ -192,8 +215,8 @@ def allan(device):
 
     settings, corrected = NoiseSettings(**device.noise), device.file("allan_corrected.parquet")
     for name, files in device.sessions.items():
-        raw = session_curves(read_recorded(name, files), settings)
-        write_table(files["allan"], joined([raw, read_session(corrected, name)]))
+        as_logged = session_curves(read_recorded(name, files), settings)
+        write_table(files["allan"], joined([as_logged, read_session(corrected, name)]))
 
 
 def export(device):
@@ -202,9 +225,12 @@ def export(device):
 
     qualities = [files["quality"] for files in device.sessions.values()]
     exported = read_exported(
-        *(device.name, device.label or device.name),
-        *(device.file("calibration.json"), device.file("noise.json"), qualities),
-        device.file("diagnosis.json"),
+        device.name,
+        device.label or device.name,
+        calibration=device.file("calibration.json"),
+        noise=device.file("noise.json"),
+        quality=qualities,
+        diagnosis=device.file("diagnosis.json"),
     )
     write_exports(device.file("exports"), export_files(exported))
 
@@ -215,7 +241,10 @@ def report_device(device):
 
     export(device)
     write_section(
-        *(device.name, device.label or device.name, device.folder, device.kinds),
+        device.name,
+        device.label or device.name,
+        folder=device.folder,
+        sessions=device.kinds,
         data_sheet=device.data_sheet,
     )
 
@@ -226,7 +255,7 @@ def report(devices, command, family=None, failures=()):
     Parameters
     ----------
     devices : dict
-        Devices by name, as `imuloop.config.resolve` returns them.
+        Devices by name, as the config declares them, with all defaults.
     command : str
         Command that makes the report, to be shown in it.
     family : path-like, optional
@@ -243,8 +272,9 @@ def report(devices, command, family=None, failures=()):
     repository = Path(imuloop.__file__).parents[3]
     made_by = provenance(imuloop.__version__, repository, command, devices)
     Path("results").mkdir(exist_ok=True)
-    pages = "results/report.html", "results/comparison.csv"
-    write_report(folders, made_by, *pages, family, failures)
+    write_report(
+        folders, made_by, "results/report.html", "results/comparison.csv", family, failures
+    )
     return verdict_lines(folders)
 
 

@@ -32,9 +32,9 @@ IN_MEMORY = "in memory"
 
 @dataclass(frozen=True)
 class Result:
-    """What the chain found out about one device."""
+    """The results of all stages for one device."""
 
-    device: chain.Device  # as the stages took it; its folder has the files of the contract
+    device: chain.Device  # the stages' input; its folder has the result files
     logs: dict  # where the log of each session came from: its path, or ``in memory``
     failures: tuple[str, ...] = ()  # a line each: logs that were rejected
     notes: tuple[str, ...] = ()  # a line each: what to look at in a log that was used
@@ -74,7 +74,8 @@ class Result:
     def report(self, path, command="imuloop.calibrate", linked=True) -> Path:
         """Write the report, one HTML file; return its path.
 
-        Results that are kept are `linked`, relative to it.
+        `command` is the command that it names as its origin. It links to the result files, relative
+        to it, if `linked` and if they are not in a temporary folder.
         """
         from imuloop.report.provenance import provenance
         from imuloop.report.report import write_report
@@ -113,7 +114,7 @@ class Result:
         return Path(folder)
 
     def __reduce__(self):
-        # with its files: the folder may be temporary, or of another machine
+        # a pickle has the content of the files: the folder may be temporary, or of another machine
         folder = self.device.folder
         files = {
             p.relative_to(folder).parts: p.read_bytes() for p in folder.rglob("*") if p.is_file()
@@ -131,6 +132,7 @@ class Result:
             sensor = getattr(self.calibration, name)
             lines.append(f"  {name}, calibration: {_basis(sensor)}")
             lines += [f"  {name}: {remark}" for remark in remarks(name, sensor)]
+        # records with the same sentence share a line
         places = {}
         for sensor, part, block in blocks(self.diagnosis):
             text = sentence(sensor, block)
@@ -140,10 +142,15 @@ class Result:
         return "\n".join(line for lines in wrapped for line in lines)
 
     def __repr__(self):
-        verdicts = [f"{s} {r} {v}" for s, of in self.verdict.items() for r, v in of.items()]
+        verdicts = [
+            f"{sensor} {record} {verdict}"
+            for sensor, records in self.verdict.items()
+            for record, verdict in records.items()
+        ]
         return f"<Result of {self.device.name}: {', '.join(verdicts)}>"
 
     def _repr_html_(self):
+        """Return the result as HTML, for a notebook."""
         return f"<pre>{escape(str(self))}</pre>\n{self.calibration._repr_html_()}"
 
 
@@ -156,13 +163,23 @@ class TemporaryFolder:
 
 
 def _unpickled(device, logs, failures, notes, files):
-    """Return a result, its files in a temporary folder."""
+    """Return a Result, with its files in a temporary folder that is removed with it.
+
+    `files` has the content of each file by the parts of its path in the folder; the other arguments
+    are fields of the Result.
+    """
     kept = TemporaryFolder()
     for parts, content in files.items():
         path = Path(kept.name, *parts)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
-    return Result(replace(device, folder=Path(kept.name)), logs, failures, notes, kept)
+    return Result(
+        device=replace(device, folder=Path(kept.name)),
+        logs=logs,
+        failures=failures,
+        notes=notes,
+        _folder=kept,
+    )
 
 
 def load(folder) -> Result:
@@ -193,23 +210,34 @@ def load(folder) -> Result:
         # a source begins with its path or address
         places = (str(next(iter(source.values()))) for source in quality["source"].values())
         logs[name] = " and ".join(dict.fromkeys(places)) or name
-        wrong, look = log_remarks(name if logs[name] == IN_MEMORY else logs[name], quality)
-        failures, notes = failures + wrong, notes + look
-    how = {"label": label, "gravity": calibration.gravity}
-    device = chain.Device(calibration.device, folder, kinds, **how)
-    return Result(device, logs, tuple(failures), tuple(notes))
+        log = name if logs[name] == IN_MEMORY else logs[name]
+        log_failures, log_notes = log_remarks(log, quality)
+        failures, notes = failures + log_failures, notes + log_notes
+    device = chain.Device(
+        name=calibration.device,
+        folder=folder,
+        kinds=kinds,
+        label=label,
+        gravity=calibration.gravity,
+    )
+    return Result(device=device, logs=logs, failures=tuple(failures), notes=tuple(notes))
 
 
 def log_remarks(log, quality):
-    """Return why a log cannot be used, and what to look at in it, a line each."""
+    """Return lines why a log cannot be used, and lines on what the user should look at in it.
+
+    Both are lists of text, empty if there is nothing to say. Takes the name of the log and the
+    content of its quality.json.
+    """
     why = [f"{log}: rejected: {'; '.join(quality['reasons'])}"] if quality["reasons"] else []
     return why, [f"{log}: {text}" for text in quality["warnings"]]
 
 
 def _link(page, name, folder):
-    """Lead a page's links to the results of a device to a folder.
+    """Rewrite a page so that its links to the results of a device lead to a folder.
 
-    Without one the page has no links and no words on result files.
+    `page` is the path of the HTML file, `name` the name of the device. If `folder` is None, the
+    page has no links to result files and no words about them.
     """
     text = page.read_text("utf-8")
     links = rf'<a href="(?:{re.escape(name)}/)?((?:figures|exports)/[^"]*|[\w.]+\.(?:json|csv))">'
@@ -228,7 +256,10 @@ def _link(page, name, folder):
 
 
 def _basis(sensor):
-    """Return what a sensor's calibration comes from, with the scale factors and biases found."""
+    """Return the origin of a sensor's calibration, with its scale factors and biases, text.
+
+    `sensor` is the SensorCalibration. Values have their standard errors.
+    """
     from imuloop.report.numbers import typeset, with_sigma
     from imuloop.report.tables.calibration import METHOD_WORDS
 
@@ -238,8 +269,8 @@ def _basis(sensor):
         names = [f"{symbol}{axis}" for axis in range(3)]
         if set(names) <= set(std):
             values = zip(getattr(sensor, symbol), names, strict=True)
-            found = ", ".join(with_sigma(value, std[name]) for value, name in values)
-            text += f"; {word} {symbol} {found}{unit}"
+            numbers = ", ".join(with_sigma(value, std[name]) for value, name in values)
+            text += f"; {word} {symbol} {numbers}{unit}"
     if sensor.unimproved:
         text += f"; {sensor.prior['source']}: {', '.join(sensor.unimproved)}"
     return text

@@ -31,14 +31,15 @@ def printable(text):
 def one_line(text):
     """Return `text`, which may come from a log, on one line without control characters.
 
-    For a ModuleNotFoundError, the line ends with the command that installs the package.
+    `text` may be an exception. For a ModuleNotFoundError, the line ends with the command that
+    installs the package.
     """
-    cure = "; pip install '.[all]'" if isinstance(text, ModuleNotFoundError) else ""
-    return printable(" ".join(str(text).split())) + cure
+    command = "; pip install '.[all]'" if isinstance(text, ModuleNotFoundError) else ""
+    return printable(" ".join(str(text).split())) + command
 
 
 def plural(count, noun, ending="s"):
-    """Return a count with its noun, which gets the ending unless the count is one."""
+    """Return a count with its noun, such as ``3 poses``; one has no ending."""
     return f"{count} {noun}{'' if count == 1 else ending}"
 
 
@@ -49,14 +50,18 @@ def joined(words):
 
 
 def did_you_mean(name, known, cutoff=0.6):
-    """Return the end of a message that names the nearest of the known names; empty without one.
+    """Return the end of a message that names the nearest of the known names.
 
-    The cutoff is the least similarity, 0 to 1, as `difflib` counts it.
+    It is empty if no name is near. The cutoff is the least similarity, 0 to 1, as `difflib` counts
+    it.
     """
     near = difflib.get_close_matches(name, list(known), n=1, cutoff=cutoff)
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
 def nearest(name, known, cutoff=0.6):
-    """Return the end of a message that names the nearest of the known names, or all of them."""
+    """Return the end of a message that names the nearest of the known names, or all of them.
+
+    A name is near from the similarity `cutoff` on, 0 to 1, as `difflib` counts it.
+    """
     return did_you_mean(name, known, cutoff) or f"; use one of {', '.join(known)}"

@@ -41,11 +41,12 @@ def refuse_overwriting(targets, sources):
 
     Links, folders and names in another case are recognised. A folder stands for all files in it.
     """
-    read = {key: each for source in sources for key, each in _files_at(source).items()}
+    # files by device and inode, which are the same for all names of a file
+    read = {key: path for source in sources for key, path in _files_at(source).items()}
     for target in targets:
-        for key, each in _files_at(target).items():
+        for key, path in _files_at(target).items():
             if key in read:
-                same = f" ({each} is the same file)" if str(each) != str(target) else ""
+                same = f" ({path} is the same file)" if str(path) != str(target) else ""
                 raise ImuloopError(
                     f"{target}: writing there would destroy {read[key]}, which is read: "
                     f"give another name{same}"
@@ -56,11 +57,11 @@ def _files_at(path):
     """Return the files at a path, and in it if it is a folder, a dict by device and inode."""
     files = {}
     inside = (Path(folder, name) for folder, _, names in os.walk(path) for name in names)
-    for each in (Path(path), *inside):
+    for file in (Path(path), *inside):
         # a file that does not exist, or may not be accessed, cannot be an input
         with suppress(OSError):
-            state = each.stat()
-            files[state.st_dev, state.st_ino] = each
+            state = file.stat()
+            files[state.st_dev, state.st_ino] = file
     return files
 
 
@@ -80,7 +81,10 @@ def plain(value):
 
 
 def write_json(path, content):
-    """Write `content` as JSON in one step."""
+    """Write `content` as JSON; a reader sees the old file or the whole new one.
+
+    Arrays become lists; not-a-number and infinity become null.
+    """
     with replaced(path) as temporary:
         temporary.write_text(json.dumps(plain(content), indent=1, allow_nan=False) + "\n")
 
@@ -107,6 +111,7 @@ def read_json(path, most=None):
 
 
 def _object(pairs):
+    """Return a JSON object, a dict, of its pairs; raise a ValueError for a repeated key."""
     content = {}
     for name, value in pairs:
         if name in content:
@@ -116,4 +121,5 @@ def _object(pairs):
 
 
 def _constant(name):
+    """Raise a ValueError for NaN, Infinity or -Infinity, which are not valid in JSON."""
     raise ValueError(f"{name} is no number")

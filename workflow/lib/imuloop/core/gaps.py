@@ -21,7 +21,10 @@ LONG_GAP_STEPS = 9.5
 
 
 def gap_limit(usual, steps=GAP_STEPS):
-    """Return the longest time step that is no gap, in the unit of the usual step."""
+    """Return the longest time step that is no gap, in the unit of the usual step `usual`.
+
+    `steps` is the number of usual steps from which on a step is a gap.
+    """
     return steps * usual
 
 
@@ -30,5 +33,5 @@ def lost_samples(steps, usual):
 
     Takes the steps, (n,), and the usual step, s.
     """
-    wide = steps > gap_limit(usual)
-    return np.where(wide, np.rint(steps / usual), 1).astype(int) - 1
+    is_gap = steps > gap_limit(usual)
+    return np.where(is_gap, np.rint(steps / usual), 1).astype(int) - 1

@@ -39,13 +39,16 @@ class Coefficient:
 
     @classmethod
     def of(cls, value, error):
-        """Return the identifiable Coefficient with a value and its standard error."""
+        """Return the Coefficient, SI, with a value that the data support, and its standard error.
+
+        The limits are those of a normal distribution; the 95 % interval does not go below zero.
+        """
         low, high = max(value - 1.96 * error, 0.0), value + 1.96 * error
         return cls(float(value), (float(low), float(high)), float(value + 1.645 * error), True)
 
     @classmethod
     def from_dict(cls, content):
-        """Return the coefficient from its JSON form."""
+        """Return the Coefficient from its content in noise.json, a dict."""
         return cls(**content | {"ci95": content["ci95"] and tuple(content["ci95"])})
 
 
@@ -59,7 +62,7 @@ class GaussMarkovTerm:
 
 @dataclass(frozen=True)
 class SinusoidTerm:
-    """Line of `amplitude` (SI of the axis) and `frequency` in Hz, phase unknown."""
+    """Sinusoid of `amplitude` (SI of the axis) and `frequency` in Hz, phase unknown."""
 
     amplitude: Coefficient
     frequency: Coefficient
@@ -82,7 +85,10 @@ class LowPassTerm:
 
 
 def _term(kind, content):
-    """Return a term of the class `kind` from its JSON form, in which coefficients are dicts."""
+    """Return a term of the class `kind` from its content in noise.json, a dict.
+
+    Fields that are Coefficients are dicts there.
+    """
     read = {k: Coefficient.from_dict(v) if isinstance(v, dict) else v for k, v in content.items()}
     return kind(**read)
 
@@ -113,17 +119,20 @@ class AxisNoise:
 
     @classmethod
     def from_dict(cls, content):
-        """Return the processes from their JSON form."""
+        """Return the AxisNoise from the content of noise.json on one axis, a dict."""
         low_pass = content.get("low_pass")
         return cls(
-            *(Coefficient.from_dict(content[name]) for name in "QNBKR"),
-            tuple(_term(GaussMarkovTerm, term) for term in content["gauss_markov"]),
-            tuple(_term(SinusoidTerm, term) for term in content["sinusoid"]),
-            low_pass and _term(LowPassTerm, low_pass),
+            **{name: Coefficient.from_dict(content[name]) for name in "QNBKR"},
+            gauss_markov=tuple(_term(GaussMarkovTerm, term) for term in content["gauss_markov"]),
+            sinusoid=tuple(_term(SinusoidTerm, term) for term in content["sinusoid"]),
+            low_pass=low_pass and _term(LowPassTerm, low_pass),
         )
 
     def allan_variance(self, tau):
-        """Return the Allan variance, unit of the axis squared, at `tau` in s (array_like)."""
+        """Return the Allan variance of all processes, SI squared, at the times `tau`, s.
+
+        `tau` is a number or an array, and the result has its shape.
+        """
         tau = np.asarray(tau, float)
         variance = (
             3 * self.Q.square / tau**2
@@ -135,8 +144,8 @@ class AxisNoise:
         for process in self.gauss_markov:
             u = tau / process.tc.value
             # 3 - 4 exp(-u) + exp(-2 u) without cancellation where the process is slow
-            one_less = -np.expm1(-u)
-            bracket = 1 - one_less * (2 + one_less) / (2 * u)
+            rise = -np.expm1(-u)
+            bracket = 1 - rise * (2 + rise) / (2 * u)
             variance = variance + process.q.square * process.tc.value / u * bracket
         for line in self.sinusoid:
             u = np.pi * line.frequency.value * tau
@@ -157,7 +166,9 @@ class AxisNoise:
         - sinusoid: :math:`\Omega^2 \cos(\omega d)/2\omega^2`;
         - walk from t = 0 on: :math:`K^2 (s^2 t/2 - s^3/6)`, s the earlier time.
 
-        The ramp is deterministic and adds nothing. Takes the result of the function `lags`.
+        The ramp is deterministic and adds nothing. Takes five functions of the pairs of times, (m,
+        m) each: the lag d, d², ln(d/L) - 3/2, s², and t/2 - s/6, where s is the earlier and t the
+        later time of a pair.
         """
         d, d2, logarithm, early2, late = lags
         total = (
@@ -178,21 +189,22 @@ class AxisNoise:
         """Return the covariance of the mean output over windows of time, (n, n), SI squared.
 
         Flicker and random walk have a level that is common to all windows of a power cycle, and
-        which a fitted bias absorbs. It is chosen small (see `kernel`): the walk starts at the first
-        window. Means of different power cycles are independent. Coefficients that are not
-        identifiable count as 0. The ramp is not random and adds nothing.
+        which a fitted bias absorbs. It is chosen small: the walk starts at the first window. Means
+        of different power cycles are independent. Coefficients that are not identifiable count as
+        0. The ramp is not random and adds nothing.
 
         Parameters
         ----------
         windows : ndarray, shape (n, 2)
             Start and end of each window, s, in any order; windows may overlap.
         shared : list, optional
-            The `edges` of the windows, if they are computed once for several axes or lie in several
-            power cycles.
+            The result of `edges(windows)`, values that are the same for all axes, if they are
+            computed once for several axes or if the windows lie in several power cycles.
         """
         covariance = np.zeros((len(windows),) * 2)
-        for index, start, end, common in edges(windows) if shared is None else shared:
-            k = self.kernel(common)
+        for index, start, end, functions_of_lags in edges(windows) if shared is None else shared:
+            # a mean is the increment of the integral over the window, divided by its length
+            k = self.kernel(functions_of_lags)
             k = k[end] - k[start]
             k = k[:, end] - k[:, start]
             length = windows[index, 1] - windows[index, 0]
@@ -206,24 +218,24 @@ def edges(windows, power_cycle=None):
     Takes start and end of each window, s, (n, 2), and its power cycle, (n,); by default all windows
     lie in one. Returns a list with a tuple for each power cycle: the indices of its windows; the
     indices of their starts, and of their ends, among the m times at which a window starts or ends;
-    and the `lags` of these times, which are relative to the first.
+    and the five functions of pairs of these times, (m, m) each, that `lags` computes.
     """
     if power_cycle is None:
         power_cycle = np.zeros(len(windows), dtype=int)
     shared = []
     for cycle in np.unique(power_cycle):
         index = np.flatnonzero(power_cycle == cycle)
-        times, places = np.unique(windows[index], return_inverse=True)
-        start, end = places.reshape(-1, 2).T
+        times, number_of_time = np.unique(windows[index], return_inverse=True)
+        start, end = number_of_time.reshape(-1, 2).T
         shared.append((index, start, end, lags(times - times[0])))
     return shared
 
 
 def lags(t):
-    """Return functions of pairs of increasing times t, s, (m,), from 0, (m, m) each.
+    """Return five functions of the pairs of m times, s, (m, m) each, for the covariance of noise.
 
     They are the lag d, d², ln(d/L) - 3/2, s² and t/2 - s/6, where L is the last time, and s is the
-    earlier and t the later time of a pair.
+    earlier and t the later time of a pair. Takes increasing times from 0, s, (m,).
     """
     d = np.abs(t[:, None] - t)
     early, late = np.minimum(t[:, None], t), np.maximum(t[:, None], t)
@@ -242,17 +254,20 @@ class NoiseModel:
     def known(self, axis, term):
         """Return value and standard deviation of the flicker, 'B', or random walk, 'K', of an axis.
 
-        If the term is not identifiable, the value is zero, and the standard deviation follows from
-        the 95 % upper limit.
+        Both are in SI. If the term is not identifiable, the value is zero, and the standard
+        deviation follows from the 95 % upper limit.
         """
-        c = getattr(self.axes[axis], term)
-        if c.value is None:
-            return 0.0, (c.upper95 or 0.0) / 1.96
-        low, high = c.ci95 or (c.value, c.value)
-        return c.value, (high - low) / 3.92
+        coefficient = getattr(self.axes[axis], term)
+        if coefficient.value is None:
+            return 0.0, (coefficient.upper95 or 0.0) / 1.96
+        low, high = coefficient.ci95 or (coefficient.value, coefficient.value)
+        return coefficient.value, (high - low) / 3.92
 
     def with_sizes(self, sizes):
-        """Return the NoiseModel with other values of some terms, a dict by (axis, term)."""
+        """Return the NoiseModel with other values of some coefficients.
+
+        `sizes` has the values, SI, by (axis, term), such as ``("gx", "B")``.
+        """
         axes = dict(self.axes)
         for (axis, term), value in sizes.items():
             coefficient = replace(getattr(axes[axis], term), value=value)
@@ -301,8 +316,8 @@ def without_weight(covariance):
     """Return which of k covariances, (k, n, n), cannot be inverted, and why: two masks, (k,).
 
     The first marks covariances with a variance of zero. The second marks the others in which some
-    sum of the values has no variance: sinusoids without other noise have only as many independent
-    patterns as there are sinusoids.
+    sum of the n values has no variance. Sinusoids without other noise are such a case: each adds
+    two independent directions at most, its cosine and its sine.
     """
     sigma = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0))
     silent = ~np.all(sigma > 0, axis=1)

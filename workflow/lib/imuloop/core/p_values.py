@@ -6,6 +6,9 @@ import numpy as np
 def holm(p_values):
     """Return p-values, (m,), that are adjusted for a family of m tests by Holm's method.
 
+    The k-th smallest p-value is multiplied by m + 1 - k; none is less than a smaller one, or more
+    than 1.
+
     References
     ----------
     S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Stat. 6 (1979).

@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 
 def multiply(p, q):
-    """Return the quaternion product ``p q``; shapes (..., 4) broadcast."""
+    """Return the quaternion product ``p q``, (..., 4), of quaternions that broadcast, (..., 4)."""
     return _product(_pairs(p), _pairs(q)).view(float)
 
 
@@ -19,7 +19,10 @@ def _pairs(q):
 
 
 def _product(p, q):
-    """Return the product of quaternions in the complex form of `_pairs`, (..., 2)."""
+    """Return the product of quaternions in complex form, (..., 2).
+
+    In this form a quaternion ``a + b j`` is the pair a = w + x i and b = y + z i.
+    """
     # j c is c* j
     a, b, c, d = p[..., 0], p[..., 1], q[..., 0], q[..., 1]
     return np.stack([a * c - b * d.conj(), a * d + b * c.conj()], axis=-1)
@@ -46,13 +49,15 @@ def matrix(q):
 def step_vectors(rates, steps, uneven=None):
     """Return the rotation vector φ of each time step, rad, (..., n - 1, 3).
 
+    It rotates from the body axes at the end of the step to those at its start.
+
         φ = (-w₋₁ + 13 w₀ + 13 w₁ - w₂) Δt / 24 + (w₀ × w₁) Δt² / 12
 
-    The first term is the mean rate of the step (`mean_rates`) times the step Δt. w₀ and w₁ are the
-    angular rates at its two ends, w₋₁ and w₂ those of the samples before and after. The second term
-    is the first term of the Magnus series and corrects for rotations that do not commute. The error
-    is of fifth order in a step and of fourth order over all steps, the order of a Runge–Kutta
-    scheme with four stages. The exponential of φ is a unit quaternion exactly.
+    The first term is the mean rate of the step, of a cubic through four samples, times Δt. w₀ and
+    w₁ are the angular rates at its two ends, w₋₁ and w₂ those of the samples before and after. The
+    second term is the first term of the Magnus series and corrects for rotations that do not
+    commute. The error is of fifth order in a step and of fourth order over all steps, the order of
+    a Runge–Kutta scheme with four stages. The exponential of φ is a unit quaternion exactly.
 
     Parameters
     ----------
@@ -99,25 +104,28 @@ def mean_rates(rates, steps, uneven=None):
     means = total / 2
     means[..., 1:-1] += (total[..., 1:-1] - rates[..., :-3] - rates[..., 3:]) / 24
     if uneven is not None:
-        *row, at = np.nonzero(uneven[..., 1:-1])
-        w = [rates[(slice(None), *row, at + i)] for i in range(4)]
-        before, step, after = (steps[(*row, at + i)] for i in range(3))
+        # the four samples w about each such step, and the steps between them
+        *row, k = np.nonzero(uneven[..., 1:-1])
+        w = [rates[(slice(None), *row, k + i)] for i in range(4)]
+        before, step, after = (steps[(*row, k + i)] for i in range(3))
         # a much shorter step beside the gap would only add the jitter of its time stamps
         before, after = (np.maximum(side, step / 10) for side in (before, after))
+        # divided differences: half the second derivative on either side, and in the middle
         slope = (w[2] - w[1]) / step
-        left = (slope - (w[1] - w[0]) / before) / (before + step)
-        right = ((w[3] - w[2]) / after - slope) / (step + after)
+        first_bend = (slope - (w[1] - w[0]) / before) / (before + step)
+        second_bend = ((w[3] - w[2]) / after - slope) / (step + after)
         share = (before + step / 2) / (before + step + after)
-        bend = left + share * (right - left)
-        means[(slice(None), *row, at + 1)] = (w[1] + w[2]) / 2 - step**2 / 6 * bend
+        bend = first_bend + share * (second_bend - first_bend)
+        means[(slice(None), *row, k + 1)] = (w[1] + w[2]) / 2 - step**2 / 6 * bend
     return np.moveaxis(means, 0, -1)
 
 
 def prefix_product(q):
     """Return the products ``q₀, q₀q₁, q₀q₁q₂, …`` of quaternions, (..., n, 4).
 
-    The recursion multiplies neighbours, computes the prefix products of the results, and fills in
-    every other product. It needs two multiplications per quaternion.
+    `q` has n unit quaternions, (..., n, 4). A recursion multiplies neighbours, computes the
+    products of the results, and fills in every other product. It needs two multiplications per
+    quaternion.
 
     References
     ----------
@@ -127,10 +135,14 @@ def prefix_product(q):
 
 
 def _prefixes(q):
-    """Return the prefix products of quaternions in the complex form of `_pairs`, (..., n, 2)."""
+    """Return the products ``q₀, q₀q₁, …`` of quaternions in complex form, (..., n, 2).
+
+    In this form a quaternion ``a + b j`` is the pair a = w + x i and b = y + z i.
+    """
     n = q.shape[-2]
     if n < 2:
         return q
+    # the products of pairs are every other result; one factor more gives the ones between
     pairs = _prefixes(_product(q[..., 0 : n - 1 : 2, :], q[..., 1::2, :]))
     prefixes = q.copy()
     prefixes[..., 1::2, :] = pairs

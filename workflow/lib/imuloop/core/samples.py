@@ -50,7 +50,7 @@ CALIBRATED = "calibrated_by_imuloop"
 
 
 def other_sensor(sensor):
-    """Return the name of the other sensor."""
+    """Return the name of the other sensor: of accelerometer and gyroscope, not `sensor`."""
     (other,) = set(SENSORS) - {sensor}
     return other
 
@@ -83,7 +83,10 @@ def filled(t, values):
 
 
 def schema(metadata):
-    """Return the Parquet schema of a samples file, whose metadata are kept as JSON."""
+    """Return the Parquet schema of a samples file.
+
+    The `metadata`, a dict, are kept as JSON under the key `METADATA_KEY`.
+    """
     fields = [pa.field(name, pa.float64()) for name in (TIME, *CHANNELS)]
     return pa.schema(fields, metadata={METADATA_KEY: json.dumps(metadata).encode()})
 
@@ -103,7 +106,10 @@ def calibrated_attrs(device):
 
 
 def refuse_calibrated(names, metadata):
-    """Raise a RejectedLog for a table that its columns or metadata mark as calibrated."""
+    """Raise a RejectedLog for a table that its columns or metadata mark as calibrated.
+
+    `names` are the names of its columns, and `metadata` the project's own, a dict.
+    """
     if CALIBRATED in names or metadata.get("calibrated"):
         device = str(metadata.get("device", ""))[:80]
         by = device and f", by a calibration of {device}"
@@ -219,18 +225,19 @@ def own_rows(stamps):
 def on_gyroscope_clock(columns):
     """Return columns of samples, a dict of arrays, at the time stamps of the gyroscope.
 
-    The specific force of a slower accelerometer is interpolated linearly. Of a faster one, it is
-    the mean of the samples nearest to each sample of the gyroscope.
+    The specific force of a slower accelerometer is interpolated linearly. The specific force of a
+    faster one is averaged over the samples nearest to each sample of the gyroscope.
     """
-    own_rate, own_force = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
-    if own_rate in columns:
-        first = own_rows(columns[own_rate])
-        count = np.diff(np.append(first, len(columns[own_rate])))
+    gyroscope_time, accelerometer_time = OWN_TIME["gyroscope"], OWN_TIME["accelerometer"]
+    # only the slower sensor has a column of its own time stamps
+    if gyroscope_time in columns:
+        first = own_rows(columns[gyroscope_time])
+        count = np.diff(np.append(first, len(columns[gyroscope_time])))
         force = {n: np.add.reduceat(np.asarray(columns[n]), first) / count for n in ACCELERATION}
         columns = {name: np.asarray(x)[first] for name, x in columns.items()}
-        return {**columns, **force, TIME: columns[own_rate]}
-    if own_force in columns:
-        stamps, t = np.asarray(columns[own_force]), np.asarray(columns[TIME])
+        return {**columns, **force, TIME: columns[gyroscope_time]}
+    if accelerometer_time in columns:
+        stamps, t = np.asarray(columns[accelerometer_time]), np.asarray(columns[TIME])
         new = own_rows(stamps)
         force = {name: np.interp(t, stamps[new], columns[name][new]) for name in ACCELERATION}
         return {**columns, **force}
@@ -243,7 +250,7 @@ def sums_over(values, ranges):
     No range may be empty, and only the last may end with the last row.
     """
     edges = ranges.ravel()
-    # reduceat sums from the last edge to the last row
+    # reduceat sums from each edge to the next, and from the last edge to the last row
     edges = edges[: np.searchsorted(edges, len(values))]
     return np.add.reduceat(values, edges, axis=0)[::2]
 

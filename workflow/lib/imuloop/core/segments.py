@@ -26,7 +26,7 @@ def segment_table(samples, start_s, end_s, kinds, poses):
     """Return the table of segments, a DataFrame, with the statistics of every channel.
 
     Takes the samples, and for each segment its start and end, s, half-open, its kind, and the
-    number of its pose.
+    number of its pose, -1 without one. Its tilt is zero.
     """
     rows, start_s, end_s = Samples(samples), np.asarray(start_s, float), np.asarray(end_s, float)
     ranges = np.searchsorted(rows[TIME], np.column_stack([start_s, end_s]))
@@ -56,5 +56,5 @@ def power_cycles(segments):
     and after it. Takes a table of segments.
     """
     start, end = (np.asarray(segments[name], dtype=float) for name in ("start_s", "end_s"))
-    gap = np.asarray(segments["kind"]) == GAP
-    return np.cumsum(gap & (end - start > (end - start)[~gap].sum()))
+    is_gap, duration = np.asarray(segments["kind"]) == GAP, end - start
+    return np.cumsum(is_gap & (duration > duration[~is_gap].sum()))

@@ -7,7 +7,7 @@ from dataclasses import field
 
 
 def setting(default, description, **limits):
-    """Return the field of a dataclass of settings.
+    """Return the field of a dataclass of settings, with a default and a description.
 
     Limits are ``gt``, ``ge``, ``lt``, ``le`` of a number, ``min_length``, ``max_length`` of a list.
     """

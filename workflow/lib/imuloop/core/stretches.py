@@ -31,25 +31,30 @@ def lengths(ranges):
 def merged(ranges):
     """Return ranges, (k, 2), in order, with overlapping and touching ones merged."""
     first, last = ranges[np.argsort(ranges[:, 0])].T
+    # the end of all ranges so far; a range that starts after it is apart from them
     reached = np.maximum.accumulate(last)
     apart = np.append(True, first[1:] > reached[:-1])[: len(first)]
     return np.column_stack([first[apart], reached[np.roll(apart, -1)]])
 
 
 def without(ranges, cuts):
-    """Return the parts of ranges, in order, that lie outside cuts, (k, 2).
+    """Return the parts of ranges, (m, 2), in order, that lie outside cuts, (k, 2).
 
-    The cuts are in order and do not overlap or touch, as `merged` returns them.
+    The cuts are ranges, too; they are in order and do not overlap or touch.
     """
     parts = [np.empty((0, 2), dtype=int)]
     for i, j in ranges:
         low, high = np.searchsorted(cuts[:, 1], i, side="right"), np.searchsorted(cuts[:, 0], j)
+        # the parts lie between the start, the ends of the cuts within, and the end
         edges = np.concatenate([[i], cuts[low:high].ravel(), [j]]).reshape(-1, 2)
         parts.append(edges[edges[:, 1] > edges[:, 0]])
     return np.concatenate(parts)
 
 
 def divided(first, last, count):
-    """Return `count` parts of equal length, at least one, of a range of samples, (k, 2)."""
+    """Return the `count` parts of nearly equal length, at least one, of a range, (k, 2).
+
+    The range goes from `first` to before `last`.
+    """
     edges = np.linspace(first, last, max(count, 1) + 1).astype(int)
     return np.column_stack([edges[:-1], edges[1:]])

@@ -14,14 +14,17 @@ _FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def table(names, *values):
-    """Return a table of named columns; a text or a number is repeated in all rows."""
+    """Return a table, a dict of arrays by name, of the values of each column.
+
+    A text or a number is repeated in all rows.
+    """
     columns = [np.asarray(x, object if isinstance(x, str) else float) for x in values]
     return dict(zip(names, np.broadcast_arrays(*columns), strict=True))
 
 
 def joined(tables):
-    """Return one table with the rows of several tables that have the same columns."""
-    return {name: np.concatenate([part[name] for part in tables]) for name in tables[0]}
+    """Return one table with the rows of several tables, dicts of arrays with the same columns."""
+    return {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
 
 
 def write_table(path, columns, metadata=None):
@@ -36,14 +39,20 @@ def write_table(path, columns, metadata=None):
 
 
 def write_sessions(path, tables):
-    """Write a dict of tables by session as one file, whose first column is the session's name."""
-    lengths = [len(next(iter(each.values()))) for each in tables.values()]
+    """Write a dict of tables by session as one Parquet file.
+
+    Its first column, ``session``, has the name of the session in each row.
+    """
+    lengths = [len(next(iter(table.values()))) for table in tables.values()]
     names = {"session": np.repeat(np.array([*tables], object), lengths)}
     write_table(path, names | joined([*tables.values()]))
 
 
 def read_session(path, session):
-    """Return the table of one session from a file of `write_sessions`."""
+    """Return the table of one session, a dict of arrays, from a Parquet file of several.
+
+    The column ``session`` of the file has the name of the session in each row.
+    """
     columns = read_columns(path)
     rows = columns.pop("session") == session
     return {name: x[rows] for name, x in columns.items()}
@@ -56,9 +65,10 @@ def text_cell(text):
 
 def text_cells(table):
     """Return an Arrow table whose columns of text no spreadsheet executes."""
-    for place, field in enumerate(table.schema):
+    for index, field in enumerate(table.schema):
         kind = field.type.value_type if pa.types.is_dictionary(field.type) else field.type
         if pa.types.is_string(kind) or pa.types.is_large_string(kind):
-            texts = [text and text_cell(text) for text in table.column(place).to_pylist()]
-            table = table.set_column(place, field.name, pa.array(texts, kind))
+            # a missing text stays missing
+            texts = [text and text_cell(text) for text in table.column(index).to_pylist()]
+            table = table.set_column(index, field.name, pa.array(texts, kind))
     return table

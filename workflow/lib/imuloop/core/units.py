@@ -51,7 +51,7 @@ class RawUnit:
     offset: float = 0.0
 
     def to_si(self, raw):
-        """Return raw values in SI units."""
+        """Return raw values in SI units: nominal SI, by scale and offset of the unit."""
         return (np.asarray(raw, dtype=float) - self.offset) * self.scale
 
     def from_si(self, value):
@@ -73,7 +73,9 @@ def raw_unit(quantity, name, nominal=None):
     """Return the RawUnit of a quantity, "acceleration" or "angular_rate", by the name of the unit.
 
     Counts need `nominal`, a dict with their ``scale`` (SI per count) and ``offset`` (counts).
-    Increments are logged as their rate in SI. Raises an ImuloopError for an unknown unit.
+    Increments, such as deg, have the
+    SI unit of their rate, rad/s, to which ingest converts them. Raises an ImuloopError for
+    an unknown unit.
     """
     if name == "count":
         if "scale" not in (nominal or {}):

@@ -5,9 +5,10 @@ from imuloop.model.effect import Effect
 
 
 def candidates(sensor, record, channels):
-    """Return the shapes to try on a sensor, and the effects that are not tried.
+    """Return the variants to try on a sensor, and the effects that are not tried.
 
-    Effects that only motion shows are in neither result.
+    A variant is an effect with values of its constants, such as a time constant. Effects that only
+    motion shows are in neither result.
 
     Parameters
     ----------
@@ -20,12 +21,13 @@ def candidates(sensor, record, channels):
     Returns
     -------
     dict of type to tuple of Effect
-        The shapes to try, by type of effect.
+        The variants to try, by type of effect.
     dict of type to (str, str)
         Status and reason of the effects that are not tried, by type of effect.
     """
-    shapes, reasons, cycle = {}, {}, channels.power_cycle
-    several = cycle is not None and cycle.any()
+    variants, reasons, cycle = {}, {}, channels.power_cycle
+    # power cycles have numbers from 0
+    several_cycles = cycle is not None and cycle.any()
     for cls in Effect.library.values():
         if sensor not in cls.sensors or (record not in cls.records and not cls.unobservable):
             continue
@@ -39,7 +41,7 @@ def candidates(sensor, record, channels):
                 f"the temperature changes by {span(channels):.2g} K: a thermometer's own error can "
                 f"do so up to {LEAST_SPAN:g} K",
             )
-        elif "power_cycle" in cls.needs and not several:
+        elif "power_cycle" in cls.needs and not several_cycles:
             reasons[cls] = (
                 "not_available",
                 "one power cycle shows one bias: record several sessions, switched off and on "
@@ -48,5 +50,5 @@ def candidates(sensor, record, channels):
         elif "power_cycle" in cls.needs and cycle.max() >= cls.bounds["runs"][1]:
             reasons[cls] = ("not_available", f"more power cycles than {cls.bounds['runs'][1]}")
         else:
-            shapes[cls] = tuple(cls.shapes(channels))
-    return shapes, reasons
+            variants[cls] = tuple(cls.variants(channels))
+    return variants, reasons

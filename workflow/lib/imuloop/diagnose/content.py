@@ -18,13 +18,15 @@ def search_content(choices, fitted, reasons, sensor):
     fitted : sequence of FittedEffect
         The added effects, in the order of the choice.
     reasons : dict of type to (str, str)
-        Status and reason of the effects that were not tried.
+        Status and reason of the effects that were not tried, by class of effect.
     sensor : str
+        Name of the sensor.
 
     Returns
     -------
     dict
-        ``effects``, ``candidates`` and ``confounded``.
+        ``effects``, the added effects; ``candidates``, all effects with the result of their test;
+        and ``confounded``, pairs of effects that these data cannot tell apart.
     """
     problem, search = choices.problem, choices.search()
     kinds = [kind for kind in search.kinds if getattr(kind, "sensor", sensor) == sensor]
@@ -44,7 +46,7 @@ def search_content(choices, fitted, reasons, sensor):
         ],
         "candidates": [
             *(_candidate(sensor, choices, kind) for kind in kinds),
-            *(untried(cls.name, *reason) for cls, reason in reasons.items()),
+            *(untried(cls.name, status, why) for cls, (status, why) in reasons.items()),
         ],
         "confounded": imitations(search, [k for k in kinds if not k.is_formula]),
     }
@@ -53,10 +55,12 @@ def search_content(choices, fitted, reasons, sensor):
 def residuals_content(problem, units, comparisons, errors, floor, has_effects):
     """Compare each kind of residual with its floor, without and with the added effects.
 
+    The floor is the held-out error that the noise alone gives.
+
     Parameters
     ----------
     problem : PoseProblem or StaticProblem
-        It has N rows on a axes.
+        It has N rows, which are components of residuals, on a axes.
     units : dict of str to str
         Unit of each kind of residual.
     comparisons : pair of list of NoiseComparison
@@ -78,15 +82,16 @@ def residuals_content(problem, units, comparisons, errors, floor, has_effects):
     for (kind, unit), before, after in zip(units.items(), *comparisons, strict=True):
         rows = problem.of_kind(kind)
         noise = np.sqrt(floor[rows])
-        least, *sizes = (size_of(problem, kind, e) for e in (noise, *(e[rows] for e in errors)))
-        above_before |= above_floor(before, significance, sizes[0], least, has_effects=False)
-        above_after |= above_floor(after, significance, sizes[1], least, has_effects)
+        by_noise = size_of(problem, kind, noise)
+        error_before, error_after = (size_of(problem, kind, e[rows]) for e in errors)
+        above_before |= above_floor(before, significance, error_before, by_noise, has_effects=False)
+        above_after |= above_floor(after, significance, error_after, by_noise, has_effects)
         entries[kind] = {
             "unit": unit,
             "n": int(np.isfinite(noise).sum()) // problem.components(kind),
-            "floor": least,
-            "before": sizes[0],
-            "after": sizes[1],
+            "floor": by_noise,
+            "before": error_before,
+            "after": error_after,
             "chi2_before": before.reduced_chi2,
             "chi2_after": after.reduced_chi2,
         }
@@ -100,12 +105,17 @@ def untried(name, status, why):
 
 
 def _candidate(sensor, choices, kind):
-    """Return the entry in diagnosis.json of a kind of effect that was tried on a sensor."""
+    """Return the entry in diagnosis.json of a kind of effect that was tried on a sensor, a dict.
+
+    `choices` are the Choices: the searches in the record, and the effects that were added.
+    """
     problem, search, choice = choices.problem, choices.search(), choices.choice()
+    # the kind is tested with all other added effects in the model
     base = tuple(e for e in choice.effects if e.kind != kind)
     added = [trial for trial in choice.added if trial.effect.kind == kind]
     trial = added[0] if added else search.trial(base, kind)
     if trial is None:
+        # it cannot be estimated next to the base: another effect, or the base model, absorbs it
         alike, base, trial = masking_effect(search, base, kind), (), search.trial((), kind)
         if alike is None:
             return untried(kind.name, "not_observable", problem.why_no_trial(search, kind))
@@ -146,8 +156,9 @@ def _candidate(sensor, choices, kind):
 def _status(choices, base, trial):
     """Return the status of a candidate, the reason, and the effect that it is confounded with.
 
-    All are texts; the last one is None if the status is not “confounded”. `trial` is the Trial of
-    the candidate, `base` the added effects without the candidate.
+    All are texts; the last one is None if the status is not “confounded”. `choices` are the
+    searches and the added effects, `trial` is the Trial, the significance test, of the candidate,
+    and `base` has the added effects without the candidate.
     """
     search, choice, kind = choices.search(), choices.choice(), trial.effect.kind
     if any(trial is added for added in choice.added):
@@ -169,8 +180,9 @@ def _status(choices, base, trial):
 def _by_slow_noise(search, base, trial):
     """Return whether a trial fails only because of noise that is slower than was estimated.
 
-    It fails under all noise hypotheses together, but would pass under those without more slow noise
-    than was estimated.
+    It fails under all noise hypotheses, the covariances that the noise may have, together, but
+    would pass under those without more slow noise than was estimated. `search` is the Search of all
+    data, `base` has the effects that are in the model, and `trial` is the Trial of another one.
     """
     if trial.log_p < search.threshold(len(base)):
         return False
@@ -180,5 +192,9 @@ def _by_slow_noise(search, base, trial):
 
 
 def size_of(problem, kind, errors):
-    """Return the root mean square norm of the errors, (n, a), of one kind of residual."""
+    """Return the root mean square norm of the errors of one kind of residual, a float.
+
+    `errors` are n rows of that kind on a axes, (n, a). A residual has the number of rows that
+    `problem.components` returns, one after the other.
+    """
     return rms_norm(errors.reshape(-1, problem.components(kind) * errors.shape[1]))

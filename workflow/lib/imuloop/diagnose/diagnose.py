@@ -85,7 +85,9 @@ def diagnose_device(
     Returns
     -------
     Diagnosed
+        Content of diagnosis.json, the calibration with effects, the noise, and tables.
     """
+    # the kind of sessions with the most poses is diagnosed
     method, recording = largest_recording(sessions, calibrate_settings.longest_rotation)
     base = Calibration.from_json(six_position if method == "six_position" else multi_position)
     data, noise = read_static(sessions), NoiseModel.from_json(noise)
@@ -111,6 +113,7 @@ def diagnose_device(
     if joint_fit:
         problem = pose_problem(joint_fit, recording, settings, tests, static_effects, information)
     poses = diagnose_poses(problem, reasons)
+    # a sensor whose data contradict each other keeps its nominal scale
     refused = nominal_sensors(poses.rejected, recording, noise, units, prior or data_sheet())
     base = replace(base, **refused)
     motion = diagnose_motion(poses, recording, settings, tests, information)
@@ -123,6 +126,7 @@ def diagnose_device(
     contents = dict(zip(RECORDS, (poses.contents, static.content, motion.contents), strict=True))
     contents |= {"reference": reference} if reference else {}
     by_sensor = {s: {record: c[s] for record, c in contents.items()} for s in SENSORS}
+    # rotations that contradict all others, which were left out of the fit
     if left_out := recording.lost.contradicting:
         keys = ("session", "start_s", "end_s", "angle")
         by_sensor["gyroscope"]["poses"]["contradicting"] = [
@@ -143,7 +147,16 @@ def diagnose_device(
     _, force_in_moves = recording.calibrated_force(force)
     tables["moves"] = moves_table(recording, names, gyroscope, force_in_moves, residuals)
     content = {"format": FORMAT, "device": device, "sensors": by_sensor}
-    return Diagnosed(content, calibration, static.allan, noise, poses, recording, names, tables)
+    return Diagnosed(
+        content=content,
+        calibration=calibration,
+        allan=static.allan,
+        noise=noise,
+        poses=poses,
+        recording=recording,
+        names=names,
+        tables=tables,
+    )
 
 
 def _names(sessions, kinds):
@@ -153,6 +166,8 @@ def _names(sessions, kinds):
 
 def combine_calibrations(base, poses, static, records, has_static_session, bias_held):
     """Return the Calibration of both sensors with the effects of poses and static records.
+
+    A static record is a rest of minutes to hours, as a list of means.
 
     Parameters
     ----------
@@ -172,6 +187,7 @@ def combine_calibrations(base, poses, static, records, has_static_session, bias_
     """
     # the gyroscope was calibrated with the direction of gravity by the accelerometer with effects
     force = poses.calibrations.get("accelerometer")
+    # and then its bias at the poses differs from the bias at the first rest
     bias_counts, calibrations = not bias_held or (force and force.effects), {}
     for sensor in SENSORS:
         calibration, at_poses = getattr(base, sensor), poses.calibrations.get(sensor)
@@ -213,6 +229,7 @@ def with_static_effects(calibration, effects, records):
     """
     b = calibration.b
     if effects and calibration.method == "static":
+        # values are outputs K (raw - b), so that their mean without effects is the error of K b
         levels = [r.values - sum(e.output(r.channels) for e in effects) for r in records]
         lengths = np.concatenate([r.length for r in records])
         b = b + np.average(np.concatenate(levels), axis=0, weights=lengths) / calibration.K
@@ -221,6 +238,8 @@ def with_static_effects(calibration, effects, records):
 
 def with_validity_ranges(calibration, poses, recording, records, static_effects):
     """Return the Calibration with the range of inputs in which each effect was estimated.
+
+    An effect is clamped to its range when the calibration is applied.
 
     Parameters
     ----------
@@ -238,9 +257,11 @@ def with_validity_ranges(calibration, poses, recording, records, static_effects)
     in_motion, inputs, sensors = [], {sensor: [] for sensor in SENSORS}, {}
     if "accelerometer" in poses.calibrations and force.effects:
         rate, aligned = recording.poses.w, turn.aligned(recording.rotations.w)
-        arguments = "accelerometer", force.output
-        inputs["accelerometer"] = [recording.pose_channels(*arguments, rate)]
-        in_motion = [recording.rotation_channels(*arguments, aligned, turn.aligned)]
+        # the other sensor's output is what an effect of the accelerometer depends on
+        inputs["accelerometer"] = [recording.pose_channels("accelerometer", force.output, rate)]
+        in_motion = [
+            recording.rotation_channels("accelerometer", force.output, aligned, turn.aligned)
+        ]
     if "gyroscope" in poses.calibrations and turn.effects:
         at_rest, in_moves = recording.calibrated_force(force)
         inputs["gyroscope"] = [

@@ -10,12 +10,15 @@ LATEST = 0.1
 
 
 def own_change(channels, seconds):
-    """Return the mean rate of change of the sensor's output over the next `seconds`, (n, 3)."""
+    """Return the mean rate of change of the sensor's output over the next `seconds`, SI/s, (n, 3).
+
+    `channels` are the Channels of a whole log of n samples.
+    """
     return secant(channels.t, channels.output, seconds)
 
 
 def other_slope(channels):
-    """Return the rate of change of the other sensor's output, (n, 3)."""
+    """Return the rate of change of the other sensor's output, SI/s, (n, 3), at the n samples."""
     return slope(channels.t, channels.other)
 
 
@@ -40,7 +43,10 @@ class TimeOffset(Effect):
         return design
 
     def design(self, channels, values=(0.0,)):
-        """Return the mean rate of change of the output over the delay, (n, 3, 1)."""
+        """Return D with ``e = D Δt``, the mean rate of change over the delay, SI/s, (n, 3, 1).
+
+        `values` has the delay Δt, s. At zero D is the derivative of e.
+        """
         return channels.evaluate_memory(own_change, -float(values[0]))[:, :, None]
 
     design_at = design
@@ -59,10 +65,14 @@ class GyroAxisDelay(TimeOffset):
     reference = "Savage, Strapdown Analytics, sensor lag and pseudo-coning"
 
     def design(self, channels, values=(0.0, 0.0)):
-        """Return the derivative with respect to both delays, shape (n, 3, 2)."""
+        """Return D with ``e = D p`` for both delays p, SI/s, (n, 3, 2).
+
+        It is minus the mean rate of change of the axis over its delay. `values` has the delays of x
+        and y, s.
+        """
         design = np.zeros((len(channels.t), 3, 2))
-        for axis, late in enumerate(values):
-            design[:, axis, axis] = -channels.evaluate_memory(own_change, float(late))[:, axis]
+        for axis, delay in enumerate(values):
+            design[:, axis, axis] = -channels.evaluate_memory(own_change, float(delay))[:, axis]
         return design
 
     design_at = design

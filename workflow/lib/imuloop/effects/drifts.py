@@ -41,14 +41,20 @@ class WarmUp(Effect):
     after_temperature = True
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the shapes with the time constants that are short enough for the data."""
-        several = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
+    def variants(cls, channels):
+        """Return the effects to try, a tuple: those with time constants that suit the data.
+
+        A time constant needs a record that is long enough, and enough points at its start.
+        """
+        with_points = [tau for tau in SETTLING if np.sum(channels.t < 2 * tau) >= POINTS]
         longest = np.ptp(channels.t) / SETTLINGS
-        return tuple(cls(tau) for tau in several if tau <= longest) or (cls(),)
+        return tuple(cls(tau) for tau in with_points if tau <= longest) or (cls(),)
 
     def design(self, channels):
-        """Return the exponential on each axis, at a pose its mean, (n, 3, 3)."""
+        """Return the derivative of e with respect to A, ``exp(-t/τ)`` on each axis, (n, 3, 3).
+
+        It is the mean over the samples of a pose at each of n poses.
+        """
         return on_each_axis(channels.evaluate(settling, self.tau))
 
 
@@ -66,7 +72,7 @@ class BiasDrift(Effect):
     after_temperature = True
 
     def design(self, channels):
-        """Return the time on each axis, shape (n, 3, 3)."""
+        """Return the derivative of e with respect to d, the time t, s, on each axis, (n, 3, 3)."""
         return on_each_axis(channels.t)
 
 

@@ -37,7 +37,8 @@ def first_order_lag(t, values, tau):
         end = max(min(end, start + _BLOCK), start + 1)
         r = np.diff(t[start - 1 : end])[:, None] / tau
         g = np.where(r > 0, -np.expm1(-r) / np.where(r > 0, r, 1.0), 1.0)
-        # the exponent of a longer step is cut: the response has forgotten everything before it
+        # eˢ of the docstring; the exponent of a longer step is cut: the response has forgotten
+        # everything before it
         growth = np.exp(np.minimum((t[start:end] - t[start - 1]) / tau, _SUMMED))[:, None]
         added = np.cumsum(growth * g * np.diff(x[start - 1 : end], axis=0), axis=0)
         d[start:end] = (d[start - 1] - added) / growth
@@ -59,8 +60,8 @@ def play(values, half_width):
     # two clamps in a row are one clamp: the clamps up to each sample are computed in √n stretches
     # at once, and then applied to the point at the start of each stretch
     count = max(int(np.sqrt(len(values))), 1)
-    more = -len(values) % count
-    low, high = (np.pad(x, (0, more)).reshape(-1, count).T for x in (low, high))
+    padding = -len(values) % count
+    low, high = (np.pad(x, (0, padding)).reshape(-1, count).T for x in (low, high))
     lower, upper = low.copy(), high.copy()
     for k in range(1, count):
         for ends in (lower, upper):
@@ -73,7 +74,7 @@ def play(values, half_width):
 
 
 def fast_part(t, values, period):
-    """Return the values, (n, m), less their moving mean taken twice: a high-pass filter.
+    """Return the values, (n, m), minus their moving mean taken twice: a high-pass filter.
 
     The gain at a frequency f is ``1 - sinc²(f period)``: a half at 0.44/period, and one within 5 %
     above 1/period. A linear change is removed. Takes increasing times, s, (n,), and the length of
@@ -92,7 +93,7 @@ def fast_part(t, values, period):
 
 
 def slope(t, values):
-    """Return the rate of change of values, (n, m), at the times t, s, (n,), a central difference.
+    """Return the rate of change of values, (n, m), at the times t, s, (n,), per second, (n, m).
 
     It is the derivative of the parabola through each value and its neighbours. Its gain for a sine
     of frequency f is ``sinc(2 f Δt)``: 98 % at a twentieth of the sampling rate. It is zero for a

@@ -13,7 +13,10 @@ CREEPS = (3.0, 10.0, 30.0)
 
 
 def creep(channels, tau):
-    """Return ``y_lag - y`` of the output y at the n samples of a log, SI, (n, 3)."""
+    """Return ``y_lag - y`` at the n samples of a log, SI, (n, 3).
+
+    y is the output of the sensor, and y_lag its response to a first-order lag of `tau`, s.
+    """
     return first_order_lag(channels.t, channels.output, tau) - channels.output
 
 
@@ -37,12 +40,12 @@ class Reorientation(Effect):
     timed = True
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the time constants to try."""
+    def variants(cls, channels):
+        """Return the effects with each of the time constants to try, a tuple."""
         return tuple(cls(tau) for tau in CREEPS)
 
     def design(self, channels):
-        """Return ``y_lag - y`` on each axis, (n, 3, 3)."""
+        """Return the derivative of e with respect to k, ``y_lag - y`` on each axis, (n, 3, 3)."""
         return on_each_axis(channels.evaluate_memory(creep, self.tau))
 
 
@@ -64,6 +67,7 @@ def vibration(channels):
     # one axis at a time, to save memory
     for axis in range(3):
         before = moving_mean(t, fast_part(t, square[:, [axis]], PERIOD) ** 2, WINDOW)[:, 0]
+        # the mean square after a sample is that before the last sample of the window after it
         # rounding of large sums may make small mean squares negative
         square[:, axis] = np.maximum(np.minimum(before, before[last]), 0.0)
     return square
@@ -88,5 +92,5 @@ class VibrationRectification(Effect):
     timed = True
 
     def design(self, channels):
-        """Return the mean square of the vibration on each axis, SI², (n, 3, 3)."""
+        """Return the derivative of e with respect to v, the mean square σ², SI², (n, 3, 3)."""
         return on_each_axis(channels.evaluate_memory(vibration))

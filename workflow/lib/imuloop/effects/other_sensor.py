@@ -25,7 +25,7 @@ class GSensitivity(Effect):
     reference = "IEEE Std 1431-2004, acceleration-sensitive drift rate"
 
     def design(self, channels):
-        """Return the derivative with respect to G, row by row, (n, 3, 9)."""
+        """Return the derivative of e with respect to G, row by row, m/s^2, (n, 3, 9)."""
         return row_by_row(channels.other)
 
 
@@ -44,7 +44,7 @@ class G2Sensitivity(Effect):
     reference = "IEEE Std 528-2001, 2.4, acceleration-squared-sensitive drift rate"
 
     def design(self, channels):
-        """Return the products of specific force on each axis, (n, 3, 15)."""
+        """Return the derivative of e with respect to D, products of specific force, (n, 3, 15)."""
         x, y, z = channels.other.T
         return row_by_row(np.column_stack([x**2 - z**2, y**2 - z**2, x * y, x * z, y * z]))
 
@@ -67,7 +67,10 @@ class EarthRate(Effect):
     limit = EARTH_RATE
 
     def design(self, channels):
-        """Return the direction of the specific force, (n, 3, 1); zero in free fall."""
+        """Return the derivative of e with respect to w_up, the direction u, (n, 3, 1).
+
+        It is zero in free fall.
+        """
         norm = np.linalg.norm(channels.other, axis=1, keepdims=True)
         return (channels.other / np.where(norm > 0, norm, 1.0))[:, :, None]
 
@@ -88,7 +91,7 @@ class RateSensitivity(Effect):
     limit = 0.1  # 10 mg at 1 rad/s
 
     def design(self, channels):
-        """Return the derivative with respect to M, row by row, (n, 3, 9)."""
+        """Return the derivative of e with respect to M, row by row, rad/s, (n, 3, 9)."""
         return row_by_row(channels.other)
 
 
@@ -111,7 +114,7 @@ class LeverArm(Effect):
     rate_of_change = True
 
     def design(self, channels):
-        """Return the derivative with respect to the arms of x and y, (n, 3, 6)."""
+        """Return the derivative of e with respect to r_x and r_y, rad²/s², (n, 3, 6)."""
         w, change = channels.other, channels.evaluate_memory(other_slope)
         # (dw/dt × r + w × (w × r))_i = Σ_j A_ij r_j
         A = w[:, :, None] * w[:, None] - (w**2).sum(axis=1)[:, None, None] * np.eye(3)

@@ -24,7 +24,7 @@ class Quadratic(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: K2"
 
     def design(self, channels):
-        """Return the square of each axis' output, shape (n, 3, 3)."""
+        """Return the derivative of e with respect to K2, y² on each axis, (n, 3, 3)."""
         return on_each_axis(channels.output**2)
 
 
@@ -42,7 +42,7 @@ class Cubic(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: K3"
 
     def design(self, channels):
-        """Return the cube of each axis' output, shape (n, 3, 3)."""
+        """Return the derivative of e with respect to K3, y³ on each axis, (n, 3, 3)."""
         return on_each_axis(channels.output**3)
 
 
@@ -60,7 +60,7 @@ class Asymmetry(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: K1' (here Ka)"
 
     def design(self, channels):
-        """Return half the size of each axis' output, shape (n, 3, 3)."""
+        """Return the derivative of e with respect to Ka, |y|/2 on each axis, (n, 3, 3)."""
         return on_each_axis(np.abs(channels.output) / 2)
 
 
@@ -82,7 +82,7 @@ class CrossCoupling(Effect):
     reference = "IEEE Std 1293-1998, 8.3, model equation: Kip, Kio, Kpo"
 
     def design(self, channels):
-        """Return the products of outputs, shape (n, 3, 7)."""
+        """Return the derivative of e with respect to K_ij, then Kxyz: products, (n, 3, 7)."""
         y = channels.output
         columns = np.zeros((len(y), 3, 7))
         for k, (i, j) in enumerate(PAIRS):
@@ -106,7 +106,7 @@ class ScaleNonlinearity(Effect):
     records = ("poses", "motion")
 
     def design(self, channels):
-        """Return the powers of each axis' output, shape (n, 3, 6)."""
+        """Return the derivative of e with respect to s2, then s3: y² and y³, (n, 3, 6)."""
         return on_each_axis(channels.output**2, channels.output**3)
 
 
@@ -125,7 +125,7 @@ class ScaleAsymmetry(Effect):
     records = ("poses", "motion")
 
     def design(self, channels):
-        """Return the size of each axis' output, shape (n, 3, 3)."""
+        """Return the derivative of e with respect to sa, |y| on each axis, (n, 3, 3)."""
         return on_each_axis(np.abs(channels.output))
 
 
@@ -143,10 +143,10 @@ class Anisoinertia(Effect):
     limit = 0.05
 
     def design(self, channels):
-        """Return the product of the other two axes' output, shape (n, 3, 3)."""
+        """Return the derivative of e with respect to a, the product w_j w_k, (n, 3, 3)."""
         return on_each_axis(_product_of_others(channels.output))
 
 
 def _product_of_others(y):
-    """Return the product of the other two axes of vectors, shape (n, 3)."""
+    """Return for each axis the product of the other two components of vectors y, (n, 3), (n, 3)."""
     return np.roll(y, -1, axis=1) * np.roll(y, -2, axis=1)

@@ -40,7 +40,7 @@ class Product(Effect):
 
     name = "product"
     reference = "a search of this device's residual; no cause is known"
-    # the class has no records, as `products` gives the shapes after all other effects
+    # the class has no records, as `products` gives the variants after all other effects
     records = ()
     is_formula = True
     bounds = {"reference_temperature": CELSIUS}
@@ -49,6 +49,7 @@ class Product(Effect):
         """Refuse a formula that is no product; set the attributes that depend on its factors."""
         if self.axis not in tuple(AXES) or self.sensor not in OUTPUTS:
             raise ValueError("it needs an axis and a sensor")
+        # at rest the angular rate is zero: only motion shows its products to an accelerometer
         turns = self.sensor == "accelerometer" and "w" in self.formula
         object.__setattr__(self, "sensors", (self.sensor,))
         object.__setattr__(self, "records", ("motion",) if turns else ("poses",))
@@ -60,20 +61,20 @@ class Product(Effect):
         matches = [_FACTOR.fullmatch(text) for text in self.formula.split(" ")]
         if not all(matches):
             raise ValueError(f"'{self.formula[:60]}' is no product, as f_y² f_z is")
-        found = [m[1] for m in matches for _ in range(POWERS.index(m[2], 1))]
-        if len(found) > DEGREE or found.count("θ") > 1:
+        factors = [m[1] for m in matches for _ in range(POWERS.index(m[2], 1))]
+        if len(factors) > DEGREE or factors.count("θ") > 1:
             raise ValueError(f"'{self.formula[:60]}' is of too high a degree")
-        return tuple(found)
+        return tuple(factors)
 
     @property
     def parameters(self):
-        """Name and unit of the coefficient."""
+        """Unit of the one parameter, the coefficient c, by its name, a dict."""
         powers = Counter(UNITS[factor[0]] for factor in self.factors)
         units = " ".join(f"({unit})^{p}" if p > 1 else unit for unit, p in powers.items())
         return {f"c{self.axis}": f"output per {f'({units})' if len(powers) > 1 else units}"}
 
     def design(self, channels):
-        """Return the product on its axis, (n, 3, 1)."""
+        """Return the derivative of e with respect to c, the product on its axis, (n, 3, 1)."""
         design = np.zeros((len(channels.t), 3, 1))
         values = np.ones(len(channels.t))
         for factor in self.factors:
@@ -90,25 +91,30 @@ class Product(Effect):
 def products(sensor, letters, reference_temperature=None):
     """Return all products on each axis of a sensor, a tuple, those of lowest degree first.
 
-    `letters` are the letters of the outputs that are factors, that of the sensor first. The
-    temperature is a factor if a reference is given. Products that are part of bias, scale factor or
-    misalignment are left out.
+    `letters` are the letters of the outputs that are factors, f for specific force and w for
+    angular rate, the sensor's own first. The temperature is a factor if a reference, degC, is
+    given. Products that are part of bias, scale factor or misalignment are left out.
     """
     outputs = [f"{letter}_{axis}" for letter in letters for axis in AXES]
     warm, formulas = reference_temperature is not None, []
     for degree in range(1, DEGREE + 1):
-        each = combinations_with_replacement(outputs, degree)
-        own = outputs[:3] if degree == 1 and letters[0] == OUTPUTS[sensor] else ()
-        formulas += [factors for factors in each if factors[0] not in own]
-        each = combinations_with_replacement(outputs, degree - 1) if warm and degree > 1 else ()
-        formulas += [("θ", *factors) for factors in each]
-    found = []
+        combinations = combinations_with_replacement(outputs, degree)
+        # the sensor's own outputs of degree one are scale factor and misalignment
+        in_base = outputs[:3] if degree == 1 and letters[0] == OUTPUTS[sensor] else ()
+        formulas += [factors for factors in combinations if factors[0] not in in_base]
+        if warm and degree > 1:
+            combinations = combinations_with_replacement(outputs, degree - 1)
+            formulas += [("θ", *factors) for factors in combinations]
+    effects = []
     for factors in formulas:
-        reference = (reference_temperature,) if "θ" in factors else ()
-        found += [Product(formula(factors), axis, sensor, *reference) for axis in AXES]
-    return tuple(found)
+        reference = {"reference_temperature": reference_temperature} if "θ" in factors else {}
+        effects += [
+            Product(formula=formula(factors), axis=axis, sensor=sensor, **reference)
+            for axis in AXES
+        ]
+    return tuple(effects)
 
 
 def formula(factors):
-    """Return the formula of factors, such as ``f_y² f_z``."""
+    """Return the formula of factors, such as ``f_y² f_z`` for f_y, f_y and f_z, text."""
     return " ".join(f + POWERS[factors.count(f)] for f in dict.fromkeys(factors))

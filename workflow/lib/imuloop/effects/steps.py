@@ -47,33 +47,43 @@ class Steps(Effect):
         return per_axis({f"h{k}": "output" for k in range(1, len(self.times) + 1)})
 
     @classmethod
-    def shapes(cls, channels):
-        """Return none: a scan of the record finds the times."""
+    def variants(cls, channels):
+        """Return an empty tuple: a scan of the record finds the times."""
         return ()
 
     def design(self, channels):
-        """Return ``H(t - t_k) - 1`` on each axis, at a pose its mean, (n, 3, 3 k)."""
+        """Return the derivative of e with respect to h, at n poses or samples, (n, 3, 3 k).
+
+        It is ``H(t - t_k) - 1`` on each axis: minus the share of a pose before the step k.
+        """
         return on_each_axis(*(-channels.evaluate(before, t) for t in self.times))
 
     def in_session(self, channels, session, windows):
-        """Return the share of each window, (n, 2), after each step, on each axis, (n, 3, 3 k)."""
+        """Return the derivative of means over n windows with respect to h, (n, 3, 3 k).
+
+        It is the share of each window after the step k, on each axis; zero for a step of another
+        session. Takes the name of the session, and start and end of its windows, s, (n, 2).
+        """
         steps = zip(self.times, self.sessions, self.spans, strict=True)
-        return on_each_axis(*(share_after(windows, t, x) * (s == session) for t, s, x in steps))
+        return on_each_axis(
+            *(share_after(windows, t, span) * (name == session) for t, name, span in steps)
+        )
 
 
 def share_after(windows, t, span=0.0):
     """Return the share of each window after a time t, (n,), or after k times, (n, k).
 
-    If a time is known only within a span, s, the share is its mean over the span, for windows that
-    lie in the span or outside it. Takes start and end of the windows, s, (n, 2).
+    If a time is known only within a span of this length, s, the share is its mean over the span,
+    for windows that lie in the span or outside it. Takes start and end of the windows, s, (n, 2).
     """
     start, end = windows.T
+    # a sample is a window of length zero
     length = np.maximum(np.maximum(end - start, span), 1e-12)
     return np.clip((np.subtract.outer((start + end) / 2, t).T / length + 0.5).T, 0, 1)
 
 
 def joined(steps):
-    """Return several steps as one effect, in order of session and time."""
-    parts = (zip(one.sessions, one.times, one.spans, strict=True) for one in steps)
-    sessions, times, spans = zip(*sorted(part for one in parts for part in one), strict=True)
-    return Steps(times, sessions, spans)
+    """Return one Steps that has all steps of several Steps, in order of session and time."""
+    jumps = (jump for one in steps for jump in zip(one.sessions, one.times, one.spans, strict=True))
+    sessions, times, spans = zip(*sorted(jumps), strict=True)
+    return Steps(times=times, sessions=sessions, spans=spans)

@@ -19,6 +19,7 @@ CELSIUS = (-273.15, 1000.0)
 
 
 def _has_temperature(channels):
+    """Return whether Channels have a temperature that is a number at some point."""
     return channels.temperature is not None and bool(np.isfinite(channels.temperature).any())
 
 
@@ -38,7 +39,7 @@ def whole_degrees(channels):
 
 
 def span(channels):
-    """Return the largest temperature less the smallest, K; zero if none was logged."""
+    """Return the largest temperature of Channels minus the smallest, K; zero if none was logged."""
     return float(np.ptp(temperature(channels))) if _has_temperature(channels) else 0.0
 
 
@@ -112,26 +113,36 @@ class BiasTemperature(Effect):
         return per_axis({"c1": "output per K"} | powers)
 
     @classmethod
-    def shapes(cls, channels):
-        """Return shapes with the orders that the span of the temperature determines, up to 3.
+    def variants(cls, channels):
+        """Return the effects to try, a tuple, with the orders that the data can determine.
 
-        They are without lag, and with each lag that is shorter than the data.
+        The order, at most 3, grows with the span of the temperature. Each order is tried without
+        lag, and with each lag that is shorter than the data.
         """
         orders = 1 + min(2, int(span(channels) / SPAN_OF_AN_ORDER))
-        about = whole_degrees(channels)
+        reference = whole_degrees(channels)
         lags = (0.0, *(lag for lag in THERMOMETER_LAGS if lag <= np.ptp(channels.t)))
-        return tuple(cls(k, about, lag) for lag in lags for k in range(1, orders + 1))
+        return tuple(
+            cls(order=k, reference_temperature=reference, lag=lag)
+            for lag in lags
+            for k in range(1, orders + 1)
+        )
 
     def design(self, channels):
-        """Return the powers of θ - θ0 on each axis, (n, 3, 3 order)."""
+        """Return the derivative of e with respect to c, powers of θ - θ0, (n, 3, 3 order)."""
         warm = channels.evaluate_memory(ahead, self.lag) if self.lag else temperature(channels)
         warmer = warm - self.reference_temperature
         return on_each_axis(*(warmer**k for k in range(1, self.order + 1)))
 
     def clamped(self, design, low, high):
-        """Return the powers of the clamped temperature: an even power has no sign to clamp."""
-        first = super().clamped(design[:, :, :3], low[:3], high[:3])
-        return np.concatenate([first**k for k in range(1, self.order + 1)], axis=2)
+        """Return the derivative with θ - θ0 clamped to a range, (n, 3, 3 order).
+
+        Higher powers are those of the clamped θ - θ0, since an even power has no sign to clamp by.
+        `design` is the derivative, and `low` and `high` are the ends of the ranges of its columns;
+        the first three are those of θ - θ0.
+        """
+        warmer = super().clamped(design[:, :, :3], low[:3], high[:3])
+        return np.concatenate([warmer**k for k in range(1, self.order + 1)], axis=2)
 
 
 @dataclass(frozen=True)
@@ -155,12 +166,12 @@ class ScaleTemperature(Effect):
     limit = 3e-3
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the one shape, about the mean temperature."""
+    def variants(cls, channels):
+        """Return the one effect to try, a tuple: the reference is the mean temperature."""
         return (cls(whole_degrees(channels)),)
 
     def design(self, channels):
-        """Return the output of each axis times θ - θ0, (n, 3, 3)."""
+        """Return the derivative of e with respect to sT, (θ - θ0) y on each axis, (n, 3, 3)."""
         warmer = temperature(channels) - self.reference_temperature
         return on_each_axis(warmer[:, None] * channels.output)
 
@@ -171,7 +182,11 @@ LAGS = (10.0, 30.0, 100.0, 300.0, 1000.0)
 
 
 def lagged_rate(channels, tau):
-    """Return the lagged rate of temperature, ``(θ - θ_lag)/τ``, at all samples, K/s, (n,)."""
+    """Return the lagged rate of temperature, ``(θ - θ_lag)/τ``, at the n samples, K/s, (n,).
+
+    θ is the temperature in the Channels of a whole log, and θ_lag its response to a first-order lag
+    of `tau`, s.
+    """
     warm = temperature(channels)
     return (warm - first_order_lag(channels.t, warm, tau)) / tau
 
@@ -199,13 +214,13 @@ class BiasTemperatureRate(Effect):
     needs = ("temperature",)
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the shapes with the lags that are short enough for the data."""
+    def variants(cls, channels):
+        """Return the effects to try, a tuple: lags that are short enough for the data."""
         longest = np.ptp(channels.t) / RELAXATIONS
         return tuple(cls(tau) for tau in LAGS if tau <= longest) or (cls(),)
 
     def design(self, channels):
-        """Return the lagged rate of temperature on each axis, (n, 3, 3)."""
+        """Return the derivative of e with respect to r, ``(θ - θ_lag)/τ``, K/s, (n, 3, 3)."""
         return on_each_axis(channels.evaluate_memory(lagged_rate, self.tau))
 
 
@@ -215,7 +230,11 @@ SHARES = (0.05, 0.15, 0.4)
 
 
 def branch(channels, half_width):
-    """Return ``(θ - play θ)/w`` at all samples, (n,): 1 in long heating, -1 in long cooling."""
+    """Return ``(θ - play θ)/w`` at the n samples, (n,): 1 in long heating, -1 in long cooling.
+
+    θ is the temperature in the Channels of a whole log. play θ is a point that two walls at the
+    distance w, `half_width`, K, on either side of θ drag along.
+    """
     warm = temperature(channels)
     return (warm - play(warm, half_width)) / half_width
 
@@ -244,11 +263,11 @@ class ThermalHysteresis(Effect):
     needs = ("temperature",)
 
     @classmethod
-    def shapes(cls, channels):
-        """Return shapes whose half-widths are shares of the span of the temperature."""
+    def variants(cls, channels):
+        """Return the effects to try, a tuple: half-widths are shares of the temperature's span."""
         widths = {max(round(share * span(channels), 2), 0.01) for share in SHARES}
         return tuple(cls(width) for width in sorted(widths))
 
     def design(self, channels):
-        """Return ``(θ - play θ)/w`` on each axis, (n, 3, 3)."""
+        """Return the derivative of e with respect to h, ``(θ - play θ)/w``, (n, 3, 3)."""
         return on_each_axis(channels.evaluate_memory(branch, self.half_width))

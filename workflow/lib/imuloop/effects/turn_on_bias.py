@@ -38,12 +38,16 @@ class TurnOnBias(Effect):
         return per_axis({f"s{k}": "output" for k in range(2, self.runs + 1)})
 
     @classmethod
-    def shapes(cls, channels):
-        """Return the one shape for the power cycles of these Channels."""
+    def variants(cls, channels):
+        """Return the one effect to try, a tuple: it has the number of power cycles in the data."""
         return (cls(int(channels.power_cycle.max()) + 1),)
 
     def design(self, channels):
-        """Return 1 for points in a power cycle and -1 in the first, (n, 3, 3 (runs - 1))."""
+        """Return the derivative of e with respect to s, (n, 3, 3 (runs - 1)).
+
+        It is 1 for points in the power cycle of the parameter, -1 for points in the first, and zero
+        everywhere if the power cycle is not known.
+        """
         if channels.power_cycle is None:
             return np.zeros((len(channels.t), 3, 3 * (self.runs - 1)))
         first = (channels.power_cycle == 0).astype(float)
@@ -55,6 +59,7 @@ class TurnOnBias(Effect):
         They are given for each axis, SI, (3,) and (2, 3). The interval follows from χ² with one
         degree of freedom less than there are power cycles. Takes the parameters by name, SI.
         """
+        # the parameters of all power cycles but the first, which has minus their sum
         others = np.array([values[name] for name in self.parameters]).reshape(-1, 3)
         std = np.vstack([-others.sum(axis=0), others]).std(axis=0, ddof=1)
         dof = self.runs - 1

@@ -21,8 +21,8 @@ _REACH = 1.959964
 class Estimates:
     """Estimates of one parameter by n devices; nan for a device that did not determine it.
 
-    For a noise coefficient, which is positive, they are natural logarithms, so that its spread is
-    relative.
+    They are in nominal SI: readings by the nominal scale of the data sheet. For a noise
+    coefficient, which is positive, they are natural logarithms, so that its spread is relative.
     """
 
     name: str  # ``accelerometer.K0``, ``gx.N``
@@ -40,38 +40,56 @@ class Estimates:
 def of_calibrations(calibrations):
     """Return the Estimates of misalignment, scale factor error and bias, of n Calibrations.
 
-    They are in nominal SI; a scale factor is relative to the nominal one, minus 1.
+    The result is a list with one Estimates per parameter. They are in nominal SI, readings by the
+    nominal scale of the data sheet; a scale factor is relative to the nominal one, minus 1.
     """
     names, values, std = parameters(), [], []
     for calibration in calibrations:
+        # parameters without effects
         state, covariance = state_of(calibration, ())
-        prior = [name in getattr(calibration, sensor).unimproved for sensor, name, _ in names]
+        # the log told nothing about these parameters: they are the prior's, and do not count
+        is_prior = [name in getattr(calibration, sensor).unimproved for sensor, name, _ in names]
         values.append(state.x - [name[0] == "K" for _, name, _ in names])
-        std.append(np.where(prior, 0.0, np.sqrt(np.diag(covariance))))
-    values, std = (np.where(np.array(std) > 0, each, np.nan) for each in (values, std))
+        std.append(np.where(is_prior, 0.0, np.sqrt(np.diag(covariance))))
+    values, std = (np.where(np.array(std) > 0, x, np.nan) for x in (values, std))
     return [
-        Estimates(f"{sensor}.{name}", unit, False, values[:, i], std[:, i])
+        Estimates(
+            name=f"{sensor}.{name}",
+            unit=unit,
+            logarithmic=False,
+            values=values[:, i],
+            std=std[:, i],
+        )
         for i, (sensor, name, unit) in enumerate(names)
     ]
 
 
 def of_noise(noises):
-    """Return the Estimates of the noise coefficients N, B and K of n NoiseModels."""
-    found = []
+    """Return the Estimates of white noise N, flicker B and random walk K of n NoiseModels, a list.
+
+    There is one for each term and axis, by natural logarithms.
+    """
+    estimates = []
     for sensor, channels in SENSORS.items():
         for term, unit in TERMS[sensor].items():
             for channel in channels:
-                each = [logarithm(getattr(noise.axes[channel], term)) for noise in noises]
-                found.append(Estimates(f"{channel}.{term}", unit, True, *np.transpose(each)))
-    return found
+                pairs = [logarithm(getattr(noise.axes[channel], term)) for noise in noises]
+                values, std = np.transpose(pairs)
+                estimates.append(Estimates(f"{channel}.{term}", unit, True, values, std))
+    return estimates
 
 
 def logarithm(coefficient):
-    """Return the logarithm of a Coefficient and its standard error; nan if it is not known."""
+    """Return the natural logarithm of a Coefficient, and its standard error.
+
+    The standard error follows from the 95 % interval. Both are nan if value or interval are not
+    known.
+    """
     value, interval = coefficient.value, coefficient.ci95
     if not value or not interval or interval[1] <= value:
         return np.nan, np.nan
     low, high = interval
     above = np.log(high / value)
     # an interval from zero has no lower end in logarithms
-    return np.log(value), (above if low <= 0 else (above + np.log(value / low)) / 2) / _REACH
+    half_width = above if low <= 0 else (above + np.log(value / low)) / 2
+    return np.log(value), half_width / _REACH

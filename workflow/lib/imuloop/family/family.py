@@ -31,17 +31,19 @@ class Member:
     name: str
     calibration: Calibration
     noise: NoiseModel
-    tried: dict  # the effects that its diagnosis tested, as `tried_effects` returns them
+    # p-value, and whether it was added, of each effect that its diagnosis tested, by sensor, kind
+    # of data and name of the effect
+    tried: dict
 
 
 def read_member(folder):
     """Return the Member of a folder of results."""
     folder = Path(folder)
     return Member(
-        folder.name,
-        Calibration.from_json(folder / "calibration.json"),
-        NoiseModel.from_json(folder / "noise.json"),
-        tried_effects(read_json(folder / "diagnosis.json")),
+        name=folder.name,
+        calibration=Calibration.from_json(folder / "calibration.json"),
+        noise=NoiseModel.from_json(folder / "noise.json"),
+        tried=tried_effects(read_json(folder / "diagnosis.json")),
     )
 
 
@@ -51,11 +53,11 @@ def tried_effects(diagnosis):
     The result is a dict by sensor, kind of data and name of the effect.
     """
     return {
-        (sensor, record, each["name"]): (each["p_value"], each["status"] == "added")
+        (sensor, record, entry["name"]): (entry["p_value"], entry["status"] == "added")
         for sensor in SENSORS
         for record, block in diagnosis["sensors"][sensor].items()
-        for each in block["candidates"]
-        if each["p_value"] is not None
+        for entry in block["candidates"]
+        if entry["p_value"] is not None
     }
 
 
@@ -65,56 +67,65 @@ def write_family(path, types):
 
 
 def of_type(members):
-    """Return the content of family.json on one type.
+    """Return the content of family.json on one type, a dict; takes its Members.
 
     Each device is tested in each parameter. The p-values of all these tests are adjusted together
     by Holm's method.
     """
-    every = of_calibrations([m.calibration for m in members])
-    every += of_noise([m.noise for m in members])
-    parameters, chances, tests = {}, [], []
-    for each in (e for e in every if e.known.sum() >= LEAST):
-        parameters[each.name], p = of_parameter(each, members)
-        chances += [*p]
-        tests += [(each.name, k) for k in range(len(p))]
+    all_estimates = of_calibrations([m.calibration for m in members])
+    all_estimates += of_noise([m.noise for m in members])
+    # a test is the name of a parameter and the number of a device that determined it
+    parameters, p_values, tests = {}, [], []
+    for estimates in (e for e in all_estimates if e.known.sum() >= LEAST):
+        parameters[estimates.name], p = of_parameter(estimates, members)
+        p_values += [*p]
+        tests += [(estimates.name, k) for k in range(len(p))]
     odd = []
-    for (name, k), p in zip(tests, holm(chances).tolist(), strict=True):
+    for (name, k), p in zip(tests, holm(p_values).tolist(), strict=True):
         if p < SIGNIFICANCE:
-            device, away = (parameters[name][key][k] for key in ("devices", "deviations"))
-            odd.append({"device": device, "parameter": name, "deviation": away, "p_value": p})
+            device, deviation = (parameters[name][key][k] for key in ("devices", "deviations"))
+            odd.append({"device": device, "parameter": name, "deviation": deviation, "p_value": p})
     return {
         "devices": [m.name for m in members],
         "tests": len(tests),
         "significance": SIGNIFICANCE,
         "parameters": parameters,
-        "odd": sorted(odd, key=lambda each: each["p_value"]),
+        "odd": sorted(odd, key=lambda entry: entry["p_value"]),
         "effects": effects(members),
     }
 
 
-def of_parameter(each, members):
-    """Return the content on one parameter, a dict, and the p-value of each known device, (k,).
+def of_parameter(estimates, members):
+    """Return the content on one parameter, a dict, and a p-value for k devices, (k,).
 
-    The p-value is the probability that a device which is not odd is as far from the others; it is
-    not adjusted. Mean and values of a noise coefficient are in its unit, its spread and standard
-    errors are relative.
+    These are the devices that determined the parameter. The p-value is the probability that a
+    device which is not odd is as far from the others; it is not adjusted for other tests. Mean and
+    values of a noise coefficient are in its unit, its spread and standard errors are relative.
+
+    Parameters
+    ----------
+    estimates : Estimates
+        The values of the parameter by all devices.
+    members : list of Member
+        The devices.
     """
-    own = each.known
-    y, std = each.values[own], each.std[own]
-    found, shown = fit(y, std**2), np.exp if each.logarithmic else np.asarray
-    away, p = deviations(y, std**2)
+    known = estimates.known
+    y, std = estimates.values[known], estimates.std[known]
+    # a fit of a mean and a spread between devices; logarithms become values again
+    model, to_value = fit(y, std**2), np.exp if estimates.logarithmic else np.asarray
+    deviation, p = deviations(y, std**2)
     content = {
-        "unit": each.unit,
-        "logarithmic": each.logarithmic,
-        "mean": shown(found.mean[0]),
-        "mean_std": np.sqrt(found.mean_variance[0]),
-        "spread": np.sqrt(found.variance[0]),
+        "unit": estimates.unit,
+        "logarithmic": estimates.logarithmic,
+        "mean": to_value(model.mean[0]),
+        "mean_std": np.sqrt(model.mean_variance[0]),
+        "spread": np.sqrt(model.variance[0]),
         "spread_ci95": spread_interval(y, std**2),
         "within": np.sqrt(np.mean(std**2)),
-        "devices": [m.name for m, k in zip(members, own, strict=True) if k],
-        "values": shown(y),
+        "devices": [m.name for m, is_known in zip(members, known, strict=True) if is_known],
+        "values": to_value(y),
         "std": std,
-        "deviations": away,
+        "deviations": deviation,
     }
     return content, p
 
@@ -131,19 +142,29 @@ def effects(members):
     ----------
     Y. Benjamini, R. Heller, "Screening for partial conjunction hypotheses", Biometrics 64 (2008).
     """
-    tried = {}
+    # p-value, and whether it was added, by effect and device
+    outcomes = {}
     for member in members:
         for effect, outcome in member.tried.items():
-            tried.setdefault(effect, {})[member.name] = outcome
-    found = []
-    for (sensor, record, name), devices in tried.items():
-        if len(devices) >= LEAST:
-            p = np.sort([max(p, 1e-300) for p, _ in devices.values()])
+            outcomes.setdefault(effect, {})[member.name] = outcome
+    entries = []
+    for (sensor, record, name), by_device in outcomes.items():
+        if len(by_device) >= LEAST:
+            # a p-value of zero has no logarithm
+            p = np.sort([max(p, 1e-300) for p, _ in by_device.values()])
             larger = p[(len(p) + 1) // 2 - 1 :]
-            added = [device for device, (_, has) in devices.items() if has]
-            one = {"sensor": sensor, "record": record, "name": name, "tried": len(p)}
-            chance = chdtrc(2 * len(larger), -2 * np.log(larger).sum())
-            found.append(one | {"added": added, "p_value": float(chance)})
-    for one, p in zip(found, holm([one["p_value"] for one in found]).tolist(), strict=True):
-        one["p_value"] = p
-    return sorted(found, key=lambda one: (one["p_value"], -len(one["added"])))
+            combined = chdtrc(2 * len(larger), -2 * np.log(larger).sum())
+            entries.append(
+                {
+                    "sensor": sensor,
+                    "record": record,
+                    "name": name,
+                    "tried": len(p),
+                    "added": [device for device, (_, is_added) in by_device.items() if is_added],
+                    "p_value": float(combined),
+                }
+            )
+    adjusted = holm([entry["p_value"] for entry in entries]).tolist()
+    for entry, p in zip(entries, adjusted, strict=True):
+        entry["p_value"] = p
+    return sorted(entries, key=lambda entry: (entry["p_value"], -len(entry["added"])))

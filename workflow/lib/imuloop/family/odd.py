@@ -21,17 +21,20 @@ def deviations(y, squares):
     one for a device that was not tested.
     """
     count = len(y)
+    # distance from the median, in robust standard deviations
     distance = np.abs(y - np.median(y))
     robust = (np.median(distance) / ndtri(0.75)) ** 2 + squares
     distance = distance / np.sqrt(np.maximum(robust, np.finfo(float).tiny))
+    # a few far devices are left out of the spread: two odd devices would hide each other
     suspects = np.argsort(distance)[count - int(AT_MOST * count) :]
-    measure = np.ones(count, dtype=bool)
-    measure[suspects[distance[suspects] > FAR]] = False
-    whole = fit(y, squares, counted=[measure])
-    found, p = whole.deviation(y, squares)[0], np.ones(count)
-    tried = np.argsort(-np.abs(found))[:TRIED]
-    others = np.repeat(measure[None], len(tried), axis=0)
-    others[np.arange(len(tried)), tried] = False
-    apart = fit(y, squares, counted=others)
-    found[tried], p[tried] = apart.deviation(y[tried], squares[tried])
-    return found, p
+    is_measure = np.ones(count, dtype=bool)
+    is_measure[suspects[distance[suspects] > FAR]] = False
+    # the deviation from one mean for all shows which devices are the farthest
+    deviation, p = fit(y, squares, counted=[is_measure]).deviation(y, squares)[0], np.ones(count)
+    farthest = np.argsort(-np.abs(deviation))[:TRIED]
+    # each of them is compared with a fit of the others
+    others = np.repeat(is_measure[None], len(farthest), axis=0)
+    others[np.arange(len(farthest)), farthest] = False
+    models = fit(y, squares, counted=others)
+    deviation[farthest], p[farthest] = models.deviation(y[farthest], squares[farthest])
+    return deviation, p

@@ -20,7 +20,7 @@ _SMALLEST = 1e-13
 
 
 def read_prior(sheet, file, device, sessions, type=None):
-    """Return the Prior of a file.
+    """Return the Prior, means and covariances of parameters before the data, that a file gives.
 
     A parameter that the file does not hold keeps the tolerance of the data sheet.
 
@@ -32,8 +32,8 @@ def read_prior(sheet, file, device, sessions, type=None):
         An earlier calibration.json of the device, or the family.json of its type.
     device : str
         Name of the device, which is left out of the family.
-    sessions : dict
-        Sessions that are calibrated, as in `imuloop.calibrate.sessions.usable_sessions`.
+    sessions : dict of str to dict
+        ``kind``, and path of ``samples``, of each session that is calibrated, by name.
     type : str, optional
         Type of the device; needed where the family.json holds several.
 
@@ -45,7 +45,7 @@ def read_prior(sheet, file, device, sessions, type=None):
     try:
         content = read_json(file)
         if isinstance(content, dict) and "types" in content:
-            prior = _of_family(sheet, _members(content, type), device, str(file))
+            prior = _of_family(sheet, _content_on_type(content, type), device, str(file))
         elif isinstance(content, dict) and "accelerometer" in content:
             calibration = Calibration.from_json(file)
             _refuse_other_logs(calibration, sessions)
@@ -63,22 +63,25 @@ def read_prior(sheet, file, device, sessions, type=None):
 def of_calibration(prior, calibration, source):
     """Return the Prior by a Calibration from earlier logs of the device.
 
-    It has the mean and covariance of the base parameters that the calibration estimated; the others
-    are as in `prior`. The variance of a bias includes the scatter between power cycles.
+    It has the mean and covariance of the base parameters (misalignments, scale factors and biases)
+    that the calibration estimated; the others keep those of `prior`, a Prior. The variance of a
+    bias includes the scatter between power cycles. `source` is the name of the file.
     """
     if not calibration.measured:
         raise ImuloopError("nothing was measured there")
-    state, found = state_of(calibration, ())
+    # parameters without effects in nominal SI, and their covariance
+    state, state_covariance = state_of(calibration, ())
     for sensor, names in NAMES.items():
-        earlier, at = getattr(calibration, sensor), BASE[sensor]
-        known = np.isin(names, earlier.names)
-        if not known.any():
+        earlier, part = getattr(calibration, sensor), BASE[sensor]
+        estimated = np.isin(names, earlier.names)
+        if not estimated.any():
             continue
         mean, covariance = (values.copy() for values in prior.of(sensor))
+        # the biases are the last three parameters
         scatter = np.append(np.zeros(len(names) - 3), np.square(turn_on_std(earlier, sensor)))
-        mean[known] = state.x[at][known]
-        both = np.ix_(known, known)
-        covariance[both] = (found[at, at] + np.diag(scatter))[both]
+        mean[estimated] = state.x[part][estimated]
+        block = np.ix_(estimated, estimated)
+        covariance[block] = (state_covariance[part, part] + np.diag(scatter))[block]
         size = np.sqrt(np.diag(covariance))
         if not size.all() or np.linalg.eigvalsh(covariance / np.outer(size, size))[0] < _SMALLEST:
             raise ImuloopError(f"{sensor}: the covariance is singular")
@@ -89,27 +92,29 @@ def of_calibration(prior, calibration, source):
 def _refuse_other_logs(calibration, sessions):
     """Raise an ImuloopError if a calibration is from these logs themselves, or from other axes.
 
-    A static session may be in both, because only its noise is used.
+    A static session may be in both, because only its noise is used. `sessions` has the ``kind``,
+    and path of ``samples``, of each session that is calibrated, by name.
     """
-    turned = {name: each for name, each in sessions.items() if each["kind"] != "static"}
-    if {*hashes(turned)} & {*calibration.sha256}:
+    with_poses = {name: s for name, s in sessions.items() if s["kind"] != "static"}
+    if {*hashes(with_poses)} & {*calibration.sha256}:
         raise ImuloopError(
             "the calibration is from one of these logs (the same SHA-256), which would count "
             "twice: leave out that log, or the prior"
         )
-    earlier, now = (each.get("columns", {}) for each in (calibration.log, layout(sessions)))
+    earlier, now = (log.get("columns", {}) for log in (calibration.log, layout(sessions)))
     for quantity in ("acceleration", "angular_rate"):
-        axes = [each.get(quantity) for each in (earlier, now)]
-        names = [[str(name).lstrip("-") for name in each or ()] for each in axes]
+        axes = [columns.get(quantity) for columns in (earlier, now)]
+        # the same columns in another order, or with other signs, are other axes
+        names = [[str(name).lstrip("-") for name in columns or ()] for columns in axes]
         if axes[0] != axes[1] and sorted(names[0]) == sorted(names[1]):
-            before, after = (", ".join(map(str, each)) for each in axes)
+            before, after = (", ".join(map(str, columns)) for columns in axes)
             raise ImuloopError(
                 f"its axes are others: columns.{quantity} was [{before}] and is [{after}]; name "
                 "the columns as there"
             )
 
 
-def _members(content, type):
+def _content_on_type(content, type):
     """Return the part of the content of family.json on a type, a dict."""
     types = content["types"] if isinstance(content["types"], dict) else {}
     if type is None and len(types) == 1:
@@ -121,10 +126,11 @@ def _members(content, type):
     return types[type]
 
 
-def _of_family(prior, found, device, source):
+def _of_family(prior, content, device, source):
     """Return the Prior by the n other devices of a type; parameters that they lack are kept.
 
-    `found` is the part of family.json on the type. The prior of a parameter is normal with the mean
+    `content` is the part of family.json on the type, `device` the name of the device, which does
+    not count, and `source` the name of the file. The prior of a parameter is normal with the mean
     μ of the devices. Its variance is the variance of a new device, ``τ² + var(μ)``, times
     ``(n - 1)/(n - 3)``, the variance of Student's t with n - 1 degrees of freedom.
 
@@ -135,27 +141,31 @@ def _of_family(prior, found, device, source):
     """
     for sensor, names in NAMES.items():
         mean, covariance = (values.copy() for values in prior.of(sensor))
-        known = False
+        has_values = False
         for k, name in enumerate(names):
-            y, std = _others(found, f"{sensor}.{name}", device)
+            y, std = _others(content, f"{sensor}.{name}", device)
             if len(y) >= LEAST_OTHERS:
-                each, known = fit(y, std**2), True
-                mean[k] = each.mean[0] + (name[0] == "K")
-                wide = each.dof[0] / (each.dof[0] - 2)
-                covariance[k, k] = (each.variance[0] + each.mean_variance[0]) * wide
-        if known:
+                model, has_values = fit(y, std**2), True
+                # the family has scale factors minus 1
+                mean[k] = model.mean[0] + (name[0] == "K")
+                variance_of_t = model.dof[0] / (model.dof[0] - 2)
+                covariance[k, k] = (model.variance[0] + model.mean_variance[0]) * variance_of_t
+        if has_values:
             prior = prior.with_sensor(sensor, source, mean, covariance)
     if set(prior.sources.values()) == {DATA_SHEET}:
         raise ImuloopError(f"fewer than {LEAST_OTHERS} other devices determined any parameter")
     return prior
 
 
-def _others(found, name, device):
-    """Return values and standard errors of a parameter by all other devices, (n,) each."""
+def _others(content, name, device):
+    """Return values and standard errors of a parameter by all devices but one, (n,) each.
+
+    `content` is the part of family.json on the type, `name` the name of the parameter there.
+    """
     try:
-        one = found["parameters"].get(name, {"devices": (), "values": (), "std": ()})
-        pairs = zip(one["devices"], one["values"], one["std"], strict=True)
-        rows = np.array([(y, std) for other, y, std in pairs if other != device], dtype=float)
+        entry = content["parameters"].get(name, {"devices": (), "values": (), "std": ()})
+        triples = zip(entry["devices"], entry["values"], entry["std"], strict=True)
+        rows = np.array([(y, std) for other, y, std in triples if other != device], dtype=float)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise ImuloopError(f"damaged: {name}: {error!r}") from error
     y, std = rows.reshape(-1, 2).T

@@ -26,7 +26,10 @@ _ENDS = (0.975, 0.025)
 
 @dataclass(frozen=True)
 class RandomEffects:
-    """The fit of m models to values of the same n devices; each array has the shape (m,)."""
+    """The fit of m models ``y_i ~ N(μ, τ² + s_i²)`` to values y_i of n devices; arrays of (m,).
+
+    s_i is the standard error of a value, which is known. Each model has other devices.
+    """
 
     mean: np.ndarray  # μ
     mean_variance: np.ndarray  # variance of μ if τ is the estimate
@@ -42,17 +45,18 @@ class RandomEffects:
         Student's t, whose degrees of freedom follow from the error of ``τ² + s²`` (Satterthwaite);
         they are n - 1 if all s_i are small.
         """
-        foreseen = self.variance + squares
-        found = (y - self.mean) / np.sqrt(foreseen + self.mean_variance)
-        dof = np.minimum(self.information * foreseen**2, self.dof)
-        return found, 2 * stdtr(dof, -np.abs(found))
+        variance = self.variance + squares
+        deviation = (y - self.mean) / np.sqrt(variance + self.mean_variance)
+        dof = np.minimum(self.information * variance**2, self.dof)
+        return deviation, 2 * stdtr(dof, -np.abs(deviation))
 
 
 def fit(y, squares, counted=None):
-    """Return the RandomEffects of values y by restricted maximum likelihood.
+    """Return the RandomEffects of values y of n devices by restricted maximum likelihood.
 
-    Fisher scoring on ``½ (yᵀ P P y - tr P)`` with ``P = W - W 1 1ᵀ W / Σw`` and weights
-    ``1/(τ² + s²)``; τ² is no less than zero.
+    The model is ``y_i ~ N(μ, τ² + s_i²)``. The score of the likelihood with respect to τ² is
+    ``½ (yᵀ P P y - tr P)`` with ``P = W - W 1 1ᵀ W / Σw``, where W is the diagonal matrix of the
+    weights ``w = 1/(τ² + s²)``. Fisher scoring finds its zero; τ² is no less than zero.
 
     Parameters
     ----------
@@ -64,44 +68,55 @@ def fit(y, squares, counted=None):
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
     counted = np.ones((1, len(y)), bool) if counted is None else np.asarray(counted)
     # start of τ²: the variance of the values
-    size = np.maximum(np.array([y[own].var() for own in counted]), np.finfo(float).tiny)
+    size = np.maximum(np.array([y[devices].var() for devices in counted]), np.finfo(float).tiny)
     variance = size.copy()
     for step in range(_STEPS):
         w = counted / (variance[:, None] + squares)
+        # sums of w, w² and w³; from them tr P, and tr P P, twice the Fisher information
         total, second, third = ((w**k).sum(axis=1) for k in (1, 2, 3))
         mean = w @ y / total
-        left = y - mean[:, None]
+        residual = y - mean[:, None]
         trace = total - second / total
         information = second - 2 * third / total + (second / total) ** 2
-        change = (((w * left) ** 2).sum(axis=1) - trace) / information
+        change = (((w * residual) ** 2).sum(axis=1) - trace) / information
         # smaller steps if the search oscillates
-        moved = np.maximum(variance + change * (1.0 if step < 50 else 0.5), 0.0)
-        if (np.abs(moved - variance) <= _CLOSE * size).all():
+        new = np.maximum(variance + change * (1.0 if step < 50 else 0.5), 0.0)
+        if (np.abs(new - variance) <= _CLOSE * size).all():
             break
-        variance = moved
-    return RandomEffects(mean, 1 / total, variance, counted.sum(axis=1) - 1, information)
+        variance = new
+    return RandomEffects(
+        mean=mean,
+        mean_variance=1 / total,
+        variance=variance,
+        dof=counted.sum(axis=1) - 1,
+        information=information,
+    )
 
 
 def spread_interval(y, squares):
-    """Return the 95 % interval of τ by the Q-profile; its lower end may be zero.
+    """Return the 95 % interval of τ by the Q-profile, a pair; its lower end may be zero.
 
-    ``Q(τ²) = Σ (y_i - μ)²/(τ² + s_i²)``, with the weighted mean μ, is χ² with n - 1 degrees of
-    freedom at the true τ, and falls with τ.
+    τ is the standard deviation between devices, ``y_i ~ N(μ, τ² + s_i²)``. With the weighted mean
+    μ, ``Q(τ²) = Σ (y_i - μ)²/(τ² + s_i²)`` is χ² with n - 1 degrees of freedom at the true τ, and
+    falls with τ. Takes the values y and their variances s², (n,) each.
     """
     y, squares = np.asarray(y, dtype=float), np.asarray(squares, dtype=float)
 
-    reach = len(y) * y.var() + np.finfo(float).tiny
-    least = np.finfo(float).eps * reach
+    # the sum of squares of y; least is a variance that is zero but for rounding
+    total = len(y) * y.var() + np.finfo(float).tiny
+    least = np.finfo(float).eps * total
 
-    def excess(variance, wanted):
+    def excess(variance, quantile):
+        """Return Q at the variance τ², minus a quantile of χ²."""
         w = 1 / (variance + squares)
-        return (w * (y - w @ y / w.sum()) ** 2).sum() - wanted
+        return (w * (y - w @ y / w.sum()) ** 2).sum() - quantile
 
     def crossing(level):
-        wanted = 2 * gammaincinv((len(y) - 1) / 2, level)
-        if excess(least, wanted) <= 0:
+        """Return the variance τ² at which Q is the quantile of χ² at a level; 0 if it is less."""
+        quantile = 2 * gammaincinv((len(y) - 1) / 2, level)
+        if excess(least, quantile) <= 0:
             return 0.0
-        # Q is at most reach/τ²
-        return brentq(excess, least, reach / wanted + 2 * least, args=(wanted,), xtol=least)
+        # Q is at most total/τ²
+        return brentq(excess, least, total / quantile + 2 * least, args=(quantile,), xtol=least)
 
     return tuple(float(np.sqrt(crossing(level))) for level in _ENDS)

@@ -48,8 +48,10 @@ def expected_error(f):
         return np.inf
     u = f / np.median(np.linalg.norm(f, axis=1))
     x, y, z = u.T
+    # an element of B off the diagonal occurs twice in uᵀ B u; √2 leaves its prior as for the others
     root = np.sqrt(2)
     quadratic = np.column_stack([x * x, y * y, z * z, root * x * y, root * x * z, root * y * z])
+    # in units of the prior's standard deviations, so that P is the unit matrix
     design = np.hstack([quadratic, u]) * _PRIOR
     error = (np.sum(u * u, axis=1) - 1) / 2
     normal = design.T @ design
@@ -67,7 +69,7 @@ def attitudes(force, rests):
     """Return the mean specific force of each attitude, m/s², (k, 3).
 
     Consecutive rests whose directions differ by less than `SAME_ATTITUDE` are one attitude. Takes
-    specific force, m/s², (3, n), and the ranges of samples of the rests, (m, 2).
+    specific force, m/s², (3, n), and the ranges of samples of the m rests, (m, 2), half-open.
     """
     if not len(rests):
         return np.empty((0, 3))
@@ -75,5 +77,5 @@ def attitudes(force, rests):
     u = sums / np.linalg.norm(sums, axis=1, keepdims=True)
     angle = 2 * np.arcsin(np.clip(np.linalg.norm(np.diff(u, axis=0), axis=1) / 2, 0, 1))
     group = np.concatenate([[0], np.cumsum(angle > SAME_ATTITUDE)])
-    n = np.bincount(group, np.diff(rests, axis=1).ravel())
-    return np.column_stack([np.bincount(group, x) for x in sums.T]) / n[:, None]
+    samples = np.bincount(group, np.diff(rests, axis=1).ravel())
+    return np.column_stack([np.bincount(group, x) for x in sums.T]) / samples[:, None]

@@ -53,6 +53,7 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
     """
     k, sizes = x.shape[1], np.sum(x.reshape(len(x), -1, 3) ** 2, axis=2)
     covariance = np.diag(np.repeat(np.median(sizes, axis=0), 3) + floor)
+    # 97.5 % quantile and median of χ²
     cut, middle = chdtri(k, 0.025), chdtri(k, 0.5)
     for _ in range(REWEIGHTINGS):
         distance = squared_distance(x, covariance)
@@ -64,7 +65,10 @@ def robust_covariance(x, floor, tail_limit=TAIL_LIMIT):
 
 
 def squared_distance(x, covariance):
-    """Return the squared Mahalanobis distance of vectors, (n, k), from zero, (n,)."""
+    """Return the squared Mahalanobis distance of n vectors from zero, (n,).
+
+    Takes the vectors, (n, k), and their covariance, (k, k).
+    """
     scale = np.sqrt(np.diag(covariance))
     # the ridge keeps the matrix positive definite if a channel copies another
     correlation = covariance / np.outer(scale, scale) + _RIDGE * np.eye(len(scale))
@@ -120,28 +124,43 @@ def undisturbed_ranges(x, ranges, step, settings):
     section 2.4 (threshold over all coefficients of all scales).
     """
     floor = np.repeat([rounding_variance(sensor.T) for sensor in np.split(x, 2)], 3)
-    shortest, rest = round(settings.shortest_static_s / step), ranges
+    shortest, remaining = round(settings.shortest_static_s / step), ranges
     for _ in range(ROUNDS):
-        cuts = _find_cuts(x, rest, floor, step, settings)
+        cuts = _find_cuts(x, remaining, floor, step, settings)
         if not len(cuts):
             break
-        rest = without(rest, cuts)
-        whole = lengths(ranges)[np.searchsorted(ranges[:, 0], rest[:, 0], side="right") - 1]
-        rest = rest[lengths(rest) >= np.minimum(shortest, whole)]
-    return rest
+        remaining = without(remaining, cuts)
+        # a short piece is dropped, unless the range that it lies in is itself as short
+        number = np.searchsorted(ranges[:, 0], remaining[:, 0], side="right") - 1
+        least = np.minimum(shortest, lengths(ranges)[number])
+        remaining = remaining[lengths(remaining) >= least]
+    return remaining
 
 
 def _find_cuts(x, ranges, floor, step, settings):
-    """Return the ranges of samples to cut, (k, 2), from one round of the search.
+    """Return the ranges of samples to cut, (k, 2), from one round of the search for disturbances.
 
-    `floor` is the variance of rounding, (6,); the other arguments are the same as for
-    `undisturbed_ranges`.
+    A disturbance is a second difference of means of the channels that is too large for noise. The
+    search goes from fine scales to coarse ones.
+
+    Parameters
+    ----------
+    x : ndarray, shape (6, n)
+        The six channels, SI.
+    ranges : ndarray of int, shape (m, 2)
+        Ranges of samples that are searched.
+    floor : ndarray, shape (6,)
+        Variance of rounding of each channel.
+    step : float
+        Median time step, s.
+    settings : SegmentSettings
     """
     cuts, half, n = np.empty((0, 2), dtype=int), 2, x.shape[1]
     guard = round(settings.guard_s / step)
     # sums over `half` samples, `apart` samples apart
     sums = [_double_sums(x[:, i:j], 1, 2) for i, j in ranges]
     while half * step <= settings.longest_scale_s:
+        # number of second differences without overlap
         separate = int((lengths(ranges) // (3 * half)).sum())
         if separate < FEWEST:
             break
@@ -171,22 +190,28 @@ def _find_cuts(x, ranges, floor, step, settings):
 def _find_large(sums, differences, half, covariance, bound, guard):
     """Return the first sample, (k,), and the cut, (k, 2), of second differences above the bound.
 
-    Takes the sums over `half` samples and the second differences of a range, (6, m) each, their
-    covariance, the bound of the squared distance, and the samples to cut on each side, `guard`.
+    Takes the sums over `half` samples and the second differences of them in a range of samples, (6,
+    m) each, the covariance of the latter, the bound of their squared distance, and the number of
+    samples to cut on each side, `guard`. Samples are counted from the start of the range.
     """
     distance, apart = squared_distance(differences.T, covariance), min(half, SPACING)
     large, lag = distance > bound, half // apart
+    # all samples of a short second difference are cut
     if 3 * half <= max(guard, SPACING):
         first = apart * np.flatnonzero(large)
         return first, first[:, None] + [-guard, 3 * half + guard]
     # among overlapping ones the largest, and of its two edges the one where the level changes more
     index = np.flatnonzero(large & (distance == maximum_filter1d(distance, 2 * lag + 1)))
-    a, b, c = (sums[:, index + k * lag] for k in range(3))
-    late = squared_distance((c - b).T, covariance) > squared_distance((b - a).T, covariance)
-    edge, margin = apart * index + half * (1 + late), half // 4 + guard
+    before, during, after = (sums[:, index + k * lag] for k in range(3))
+    first_change = squared_distance((during - before).T, covariance)
+    is_second = squared_distance((after - during).T, covariance) > first_change
+    edge, margin = apart * index + half * (1 + is_second), half // 4 + guard
     return apart * index, edge[:, None] + [-margin, margin]
 
 
 def _double_sums(sums, lag, thin):
-    """Return sums over twice as many samples, of which one in `thin` is kept."""
+    """Return sums over twice as many samples, (6, k), of which one in `thin` is kept.
+
+    Takes sums over consecutive samples, (6, m), of which those `lag` apart adjoin each other.
+    """
     return sums[:, :-lag:thin] + sums[:, lag::thin]

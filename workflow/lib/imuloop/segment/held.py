@@ -45,17 +45,19 @@ def unite(still, held):
     """Return rests on a support and in the hand in order of time, and which are in the hand.
 
     A rest in the hand replaces the rests on a support that lie in it, unless they are `MOST` of it.
-    Takes ranges of samples of both kinds, (k, 2) and (l, 2); returns ranges, (m, 2), and a mask,
-    (m,).
+    A rest in the hand is not used either if a rest on a support lies in it by less than half. Takes
+    ranges of samples of both kinds, (k, 2) and (l, 2); returns ranges, (m, 2), and a mask, (m,).
     """
+    # number of samples that each pair of rests shares, (k, l)
     ends = np.minimum(still[:, None, 1], held[:, 1])
     shared = np.maximum(ends - np.maximum(still[:, None, 0], held[:, 0]), 0)
     reaches_out = (shared > 0) & (2 * shared < lengths(still)[:, None])
     used = (shared.sum(axis=0) < MOST * lengths(held)) & ~reaches_out.any(axis=0)
     kept = ~shared[:, used].any(axis=1)
     rests = np.concatenate([still[kept], held[used]])
+    in_hand = np.arange(len(rests)) >= kept.sum()
     order = np.argsort(rests[:, 0])
-    return rests[order], (np.arange(len(rests)) >= kept.sum())[order]
+    return rests[order], in_hand[order]
 
 
 def sways(w, rests, bias, step):
@@ -64,5 +66,5 @@ def sways(w, rests, bias, step):
     It includes rotation about the vertical, which looks like a bias. Takes angular rate, rad/s,
     (3, n), the ranges of samples of the rests, (m, 2), the bias, rad/s, (3,), and the time step, s.
     """
-    turned = (np.cumsum((w[:, i:j].T - bias) * step, axis=0) for i, j in rests)
-    return np.array([np.sqrt(x.var(axis=0).sum()) for x in turned])
+    rotations = (np.cumsum((w[:, i:j].T - bias) * step, axis=0) for i, j in rests)
+    return np.array([np.sqrt(rotation.var(axis=0).sum()) for rotation in rotations])

@@ -14,12 +14,14 @@ TURNED = 0.087
 def _has_turned(rows, first, last, bias):
     """Return whether the device turns by more than `TURNED` from its attitude at the first sample.
 
-    Takes Samples, a range of rows, and the bias of the gyroscope, rad/s, (3,).
+    Takes Samples, the first row of a range and the one after its last, and the bias of the
+    gyroscope, rad/s, (3,).
     """
     t, *w = rows.read((TIME, *ANGULAR_RATE), first, last)
     attitudes = prefix_product(exponential(step_vectors(np.transpose(w) - bias, np.diff(t))))
-    half = np.linalg.norm(attitudes[:, 1:], axis=1), np.abs(attitudes[:, 0])
-    return np.max(2 * np.arctan2(*half), initial=0.0) > TURNED
+    # sine and cosine of half the angle of rotation
+    sine, cosine = np.linalg.norm(attitudes[:, 1:], axis=1), np.abs(attitudes[:, 0])
+    return np.max(2 * np.arctan2(sine, cosine), initial=0.0) > TURNED
 
 
 def number_poses(rows, rests, table, stretches):
@@ -38,7 +40,8 @@ def number_poses(rows, rests, table, stretches):
     rests, stretches : ndarray of int, shape (m, 2), (k, 2)
         Ranges of samples of the rests, and between long gaps.
     table : DataFrame
-        Rows of the rests in the table of segments.
+        Rows of the rests in the table of segments, with mean and standard deviation of each
+        channel.
     """
     numbers = np.zeros(len(rests), dtype=np.int64)
     force, rate = (
@@ -50,6 +53,7 @@ def number_poses(rows, rests, table, stretches):
     spread = table[[f"{name}_std" for name in ACCELERATION]].to_numpy()
     errors = np.linalg.norm(spread, axis=1) / np.sqrt(lengths(rests))
     stretch = np.searchsorted(np.asarray(stretches)[:, 0], rests[:, 0], side="right")
+    # `first` is the index of the first rest of the pose
     first = 0
     for k in range(1, len(rests)):
         a, b = force[first], force[k]
@@ -57,9 +61,10 @@ def number_poses(rows, rests, table, stretches):
         noise = np.hypot(errors[first], errors[k]) / np.linalg.norm(b)
         same = stretch[k] == stretch[k - 1] and angle <= max(SAME_ATTITUDE, 4 * noise)
         if same:
-            between = rests[k - 1, 1] - 1, rests[k, 0] + 1
+            # from the last sample of the rest before to the first of this one
+            start, end = rests[k - 1, 1] - 1, rests[k, 0] + 1
             bias = (rate[k - 1] + rate[k]) / 2
-            same = not _has_turned(rows, *between, bias)
+            same = not _has_turned(rows, start, end, bias)
         numbers[k] = numbers[k - 1] + (not same)
         first = first if same else k
     return numbers

@@ -69,14 +69,16 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         Kind of the session.
     settings : SegmentSettings
     rails : dict, optional
-        Ends of the range of each channel, as for `core.samples.at_rail`.
+        Ends of the range of each channel that samples reach, (low, high) by name; None for an end
+        that is not reached.
     stuck : array_like, shape (n, 2), optional
         Start and end of the spans in which a channel is stuck, s.
 
     Returns
     -------
     DataFrame
-        The table of `core.segments.segment_table`.
+        Start and end, s, kind, pose, number of samples, tilt, and mean and standard deviation of
+        each channel, of each segment.
     dict
         The number of ``poses``. For a static session, the number of ``slow_tilts``. For others, the
         numbers of rests that are too short for the settings, ``short_rests``, are clipped,
@@ -85,15 +87,16 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
     """
     rows = Samples(samples)
     whole, step = unbroken(rows)
-    t, hung = rows[TIME], np.searchsorted(rows[TIME], np.reshape(stuck, (-1, 2)))
-    stretches = without(whole, merged(hung + np.array([0, 1])))
+    # `whole` are the ranges between long gaps, `stretches` without the spans that are stuck
+    t, stuck_rows = rows[TIME], np.searchsorted(rows[TIME], np.reshape(stuck, (-1, 2)))
+    stretches = without(whole, merged(stuck_rows + np.array([0, 1])))
     # a log without specific force has no attitudes: rests are ranges without a disturbance
     has_force = holds(rows, "accelerometer")
     at_rest = kind == "static" or not has_force
     moving = at_rest and moves(rows, stretches, step, settings)
-    # of a moving device, disturbances cannot be told from motion
-    posed = has_force and (moving or not at_rest)
-    if posed:
+    # disturbances of a moving device cannot be told from motion: it has rests and motion
+    has_motion = has_force and (moving or not at_rest)
+    if has_motion:
         rests, tilt, metadata = _find_rests(rows, stretches, step, settings)
         if moving:
             # only rests on a support count, which do not tilt; they must not move either
@@ -101,6 +104,7 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
             if moves(rows, rests, step, settings):
                 rests, tilt = rests[:0], tilt[:0]
     else:
+        # without specific force, a moving device has no rests
         rests = _between_disturbances(rows, stretches[: 0 if moving else None], step, settings)
         tilted = tilts(rows, rests, step)
         if len(tilted):
@@ -113,7 +117,8 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
         metadata["railed_rests"] = int(railed.sum())
 
     edges = np.union1d(np.concatenate([whole, stretches]), rests)
-    kinds = np.full(len(edges[1:]), MOTION if posed else DISTURBED, object)
+    # the segments lie between neighbouring edges
+    kinds = np.full(len(edges[1:]), MOTION if has_motion else DISTURBED, object)
     kinds[np.searchsorted(edges, rests[:, 0])] = np.where(railed, DISTURBED, STATIC)
     kinds[np.searchsorted(edges, without(whole, merged(stretches))[:, 0])] = GAP
     rests, tilt = rests[~railed], tilt[~railed]
@@ -136,13 +141,15 @@ def segment_session(samples, kind, settings, rails=None, stuck=()):
 def _between_disturbances(rows, stretches, step, settings):
     """Return the ranges of rows without a disturbance, (k, 2).
 
-    If the sensors have two clocks, the search uses one value for each sample of the slower sensor:
-    the mean of the rows that hold it. Repeated values would change the noise.
+    Takes Samples, the ranges of rows to search, (m, 2), the median time step, s, and
+    SegmentSettings. If the sensors have two clocks, the search uses one value for each sample of
+    the slower sensor: the mean of the rows that hold it. Repeated values would change the noise.
     """
     x = rows.read(CHANNELS, 0, len(rows))
     stamps = next((name for name in OWN_TIME.values() if name in rows), None)
     if stamps is None:
         return undisturbed_ranges(x, stretches, step, settings)
+    # each sample of the slower sensor is in the rows from one edge to the next
     t, first = rows[TIME], own_rows(rows[stamps])
     edges = np.append(first, len(rows))
     means, step = np.add.reduceat(x, first, axis=1) / np.diff(edges), np.median(np.diff(t[first]))
@@ -150,7 +157,11 @@ def _between_disturbances(rows, stretches, step, settings):
 
 
 def _at_rail(rows, rests, rails):
-    """Return whether the specific force is clipped in each rest, (m,) of bool."""
+    """Return whether the specific force is clipped in each rest, (m,) of bool.
+
+    Takes Samples, the ranges of rows of the rests, (m, 2), and the ends of the range of each
+    channel, (low, high) by name.
+    """
     names = (TIME, *ACCELERATION)
     logs = (dict(zip(names, rows.read(names, *rest), strict=True)) for rest in rests.tolist())
     shares = [at_rail(log, rails, ACCELERATION).mean() for log in logs]
@@ -160,18 +171,20 @@ def _at_rail(rows, rests, rails):
 def _find_rests(rows, stretches, step, settings):
     """Return the rests of a session, (m, 2), the tilt within each, rad, (m,), and the metadata.
 
-    If the settings give too few attitudes for a calibration and shorter settings give enough, the
-    shorter settings are used.
+    Takes Samples, the ranges of rows between long gaps, the time step, s, and SegmentSettings. The
+    metadata are the numbers of ``short_rests`` and ``tilted_rests``, whether some rests are
+    ``hand_held``, and the ``shorter`` settings that were used, or None. If the settings give too
+    few attitudes for a calibration and shorter settings give enough, the shorter settings are used.
     """
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
     log, shorter = (f, w, stretches, step), None
-    rests, tilt, held, short = _choose_rests(log, settings)
+    rests, tilt, in_hand, short = _choose_rests(log, settings)
     if short >= LEAST_SHORT and len(attitudes(f, rests)) < ENOUGH:
         changed = {key: getattr(settings, key) / ratio for key, ratio in SHORTER.items()}
-        more, *others = _choose_rests(log, replace(settings, **changed))
-        if len(attitudes(f, more)) >= ENOUGH:
-            rests, (tilt, held, _), shorter = more, others, changed
-    counts = {"short_rests": short, "hand_held": held, "tilted_rests": int((tilt > 0).sum())}
+        more_rests, more_tilt, more_in_hand, _ = _choose_rests(log, replace(settings, **changed))
+        if len(attitudes(f, more_rests)) >= ENOUGH:
+            rests, tilt, in_hand, shorter = more_rests, more_tilt, more_in_hand, changed
+    counts = {"short_rests": short, "hand_held": in_hand, "tilted_rests": int((tilt > 0).sum())}
     return rests, tilt, counts | {"shorter": shorter}
 
 
@@ -185,7 +198,7 @@ def _choose_rests(log, settings):
     -------
     rests, tilt : ndarray, shape (m, 2), (m,)
         Ranges of samples, and the tilt within each, rad.
-    held : bool
+    in_hand : bool
         Whether some are in the hand.
     short : int
         Number of rests that are too short.
@@ -195,18 +208,20 @@ def _choose_rests(log, settings):
     if not len(detected):
         return detected, np.zeros(0), False, short
     least = expected_error(attitudes(f, detected))
-    # steady rests are preferred, unless they are too few to determine a calibration
+    # steady rests are preferred, unless they are too few to determine a calibration; `most` is the
+    # largest expected error up to which the choice counts
     for still, most in ((steady, DEAREST * least), (detected, np.inf)):
         rests, tilt = without_tilts(f, w, widen_rests(f, w, still, stretches, step), bias, step)
         result = rests, tilt, False, short
         error = expected_error(attitudes(f, rests))
-        every, held = unite(rests, held_rests(w, stretches, step, bias, settings.shortest_rest_s))
-        with_held = expected_error(attitudes(f, every))
-        if held.any() and with_held < WORTH_HOLDING * error:
-            swaying = np.zeros(len(every))
-            swaying[held] = sways(w, every[held], bias, step)
-            swaying[~held] = tilt[np.isin(rests[:, 0], every[~held, 0])]
-            error, result = with_held, (every, swaying, True, short)
+        held = held_rests(w, stretches, step, bias, settings.shortest_rest_s)
+        all_rests, is_held = unite(rests, held)
+        error_with_held = expected_error(attitudes(f, all_rests))
+        if is_held.any() and error_with_held < WORTH_HOLDING * error:
+            all_tilts = np.zeros(len(all_rests))
+            all_tilts[is_held] = sways(w, all_rests[is_held], bias, step)
+            all_tilts[~is_held] = tilt[np.isin(rests[:, 0], all_rests[~is_held, 0])]
+            error, result = error_with_held, (all_rests, all_tilts, True, short)
         if error <= most:
             return result
 
@@ -214,12 +229,14 @@ def _choose_rests(log, settings):
 def _detect(log, settings):
     """Return all rests of a session, their steady parts, the bias, and how many are too short.
 
-    `log` is the same as for `_choose_rests`; the bias is that of the gyroscope, rad/s, (3,).
+    Rests are ranges of samples, (m, 2); the bias is that of the gyroscope, rad/s, (3,). `log` holds
+    specific force, m/s², and angular rate, rad/s, (3, n), the ranges between long gaps and the time
+    step, s.
     """
     f, w, stretches, step = log
-    moving = activity(f, w, stretches, max(2, round(settings.window_s / step)))
-    biases = rates_at_rest(moving, settings)
-    still = moving.within(MULTIPLES) & (moving.away(biases) <= settings.rate_tolerance)
+    windows = activity(f, w, stretches, max(2, round(settings.window_s / step)))
+    biases = rates_at_rest(windows, settings)
+    still = windows.within(MULTIPLES) & (windows.away(biases) <= settings.rate_tolerance)
     rests, short = detect_rests(still, stretches, step, settings)
     still &= ~unsteady_samples(w, rests, step, settings)
     return rests, detect_rests(still, stretches, step, settings)[0], biases[0], short

@@ -92,8 +92,10 @@ def moves(rows, stretches, step, settings):
     """
     width = max(round(settings.window_s / step), FEWEST_SAMPLES)
     first, _, means = block_means(rows, stretches, width)
+    # of specific force and of angular rate, from each window to the next
     change = np.linalg.norm(np.diff(means, axis=0).reshape(-1, 2, 3), axis=2)
     moved = (change > [FORCE_TOLERANCE, settings.rate_tolerance]).any(axis=1)
+    # two windows with a gap between them do not count
     moved = moved[np.diff(first) == width]
     return 2 * np.count_nonzero(moved) > len(moved)
 
@@ -104,16 +106,17 @@ def rates_at_rest(moving, settings):
     The first is the median rate of all quiet windows. There is a second if the bias jumps: if the
     quiet windows whose rate differs from the first by more than `rate_tolerance` belong to several
     rests and nearly all have the same rate. Slow turns also have other rates, but each turn has a
-    different one. Takes the Activity and SegmentSettings.
+    different one. Takes the Activity, variances and mean rates in windows, and SegmentSettings.
     """
     quiet = np.flatnonzero(moving.within(QUIET))
     first = np.median(moving.rate[:, quiet], axis=1) if len(quiet) else np.zeros(3)
     far = quiet[moving.away([first])[quiet] > settings.rate_tolerance]
+    # windows more than a window apart belong to different rests
     if 1 + np.sum(np.diff(far) > moving.window) < RESTS_OF_A_BIAS:
         return [first]
-    other = np.median(moving.rate[:, far], axis=1)
-    strays = moving.away([other])[far] > settings.rate_tolerance
-    return [first] if strays.mean() > FEW else [first, other]
+    second = np.median(moving.rate[:, far], axis=1)
+    strays = moving.away([second])[far] > settings.rate_tolerance
+    return [first] if strays.mean() > FEW else [first, second]
 
 
 def detect_rests(still, stretches, step, settings):
@@ -136,6 +139,7 @@ def detect_rests(still, stretches, step, settings):
     trim, rests = round(TRIM_S / step), [np.empty((0, 2), dtype=int)]
     for i, j in stretches:
         ranges = stretches_of(still[i:j]) + i
+        # an end of the stretch touches a gap, not motion, and is not trimmed
         rests.append(ranges + trim * ((ranges > i) & (ranges < j)) * [1, -1])
     rests = np.concatenate(rests)
     kept = long_enough(rests, settings.shortest_rest_s, step)
@@ -170,8 +174,10 @@ def widen_rests(f, w, rests, stretches, step):
     sensors = [(x, uniform_filter1d(x, width, axis=1), rounding_variance(x.T)) for x in (f, w)]
     edges, wider = np.concatenate([[0], rests.ravel(), [f.shape[1]]]), rests.copy()
     for k, (i, j) in enumerate(rests):
+        # the rest may grow to the neighbouring rests, or to a long gap
         low, high = stretches[np.searchsorted(stretches[:, 0], i, side="right") - 1]
         low, high = max(low, edges[2 * k]), min(high, edges[2 * k + 3])
+        # whether a mean disagrees with the rest; one entry more on each side ends the search
         away = np.ones(high - low + 2, dtype=bool)
         away[1:-1] = False
         for x, means, floor in sensors:

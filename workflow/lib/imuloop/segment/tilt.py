@@ -63,6 +63,7 @@ def tilts(rows, ranges, step):
     # one magnitude for all blocks: a change of the magnitude is no tilt and has to remain visible
     u = means[:, :3] / size
     change = np.cross(u, means[:, 3:] - np.median(means[:, 3:], axis=0)) * width * step
+    # the turn up to the middle of each block
     turned = np.cumsum(change, axis=0) - change / 2
     windows = np.concatenate([i + _find_windows(u[i:j], turned[i:j]) for i, j in stretches])
     if not len(windows):
@@ -74,8 +75,9 @@ def tilts(rows, ranges, step):
 def _find_windows(u, turned):
     """Return the shortest windows of blocks in which u follows the gyroscope, (k, 2).
 
-    Takes u and the turn by the gyroscope, (n, 3) each. They are compared after subtracting the best
-    line, and after subtracting the mean.
+    Takes the direction u of specific force in n blocks, and the turn of it that the gyroscope
+    shows, rad, (n, 3) each. They are compared after subtracting the best line, and after
+    subtracting the mean.
     """
     chosen, length = np.empty((0, 2), dtype=int), FEWEST
     while length <= len(u):
@@ -104,8 +106,10 @@ def _changing_part(u):
 
     It starts where u leaves the first value and ends where it reaches the last, by `LEAST` / 2.
     """
-    after, before = (np.linalg.norm(u - value, axis=1) > LEAST / 2 for value in (u[0], u[-1]))
-    return np.array([max(np.argmax(after) - 1, 0), len(u) - max(np.argmax(before[::-1]) - 1, 0)])
+    # blocks after u has left the first value, and before it reaches the last
+    has_left, is_before = (np.linalg.norm(u - x, axis=1) > LEAST / 2 for x in (u[0], u[-1]))
+    start = max(np.argmax(has_left) - 1, 0)
+    return np.array([start, len(u) - max(np.argmax(is_before[::-1]) - 1, 0)])
 
 
 def without_tilts(f, w, rests, bias, step):
@@ -128,7 +132,10 @@ def without_tilts(f, w, rests, bias, step):
 
     Returns
     -------
-    ndarray, shape (m, 2), and ndarray, shape (m,)
+    ndarray of int, shape (m, 2)
+        Ranges of samples of the rests, cut or as they were.
+    ndarray, shape (m,)
+        Tilt within each of them, rad.
     """
     kept, tilt = rests.copy(), np.zeros(len(rests))
     for k, (parts, tilts) in enumerate(rest_tilts(f, w, rests, bias, step)):
@@ -179,16 +186,20 @@ def rest_tilts(f, w, rests, bias, step):
     width = max(round(SHORT_BLOCK / step), 1)
     length = max(round(PART / step), 4 * width)
     parts = [divided(i, j, (j - i) // length) for i, j in rests]
+    # whether a part is the first of its rest
     begins = np.concatenate([np.arange(len(ranges)) == 0 for ranges in parts])
+    # y and x in the blocks of each part
     courses = [_block_changes(f, w, i, j, bias, width, step) for i, j in np.concatenate(parts)]
     # neighbouring blocks differ by noise only, as a tilt is slow
     noise = np.median([np.mean(np.diff(y, axis=0) ** 2) / 2 for y, _ in courses if len(y) > 1])
+    # the logarithm of the likelihood ratio, times the variance of the noise
     gain = np.array([np.sum(y * x - x**2 / 2) for y, x in courses])
     size = np.array([np.sqrt((x**2).sum(axis=1).mean()) for _, x in courses])
     # mean square of y above the noise, and three standard deviations of it
     power, count = np.transpose([(np.sum(y**2), y.size) for y, _ in courses])
     signal = np.maximum(power - noise * count, 0.0)
     chance = 3 * np.sqrt(2 * count * noise**2 + 4 * noise * signal)
+    # the gyroscope explains 2 Σ (y·x - x²/2) of Σ y²
     gain[2 * gain < SHARE * (signal - chance)] = -np.inf
     tilted = gain > noise * np.log(len(gain) / FALSE_ALARM)
     # the prior odds: a soft surface is soft at each rest
@@ -201,9 +212,23 @@ def rest_tilts(f, w, rests, bias, step):
 
 
 def _block_changes(f, w, first, last, bias, width, step):
-    """Return y and x of `rest_tilts` in the b blocks of a range of samples, rad, (b, 3) each.
+    """Return the changes of gravity's direction in the b blocks of a range, rad, (b, 3) each.
 
-    y is the change of the direction of gravity by the accelerometer, x by the gyroscope.
+    The first is the change by the accelerometer, the second by the gyroscope, both relative to
+    their mean over the range.
+
+    Parameters
+    ----------
+    f, w : ndarray, shape (3, n)
+        Specific force, m/s², and angular rate, rad/s.
+    first, last : int
+        Range of samples, half-open.
+    bias : ndarray, shape (3,)
+        Bias of the gyroscope, rad/s.
+    width : int
+        Samples in a block.
+    step : float
+        Time step, s.
     """
     blocks = divided(first, last, (last - first) // width) - first
     turned = np.cumsum((w[:, first:last].T - bias) * step, axis=0)

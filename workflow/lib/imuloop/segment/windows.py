@@ -32,7 +32,8 @@ def sliding_statistics(x, n):
 def block_means(rows, ranges, width):
     """Return the means of all channels over consecutive blocks of `width` samples within ranges.
 
-    Takes Samples and ranges of rows, (m, 2).
+    Takes Samples and ranges of rows, (m, 2). Samples at the end of a range that fill no block do
+    not count.
 
     Returns
     -------
@@ -46,20 +47,21 @@ def block_means(rows, ranges, width):
     blocks = [np.arange(i, j - width + 1, width) for i, j in ranges]
     edges = np.cumsum([0, *map(len, blocks)])
     first = np.concatenate([np.empty(0, dtype=int), *blocks])
-    whole = np.column_stack([first, first + width])
-    means = np.column_stack([sums_over(rows[name], whole) for name in CHANNELS]) / width
+    rows_of_block = np.column_stack([first, first + width])
+    means = np.column_stack([sums_over(rows[name], rows_of_block) for name in CHANNELS]) / width
     return first, np.column_stack([edges[:-1], edges[1:]]), means
 
 
 def rounding_variance(x):
-    """Return the variance that rounding adds to one axis of a sensor, a float, of x, (m, 3).
+    """Return the variance that rounding adds to one axis of a sensor, a float.
 
-    It is a twelfth of the squared resolution. The resolution is the smallest step between the first
-    million samples that is larger than the rounding of their number format. A sensor whose values
-    never change has none; the result is then 1, as any positive variance will do.
+    Takes the m samples of its three axes, x, (m, 3). It is a twelfth of the squared resolution. The
+    resolution is the smallest step between the first million samples that is larger than the
+    rounding of their number format. A sensor whose values never change has none; the result is then
+    1, as any positive variance will do.
     """
     x = x[:DECIDING]
     steps, size = np.abs(np.diff(x, axis=0)), np.abs(x)
-    true = steps > 1e-9 * np.maximum(size[1:], size[:-1])
-    resolution = steps.min(where=true, initial=np.inf)
+    is_change = steps > 1e-9 * np.maximum(size[1:], size[:-1])
+    resolution = steps.min(where=is_change, initial=np.inf)
     return resolution**2 / 12 if resolution < np.inf else 1.0

@@ -102,7 +102,7 @@ class SensorFigures:
     ranges : tuple of Range
         From the smallest full scale to the largest.
     tolerance : Tolerance
-        See `find_sensor`.
+        Standard deviations of its parameters about their nominal values.
     """
 
     source: str
@@ -113,7 +113,7 @@ class SensorFigures:
     @property
     def noise_density(self):
         """Typical white noise, SI per √Hz; None if not known, or if ranges differ."""
-        densities = {each.noise_density for each in self.ranges}
+        densities = {one_range.noise_density for one_range in self.ranges}
         return densities.pop() if len(densities) == 1 else None
 
 
@@ -128,7 +128,7 @@ class DataSheet:
     gyroscope: SensorFigures | None
 
     def choose_range(self, quantity, full_scale=None):
-        """Return one `Range`.
+        """Return the Range of a quantity with a full scale.
 
         Parameters
         ----------
@@ -150,13 +150,15 @@ class DataSheet:
         if full_scale is None and len(figures.ranges) == 1:
             return figures.ranges[0]
         match = re.fullmatch(r"±?(\d+\.?\d*) *(\S*)", str(full_scale).strip())
+        # nan, for an unknown unit, is close to no full scale
         unit = ({"": 1.0} | FACTORS[quantity]).get(match[2], nan) if match else nan
-        for each in figures.ranges:
-            if match and isclose(float(match[1]) * unit, each.full_scale, rel_tol=_SAME_RANGE):
-                return each
-        what = "range not given" if full_scale is None else f"'{full_scale}' is not a range"
-        known = ", ".join(each.name for each in figures.ranges)
-        raise ImuloopError(f"{part} of {self.label}: {what}; use one of {known}")
+        for candidate in figures.ranges:
+            size = candidate.full_scale
+            if match and isclose(float(match[1]) * unit, size, rel_tol=_SAME_RANGE):
+                return candidate
+        fault = "range not given" if full_scale is None else f"'{full_scale}' is not a range"
+        known = ", ".join(candidate.name for candidate in figures.ranges)
+        raise ImuloopError(f"{part} of {self.label}: {fault}; use one of {known}")
 
 
 def sensor_names():
@@ -193,22 +195,24 @@ def find_sensor(name):
     """
     table = _table()
     keys = {
-        _plain(each): key
+        _plain(spelling): key
         for key, row in table.items()
-        for each in (key, row["label"], *row.get("aliases", ()))
+        for spelling in (key, row["label"], *row.get("aliases", ()))
     }
     key = keys.get(_plain(name))
     if key is None:
         hint = did_you_mean(_plain(name), table) or "; imuloop sensors lists them"
         raise ImuloopError(f"'{name}' is not a sensor of the table{hint}")
     row = table[key]
-    parts = [_figures(sensor, row[sensor]) if sensor in row else None for sensor in GENERIC]
-    return DataSheet(key, row["label"], row["manufacturer"], *parts)
+    figures = {
+        sensor: _figures(sensor, row[sensor]) if sensor in row else None for sensor in GENERIC
+    }
+    return DataSheet(key=key, label=row["label"], manufacturer=row["manufacturer"], **figures)
 
 
 @cache
 def _table():
-    """Return the table as it is in the file."""
+    """Return the table of sensors as it is in the file, a dict of dicts by key of the sensor."""
     return yaml.safe_load(TABLE.read_text(encoding="utf-8"))
 
 
@@ -218,25 +222,54 @@ def _plain(name):
 
 
 def _figures(sensor, part):
-    """Return the SensorFigures of one accelerometer or gyroscope, a dict of the table."""
+    """Return the SensorFigures of one accelerometer or gyroscope.
+
+    `sensor` is ``accelerometer`` or ``gyroscope``, and `part` its figures in the table, a dict.
+    """
     full_scales, to_si, unit = _find(part, "full_scale_{}")
-    counts, per_count, _ = _find(part, "counts_per_{}")
-    steps, step, _ = _find(part, "{}_per_count")
-    scales = np.divide(per_count, counts) if counts else np.multiply(step, steps)
+    # a sheet gives counts per unit, or units per count, for each range
+    counts, si_per_unit, _ = _find(part, "counts_per_{}")
+    steps, si_per_step, _ = _find(part, "{}_per_count")
+    scales = np.divide(si_per_unit, counts) if counts else np.multiply(si_per_step, steps)
     density, per_unit, _ = _find(part, "noise_density_{}")
+    # the density may be missing (None), one number for all ranges, or a list
     noise = np.broadcast_to(density and np.multiply(density, per_unit), len(full_scales))
-    rows = zip(full_scales, scales.tolist(), noise.tolist(), strict=True)
-    ranges = tuple(Range(f"{size:g} {_WRITTEN[unit]}", size * to_si, *row) for size, *row in rows)
+    ranges = tuple(
+        Range(
+            name=f"{size:g} {_WRITTEN[unit]}",
+            full_scale=size * to_si,
+            scale=scale,
+            noise_density=noise_density,
+        )
+        for size, scale, noise_density in zip(
+            full_scales, scales.tolist(), noise.tolist(), strict=True
+        )
+    )
     tolerance = Tolerance(
-        _deviation(part, "cross_axis_{}", sensor, "misalignment"),
-        _deviation(part, "scale_factor_{}", sensor, "scale_factor"),
-        _deviation(part, "zero_offset_{}", sensor, "bias"),
+        misalignment=_deviation(part, "cross_axis_{}", sensor, "misalignment"),
+        scale_factor=_deviation(part, "scale_factor_{}", sensor, "scale_factor"),
+        bias=_deviation(part, "zero_offset_{}", sensor, "bias"),
     )
     return SensorFigures(part["source"], part["evidence"], ranges, tolerance)
 
 
 def _deviation(part, pattern, sensor, parameter):
-    """Return the standard deviation, SI, of a parameter, by the rule in `find_sensor`."""
+    """Return the standard deviation, SI, of a parameter of a sensor by its data sheet.
+
+    A typical figure counts as one standard deviation, a maximum as √3 standard deviations; the
+    larger counts, but no less than `FLOOR`. A figure that the sheet lacks is taken from `GENERIC`.
+
+    Parameters
+    ----------
+    part : dict
+        Figures of the sensor in the table.
+    pattern : str
+        Key there, with braces for the unit, such as ``zero_offset_{}``.
+    sensor : str
+        ``accelerometer`` or ``gyroscope``.
+    parameter : str
+        Name of the field of a Tolerance.
+    """
     figures, to_si, _ = _find(part, pattern)
     if figures is None:
         return getattr(GENERIC[sensor], parameter)
@@ -245,7 +278,11 @@ def _deviation(part, pattern, sensor, parameter):
 
 
 def _find(part, pattern):
-    """Return value, SI per unit and unit of the key `pattern` with a unit; None if it is absent."""
+    """Return the value of a key of the table, the SI value of its unit, and the unit.
+
+    `part` is a dict of the table, and `pattern` the key with braces for the unit, such as
+    ``full_scale_{}``. The value is None if the key is absent.
+    """
     for unit, factor in _UNITS.items():
         if (key := pattern.format(unit)) in part:
             return part[key], factor, unit

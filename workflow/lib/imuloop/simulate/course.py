@@ -16,20 +16,28 @@ HAND = {"wobble": 5 * DEGREE, "tremor": 0.15 * DEGREE, "shake": 0.8}
 
 
 def spread(n, rng):
-    """Return `n` directions evenly spread over the sphere, turned and ordered at random."""
+    """Return `n` unit vectors evenly spread over the sphere, turned and ordered at random, (n, 3).
+
+    `rng` is a source of random numbers, a numpy Generator.
+    """
     return rng.permutation(Rotation.random(rng=rng).apply(fibonacci_lattice(n)))
 
 
 def tilted(directions, degrees, rng):
-    """Return unit vectors tilted at random by `degrees` (std about each of two axes)."""
+    """Return unit vectors, (n, 3), tilted at random.
+
+    `degrees` is the standard deviation of the tilt about each of two axes. Takes the n directions,
+    (n, 3), and a source of random numbers, a numpy Generator.
+    """
     tilt = rng.standard_normal(directions.shape) * degrees * DEGREE
-    moved = directions + np.cross(tilt, directions)
-    return moved / np.linalg.norm(moved, axis=1, keepdims=True)
+    vectors = directions + np.cross(tilt, directions)
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
 def poses(session, rate, rng):
     """Return the pieces of a six- or multi-position session, and the upward body axis at its start.
 
+    The pieces are a list of Pieces, rests and moves by turns; the axis is a unit vector, (3,).
     Takes a SessionTruth, the rate in Hz and a source of random numbers.
     """
     if session.kind == "six_position":
@@ -37,15 +45,19 @@ def poses(session, rate, rng):
     else:
         start = np.divide(session.up, np.linalg.norm(session.up))
         up = np.vstack([start, spread(session.poses, rng)])
+    # poses after which the device is turned about the vertical; poses with a motor running
     yawed = set(rng.permutation(len(up))[: session.turns_about_vertical])
     shaken, motor = set(), session.vibration
     if motor:
+        # never the first pose
         shaken = set(1 + rng.permutation(len(up) - 1)[: round(motor.share * (len(up) - 1))])
 
     def samples(span):
+        """Return the number of samples of a random duration, between the two of `span`, s."""
         return round(rng.uniform(*span) * rate)
 
-    def held(pose):
+    def random_rest(pose):
+        """Return a rest of random duration in a pose, with vibration if its motor runs."""
         n, vibration = samples(session.rest_s), None
         if pose in shaken:
             rms, frequency = rng.uniform(*motor.rms), rng.uniform(*motor.frequency)
@@ -55,29 +67,35 @@ def poses(session, rate, rng):
     pieces = [rest(round(session.initial_rest_s * rate), 0)]
     for pose, here in enumerate(up):
         if pose > 0:
+            # a turn about the vertical, and the shortest turn to the new upward axis
             twist = Rotation.from_rotvec(up[pose - 1] * rng.uniform(-60, 60) * DEGREE)
             turn = (twist * Rotation.from_rotvec(shortest_turn(up[pose - 1], here))).as_rotvec()
             pieces.append(move(samples(session.move_s), 1 / rate, turn, rng=rng, **HAND))
-            pieces.append(held(pose))
+            pieces.append(random_rest(pose))
         if pose in yawed:
             angle = rng.choice([-1, 1]) * rng.uniform(40, 150) * DEGREE
             pieces.append(move(samples((3.0, 6.0)), 1 / rate, here * angle))
-            pieces.append(held(pose))
+            pieces.append(random_rest(pose))
     return pieces, up[0]
 
 
 def at_rest(session, rate, rng):
-    """Return the pieces of a static session with its disturbances, and its upward direction.
+    """Return the pieces of a static session, and the upward body axis at its start.
 
-    A knock is a short burst; a tilt a turn about a horizontal axis that lasts; handling is a
-    stretch of wobble, tremor and acceleration that ends in the attitude it began in. As in `poses`;
-    an ImuloopError if disturbances overlap, are not in order of time or do not fit in the session.
+    The pieces are a list of Pieces: rests, and the disturbances between them. A knock is a short
+    burst of acceleration. A tilt is a turn about a horizontal axis that lasts. Handling is a
+    stretch of wobble, tremor and acceleration that ends in the attitude in which it began. The axis
+    is a unit vector, (3,). Takes a SessionTruth, the rate in Hz and a source of random numbers.
+    Raises an ImuloopError if disturbances overlap, are not in order of time or do not fit in the
+    session.
     """
     up = start = np.divide(session.up, np.linalg.norm(session.up))
     events = [(d.time_s, d.time_s + d.duration_s) for d in session.disturbances]
+    # start of the session, start and end of each disturbance, end of the session
     edges = np.ravel([(0.0, 0.0), *events, (session.duration_s,) * 2])
     if np.any(np.diff(edges) < 0):
         raise ImuloopError(f"disturbances overlap or leave the session: {events} s")
+    # `done` is the number of samples so far; a tilt makes a new pose
     pieces, pose, done = [], 0, 0
     for disturbance in session.disturbances:
         first, n = round(disturbance.time_s * rate), round(disturbance.duration_s * rate)
@@ -90,6 +108,7 @@ def at_rest(session, rate, rng):
             pieces.append(move(n, 1 / rate, np.zeros(3), rng=rng, **hand))
         else:
             axis = rng.standard_normal(3) if disturbance.axis is None else disturbance.axis
+            # the level part of the axis
             axis = axis - np.dot(axis, up) * up
             turn = axis / np.linalg.norm(axis) * angle
             pieces.append(move(n, 1 / rate, turn))

@@ -6,7 +6,7 @@ the attitude of a move is a product of rotations about fixed axes by given angle
 rate follows in closed form and no integration error enters the truth.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -35,38 +35,66 @@ class Motion:
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of a session, relative to its first attitude; the last attitude is `after`."""
+    """A stretch of a session, a rest or a move of n samples.
 
-    attitude: np.ndarray
-    rate: np.ndarray
-    acceleration: np.ndarray
-    after: np.ndarray
+    Attitudes are quaternions, scalar first, that rotate from the body axes to those at its start.
+    """
+
+    attitude: np.ndarray  # (n, 4)
+    rate: np.ndarray  # (n, 3): angular rate on body axes, rad/s
+    acceleration: np.ndarray  # (n, 3): linear acceleration on level axes, m/s^2
+    after: np.ndarray  # (4,): attitude one sample after the last
     # number of the pose, -1 for a move
     pose: int = -1
 
 
 def rest(n, pose, acceleration=None):
-    """Return a rest of `n` samples; `acceleration`, (n, 3), m/s^2, is due to a vibration."""
-    still = np.array([1.0, 0, 0, 0])
-    acceleration = np.zeros((n, 3)) if acceleration is None else acceleration
-    return Piece(np.broadcast_to(still, (n, 4)), np.zeros((n, 3)), acceleration, still, pose)
+    """Return a rest of `n` samples, a Piece.
+
+    `pose` is the number of the pose, and `acceleration`, (n, 3), m/s^2, that of a vibration.
+    """
+    unchanged = np.array([1.0, 0, 0, 0])
+    return Piece(
+        attitude=np.broadcast_to(unchanged, (n, 4)),
+        rate=np.zeros((n, 3)),
+        acceleration=np.zeros((n, 3)) if acceleration is None else acceleration,
+        after=unchanged,
+        pose=pose,
+    )
 
 
 def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
-    """Return a move of `n` samples from rest to rest.
+    """Return a move of `n` samples from rest to rest, a Piece.
 
-    ``C = exp(v s) exp(m φ) exp(p ψ)``: the turn v with the minimum-jerk course
-    ``s = 10τ³ - 15τ⁴ + 6τ⁵`` (Flash & Hogan, J. Neurosci. 5 (1985) 1688), a wobble φ about a
-    second axis and a tremor ψ about a third. With each factor ``R = exp(a θ)`` the rate becomes
-    ``Rᵀω + a dθ/dt``. Wobble, tremor and shake fade in and out as ``64 τ³(1-τ)³``.
+    The attitude is ``C = exp(v s) exp(m φ) exp(p ψ)``: a turn v with the minimum-jerk course
+    ``s = 10τ³ - 15τ⁴ + 6τ⁵``, a wobble φ about a second axis m, and a tremor ψ about a third axis
+    p. τ goes from 0 to 1. With each factor ``R = exp(a θ)``, a rotation by the angle θ about the
+    axis a, the angular rate ω becomes ``Rᵀω + a dθ/dt``. Wobble, tremor and shake fade in and out
+    as ``64 τ³(1-τ)³``. The sample after the last one is at rest again.
 
-    Takes v, rad, on body axes at its start, the largest φ and ψ, rad, the size of the linear
-    acceleration, m/s^2, and the source of axes, phases and frequencies of all three. The sample
-    after the last one is at rest again.
+    Parameters
+    ----------
+    n : int
+        Number of samples.
+    dt : float
+        Time between them, s.
+    turn : array_like, shape (3,)
+        The turn v, a rotation vector on body axes at the start, rad.
+    wobble, tremor : float
+        The largest φ and ψ, rad.
+    shake : float
+        Size of the linear acceleration, m/s^2.
+    rng : Generator, optional
+        Source of axes, phases and frequencies of all three; without it there are none.
+
+    References
+    ----------
+    Flash & Hogan, J. Neurosci. 5 (1985) 1688.
     """
     tau, duration = np.arange(n) / n, n * dt
     fade, fade_rate = 64 * (tau - tau**2) ** 3, 192 * (tau - tau**2) ** 2 * (1 - 2 * tau) / duration
     course = tau**3 * (10 - 15 * tau + 6 * tau**2)
+    # axis, angle and rate of the angle of each factor
     factors = [(np.asarray(turn), course, 30 * (tau - tau**2) ** 2 / duration)]
     acceleration = np.zeros((n, 3))
     if rng is not None:
@@ -91,21 +119,34 @@ def move(n, dt, turn, wobble=0.0, tremor=0.0, shake=0.0, rng=None):
         factor = exponential(np.outer(angle, axis))
         attitude = multiply(attitude, factor)
         rate = np.einsum("nji,nj->ni", matrix(factor), rate) + np.outer(angle_rate, axis)
-    return Piece(attitude, rate, acceleration, exponential(np.asarray(turn)))
+    return Piece(
+        attitude=attitude,
+        rate=rate,
+        acceleration=acceleration,
+        after=exponential(np.asarray(turn)),
+    )
 
 
 def knock(n, dt, size, rng):
-    """Return a knock: a decaying 15 Hz burst of `size` (m/s^2) with a little rocking."""
+    """Return a knock of `n` samples, a Piece: a decaying 15 Hz burst with a little rocking.
+
+    `dt` is the time between samples, s, `size` the amplitude, m/s^2, and `rng` the source of its
+    direction.
+    """
     t = dt * np.arange(n)
     burst = np.exp(-t / 0.06) * np.sin(2 * np.pi * 15 * t)
     direction = rng.standard_normal(3)
     rocking = move(n, dt, np.zeros(3), tremor=2e-4 * size, rng=rng)
     acceleration = np.outer(burst, size * direction / np.linalg.norm(direction))
-    return Piece(rocking.attitude, rocking.rate, acceleration, rocking.after)
+    return replace(rocking, acceleration=acceleration)
 
 
 def hum(n, dt, rms, frequency, rng):
-    """Return the acceleration of a running motor, (n, 3), m/s^2: a line along a random axis."""
+    """Return the acceleration of a running motor, (n, 3), m/s^2: a sine along a random axis.
+
+    `dt` is the time between the n samples, s, `rms` the root mean square, m/s^2, `frequency` in Hz,
+    and `rng` the source of axis and phase.
+    """
     direction = rng.standard_normal(3)
     wave = np.sin(2 * np.pi * (frequency * dt * np.arange(n) + rng.random()))
     return np.outer(np.sqrt(2) * rms * wave, direction / np.linalg.norm(direction))
@@ -121,15 +162,16 @@ def chain(pieces, up, gravity, rate):
     for piece in pieces:
         n = len(piece.rate)
         attitudes.append(multiply(attitude, piece.attitude))
+        # specific force is acceleration minus gravity, on level axes, then on body axes
         acceleration = piece.acceleration + np.array([0, 0, gravity])
         forces.append(np.einsum("nji,nj->ni", matrix(attitudes[-1]), acceleration))
         if piece.pose >= 0:
             rests.append((first / rate, (first + n) / rate, piece.pose))
         attitude, first = multiply(attitude, piece.after), first + n
     return Motion(
-        np.arange(first) / rate,
-        np.concatenate(attitudes),
-        np.concatenate(forces),
-        np.concatenate([piece.rate for piece in pieces]),
-        pd.DataFrame(rests, columns=["start_s", "end_s", "pose"]),
+        t=np.arange(first) / rate,
+        attitude=np.concatenate(attitudes),
+        specific_force=np.concatenate(forces),
+        angular_rate=np.concatenate([piece.rate for piece in pieces]),
+        rests=pd.DataFrame(rests, columns=["start_s", "end_s", "pose"]),
     )

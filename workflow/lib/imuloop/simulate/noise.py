@@ -8,21 +8,27 @@ from scipy.fft import irfft, next_fast_len
 
 
 def white(n, dt, N, rng):
-    """Return white noise of density `N` (SI/√Hz), band-limited at half the rate: σ = N/√Δt."""
+    """Return white noise of density `N`, SI/√Hz, SI, (n,).
+
+    It is band-limited at half the rate: its standard deviation is N/√Δt, with Δt = `dt`, s.
+    """
     return N / np.sqrt(dt) * rng.standard_normal(n)
 
 
 def quantisation(n, dt, Q, rng):
-    """Return the rate of an integrated signal that was read with white errors of std `Q` (SI·s).
+    """Return quantisation noise of the coefficient `Q`, SI·s, at n samples `dt` apart, s, SI, (n,).
 
-    ``x_k = (q_{k+1} - q_k)/Δt``, blue noise; IEEE Std 952-1997, C.1.2. Rounding of the logged
-    value itself is another thing: see `sensor.logged`.
+    It is the rate of an integrated signal that was read with white errors q of standard deviation
+    Q: ``x_k = (q_{k+1} - q_k)/Δt``, blue noise; IEEE Std 952-1997, C.1.2. Rounding of the logged
+    value itself is another process, which is not part of it.
     """
     return np.diff(Q * rng.standard_normal(n + 1)) / dt
 
 
 def flicker(n, dt, B, rng):
-    """Return flicker noise of bias instability `B` (SI) by spectral synthesis.
+    """Return flicker noise of bias instability `B`, SI, at n samples `dt` apart, s, SI, (n,).
+
+    It is made by spectral synthesis.
 
     The two-sided density is ``S(f) = B²/(2π|f|)``, that is ``B²/(πf)`` one-sided, and the Allan
     variance ``(2 ln 2/π) B²``. Each frequency has an independent Gaussian cosine and sine of
@@ -42,17 +48,23 @@ def flicker(n, dt, B, rng):
 
 
 def walk(n, dt, K, rng):
-    """Return a random walk from zero with steps of `K` √Δt (K in SI/√s)."""
+    """Return a random walk from zero at n samples `dt` apart, s, SI, (n,).
+
+    Its steps have the standard deviation `K` √Δt, with K in SI/√s.
+    """
     return np.cumsum(K * np.sqrt(dt) * rng.standard_normal(n))
 
 
 def ramp(n, dt, R):
-    """Return a ramp ``R t`` from zero (R in SI/s)."""
+    """Return a ramp ``R t`` from zero at n samples `dt` apart, s, SI, (n,); R is in SI/s."""
     return R * dt * np.arange(n)
 
 
 def steps(n, dt, size, times):
-    """Return a bias that jumps from zero to `size` (SI) and back, at each of `times` (s)."""
+    """Return a bias, SI, (n,), at n samples `dt` apart, s, that jumps at each of `times`, s.
+
+    It jumps from zero to `size`, SI, at the first time, back to zero at the second, and so on.
+    """
     return size * (np.searchsorted(np.sort(times), dt * np.arange(n), side="right") % 2)
 
 

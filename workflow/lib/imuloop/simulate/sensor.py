@@ -9,10 +9,11 @@ from imuloop.simulate.noise import axis_noise
 def output(truth, x, channels):
     """Return the sensor's output before noise, ``u = K (raw - b) = T⁻¹ x + e(u)``, (n, 3), SI.
 
-    Takes a SensorTruth, the true vectors x on body axes, (n, 3), SI, and a function that returns
-    the `Channels` for an output. The effects e depend on the output u itself, so the equation is
-    solved by repeated substitution. Each of four rounds reduces the error by the factor de/du, a
-    few per cent at most.
+    Takes a SensorTruth, which has misalignments T, scale factors K, biases b and effects e, the
+    true vectors x on body axes, (n, 3), SI, and a function that takes an output, (n, 3), and
+    returns the `Channels`, the inputs of the effects. The effects e depend on the output u itself,
+    so the equation is solved by repeated substitution. Each of four rounds reduces the error by the
+    factor de/du, a few per cent at most.
     """
     ideal = x @ np.linalg.inv(truth.T).T
     effects = [effect.output for effect in truth.effects]
@@ -20,8 +21,8 @@ def output(truth, x, channels):
         effects.append(truth.extra)
     u = ideal
     for _ in range(4 if effects else 0):
-        now = channels(u)
-        u = ideal + sum(effect(now) for effect in effects)
+        inputs = channels(u)
+        u = ideal + sum(effect(inputs) for effect in effects)
     return u
 
 
@@ -52,12 +53,17 @@ def lagged(x, dt, tc):
     if not tc:
         return x
     phi = np.exp(-dt / tc)
+    # mean of exp(-s/tc) over a step, by which a linear change of x enters
     share = (1 - phi) * tc / dt
     return lfilter([1 - share, share - phi], [1, -phi], x, zi=[share * x[0]])[0]
 
 
 def logged_temperature(thermometer, temperature, dt, seed):
-    """Return the temperature that a Thermometer logs, (n,), by that of the device, (n,), degC."""
+    """Return the temperature that a Thermometer logs, (n,), degC: late, noisy and rounded.
+
+    Takes the temperature of the device at n samples `dt` apart, s, (n,), degC, and the seed of the
+    noise, a SeedSequence.
+    """
     noise = np.random.default_rng(seed).standard_normal(len(temperature))
-    shown = lagged(temperature, dt, thermometer.lag_s) + thermometer.noise * noise
-    return rounded(shown, thermometer.step)
+    reading = lagged(temperature, dt, thermometer.lag_s) + thermometer.noise * noise
+    return rounded(reading, thermometer.step)

@@ -2,6 +2,7 @@
 
 import json
 import zlib
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +25,16 @@ def _seeds(truth, session, seed):
     They differ between sessions, and between devices, that have the same number `seed`.
     """
     number = truth.sessions[session].seed if seed is None else seed
-    place = zlib.crc32(f"{truth.name}/{session}".encode())
-    return np.random.SeedSequence([number, place]).spawn(4)
+    name_hash = zlib.crc32(f"{truth.name}/{session}".encode())
+    return np.random.SeedSequence([number, name_hash]).spawn(4)
 
 
 def true_motion(truth, session, seed=None):
-    """Return the Motion of the log that `simulate_session` makes of the same arguments."""
+    """Return the true Motion of a simulated session: attitude, rate and force at each sample.
+
+    It is the motion of the log of the same `truth`, a Truth, name of the `session` and `seed`,
+    which replaces the seed of the session if given.
+    """
     plan = truth.sessions[session]
     rng = np.random.default_rng(_seeds(truth, session, seed)[0])
     course = at_rest if plan.kind == "static" else poses
@@ -71,14 +76,14 @@ def simulate_session(truth, session, seed=None):
     if plan.temperature:
         around = np.interp(motion.t, *np.transpose(plan.temperature))
         temperature = lagged(around, dt, plan.thermal_s)
-    true = [motion.specific_force, motion.angular_rate]
+    true_vectors = [motion.specific_force, motion.angular_rate]
     _, *sensor_seeds, thermal_seed = _seeds(truth, session, seed)
     log = {TIME: motion.t}
     for k, (name, columns) in enumerate(SENSORS.items()):
-        sensor, other = getattr(truth, name), true[1 - k]
-        u = output(
-            sensor, true[k], lambda u, other=other: Channels(motion.t, u, other, temperature)
-        )
+        sensor, other = getattr(truth, name), true_vectors[1 - k]
+        # an effect depends on the true output of the other sensor
+        channels = partial(Channels, motion.t, other=other, temperature=temperature)
+        u = output(sensor, true_vectors[k], channels)
         bias = np.add(sensor.b, (plan.turn_on or {}).get(name, 0.0))
         raw = logged(sensor, u, bias, dt, sensor_seeds[k])
         log |= dict(zip(columns, raw.T, strict=True))
@@ -102,7 +107,10 @@ def write_log(path, log, metadata):
 
 
 def log_metadata(truth, session):
-    """Return the metadata of a log, a dict: names, kind and units, but no effects."""
-    force, turn = truth.accelerometer.raw_unit, truth.gyroscope.raw_unit
-    of = {"truth": truth.name, "session": session, "kind": truth.sessions[session].kind}
-    return of | {"units": {"acceleration": force, "angular_rate": turn}}
+    """Return the metadata of a log of a Truth, a dict: names, kind and units, but no effects."""
+    units = {
+        "acceleration": truth.accelerometer.raw_unit,
+        "angular_rate": truth.gyroscope.raw_unit,
+    }
+    kind = truth.sessions[session].kind
+    return {"truth": truth.name, "session": session, "kind": kind, "units": units}

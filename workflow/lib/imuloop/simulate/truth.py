@@ -39,7 +39,10 @@ class Noise:
 
 @dataclass(frozen=True)
 class SensorTruth:
-    """One sensor: ``x = T (K (raw - b) - e)``, so ``raw = (T⁻¹x + e + noise)/K + b``."""
+    """One sensor: ``x = T (K (raw - b) - e)``, so ``raw = (T⁻¹x + e + noise)/K + b``.
+
+    x is the true vector on body axes, and e the sum of the effects.
+    """
 
     # unit that is logged: m/s^2, rad/s, count, …
     raw_unit: str
@@ -148,23 +151,27 @@ def read_truth(path):
     """
     content = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
     try:
-        made = {name: _sensor(**content[name]) for name in SENSORS}
-        made["sessions"] = {k: _session(**plan) for k, plan in content["sessions"].items()}
-        return Truth(**content | made)
+        parts = {name: _sensor(**content[name]) for name in SENSORS}
+        parts["sessions"] = {k: _session(**plan) for k, plan in content["sessions"].items()}
+        return Truth(**content | parts)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ImuloopError(f"{path}: not a truth: {error!r}") from error
 
 
-def _sensor(noise, effects=(), **more):
-    """Return a SensorTruth of the keys of a mapping."""
-    floats = {key: np.asarray(more.pop(key), dtype=float) for key in "TKb"}
+def _sensor(noise, effects=(), **fields):
+    """Return a SensorTruth from the keys of a sensor in a YAML file.
+
+    `noise` has a value per axis of each coefficient, `effects` the content of FittedEffects, and
+    `fields` T, K and b and the other fields of the SensorTruth.
+    """
+    floats = {key: np.asarray(fields.pop(key), dtype=float) for key in "TKb"}
     coefficients = {key: tuple(map(float, value)) for key, value in noise.items()}
     effects = tuple(FittedEffect.from_dict(effect) for effect in effects)
-    return SensorTruth(noise=Noise(**coefficients), effects=effects, **floats, **more)
+    return SensorTruth(noise=Noise(**coefficients), effects=effects, **floats, **fields)
 
 
 def _session(disturbances=(), **plan):
-    """Return a SessionTruth of the keys of a mapping."""
+    """Return a SessionTruth from the keys of a session in a YAML file, disturbances as dicts."""
     return SessionTruth(disturbances=tuple(Disturbance(**d) for d in disturbances), **plan)
 
 

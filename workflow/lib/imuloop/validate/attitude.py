@@ -72,8 +72,11 @@ def validate_attitude(device, diagnosed, settings):
     methods = {m: _summary(errors, m) for m in METHODS}
     floor = _rotation_floor(problem, poses.solution)
     methods["rotation"]["floor_deg"] = float(np.degrees(floor))
-    final = [each["final"] for each in models]
-    effects = [{s: [e.name for e in getattr(c, s).effects] for s in SENSORS} for c in final]
+    # names of the effects in the final model of each block, by sensor
+    effects = [
+        {s: [e.name for e in getattr(by_name["final"], s).effects] for s in SENSORS}
+        for by_name in models
+    ]
     content = {"format": FORMAT, "device": device, "status": "ok", "effects": effects}
     return content | {"methods": methods}, errors
 
@@ -85,79 +88,108 @@ def no_attitude(device, why):
 
 
 def blocks(count, settings):
-    """Return the block of each of `count` poses, (count,): parts in order of time."""
-    parts = min(count, settings.folds, max(FEWEST, count // BLOCK))
-    return np.arange(count) * parts // max(count, 1)
+    """Return the number of the block of each of `count` poses, (count,), in order of time.
+
+    All blocks have about the same number of poses.
+    """
+    number = min(count, settings.folds, max(FEWEST, count // BLOCK))
+    return np.arange(count) * number // max(count, 1)
 
 
 def held_out_models(diagnosed, problem):
     """Return the models of a device that do not see one block of poses, block by block.
 
-    Takes the Diagnosed, and the PoseProblem whose folds are the blocks. Returns, for each block, a
-    dict of Calibration by the names in `MODELS`. The final model is the base model if no effect was
-    added. Effects are searched only if all poses together show one, as in the diagnosis. If the
-    poses do not determine the accelerometer, its calibration is given.
-    """
-    pair, searched = problem.joint_fit, bool(diagnosed.poses.choices.choice().effects)
-    given = diagnosed.calibration
-    raw = replace(given, **{s: SensorCalibration.nominal(pair.units[s], None) for s in SENSORS})
-    plain = problem
-    if problem.nuisance_effects:
-        plain = replace(problem, nuisance_effects=(), information=None, _fits={}, _columns={})
+    The models are: ``raw``, the nominal scale of the data sheet; ``base``, bias, scale factors and
+    misalignments; ``final``, with effects too. The final model is the base model if no effect was
+    added. Effects are searched only if all poses together show one. If the poses do not determine
+    the accelerometer, it keeps its calibration of the diagnosis.
 
-    def without(problem, base, held_out):
-        return replace(given, **pair.calibrations(problem.fit(base, held_out)))
+    Parameters
+    ----------
+    diagnosed : Diagnosed
+        The diagnosis of the device.
+    problem : PoseProblem
+        The poses; its folds are the blocks.
+
+    Returns
+    -------
+    list of dict of str to Calibration
+        The models by name, for each block.
+    """
+    joint_fit, calibration = problem.joint_fit, diagnosed.calibration
+    has_effects = bool(diagnosed.poses.choices.choice().effects)
+    nominal = {s: SensorCalibration.nominal(joint_fit.units[s], None) for s in SENSORS}
+    raw, base_problem = replace(calibration, **nominal), problem
+    if problem.nuisance_effects:
+        # the base model lacks the effects that static records showed, too
+        base_problem = replace(
+            problem, nuisance_effects=(), information=None, _fits={}, _columns={}
+        )
+
+    def fit_without(problem, effects, held_out):
+        """Return the Calibration by a fit of effects to the poses outside the blocks `held_out`."""
+        return replace(calibration, **joint_fit.calibrations(problem.fit(effects, held_out)))
 
     models, choices = [], Choices(problem)
-    for k in range(problem.folds):
-        held_out = frozenset({k})
-        chosen = diagnosed.poses.choices.nested_choice(choices.search(held_out)) if searched else ()
-        whole = without(problem, chosen, held_out)
-        simple = without(plain, (), held_out) if whole.effects else whole
-        models.append({"raw": raw, "base": simple, "final": whole})
+    for block in range(problem.folds):
+        held_out, effects = frozenset({block}), ()
+        if has_effects:
+            effects = diagnosed.poses.choices.nested_choice(choices.search(held_out))
+        final = fit_without(problem, effects, held_out)
+        base = fit_without(base_problem, (), held_out) if final.effects else final
+        models.append({"raw": raw, "base": base, "final": final})
     return models
 
 
 def _errors(recording, block, models, names):
-    """Return the errors of all stretches, methods and models, a table with the `COLUMNS`.
+    """Return the errors of gravity's direction, deg, a row per stretch, method, model and rest.
 
-    `block` is the block of each pose, (n,), `models` the models of each block as
-    `held_out_models` returns them, and `names` the names of the sessions.
+    A stretch goes from rest to rest within a block of poses that the models do not see. The result
+    is a DataFrame with the `COLUMNS`. `block` is the number of the block of each pose, (n,), and
+    `names` are the names of the sessions. `models` has, for each block, the Calibrations by name
+    that do not see its poses.
     """
-    tables, last = [], None
+    tables, calibrated_log = [], None
     for number, stretch in enumerate(stretches(recording, block)):
-        k, session = place = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
-        if place != last:
+        k, session = block[stretch.poses[0]], recording.poses.session[stretch.poses[0]]
+        if (k, session) != calibrated_log:
             # the whole log is calibrated, because effects may depend on earlier samples
-            log, last = recording.logs[session], place
-            whole = log.f, log.w, log.t, log.temperature
-            calibrated = {model: models[k][model].calibrated(*whole) for model in MODELS}
+            log, calibrated_log = recording.logs[session], (k, session)
+            calibrated = {
+                model: models[k][model].calibrated(log.f, log.w, log.t, log.temperature)
+                for model in MODELS
+            }
+            # direction of gravity at the poses, by the final model
             up, _ = recording.calibrated_force(models[k]["final"].accelerometer)
             up = up / np.linalg.norm(up, axis=1, keepdims=True)
         ends = stretch.t[np.column_stack([stretch.arrive, stretch.leave])]
-        # since the rest before, or since the first rest of the stretch
+        # seconds since the rest before, for the gyroscope alone, or since the first rest
         after = {"rotation": ends[1:, :1] - ends[:-1, 1:], "filter": ends[1:] - ends[0, 1]}
         for model, (f, w) in calibrated.items():
             turns = step_vectors(w[stretch.piece], np.diff(stretch.t))
             for method, errors in METHODS.items():
                 error = errors(turns, f[stretch.piece], stretch, up[stretch.poses])
-                at = np.broadcast_to(["arrival", "departure"][: error.shape[1]], error.shape)
-                columns = ends[1:, : error.shape[1]], after[method], at, np.degrees(error)
-                row = names[session], number, k, method, model, *map(np.ravel, columns)
-                tables.append(pd.DataFrame(dict(zip(COLUMNS, row, strict=True))))
+                moment = np.broadcast_to(["arrival", "departure"][: error.shape[1]], error.shape)
+                columns = ends[1:, : error.shape[1]], after[method], moment, np.degrees(error)
+                rows = names[session], number, k, method, model, *map(np.ravel, columns)
+                tables.append(pd.DataFrame(dict(zip(COLUMNS, rows, strict=True))))
     return pd.concat(tables, ignore_index=True)
 
 
 def _summary(rows, method):
-    """Return the content of attitude.json on a method, a dict: errors at the end of each turn."""
+    """Return the content of attitude.json on a method, a dict: errors at the end of each move.
+
+    `rows` is the table of all errors, and `method` a key of `METHODS`.
+    """
     rows = rows[(rows["method"] == method) & (rows["at"] == "arrival")]
     by_model = {model: rows[rows["model"] == model] for model in MODELS}
-    errors = {model: each["error_deg"].to_numpy() for model, each in by_model.items()}
+    errors = {model: table["error_deg"].to_numpy() for model, table in by_model.items()}
     base, final = (errors[m][:, None] for m in ("base", "final"))
     models = {
         model: {"rms_deg": float(np.sqrt((e**2).mean())), "p95_deg": float(np.quantile(e, 0.95))}
         for model, e in errors.items()
     }
+    # the interval of final over base, whose inverse is reported; its lower end may be zero
     low, high = ratio_interval(by_model["base"]["block"].to_numpy(), base, final)
     return {
         "n": len(base),
@@ -169,11 +201,17 @@ def _summary(rows, method):
 
 
 def _rotation_floor(problem, solution):
-    """Return the root mean square error of a rotation that the noise alone causes, rad."""
-    at, own = problem.joint_fit.linearise(solution, problem.recording), slice(len(solution.white))
-    noise = at.noise.by(problem.joint_fit.noise)
-    covariance = held_out_covariance(noise, at.jacobian, problem.row_folds[own])
-    return np.sqrt(2 * np.diag(covariance)[problem.of_kind("rotation")[own]].mean())
+    """Return the root mean square held-out error of a rotation that noise alone causes, rad.
+
+    `problem` is the PoseProblem with the folds, and `solution` the Fit of all poses.
+    """
+    factors = problem.joint_fit.linearise(solution, problem.recording)
+    noise = factors.noise.by(problem.joint_fit.noise)
+    # the rows after those of the recording belong to the prior
+    measured = slice(len(solution.white))
+    covariance = held_out_covariance(noise, factors.jacobian, problem.row_folds[measured])
+    # a rotation has two components
+    return np.sqrt(2 * np.diag(covariance)[problem.of_kind("rotation")[measured]].mean())
 
 
 @dataclass(frozen=True)
@@ -191,11 +229,12 @@ class Stretch:
 
 
 def stretches(recording, block):
-    """Return the longest stretches whose rotations follow each other within a block, in order.
+    """Return the longest stretches whose moves follow each other within a block, a list in order.
 
-    A rotation belongs to the block (ndarray of int, shape (n,), of each pose) that it starts from.
+    A move belongs to the block of the pose that it starts from. Takes the Recording and the number
+    of the block of each pose, (n,).
     """
-    first, poses, found = recording.rotations.first, recording.poses, []
+    first, poses, result = recording.rotations.first, recording.poses, []
     cuts = np.flatnonzero((np.diff(first) != 1) | (np.diff(block[first]) != 0)) + 1
     for group in np.split(first, cuts) if len(first) else ():
         index = np.append(group, group[-1] + 1)
@@ -206,8 +245,16 @@ def stretches(recording, block):
         arrive[0] = max(arrive[0], np.searchsorted(t, end[0] - SETTLE))
         leave[-1] = min(leave[-1], np.searchsorted(t, start[-1] + SETTLE))
         piece = slice(arrive[0], leave[-1] + 1)
-        found.append(Stretch(index, t[piece], piece, arrive - piece.start, leave - piece.start))
-    return found
+        result.append(
+            Stretch(
+                poses=index,
+                t=t[piece],
+                piece=piece,
+                arrive=arrive - piece.start,
+                leave=leave - piece.start,
+            )
+        )
+    return result
 
 
 def angle(a, b):
@@ -219,8 +266,22 @@ def rotation_errors(turns, f, stretch, u):
     """Return the error of gravity's direction that the gyroscope alone carries to the next rest.
 
     From the last sample of a rest, at t₀, to the first sample of the next, at t, the direction is
-    ``u(t) = C(t)ᵀ C(t₀) u(t₀)`` with the attitude C. The arguments are the same as for
-    `filter_errors`. The result are the angles, rad, (p - 1, 1).
+    ``u(t) = C(t)ᵀ C(t₀) u(t₀)``; the attitude C rotates from body axes to those at the start.
+
+    Parameters
+    ----------
+    turns : ndarray, shape (k - 1, 3)
+        Rotation vector of each step between the k samples of the stretch, rad.
+    f : ndarray, shape (k, 3)
+        Specific force, m/s^2, which is not used.
+    stretch : Stretch
+    u : ndarray, shape (p, 3)
+        Direction of gravity at the p rests.
+
+    Returns
+    -------
+    ndarray, shape (p - 1, 1)
+        Angles between both directions at each rest but the first, rad.
     """
     q = np.concatenate([[[1.0, 0, 0, 0]], prefix_product(exponential(turns))])
     leave, arrive = matrix(q[stretch.leave[:-1]]), matrix(q[stretch.arrive[1:]])
@@ -245,9 +306,10 @@ def filter_errors(turns, f, stretch, u):
     step = np.median(np.diff(stretch.t))
     rates, forces = np.ascontiguousarray(turns / step), np.ascontiguousarray(f[1:])
     q = VQF(step).updateBatch(rates, forces)["quat6D"]
-    at = np.column_stack([stretch.arrive, stretch.leave])[1:] - 1
+    # the filter has no value for the first sample, where the first step starts
+    ends = np.column_stack([stretch.arrive, stretch.leave])[1:] - 1
     # q leads to axes whose third points up: up in the sensor's frame is Cᵀ e_z, the third row of C
-    return angle(matrix(q[at])[..., 2, :], u[1:, None])
+    return angle(matrix(q[ends])[..., 2, :], u[1:, None])
 
 
 # what carries gravity's direction, and its errors

@@ -13,6 +13,8 @@ from imuloop.effects.turn_on_bias import turn_on_std
 from imuloop.validate.new_log import BIASES, NewLog
 
 SCALES = ("K0", "K1", "K2")
+# numbers of each tested change, which are fields of `Change`
+COLUMNS = ("change", "measured_std", "std", "sigmas", "p_value", "p_holm")
 
 
 @dataclass(frozen=True)
@@ -115,8 +117,8 @@ class Drift:
 
     def to_dict(self):
         """Return the content of the JSON file, a dict."""
-        found = {"drifted": self.drifted, "bias_only": self.bias_only}
-        return {"format": 1, **found, **asdict(self)}
+        result = {"drifted": self.drifted, "bias_only": self.bias_only}
+        return {"format": 1, **result, **asdict(self)}
 
 
 def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn_on=None):
@@ -178,46 +180,63 @@ def check_drift(calibration, recording, noise, *, gravity=None, level=0.05, turn
             "nothing can be tested: the calibration is so far from the log, or its errors are so "
             "large, that rounding leaves nothing of the noise"
         ) from error
-    counts = len(recording.poses), len(recording.rotations)
-    return Drift(calibration.device, level, *counts, sensors)
+    return Drift(
+        device=calibration.device,
+        level=level,
+        poses=len(recording.poses),
+        rotations=len(recording.rotations),
+        sensors=sensors,
+    )
 
 
 def _test(log, turn_on, level):
     """Return the SensorDrift of each sensor of a NewLog, a dict by name.
 
     `turn_on` holds, by sensor, the standard deviations of the three biases between power cycles,
-    SI. `level` is the level of each family of tests.
+    SI. `level` is the level of each family of tests: each parameter, and all of a sensor together.
     """
-    (old, known), tests = log.prior, {name: log.testable(name) for name in log.factors.sensors}
-    basis, scatter = np.hstack([own.basis for own in tests.values()]), np.zeros(len(old.x))
+    old, old_covariance = log.prior
+    tests = {name: log.testable(name) for name in log.factors.sensors}
+    # each column is a change that the log determines, as a change of all parameters
+    basis, scatter = np.hstack([test.basis for test in tests.values()]), np.zeros(len(old.x))
     for name in SENSORS:
         scatter[log.places(name, BIASES)] = np.square(turn_on[name])
     # the log alone determines the change of a bias, so the scatter adds to its error. In S it would
     # hide the noise, as the derivative is not quite the same at the old and at the new parameters
     hidden = np.eye(len(basis)) - basis @ basis.T
-    change, measured, expected = log.fit_change(basis, known + hidden * scatter @ hidden)
+    change, measured, expected = log.fit_change(basis, old_covariance + hidden * scatter @ hidden)
     covariance = measured + basis.T * scatter @ basis
     std = np.sqrt(np.diag(covariance))
     p_values = 2 * ndtr(-np.abs(change / std))
     # the change of a scale factor is relative
-    scaled = [name in SCALES for own in tests.values() for name in own.names]
+    scaled = [name in SCALES for test in tests.values() for name in test.names]
     numbers = np.array([change, np.sqrt(np.diag(measured)), std])
     numbers /= np.where(scaled, basis.T @ old.x, 1.0)
     rows = np.column_stack([*numbers, change / std, p_values, holm(p_values)]).tolist()
-    sizes = [len(own.names) for own in tests.values()]
-    parts = [slice(end - n, end) for n, end in zip(sizes, np.cumsum(sizes), strict=True)]
-    joint = [float(change[at] @ np.linalg.solve(covariance[at, at], change[at])) for at in parts]
-    together = holm([chdtrc(n, x) for n, x in zip(sizes, joint, strict=True)])
-    found = {}
+    # the joint test of each sensor: its part of the changes, χ², and the p-value
+    counts = [len(test.names) for test in tests.values()]
+    parts = [slice(end - n, end) for n, end in zip(counts, np.cumsum(counts), strict=True)]
+    chi2 = [float(change[i] @ np.linalg.solve(covariance[i, i], change[i])) for i in parts]
+    joint_p_values = holm([chdtrc(n, x) for n, x in zip(counts, chi2, strict=True)])
+    result = {}
     for name, why in log.untestable.items():
         untested = getattr(log.calibration, name).names
-        found[name] = SensorDrift(None, untested=untested, why=why)
-    each = zip(tests.items(), parts, joint, together.tolist(), strict=True)
-    for (name, own), at, square, p_holm in each:
-        numbers = zip(own.names, own.units, rows[at], strict=True)
-        changes = [Change(key, unit, *row, row[-1] < level) for key, unit, row in numbers]
-        drifted = p_holm < level or any(change.drifted for change in changes)
-        changes = tuple(sorted(changes, key=lambda change: change.p_value))
-        how = square, len(changes), p_holm, log.sizes(name, expected), turn_on[name]
-        found[name] = SensorDrift(drifted, changes, own.untested, own.why, *how)
-    return {name: found[name] for name in SENSORS}
+        result[name] = SensorDrift(None, untested=untested, why=why)
+    by_sensor = zip(tests.items(), parts, chi2, joint_p_values.tolist(), strict=True)
+    for (name, test), part, square, p_holm in by_sensor:
+        changes = []
+        for key, unit, row in zip(test.names, test.units, rows[part], strict=True):
+            values = dict(zip(COLUMNS, row, strict=True))
+            changes.append(Change(key, unit, **values, drifted=values["p_holm"] < level))
+        result[name] = SensorDrift(
+            drifted=p_holm < level or any(change.drifted for change in changes),
+            changes=tuple(sorted(changes, key=lambda change: change.p_value)),
+            untested=test.untested,
+            why=test.why,
+            chi2=square,
+            dof=len(changes),
+            p_holm=p_holm,
+            residuals=log.sizes(name, expected),
+            turn_on=turn_on[name],
+        )
+    return {name: result[name] for name in SENSORS}

@@ -59,29 +59,32 @@ def update_biases(calibration, recording, noise, source, *, gravity=None):
 def _new_biases(log, updated):
     """Return the change of all p parameters, (p,), and their new covariance, (p, p).
 
-    Only the biases of the sensors `updated` change.
+    Only the biases of the sensors `updated` change. `log` is the NewLog with the p old parameters.
     """
     (old, covariance), jacobian = log.prior, log.unchanged.jacobian
     biases = [place for name in updated for place in log.places(name, BIASES)]
-    basis, rest = np.eye(len(old.x))[:, biases], np.ones(len(old.x))
-    rest[biases] = 0.0
-    prior = covariance * np.outer(rest, rest)
-    change, own, expected = log.fit_change(basis, prior)
-    across = -own @ (jacobian @ basis).T @ np.linalg.solve(expected, jacobian @ prior)
+    basis, kept = np.eye(len(old.x))[:, biases], np.ones(len(old.x))
+    # the old bias has no weight: the errors of all other parameters remain
+    kept[biases] = 0.0
+    prior = covariance * np.outer(kept, kept)
+    change, bias_covariance, expected = log.fit_change(basis, prior)
+    # covariance of the new biases with the other parameters
+    across = -bias_covariance @ (jacobian @ basis).T @ np.linalg.solve(expected, jacobian @ prior)
     across = basis @ across
-    return basis @ change, prior + across + across.T + basis @ own @ basis.T
+    return basis @ change, prior + across + across.T + basis @ bias_covariance @ basis.T
 
 
 def _with_bias(log, name, change, covariance):
     """Return the SensorCalibration of the sensor `name` with its new bias and covariance.
 
-    `change`, (p,), and `covariance`, (p, p), are those of all parameters, as `_new_biases` returns
-    them.
+    `change`, (p,), is the change of all p parameters in nominal SI, and `covariance`, (p, p), their
+    new covariance.
     """
     sensor = getattr(log.calibration, name)
+    # the covariance of a calibration is in raw units
     place, factor = log.places(name, sensor.names), si_factor(sensor.names, sensor.raw_unit)
     # the covariance of all other parameters is kept to the last bit
-    its, new = np.isin(sensor.names, BIASES), covariance[np.ix_(place, place)]
-    new = np.where(its | its[:, None], new / np.outer(factor, factor), sensor.covariance)
-    moved = change[log.places(name, BIASES)] / sensor.raw_unit.scale
-    return replace(sensor, b=sensor.b + moved, covariance=new)
+    is_bias, new = np.isin(sensor.names, BIASES), covariance[np.ix_(place, place)]
+    new = np.where(is_bias | is_bias[:, None], new / np.outer(factor, factor), sensor.covariance)
+    bias_change = change[log.places(name, BIASES)] / sensor.raw_unit.scale
+    return replace(sensor, b=sensor.b + bias_change, covariance=new)

@@ -79,16 +79,17 @@ class NewLog:
     """
 
     def __init__(self, calibration, recording, noise, gravity=None, turns=True):
+        # without estimated scale factors of both sensors no turn is predicted
         if not (turns and all("K0" in getattr(calibration, sensor).names for sensor in SENSORS)):
             none = np.zeros(len(recording.rotations), dtype=bool)
             recording = replace(recording, rotations=recording.rotations.select(none))
         self.recording, self.model = recording.of_new_power_cycles(), noise
         self.calibration, self.prior = calibration, state_of(calibration)
-        found = {s: recording.poses.unknown_noise(noise, SENSORS[s]) for s in SENSORS}
+        reasons = {s: recording.poses.unknown_noise(noise, SENSORS[s]) for s in SENSORS}
         for sensor in SENSORS:
             if not getattr(calibration, sensor).names:
-                found[sensor] = "the calibration estimated nothing of it"
-        self.untestable = {sensor: why for sensor, why in found.items() if why}
+                reasons[sensor] = "the calibration estimated nothing of it"
+        self.untestable = {sensor: why for sensor, why in reasons.items() if why}
         tested = tuple(sensor for sensor in SENSORS if sensor not in self.untestable)
         self.factors = Factors(gravity or calibration.gravity, tested)
         owners = self.factors.owners(self.recording)
@@ -102,11 +103,14 @@ class NewLog:
 
     @cached_property
     def unchanged(self):
-        """The Linearised factors with the old parameters."""
+        """The Linearised factors, residuals and their Jacobian, with the old parameters."""
         return self.about(0.0)
 
     def about(self, change):
-        """Return the Linearised factors after a change of the old parameters, (p,)."""
+        """Return the Linearised factors, residuals and Jacobian, at changed old parameters.
+
+        `change` is an array of SI values, (p,), or a number for all parameters.
+        """
         old, _ = self.prior
         return self.factors.about(self.recording, replace(old, x=old.x + change)).at(old.x + change)
 
@@ -115,7 +119,7 @@ class NewLog:
         return [self.prior[0].names.index(f"{sensor}.{name}") for name in names]
 
     def data(self, sensor):
-        """Return words for the rests, attitudes or turns of the log that a sensor has."""
+        """Return words for the data of a sensor in the log: rests, and attitudes or turns."""
         rests = f"{len(self.recording.poses)} rest(s)"
         if sensor == "accelerometer":
             return f"{rests} in {count_attitudes(self.recording.poses.f, APART)} attitude(s)"
@@ -129,37 +133,42 @@ class NewLog:
         each effect. A group is left out if the log does not determine it with those before it; it
         then keeps the values and errors of the calibration.
         """
-        (old, covariance), own = self.prior, self.kinds[1] == sensor
-        root = cholesky(self.noise[np.ix_(own, own)], lower=True)
-        shown = solve_triangular(root, self.unchanged.jacobian[own], lower=True)
+        (old, covariance), of_sensor = self.prior, self.kinds[1] == sensor
+        root = cholesky(self.noise[np.ix_(of_sensor, of_sensor)], lower=True)
+        # derivative of the residuals, in standard deviations of their noise
+        whitened = solve_triangular(root, self.unchanged.jacobian[of_sensor], lower=True)
+        # names such as K0, and effect.parameter of an effect
         groups = {"b": [], "K": [], "T": []}
         for name in getattr(self.calibration, sensor).names:
             groups.setdefault(name.partition(".")[0].rstrip("012"), []).append(name)
-        taken, missed = [], []
+        determined, missed = [], []
         for group in filter(None, groups.values()):
-            tried, new = (self.places(sensor, names) for names in ([*taken, *group], group))
-            worst = WORST * np.sqrt(np.diag(covariance)[new]) if taken else np.inf
+            tried, new = (self.places(sensor, names) for names in ([*determined, *group], group))
+            worst = WORST * np.sqrt(np.diag(covariance)[new]) if determined else np.inf
             # more than the bias needs one residual more than there are parameters
-            enough = len(shown) >= len(tried) + bool(taken)
-            if enough and np.all(_errors(shown[:, tried])[-len(new) :] <= worst):
-                taken += group
+            enough = len(whitened) >= len(tried) + bool(determined)
+            if enough and np.all(_errors(whitened[:, tried])[-len(new) :] <= worst):
+                determined += group
             else:
                 missed += group
         why = f"not determined by {self.data(sensor)}" if missed else None
-        basis = np.eye(len(old.x))[:, self.places(sensor, taken or BIASES)]
-        if not taken:
+        basis = np.eye(len(old.x))[:, self.places(sensor, determined or BIASES)]
+        if not determined:
             # the log does not determine the whole bias: only some directions of it
             why += ", but for its bias along gravity"
-            _, size, axes = np.linalg.svd(shown @ basis)
+            _, size, axes = np.linalg.svd(whitened @ basis)
             axes = axes[: np.sum(size > size[0] / LARGEST_CONDITION)]
+            # the largest component of a direction is positive
             axes = np.array([u * np.sign(u[np.argmax(np.abs(u))]) for u in axes])
-            taken = ["b along ({}, {}, {})".format(*(np.round(u, 2) + 0.0)) for u in axes]
+            determined = ["b along ({}, {}, {})".format(*(np.round(u, 2) + 0.0)) for u in axes]
             basis = basis @ axes.T
         units = tuple(old.units[k] for k in np.argmax(basis != 0, axis=0))
-        return Testable(basis, tuple(taken), units, tuple(missed), why)
+        return Testable(
+            basis=basis, names=tuple(determined), units=units, untested=tuple(missed), why=why
+        )
 
     def fit_change(self, basis, prior):
-        """Return the change of the parameters along the q columns of a basis, (p, q).
+        """Fit the change of the old parameters along the q columns of a basis, (p, q).
 
         `prior`, (p, p), is the covariance of the old parameters.
 
@@ -173,42 +182,50 @@ class NewLog:
         """
 
         def linearise(change):
-            at = self.about(basis @ change)
-            return SimpleNamespace(residual=at.residual, jacobian=at.jacobian @ basis)
+            """Return residuals, and their derivative with respect to the change, (q,)."""
+            factors = self.about(basis @ change)
+            return SimpleNamespace(residual=factors.residual, jacobian=factors.jacobian @ basis)
 
         jacobian = self.unchanged.jacobian
-        known, size = jacobian @ prior @ jacobian.T, np.ones(len(jacobian))
-        start = fit(linearise, np.zeros(basis.shape[1]), self.noise + known).x
-        at = linearise(start)
+        # covariance of the residuals by the errors of the old parameters
+        by_prior, size = jacobian @ prior @ jacobian.T, np.ones(len(jacobian))
+        start = fit(linearise, np.zeros(basis.shape[1]), self.noise + by_prior).x
+        at_start = linearise(start)
         groups = [self.kinds[1] == sensor for sensor in self.factors.sensors]
-        squares, _ = chi_square(at.residual, self.noise + known, at.jacobian, groups)
-        for own, (square, dof) in zip(groups, squares, strict=True):
+        squares, _ = chi_square(at_start.residual, self.noise + by_prior, at_start.jacobian, groups)
+        for of_sensor, (square, dof) in zip(groups, squares, strict=True):
             if dof > LEAST_DOF and chdtrc(dof, square) < MISFIT:
-                size[own] = np.sqrt(square / dof)
-        expected = self.noise * np.outer(size, size) + known
-        found = fit(linearise, start, expected)
-        return found.x, found.covariance, expected
+                size[of_sensor] = np.sqrt(square / dof)
+        expected = self.noise * np.outer(size, size) + by_prior
+        solution = fit(linearise, start, expected)
+        return solution.x, solution.covariance, expected
 
     def sizes(self, sensor, expected):
-        """Return the root mean square of each kind of a sensor's residuals, old parameters, a dict.
+        """Return the sizes of a sensor's residuals with the old parameters, a dict by kind.
 
-        Next to it stands the value that the covariance `expected`, (n, n), predicts.
+        They are the root mean square, ``rms``, and the value that the covariance `expected`, (n,
+        n), predicts, ``floor``, SI, with their ``unit`` and the number ``n`` of residuals.
         """
-        squares, found = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
+        squares, result = np.stack([self.unchanged.residual**2, np.diag(expected)]), {}
         for kind in OF_SENSOR[sensor]:
-            own = squares[:, self.kinds[0] == kind]
-            if own.size:
-                sizes = zip(("rms", "floor"), np.sqrt(own.mean(axis=1)).tolist(), strict=True)
-                found[kind] = {"unit": KINDS[kind][0], "n": own.shape[1], **dict(sizes)}
-        return found
+            of_kind = squares[:, self.kinds[0] == kind]
+            if of_kind.size:
+                rms, floor = np.sqrt(of_kind.mean(axis=1)).tolist()
+                result[kind] = {
+                    "unit": KINDS[kind][0],
+                    "n": of_kind.shape[1],
+                    "rms": rms,
+                    "floor": floor,
+                }
+        return result
 
 
-def _errors(shown):
+def _errors(whitened):
     """Return the standard errors of q parameters, (q,), nan if the data do not determine them.
 
-    `shown`, (n, q), is the derivative of the whitened residuals.
+    `whitened`, (n, q), is the derivative of residuals whose noise is independent with variance 1.
     """
-    size = np.linalg.norm(shown, axis=0)
-    if not size.all() or np.linalg.cond(shown / size) > LARGEST_CONDITION:
+    size = np.linalg.norm(whitened, axis=0)
+    if not size.all() or np.linalg.cond(whitened / size) > LARGEST_CONDITION:
         return np.full(len(size), np.nan)
-    return np.sqrt(np.diag(covariance_of(shown)))
+    return np.sqrt(np.diag(covariance_of(whitened)))

@@ -40,7 +40,8 @@ BOTH = "motion shows how late one sensor is after the other: it is given to the 
 class MotionProblem(PoseProblem):
     """The problem of both sensors at the poses and in the moves.
 
-    Only moves are in folds. Every fit uses all poses, which determine the base model.
+    A row is one component of the residual of a pose, or of the velocity after a move. Only moves
+    are in folds. Every fit uses all poses, which determine the base model.
     """
 
     @cached_property
@@ -61,27 +62,32 @@ class MotionProblem(PoseProblem):
         It comes from the likeliest noise without effects: the noise of a move grows with its
         length, and so does the error of a missing effect.
         """
+        # the last noise hypothesis is the likeliest
         likeliest = self.linearization().evidence.row_groups[0].noise.precision[-1]
         return np.sqrt(np.diag(precision(likeliest)[0]))
 
 
 def candidates_in_motion(nuisance_kinds):
-    """Return the shapes to try in motion, by kind of effect, without the kinds of other records.
+    """Return the variants of effects to try in motion, a dict of tuples by kind of effect.
 
-    `nuisance_kinds` are the kinds of effects that other records showed.
+    A variant is an effect with values of its constants. The kinds of effects that other records
+    showed, `nuisance_kinds`, are left out: every fit estimates these effects anyway.
     """
-    shapes = {}
+    variants = {}
     for cls in Effect.library.values():
         kind = EffectKind(cls, cls.sensors[0])
         if "motion" in cls.records and kind not in nuisance_kinds:
-            shapes[kind] = tuple(SensorEffect(shape, kind.sensor) for shape in cls.shapes(None))
-    return shapes
+            # the variants of effects in motion do not depend on the data
+            variants[kind] = tuple(
+                SensorEffect(variant, kind.sensor) for variant in cls.variants(None)
+            )
+    return variants
 
 
 def motion_products(sensor):
     """Return the Products that only motion shows: products of specific force and angular rate."""
-    shapes = products(sensor, "fw") if sensor == "accelerometer" else ()
-    return tuple(product for product in shapes if "motion" in product.records)
+    every_product = products(sensor, "fw") if sensor == "accelerometer" else ()
+    return tuple(product for product in every_product if "motion" in product.records)
 
 
 def diagnose_motion(poses, recording, settings, tests, information=None):
@@ -97,7 +103,8 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
     tests : int
         Number of tests of the other records, which share the significance.
     information : callable, optional
-        Information of the static records, as `PoseProblem.information`.
+        Function that takes effects and returns the Fisher information of the static records about
+        their q parameters, (q, q), and its moment, (q,).
 
     Returns
     -------
@@ -110,6 +117,7 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
     if recording.slow_force:
         why = "the accelerometer is slower than the gyroscope, and misses what a move does between"
         return no_result(f"{why} two of its samples: log both at one rate")
+    # the parameters of the base model, without effects
     start = solution.x[:COUNT]
     knock, lossy, tilted = move_faults(recording, start[BIAS])
     columns = {"knock_m_s": knock}
@@ -119,13 +127,20 @@ def diagnose_motion(poses, recording, settings, tests, information=None):
     state, factors = State(solution.x, solution.effects), replace(joint_fit.factors, quiet=usable)
     factors = factors.without_rotation(recording, state, joint_fit.noise)
     joint_fit = replace(joint_fit, factors=factors, start=start)
-    shapes = candidates_in_motion(kinds_of(solution.effects))
-    tests += settings.family * len(shapes)
+    variants = candidates_in_motion(kinds_of(solution.effects))
+    tests += settings.family * len(variants)
     # the last entry, at index -1, is the fold of the poses: none
     folds = np.append(interleaved_folds(len(usable), settings.folds), -1)
-    effects, prior = solution.effects, joint_fit.known
     problem = MotionProblem(
-        joint_fit, recording, shapes, settings, tests, folds, effects, information, prior
+        joint_fit=joint_fit,
+        recording=recording,
+        variants=variants,
+        settings=settings,
+        tests=tests,
+        fold_of_pose=folds,
+        nuisance_effects=solution.effects,
+        information=information,
+        base_rows=joint_fit.known,
     )
     try:
         # the same residuals judge both sensors
@@ -151,7 +166,8 @@ def move_faults(recording, gyroscope_bias):
     Returns
     -------
     knock : ndarray, shape (m,)
-        Velocity that the move may lose between two samples, m/s, see `knocks`.
+        Velocity that the move may lose between two samples, m/s; nan if the specific force is
+        saturated.
     lossy : ndarray, shape (m,) of bool
         Whether dropped samples may hide too large a velocity.
     tilted : ndarray, shape (m,) of bool
@@ -165,7 +181,10 @@ def move_faults(recording, gyroscope_bias):
 def _too_few_moves(recording, usable, knock, lossy, tilted):
     """Return the reason, text, why too few moves are usable, with a remedy.
 
-    `usable`, (m,) of bool, are the usable moves; the last arguments are as in `move_faults`.
+    `usable` has the usable moves, (m,) of bool. The other arguments are the faults of each of the m
+    moves: `knock`, the velocity that it may lose between two samples, m/s, nan if the specific
+    force is saturated; `lossy`, whether dropped samples may hide too large a velocity; and
+    `tilted`, whether a rest at its ends has a tilt.
     """
     why = f"{usable.sum()} of {plural(len(usable), 'move')} without a knock"
     why += " and between rests without a tilt" * bool(tilted.any())
@@ -199,9 +218,10 @@ def no_result(why, columns=None):
 def knocks(recording, gyroscope_bias):
     """Return the velocity that each move may lose between two samples, m/s, (m,).
 
-    A knock shorter than a sample interval may not be sampled. So the result is the largest
-    `unsampled_velocity` of each of the m moves, and nan if the specific force is saturated.
-    `gyroscope_bias`, (3,), is in nominal SI, rad/s.
+    A knock shorter than a sample interval may not be sampled. So the result is the largest velocity
+    that one of the sample intervals of a move may hide, ``|Δf + w × f Δt| Δt`` for the change Δf of
+    specific force. It is nan if the specific force is saturated. `gyroscope_bias`, (3,), is in
+    nominal SI, rad/s.
     """
     velocity = unsampled_velocity(recording.rotations, gyroscope_bias).max(axis=1)
     return np.where(recording.rotations.force_clipped, np.nan, velocity)
@@ -210,10 +230,10 @@ def knocks(recording, gyroscope_bias):
 def hidden_velocity(recording, gyroscope_bias):
     """Return the velocity that dropped samples of each move may hide, divided by its noise, (m,).
 
-    Specific force is interpolated over a gap, with an error of about a third of
-    `unsampled_velocity`. White noise with the variance σ² of a sample gives a velocity error of
-    ``σ √(Δt T)`` in a move of T seconds with the sample interval Δt. `gyroscope_bias`, (3,), is in
-    nominal SI, rad/s.
+    Specific force is interpolated over a gap of the length Δt, with a velocity error of about a
+    third of ``|Δf + w × f Δt| Δt``. White noise with the variance σ² of a sample gives a velocity
+    error of ``σ √(Δt T)`` in a move of T seconds with the sample interval Δt. `gyroscope_bias`,
+    (3,), is in nominal SI, the log by its nominal scale, rad/s.
     """
     rotations = recording.rotations
     if not len(rotations):

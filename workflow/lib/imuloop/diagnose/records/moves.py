@@ -18,13 +18,19 @@ def cut_at_tilts(records, least):
     A tilt changes the means of an accelerometer, and it is no effect of the sensor. A record is cut
     at a disturbance if the means before and after it differ by more than the noise, slow noise
     included, and if the magnitude of gravity is the same. A piece with fewer than `least` windows
-    is left out.
+    is left out. A record has the means over windows of one rest.
     """
     steps = [Steps((t,), (r.session,)) for r in records for t in _disturbances(r)]
     if not steps:
         return list(records)
-    problem = StaticProblem(records, {}, DiagnoseSettings(significance=MOVED), len(steps))
-    search, significant = Search(problem, frozenset()), ()
+    problem = StaticProblem(
+        records=records,
+        variants={},
+        settings=DiagnoseSettings(significance=MOVED),
+        tests=len(steps),
+    )
+    # the most significant step is added, then the next, until none is
+    search, significant = Search(problem, held_out=frozenset()), ()
     while True:
         trials = search.tests(significant, [s for s in steps if s not in significant])
         best = min((t for t in trials if t), key=lambda t: t.log_p, default=None)

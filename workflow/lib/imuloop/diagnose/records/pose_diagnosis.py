@@ -67,31 +67,34 @@ class PoseResult:
 
 
 def pose_candidates(sensor, recording, static_effects=()):
-    """Return the shapes to try on a sensor at the poses, and the effects that are not tried.
+    """Return the variants to try on a sensor at the poses, and the effects that are not tried.
 
-    Both are dicts by type of effect: a tuple of shapes, and a status with its reason. Effects of
-    the sensor in `static_effects`, SensorEffects that static records showed, are in neither. Both
-    are empty without poses.
+    A variant is an effect with values of its constants. Both results are dicts by type of effect:
+    a tuple of variants, and a status with its reason. Effects of the sensor in `static_effects`,
+    SensorEffects that static records showed, are in neither. Both are empty without poses.
     """
     poses = recording.poses
     if not len(poses):
         return {}, {}
     other = poses.w if sensor == "accelerometer" else poses.f
+    # the choice of variants needs time and temperature only: the output may stay uncalibrated
     channels = recording.pose_channels(sensor, lambda y: y, other)
-    shapes, reasons = candidates(sensor, "poses", channels)
+    variants, reasons = candidates(sensor, "poses", channels)
     if np.ptp(poses.session):
-        del shapes[Steps]
+        del variants[Steps]
         reasons[Steps] = ("not_available", "a step is looked for in poses of one session")
     for cls in [e.kind.cls for e in static_effects if e.sensor == sensor]:
-        shapes.pop(cls, None)
+        variants.pop(cls, None)
         reasons.pop(cls, None)
-    return shapes, reasons
+    return variants, reasons
 
 
 def pose_problem(joint_fit, recording, settings, tests, static_effects=(), information=None):
-    """Return the PoseProblem of a device with interleaved folds.
+    """Return the PoseProblem of a device: its poses, their folds, and the effects to try.
 
-    Effects are tried on the fitted sensors that have enough poses and turns.
+    Neighbouring poses are in different folds of the cross-validation. Effects are tried on the
+    fitted sensors that have enough poses and turns. A scan finds the time of a step; all other
+    kinds of effects have a list of variants, with values of their constants.
 
     Parameters
     ----------
@@ -105,26 +108,37 @@ def pose_problem(joint_fit, recording, settings, tests, static_effects=(), infor
     static_effects : sequence of SensorEffect
         Effects that static records showed; every fit estimates those of the fitted sensors.
     information : callable, optional
-        Information of the static records, as `PoseProblem.information`.
+        Function that takes effects and returns the Fisher information of the static records about
+        their q parameters, (q, q), and its moment, (q,).
     """
-    shapes, scans, few = {}, {}, too_few(recording)
+    variants, scans, few = {}, {}, too_few(recording)
     for sensor in (s for s in joint_fit.estimated if s not in few):
         for cls, tried in pose_candidates(sensor, recording, static_effects)[0].items():
             kind = EffectKind(cls, sensor)
             if cls is Steps:
                 scans[kind] = partial(pose_step, sensor)
             else:
-                shapes[kind] = tuple(SensorEffect(shape, sensor) for shape in tried)
+                variants[kind] = tuple(SensorEffect(variant, sensor) for variant in tried)
     folds = interleaved_folds(len(recording.poses), settings.folds)
     nuisances = tuple(e for e in static_effects if e.sensor in joint_fit.estimated)
-    prior = joint_fit.known
     return PoseProblem(
-        joint_fit, recording, shapes, settings, tests, folds, nuisances, information, prior, scans
+        joint_fit=joint_fit,
+        recording=recording,
+        variants=variants,
+        settings=settings,
+        tests=tests,
+        fold_of_pose=folds,
+        nuisance_effects=nuisances,
+        information=information,
+        base_rows=joint_fit.known,
+        scans=scans,
     )
 
 
 def diagnose_poses(problem, reasons):
     """Search for effects of both sensors at the poses, and judge the residuals that remain.
+
+    If the data of the gyroscope alone contradict each other, the diagnosis is repeated without it.
 
     Parameters
     ----------
@@ -146,7 +160,8 @@ def diagnose_poses(problem, reasons):
     tested = [sensor for sensor in sensors if sensor not in few]
     try:
         if not tested:
-            result = PoseResult(contents, joint_fit, *final_solution(problem, ()))
+            solution, calibrations = final_solution(problem, ())
+            result = PoseResult(contents, joint_fit, solution, calibrations)
         else:
             kinds = {(sensor,): OF_SENSOR[sensor] for sensor in tested}
             not_tried = {s: pose_candidates(s, recording, static_effects)[1] for s in tested}
@@ -161,6 +176,7 @@ def diagnose_poses(problem, reasons):
     rejected = rejections(result, recording)
     if not rejected:
         return result
+    # the gyroscope is calibrated with the directions of gravity that the accelerometer shows
     if "accelerometer" in rejected or "accelerometer" not in sensors:
         lost = {sensor: not_testable(why) for sensor, why in rejected.items()}
         return PoseResult(contents | lost, joint_fit, rejected=rejected)
@@ -211,7 +227,7 @@ def rejections(result, recording):
 
 
 def pose_products(recording, sensor):
-    """Return the Products to try on a sensor at poses and rotations.
+    """Return the Products, one product of powers of outputs each, to try on a sensor at poses.
 
     An accelerometer has products of specific force only: at rest the angular rate is zero.
     """
@@ -232,8 +248,9 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
     reasons : dict of str to dict
         By sensor, status and reason of the effects that are not tried.
     formulas : callable
-        Takes a sensor; returns the Products to try if its residuals are still above their floor
-        with all other effects.
+        Takes the name of a sensor; returns the Products, effects without a known cause, to try if
+        its residuals are above the floor, the errors that noise alone gives, with all other
+        effects.
 
     Returns
     -------
@@ -241,12 +258,13 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
     """
     result, formulas_by_kind = judge_records(Choices(problem), kinds_by_sensors), {}
     for sensor in (s for s, content in result.contents.items() if may_lack_effect(content)):
-        if shapes := formulas(sensor):
+        if variants := formulas(sensor):
             kind = EffectKind(Product, sensor)
-            formulas_by_kind[kind] = tuple(SensorEffect(shape, sensor) for shape in shapes)
+            formulas_by_kind[kind] = tuple(SensorEffect(variant, sensor) for variant in variants)
     if formulas_by_kind:
         choices = Choices(problem.with_formulas(formulas_by_kind))
         result = judge_records(choices, kinds_by_sensors)
+    # the added effects with their parameters, in the order in which they were added
     fitted = {(s, f.effect): f for s, c in result.calibrations.items() for f in c.effects}
     added = [fitted[e.sensor, e.effect] for e in result.choices.choice().effects]
     contents = {
@@ -257,24 +275,42 @@ def diagnose_record(problem, kinds_by_sensors, reasons, formulas):
 
 
 def judge_records(choices, kinds_by_sensors):
-    """Compare the residuals of a record with their floors; return a PoseResult.
+    """Compare the residuals of a record with their floors, the errors that noise alone gives.
 
-    Its contents have the verdict and the residuals by sensor, but no effects and candidates yet.
-    `choices` are the Choices of the record; `kinds_by_sensors` is as in `diagnose_record`.
+    Parameters
+    ----------
+    choices : Choices
+        The searches and the choice of effects.
+    kinds_by_sensors : dict of tuple to tuple
+        Kinds of residuals by the sensors, a tuple of names, that these residuals judge.
+
+    Returns
+    -------
+    PoseResult
+        Its contents have the verdict and the residuals by sensor, but no effects and candidates.
     """
+    # held-out errors, for which the effects are chosen again without each fold
     errors, contents, columns = choices.errors(choices.nested_choice), {}, {}
     for sensors, kinds in kinds_by_sensors.items():
         content, columns_of_kinds = judge_sensors(choices, sensors, kinds, errors)
         contents |= dict.fromkeys(sensors, content)
         columns |= columns_of_kinds
-    fit = final_solution(choices.problem, choices.choice().effects)
-    return PoseResult(contents, choices.problem.joint_fit, *fit, choices, columns)
+    solution, calibrations = final_solution(choices.problem, choices.choice().effects)
+    return PoseResult(
+        contents=contents,
+        joint_fit=choices.problem.joint_fit,
+        solution=solution,
+        calibrations=calibrations,
+        choices=choices,
+        residuals=columns,
+    )
 
 
 def judge_sensors(choices, sensors, kinds, errors):
-    """Compare the residuals that judge some sensors with their floors.
+    """Compare the residuals that judge some sensors with the errors that noise alone gives.
 
-    Residuals 'before' are those without the added effects of these sensors.
+    These errors are the floor. Residuals 'before' are those without the effects that were added to
+    these sensors.
 
     Parameters
     ----------
@@ -291,12 +327,13 @@ def judge_sensors(choices, sensors, kinds, errors):
     dict
         Fields of diagnosis.json: ``verdict``, ``slow_noise`` and ``residuals``.
     dict of str to ndarray
-        Columns of these kinds, as from `residual_columns`.
+        Columns of these kinds of residuals for poses.parquet or moves.parquet.
     """
     problem, added = choices.problem, choices.choice().effects
     effects_before = tuple(e for e in added if e.sensor not in sensors)
     has_effects = len(effects_before) < len(added)
     errors_before = choices.errors_with(kinds_of(effects_before)) if has_effects else errors
+    # rows next to a step cannot be predicted: they do not count in either error
     predicted = np.isfinite(errors_before) & np.isfinite(errors)
     errors = [np.where(predicted, e, np.nan) for e in (errors_before, errors)]
     before, after = problem.linearization(effects_before), problem.linearization(added)
@@ -304,9 +341,12 @@ def judge_sensors(choices, sensors, kinds, errors):
     comparisons_before = comparisons
     if has_effects:
         _, comparisons_before = compare_rows(problem, before, kinds, errors[0])
-    # the floor uses the probabilities of the alternatives in the fit with effects
-    arguments = before.jacobian, problem.row_folds
-    floors = [np.diag(held_out_covariance(c, *arguments))[:, None] for c in after.covariances]
+    # the floor is the mean over the alternatives of the noise in the fit with effects
+    jacobian, row_folds = before.jacobian, problem.row_folds
+    floors = [
+        np.diag(held_out_covariance(covariance, jacobian, row_folds))[:, None]
+        for covariance in after.covariances
+    ]
     floors = np.where(predicted, floors, np.nan)
     floor = np.tensordot(weights, floors, 1)
     units = {kind: problem.joint_fit.kinds[kind][0] for kind in kinds}
@@ -344,9 +384,9 @@ def compare_rows(problem, linearization, kinds, errors):
     Parameters
     ----------
     problem : PoseProblem
-        It has N rows.
+        It has N rows, one for each component of a residual.
     linearization : Linearization
-        The fit, with m alternatives of the noise.
+        The fit, with m alternatives of the noise: covariances that it may have.
     kinds : sequence of str
         Kinds of residuals.
     errors : ndarray, shape (N, 1)
@@ -359,10 +399,17 @@ def compare_rows(problem, linearization, kinds, errors):
     list of NoiseComparison
         The comparison for each kind.
     """
-    rows, fit = [problem.of_kind(kind) for kind in kinds], linearization
-    group = ResidualGroup(fit.values, fit.jacobian, fit.covariances, problem.row_folds, rows)
+    rows = [problem.of_kind(kind) for kind in kinds]
+    group = ResidualGroup(
+        values=linearization.values,
+        jacobian=linearization.jacobian,
+        covariances=linearization.covariances,
+        row_folds=problem.row_folds,
+        kinds=rows,
+    )
     squares = [np.nansum(errors[of_kind] ** 2) for of_kind in rows]
-    return compare_with_noise([group], fit.log_prior, squares, predicted=np.isfinite(errors[:, 0]))
+    predicted = np.isfinite(errors[:, 0])
+    return compare_with_noise([group], linearization.log_prior, squares, predicted=predicted)
 
 
 def undersampled(problem, solution, floor):
@@ -393,6 +440,7 @@ def undersampled(problem, solution, floor):
     noise, variances = joint_fit.linearise(solution, recording).noise, []
     for aliasing in (True, False):
         covariance = noise.by(joint_fit.noise, aliasing)
+        # the last rows are those of the rotations, two each
         variances.append(np.diag(covariance)[-2 * len(rotations) :].sum() / len(rotations))
     total, others = variances
     sampling = min(total, floor**2) - others

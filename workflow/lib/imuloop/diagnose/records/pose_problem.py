@@ -23,7 +23,10 @@ BATCH_SIZE = 32
 
 @dataclass(frozen=True)
 class Linearization:
-    """The N rows of a PoseProblem, linearised at the fit of all poses with some effects."""
+    """The N rows of a PoseProblem, linearised at the fit of all poses with some effects.
+
+    A row is one component of a residual of a pose, a move between poses, or a prior.
+    """
 
     solution: object  # the Fit, with p parameters
     factors: object  # Linearised factors at its parameters
@@ -49,17 +52,18 @@ class PoseProblem:
 
     joint_fit: object  # JointFit
     recording: object  # Recording
-    shapes: dict  # shapes to try, a tuple for each kind of effect
+    variants: dict  # variants to try, a tuple for each kind of effect
     settings: DiagnoseSettings
     tests: int  # number of tests that share the significance
     # (n,): fold of each pose, or of each move in a MotionProblem; -1 is no fold
     fold_of_pose: np.ndarray
     nuisance_effects: tuple = ()  # effects that other records showed; every fit estimates them
-    # takes effects; returns the information of other records about them, as `static.information`
+    # function that takes effects and returns the Fisher information of other records about θ,
+    # their parameters: A and b, the logarithm of whose likelihood is ``-θᵀ A θ/2 + bᵀ θ``
     information: object = None
-    # prior of the base model: rows R and z, ``R x - z`` has variance one
+    # prior of the parameters x of the base model: R and z; ``R x - z`` has mean 0 and variance 1
     base_rows: tuple = (np.zeros((0, 0)), np.zeros(0))
-    # for kinds of effects with too many shapes for a list: the function that finds the best one
+    # for kinds of effects with too many variants for a list: the function that finds the best one
     scans: dict = field(default_factory=dict)
     _fits: dict = field(default_factory=dict, repr=False)
     _columns: dict = field(default_factory=dict, repr=False)
@@ -74,24 +78,28 @@ class PoseProblem:
 
     @cached_property
     def prior_rows(self):
-        """Rows ``R θ - z`` of the prior, with variance one: R by effect, (k, q), and z, (k,).
+        """Rows ``R θ - z``, with mean 0 and variance 1, that add prior knowledge to each fit.
 
-        θ are the q parameters of the effect. The k rows are the base model's prior, where R is
-        zero, and then the information from other records.
+        θ are the q parameters of an effect. The value is a dict of R, (k, q), by effect, and z,
+        (k,). The first of the k rows are the prior of the base model, where R is zero. The others
+        hold what other records tell about the effects: for their Fisher information A and moment b,
+        ``Rᵀ R = A`` and ``Rᵀ z = b``.
         """
         z_of_base = self.base_rows[1]
         if self.information is None:
             return {}, z_of_base
         # static records have too few attitudes to show formulas
-        named = (shapes for kind, shapes in self.shapes.items() if not kind.is_formula)
+        named = (variants for kind, variants in self.variants.items() if not kind.is_formula)
         effects = self.nuisance_effects + tuple(
-            s for shapes in named for s in shapes if "temperature" in s.needs and not s.timed
+            s for variants in named for s in variants if "temperature" in s.needs and not s.timed
         )
         if not effects:
             return {}, z_of_base
         information, moment = self.information(effects)
+        # parameters have different units: each is scaled so that its information is one
         size = np.sqrt(np.maximum(np.diag(information), 0.0))
         size[size == 0] = 1.0
+        # one row for each direction about which there is information
         values, axes = np.linalg.eigh(information / np.outer(size, size))
         shown = values > ABSORBED * max(values.max(initial=0.0), ABSORBED)
         roots, axes = np.sqrt(values[shown]), axes[:, shown].T
@@ -102,14 +110,16 @@ class PoseProblem:
     def rows(self):
         """Indices of the first and last pose of each row, (n, 2), and kind of each row, (N,).
 
-        The N - n last rows come from the prior; their kind is an empty string.
+        The row of a pose has this pose twice; the row of a move has the poses at its ends. The kind
+        is the kind of residual. The N - n last rows come from the prior: they have no pose, and
+        their kind is an empty string.
         """
         ends, kind = self.joint_fit.rows(self.recording)
         return ends, np.append(kind, np.full(len(self.prior_rows[1]), ""))
 
     @cached_property
     def row_folds(self):
-        """Folds of each row, (N, 2), as in `RowGroup`: of its first pose and of its last pose."""
+        """Folds of the first and of the last pose of each row, (N, 2); -1 for the prior's rows."""
         folds = self.fold_of_pose[self.rows[0]]
         return np.concatenate([folds, np.full((len(self.prior_rows[1]), 2), -1)])
 
@@ -140,10 +150,12 @@ class PoseProblem:
         """
         is_held_out, poses_of_row = np.isin(self.fold_of_pose, list(held_out)), self.rows[0]
         after = self.recording.poses.mid_s > effect.effect.times[0]
+        # training poses on either side of the step, and the held-out poses between them
         number = np.arange(len(after))
         last = number[~is_held_out & ~after].max(initial=-1)
         first = number[~is_held_out & after].min(initial=len(after))
         poses = number[is_held_out & (number > last) & (number < first)]
+        # the kinds of residual that depend on this sensor; both sensors enter a rotation
         kinds = {"rotation", *OF_SENSOR[effect.sensor]}.intersection(self.joint_fit.kinds)
         of_sensor = sum(self.of_kind(kind) for kind in kinds)[: len(poses_of_row)]
         return np.flatnonzero(of_sensor & np.isin(poses_of_row, poses).any(axis=1))
@@ -169,13 +181,17 @@ class PoseProblem:
         return problem
 
     def with_formulas(self, formulas):
-        """Return the problem with more shapes, by kind, that are tried after all others."""
-        # both problems share `_columns` and the linearisations
+        """Return the PoseProblem with more variants to try, which it tries after all others.
+
+        `formulas` has a tuple of variants, which are products of powers without a known cause, for
+        each kind of effect.
+        """
+        # the new problem shares the stored fits and derivatives; each kind is one more test
         count = self.tests + self.settings.family * len(formulas)
-        return replace(self, shapes=self.shapes | formulas, tests=count)
+        return replace(self, variants=self.variants | formulas, tests=count)
 
     def linearization(self, effects=()):
-        """Return the Linearization at the fit of all poses with some effects."""
+        """Return the Linearization at the fit of all poses with some effects; it is stored."""
         if effects not in self._fits:
             self._fits[effects] = self._linearize(effects)
         return self._fits[effects]
@@ -183,8 +199,10 @@ class PoseProblem:
     def _linearize(self, effects):
         """Fit all poses with some effects and return the Linearization there."""
         fitted_effects = (*self.nuisance_effects, *effects)
+        # effects are added one by one: the fit without the last one is near
         start = self.linearization(effects[:-1]).solution.x if effects else None
         R, z = self._prior_rows_of(fitted_effects), self.prior_rows[1]
+        # rows of the prior by all p parameters: the base model's columns, then the effects'
         R_base = self.base_rows[0].reshape(-1, len(self.joint_fit.names))
         R = np.hstack([np.pad(R_base, ((0, len(z) - len(R_base)), (0, 0))), R])
         solution = self.joint_fit.fit(self.recording, fitted_effects, start, (R, z))
@@ -202,8 +220,17 @@ class PoseProblem:
         covariances = [total_covariance(fixed, slow, estimated + share * change) for share in PATH]
         hypotheses, as_estimated = kind_hypotheses([*slow, *excess], likelihood, likeliest)
         evidence = self._evidence(effects, values, jacobian, hypotheses, as_estimated)
-        rows = values, jacobian, log_prior, covariances
-        return Linearization(solution, factors, *rows, evidence, likelihood, likeliest)
+        return Linearization(
+            solution=solution,
+            factors=factors,
+            values=values,
+            jacobian=jacobian,
+            log_prior=log_prior,
+            covariances=covariances,
+            evidence=evidence,
+            likelihood=likelihood,
+            likeliest=likeliest,
+        )
 
     def _evidence(self, effects, values, jacobian, hypotheses, as_estimated):
         """Return the Evidence of the rows at the fit of all poses with some effects.
@@ -217,26 +244,43 @@ class PoseProblem:
             Their derivative with respect to the parameters of the fit; those of the effects are
             last.
         hypotheses : Hypotheses
-            The h noise hypotheses, which are equally probable.
+            The h covariances that the noise may have, which are equally probable.
         as_estimated : ndarray, shape (h,) of bool
             Those that have the noise as estimated.
+
+        Returns
+        -------
+        Evidence
+            Its one group has all rows. Its nuisance parameters are those of the fit without
+            `effects`.
         """
         nuisances = jacobian.shape[1] - sum(len(e.parameters) for e in effects)
         patterns = split_by_effect(jacobian[:, None, nuisances:], effects)
 
-        def designs(shapes):
-            """Return the derivative of all rows by the parameters of each shape, (N, 1, q)."""
-            new_patterns = self.patterns([shape for shape in shapes if shape not in patterns])
-            return [(patterns | new_patterns)[shape] for shape in shapes]
+        def designs(variants):
+            """Return the derivative of all rows by the parameters of each variant, (N, 1, q)."""
+            new_patterns = self.patterns(
+                [variant for variant in variants if variant not in patterns]
+            )
+            return [(patterns | new_patterns)[variant] for variant in variants]
 
-        group = RowGroup(-values[:, None], jacobian[:, :nuisances], hypotheses, self.row_folds)
+        group = RowGroup(
+            values=-values[:, None],
+            nuisance=jacobian[:, :nuisances],
+            noise=hypotheses,
+            row_folds=self.row_folds,
+        )
         log_prior = np.full(len(as_estimated), -np.log(len(as_estimated)))
+        # the size of the noise is known, so that a small χ² does not make errors smaller
         return Evidence(
             [group], log_prior, designs, least_scale=1.0, as_estimated_mask=as_estimated
         )
 
     def _prior_rows_of(self, effects):
-        """Return the prior rows R for the q parameters of some effects, (k, q)."""
+        """Return the derivative R of the k rows of the prior by the parameters of effects, (k, q).
+
+        It is zero for an effect of which the prior tells nothing.
+        """
         R_by_effect, z = self.prior_rows
         rows = (R_by_effect.get(e, np.zeros((len(z), len(e.parameters)))) for e in effects)
         return np.hstack([np.zeros((len(z), 0)), *rows])
@@ -258,14 +302,17 @@ class PoseProblem:
     def nearest_linearization(self, effects):
         """Return the stored Linearization that has the most of some effects and no others.
 
-        The remaining effects are patterns in its Evidence. So effects that only a search without
-        one fold chose need no new fit of all poses.
+        The rows are taken as linear in the remaining effects, by their derivatives in its Evidence.
+        So effects that only a search without one fold chose need no new fit of all poses.
         """
         subsets = [stored for stored in self._fits if set(stored) <= set(effects)]
         return self.linearization(max(subsets, key=len, default=()))
 
     def training_fit(self, base, held_out):
-        """Return the TrainingFit without some folds, linearised with effects of the base."""
+        """Return the TrainingFit, the least-squares fit of the rows without the folds `held_out`.
+
+        Its rows are linearised at a fit with the effects in `base`, which are in the model already.
+        """
         return self.nearest_linearization(base).evidence.training_fit(held_out)
 
     def is_like_slow_noise(self, effect):
@@ -297,6 +344,7 @@ class PoseProblem:
         training_fit = search.training_fit(base)
         extended = (*base, trial.effect)
         change = training_fit.residuals(base, 0) - training_fit.residuals(extended, 0)
+        # the first covariance is that of the noise as estimated
         variance = np.diag(self.nearest_linearization(base).covariances[0])
         by_kind = [rows & (self.fold_of_row >= 0) for rows in self.rows_by_kind()]
         size = [(change[rows] ** 2 / variance[rows]).sum() for rows in by_kind]
@@ -304,18 +352,21 @@ class PoseProblem:
         return kind, self.of_kind(kind)
 
     def covariance(self, effects):
-        """Return the covariance of the parameters of the fit of all poses, (p, p), nominal SI.
+        """Return the covariance of the p parameters of the fit of all poses, (p, p), nominal SI.
 
-        It is the average over the noise hypotheses, weighted by their probability. Under each one
-        it is that of generalised least squares, times the reduced χ² if that is above one, plus the
-        square of the difference between the solution under this hypothesis and the fit. The
-        constants of the effects are parameters too, with a prior standard deviation of a factor e.
+        It is the average over the noise hypotheses, the covariances that the noise may have,
+        weighted by their probability. The covariance under one hypothesis is that of generalised
+        least squares, times the reduced χ² if that is above one, plus the square of the difference
+        between the solution under this hypothesis and the fit. The constants of the effects, such
+        as time constants, are uncertain too: their logarithms count as further parameters with a
+        prior standard deviation of one.
         """
         linearization = self.linearization(effects)
         evidence, jacobian = linearization.evidence, linearization.jacobian
         fit, p = evidence.training_fit().fit(effects, 0), jacobian.shape[1]
         of_constants = self._constant_derivatives(effects, linearization.solution.x)
         sum_of_squares, design = 0.0, np.column_stack([jacobian, *of_constants])
+        # columns of length one: parameters have different units
         size = np.linalg.norm(design, axis=0)
         size[size == 0] = 1.0
         design, prior = design / size, np.diag(size**-2.0 * (np.arange(len(size)) >= p))
@@ -332,24 +383,30 @@ class PoseProblem:
         return covariance[:p, :p]
 
     def _constant_derivatives(self, effects, x):
-        """Return the derivatives of all rows by the log of each effect's constants, (N,) each.
+        """Return the derivatives of all rows by the logarithm of the constants, (N,) each, a list.
 
-        `x`, (p,), are the parameters of the fit with these effects.
+        There is one for each effect with a constant, such as a time constant, that a fit refines;
+        it is the difference quotient for a factor of 1.05. `x`, (p,), are the parameters of the fit
+        with these effects.
         """
         derivatives, first = [], len(self.joint_fit.names)
         parameters = split_by_effect(x[first:], (*self.nuisance_effects, *effects))
         for effect, values in parameters.items():
+            # an effect without such a constant is the same after a change
             if effect.moved(2.0) != effect:
-                moved = self.patterns([effect.moved(f) for f in (1.05, 1 / 1.05)]).values()
-                up, down = (pattern[:, 0] @ values for pattern in moved)
+                variants = [effect.moved(f) for f in (1.05, 1 / 1.05)]
+                up, down = (design[:, 0] @ values for design in self.patterns(variants).values())
                 derivatives.append((up - down) / (2 * np.log(1.05)))
         return derivatives
 
     def why_no_trial(self, search, kind):
-        """Return the reason, text, why a kind of effect has no trial."""
+        """Return the reason, text, why a kind of effect could not be tested.
+
+        `search` is the Search that tried it.
+        """
         rows = search.training_fit(()).free_rows
-        shapes = self.shapes.get(kind) or (kind.cls(),)
-        least = min(len(shape.parameters) for shape in shapes)
+        variants = self.variants.get(kind) or (kind.cls(),)
+        least = min(len(variant.parameters) for variant in variants)
         if rows <= least:
             return f"{rows} residuals to spare do not determine {least} more parameters"
         return "what it adds in these data is taken up by the base model"
@@ -357,23 +414,25 @@ class PoseProblem:
     def fit(self, effects, held_out=frozenset()):
         """Return the Fit with some effects to the rows without the folds in `held_out`.
 
-        Its covariance is zero, since it is not used.
+        It is the fit of all poses plus the linear change that the remaining rows give. Its
+        covariance is zero, since it is not used.
         """
         solution, first = self.nearest_linearization(effects).solution, len(self.joint_fit.names)
-        (nuisance,), by_pattern = self.training_fit(effects, held_out).parameters(effects, 0)
-        start = solution.x.copy()
+        (nuisance_change,), changes = self.training_fit(effects, held_out).parameters(effects, 0)
+        x = solution.x.copy()
         # the nuisance parameters: the base model and the effects that other records showed
-        start[: len(nuisance)] += nuisance
-        parameters = split_by_effect(start[first:], solution.effects)
-        for effect, change in by_pattern.items():
+        x[: len(nuisance_change)] += nuisance_change
+        parameters = split_by_effect(x[first:], solution.effects)
+        for effect, change in changes.items():
+            # the fit of all poses may lack an effect: its parameters then start at zero
             parameters[effect] = parameters.get(effect, 0.0) + change
         all_effects = (*self.nuisance_effects, *effects)
-        x = np.concatenate([start[:first], *(parameters[e] for e in all_effects)])
+        x = np.concatenate([x[:first], *(parameters[e] for e in all_effects)])
         return replace(solution, effects=all_effects, x=x, covariance=np.zeros((len(x),) * 2))
 
 
 def kind_hypotheses(components, likelihood, likeliest):
-    """Return noise hypotheses that treat each kind of residual separately.
+    """Return noise hypotheses, covariances of the noise, that treat each kind of residual alone.
 
     Under each hypothesis, the components of one kind of residual have the likeliest sizes and all
     others the sizes as estimated, or the reverse. The first hypothesis has all sizes as estimated,
@@ -396,8 +455,10 @@ def kind_hypotheses(components, likelihood, likeliest):
         Which of them have all sizes as estimated.
     """
     kinds, number = np.unique([c.kind for c in components], return_inverse=True)
-    one = np.eye(len(kinds), dtype=bool)
-    is_likeliest = np.unique(np.vstack([0 * one, one, ~one, 0 * one == 0]), axis=0)[:, number]
+    # which kinds have the likeliest sizes: none, one, all but one, all
+    single = np.eye(len(kinds), dtype=bool)
+    none = np.zeros_like(single)
+    is_likeliest = np.unique(np.vstack([none, single, ~single, ~none]), axis=0)[:, number]
     sizes = np.where(is_likeliest, likeliest, likelihood.prior_sizes)
     return Hypotheses.of(map(likelihood.covariance, sizes**2)), ~is_likeliest.any(axis=1)
 

@@ -18,18 +18,18 @@ COMPONENTS = {
 }
 
 
-def _of_residual(kind):
-    """Return the names of the columns of one kind of residual, a list."""
+def _names_of(kind):
+    """Return the names of the columns of one kind of residual, a list: its errors, its floor."""
     ends = ("", *(f"_{component}" for component in COMPONENTS[kind]))
     return [*(f"{kind}_{error}{end}" for error in ERRORS for end in ends), f"{kind}_floor"]
 
 
 # columns of poses.parquet and of moves.parquet, with their type
 _PLACE = {"session": object, "pose": int, "start_s": float, "end_s": float}
-_OF_POSE = (*CHANNELS, TEMPERATURE, *_of_residual("gravity_norm"), *_of_residual("pose_rate"))
-_VELOCITY = (*_of_residual("velocity_vertical"), *_of_residual("velocity_horizontal"))
+_OF_POSE = (*CHANNELS, TEMPERATURE, *_names_of("gravity_norm"), *_names_of("pose_rate"))
+_VELOCITY = (*_names_of("velocity_vertical"), *_names_of("velocity_horizontal"))
 _OF_MOVE = (
-    "angle_rad", "speed_rad_s", "axis_x", "axis_y", "axis_z", *_of_residual("rotation"),
+    "angle_rad", "speed_rad_s", "axis_x", "axis_y", "axis_z", *_names_of("rotation"),
     "knock_m_s", *_VELOCITY,
 )  # fmt: skip
 POSES = _PLACE | dict.fromkeys(_OF_POSE, float)
@@ -51,7 +51,7 @@ def residual_columns(problem, kinds, errors, floor):
     kinds : sequence of str
         Kinds of residuals.
     errors : sequence of ndarray, shape (N,)
-        Four errors of each row, in the order of `ERRORS`.
+        Four errors of each row: held out without and with the added effects, then those of the fit.
     floor : ndarray, shape (N,)
         Variance of the held-out errors that the noise alone gives.
     """
@@ -61,18 +61,18 @@ def residual_columns(problem, kinds, errors, floor):
         columns = []
         for error in errors:
             values = error[rows].reshape(-1, k).T
-            # a single component keeps its sign; several have their norm first
+            # a single component keeps its sign; of several, the norm is the first column
             columns.extend(values if k == 1 else (np.linalg.norm(values, axis=0), *values))
         columns.append(np.sqrt(floor[rows].reshape(-1, k).sum(axis=1)))
-        table |= dict(zip(_of_residual(kind), columns, strict=True))
+        table |= dict(zip(_names_of(kind), columns, strict=True))
     return table
 
 
 def poses_table(poses, names, residuals):
     """Return the columns of poses.parquet: the mean of each channel at each pose, and residuals.
 
-    `names` are the names of the sessions, and `residuals` the columns from `residual_columns`.
-    Missing columns are nan.
+    `names` are the names of the sessions, and `residuals` the columns of residuals, a dict of
+    arrays. Missing columns are nan.
     """
     means = dict(zip(CHANNELS, (*poses.f.T, *poses.w.T), strict=True))
     if poses.temperature is not None:
@@ -94,8 +94,8 @@ def moves_table(recording, names, gyroscope, force, residuals):
     gyroscope : SensorCalibration
     force : ndarray, shape (m, k, 3)
         Calibrated specific force at the k samples of each move, for effects of the gyroscope.
-    residuals : dict
-        Columns from `residual_columns`.
+    residuals : dict of str to ndarray, shape (m,)
+        Columns of residuals.
     """
     rotations, channels = recording.rotations, None
     if gyroscope.effects:
@@ -121,7 +121,7 @@ def no_tables():
 
 
 def _place(poses, indices, names, times):
-    """Return the columns session, number of the pose in the session, start and end.
+    """Return the columns session, number of the pose in the session, start and end, s, a dict.
 
     Parameters
     ----------
@@ -133,6 +133,7 @@ def _place(poses, indices, names, times):
     times : Poses or Rotations
         It has the start and end of these poses or moves, s.
     """
+    # poses are sorted by session: the first of each session has the number 0
     number = np.arange(len(poses)) - np.searchsorted(poses.session, poses.session)
     return {
         "session": np.array(names, dtype=object)[poses.session[indices]],
@@ -143,6 +144,9 @@ def _place(poses, indices, names, times):
 
 
 def _table(types, columns):
-    """Return the columns of a table with the given types by name; missing columns are nan."""
+    """Return the columns of a table, a dict of arrays; missing columns are nan.
+
+    `types` has the type of each column by its name, and `columns` the arrays by name.
+    """
     missing = np.full(len(columns["pose"]), np.nan)
     return {name: np.asarray(columns.get(name, missing), kind) for name, kind in types.items()}

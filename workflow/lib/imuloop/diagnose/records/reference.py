@@ -67,6 +67,9 @@ def diagnose_reference(sessions, noise, gravity, settings, tests, calibration):
 def _diagnose_sensor(set_up, windows, folds, settings, tests):
     """Test the effects of the set-up on one sensor and compare its residuals with their floor.
 
+    The set-up is the offset of the clock, the mounting, the place of the marker and the biases. The
+    floor is the error that noise alone gives.
+
     Parameters
     ----------
     set_up : SetUp
@@ -88,10 +91,12 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
     """
     rows = set_up.of_windows(lambda w: np.full(len(w.session), w is windows))
     after, scale = set_up.errors(folds)[rows, None], np.sqrt(set_up.variance[rows, None])
+    # `added` are indices of the parameters of added effects; `chance` is the level of each test
     effects, candidates, added, chance = [], [], [], settings.significance / tests
     for name, units in windows.effects.items():
         index = windows.shared[[[*windows.units].index(name) for name in units]].tolist()
         covariance = set_up.covariance[np.ix_(index, index)]
+        # held-out errors of a fit without these parameters
         before = set_up.errors(folds, index)[rows, None]
         interval = ratio_interval(folds[rows], before / scale, after / scale)
         values, q = set_up.x[index], len(index)
@@ -103,8 +108,8 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
             added = added + index
             effects.append(entry | {"heldout_before": _size(before), "ratio_ci95": interval})
         # size, in standard errors, at which χ² passes the test with the wanted power
-        least = chndtrinc(chdtri(q, chance), q, 1 - settings.power) ** 0.5
-        entry["detection_limit"] = {name: least * std for name, std in entry["std"].items()}
+        deviations = chndtrinc(chdtri(q, chance), q, 1 - settings.power) ** 0.5
+        entry["detection_limit"] = {name: deviations * std for name, std in entry["std"].items()}
         entry["why"] = "fitted; ratio of held-out errors {:.3f} to {:.3f}".format(*interval)
         entry |= {"status": "added" if passed else "rejected", "confounded_with": None}
         candidates.append(entry)
@@ -127,11 +132,12 @@ def _diagnose_sensor(set_up, windows, folds, settings, tests):
 
 
 def _by_session(set_up, windows, logs, calibration):
-    """Return bias b, nominal SI, and mounting, a rotation vector m, rad, for each session.
+    """Return bias b and mounting, a rotation vector m, rad, for each session.
 
-    The result has the fields of diagnosis.json by name of the session. `set_up` is the fit of the
-    set-up, `windows` the Windows of the sensor, `logs` has the ReferenceLog of each session, and
-    `calibration` is the SensorCalibration.
+    The bias is in nominal SI: raw readings by the nominal scale. The mounting rotates from the axes
+    of the IMU to those of the tracked body. The result has the fields of diagnosis.json by name of
+    the session. `set_up` is the fit of the set-up, `windows` the Windows of the sensor, `logs` has
+    the ReferenceLog of each session, and `calibration` is the SensorCalibration.
     """
     names, units = ("bx", "by", "bz", "mx", "my", "mz"), [OUTPUT[windows.sensor]] * 3 + ["rad"] * 3
     content, units = {}, dict(zip(names, units, strict=True))

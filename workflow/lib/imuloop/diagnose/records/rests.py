@@ -20,11 +20,11 @@ COLUMNS = "start_s", "end_s", "kind", "tilt_rad"
 
 @dataclass(frozen=True)
 class StaticData:
-    """Samples at rest."""
+    """Samples of a device at rest."""
 
     kinds: dict  # kind of each session that is used, by name
     samples: dict  # Samples of each session, nominal SI
-    segments: dict  # segments of each session, from `rests_to_use`
+    segments: dict  # table of the segments of each session that are used
 
     @cached_property
     def logs(self):
@@ -40,6 +40,7 @@ class StaticData:
         records = []
         for name, table in self.segments.items():
             record = static_record(name, self.logs[name], table, calibration, sensor, mean_time)
+            # the stretches of a record are the static segments
             cycle = power_cycles(table)[np.asarray(table["kind"]) == STATIC][record.stretch]
             records += [record.part(cycle == k) for k in np.unique(cycle)]
         return [r for r in records if len(r.windows)]

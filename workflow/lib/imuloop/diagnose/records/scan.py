@@ -19,15 +19,16 @@ MOST_TIMES, CLOSE = 50, 0.01
 
 
 def residuals_by_record(search, base, axis):
-    """Return the residuals of one axis after a fit of the base effects.
+    """Return the residuals of one axis, by record, after a fit of the effects in `base`.
 
-    `search` is the Search, and `base` has the effects that are in the model already.
+    `search` is the Search of static records, each of which has n means over windows; `base` has the
+    effects that are in the model already.
 
     Returns
     -------
     list of ndarray, shape (n,)
         Residuals of each record, divided by the estimated size of the noise, so that they have the
-        covariance of the noise hypothesis.
+        covariance of the noise hypothesis, one of the covariances that the noise may have.
     int
         Degrees of freedom of the fit.
     int
@@ -43,23 +44,25 @@ def residuals_by_record(search, base, axis):
 
 
 def best_steps(search, base, may_give_up=False):
-    """Return the Trial of the best number of steps of the bias, or None.
+    """Return the Trial, the significance test, of the best number of steps of the bias, or None.
 
-    Steps are added one by one, each at the time that is clearest with the others in the model. The
-    search ends if one more step does not lower log p. A single one of two steps may not be
-    significant, because the other looks like a random walk: so a second step is tried even then.
-    With `may_give_up` it is not tried if log p of the first is above `HOPELESS`. `base` has the
-    effects that are in the model already.
+    `search` is the Search of static records, which have the means over windows of a rest. Steps are
+    added one by one, each at the time that is clearest with the others in the model. The search
+    ends if one more step does not lower log p. A single one of two steps may not be significant,
+    because the other looks like a random walk: so a second step is tried even then. With
+    `may_give_up` it is not tried if log p of the first is above `HOPELESS`. `base` has the effects
+    that are in the model already.
     """
-    best, steps, tries, shapes = None, (), 0.0, ()
+    best, steps, tries, variants = None, (), 0.0, ()
     for number in range(1, MOST_STEPS + 1):
-        log_p, step, count = most_promising_step(search, base + shapes, steps)
+        log_p, step, count = most_promising_step(search, base + variants, steps)
+        # the order in which the steps were found does not count
         tries += np.log(max(count, 1) / number)
         if not step or (may_give_up and number == 1 and log_p + np.log(3) + tries > HOPELESS):
             break
         steps = (*steps, step)
-        shapes = (joined(steps),)
-        trial = search.best_of_shapes(base, shapes, tries)
+        variants = (joined(steps),)
+        trial = search.best_variant(base, variants, tries)
         if best is not None and (trial is None or trial.log_p >= best.log_p):
             break
         best = trial or best
@@ -69,12 +72,16 @@ def best_steps(search, base, may_give_up=False):
 def most_promising_step(search, base, earlier=()):
     """Return log p of the step that one axis shows most clearly, the step, and the number of tries.
 
-    Windows close to the `earlier` steps are not tried. The step is None if no window is left.
-    `base` has the effects that are in the model, those steps included.
+    `search` is the Search of static records, which have the means over windows of a rest. Windows
+    close to the `earlier` steps are not tried. The step is None if no window is left. `base` has
+    the effects that are in the model, those steps included.
     """
+    # log p, axis and step; without a step p is one
     steps, training_fit = [(0.0, 3, None)], search.training_fit(base)
+    # the training windows of each record, and the windows at whose start a step is tried
     starts, count = [], 0
     for i, record in enumerate(search.problem.records):
+        # windows that are not held out, without those too close to an end or to another step
         rows = np.delete(np.arange(len(record.windows)), training_fit.held_rows[i])
         windows, length = record.windows[rows], np.median(record.length)
         rows = rows[BESIDE : len(rows) - BESIDE + 1]
@@ -90,7 +97,8 @@ def most_promising_step(search, base, earlier=()):
         most, step = -1.0, None
         for i, record, windows, length, rows in starts:
             weighted = training_fit.apply_precision(i, hypothesis, residuals[i][:, None])[:, 0]
-            # a step at the start of a window, for all windows at once
+            # products of residuals and steps, one at the start of each window: the sum of the
+            # weighted residuals from there on
             score = weighted[::-1].cumsum()[::-1][rows]
             drop = _chi_square_drops(score, training_fit.step_information(i, hypothesis)[rows])
             # the time of the step is refined within the two windows next to the best start
@@ -102,15 +110,16 @@ def most_promising_step(search, base, earlier=()):
             drops = _chi_square_drops(weighted @ shares, information)
             if drops.max() > most:
                 time, span = span_between(times[np.argmax(drops)], windows)
-                most, step = drops.max(), Steps((time,), (record.session,), (span,))
+                most = drops.max()
+                step = Steps(times=(time,), sessions=(record.session,), spans=(span,))
         if step:
             steps.append((log_f_tail(most, 1, dof - 1), axis, step))
-    log_p, _, step = min(steps, key=lambda s: s[:2])
+    log_p, _, step = min(steps, key=lambda entry: entry[:2])
     return log_p, step, count
 
 
 def pose_step(sensor, search, base, may_give_up=False):
-    """Return the Trial of the step of a sensor's bias that poses show most clearly, or None.
+    """Return the Trial, the test, of the step of a sensor's bias that poses show best, or None.
 
     Times in the middle of the poses are tried first. If the best of them is clearer than chance,
     times ever closer to it are tried, since a step may lie within a pose or between two. The tests
@@ -122,17 +131,18 @@ def pose_step(sensor, search, base, may_give_up=False):
     if len(middle) < 2 * least:
         return None
     inner = middle[least - 1 : len(middle) - least + 1]
+    # at most so many times, evenly spaced in the number of the pose
     number = np.linspace(0, len(inner) - 1, min(len(inner), MOST_TIMES))
     times = np.interp(number, np.arange(len(inner)), inner)
     spacing, tries = np.diff(times).max() / 2, np.log(2 * WITHIN * len(times))
     as_estimated = search.training_fit(base).evidence.as_estimated_mask
     while True:
-        shapes = [SensorEffect(Steps((float(t),)), sensor) for t in times]
-        trials = [t for t in search.tests(base, shapes, as_estimated) if t]
+        variants = [SensorEffect(Steps((float(t),)), sensor) for t in times]
+        trials = [t for t in search.tests(base, variants, as_estimated) if t]
         if not trials:
             return None
         clearest = min(trials, key=lambda t: t.log_p)
-        best = search.best_of_shapes(base, [clearest.effect], tries)
+        best = search.best_variant(base, [clearest.effect], tries)
         if best is None or spacing < CLOSE or best.log_p > 0:
             return best
         (time,) = best.effect.effect.times

@@ -34,13 +34,15 @@ def ratios(span, length):
 
 def unit_noise(name):
     """Return the AxisNoise of one process, 'N', 'B' or 'K', with the coefficient 1."""
-    return AxisNoise(**{name: Coefficient(1.0, (1.0, 1.0), 1.0, True)})
+    one = Coefficient(value=1.0, ci95=(1.0, 1.0), upper95=1.0, identifiable=True)
+    return AxisNoise(**{name: one})
 
 
 def hypotheses(windows, grid):
-    """Return the Hypotheses of means over n windows, for the ratios on the grid and N = 1.
+    """Return the Hypotheses of means over n windows: g covariances that their noise may have.
 
-    `windows`, (n, 2), are start and end of each window, s; `grid`, (g, 2), is from `ratios`.
+    `windows`, (n, 2), are start and end of each window, s. `grid`, (g, 2), has the ratios
+    ``B²/N²``, Hz, and ``K²/N²``, Hz², of flicker and random walk to white noise, which has N = 1.
     """
     white, flicker, walk = (unit_noise(name).mean_covariance(windows) for name in "NBK")
     return Hypotheses.of(white + b * flicker + k * walk for b, k in grid)

@@ -22,15 +22,15 @@ class StaticProblem:
 
     One of the N rows is the mean over one window, on the three axes of the sensor. Each record is a
     group of rows with its own level, since bias and attitude change from one power cycle to the
-    next. The methods and properties are the same as those of `PoseProblem`.
+    next. Cross-validation holds out one fold, some of the rows, at a time.
     """
 
     records: tuple  # StaticRecords; a session with several power cycles has several
-    shapes: dict  # shapes to try, a tuple for each kind of effect
+    variants: dict  # variants to try, a tuple for each kind of effect
     settings: DiagnoseSettings
     tests: int  # number of tests that share the significance
     noise: tuple | None = None  # Hypotheses of each record; default: a grid of white and slow noise
-    # for kinds of effects with too many shapes for a list: the function that finds the best one
+    # for kinds of effects with too many variants for a list: the function that finds the best one
     scans: ClassVar = {Steps: best_steps}
     # whether a scan is repeated when the base has grown; unit of the held-out errors
     scans_again, error_scale = False, 1.0
@@ -58,7 +58,10 @@ class StaticProblem:
 
     @cached_property
     def evidence(self):
-        """Evidence of all rows."""
+        """Evidence of all rows: their values, and the covariances that their noise may have.
+
+        These hypotheses are a grid of ratios of flicker and of random walk to white noise.
+        """
         span = max(np.ptp(r.windows) for r in self.records)
         length = min(np.median(r.length) for r in self.records)
         grid, prior = ratios(span, length)
@@ -66,9 +69,17 @@ class StaticProblem:
         # no row depends on a second fold
         folds = np.column_stack([self.fold_of_row, np.full(len(self.fold_of_row), -1)])
         ends = np.cumsum([len(r.values) for r in self.records])[:-1]
+        # the nuisance parameter of a record is its level
         groups = [
-            RowGroup(r.values - r.values.mean(axis=0), np.ones((len(r.values), 1)), h, row_folds)
-            for r, h, row_folds in zip(self.records, noise, np.split(folds, ends), strict=True)
+            RowGroup(
+                values=r.values - r.values.mean(axis=0),
+                nuisance=np.ones((len(r.values), 1)),
+                noise=hypotheses_of_record,
+                row_folds=row_folds,
+            )
+            for r, hypotheses_of_record, row_folds in zip(
+                self.records, noise, np.split(folds, ends), strict=True
+            )
         ]
         # Parameters are estimated without random walk: its weights would use the fastest changes
         # only, where a lag that the model lacks matters most.
@@ -98,20 +109,23 @@ class StaticProblem:
     def residuals(self, search, effects):
         """Return the residuals of all rows, (N, 3), SI, by a fit of effects to the training rows.
 
-        `search` is the Search that has these training rows.
+        The training rows are those that `search`, a Search, does not hold out.
         """
         training_fit = search.training_fit(effects)
         return np.column_stack([training_fit.residuals(effects, axis) for axis in range(3)])
 
     def training_fit(self, base, held_out):
-        """Return the TrainingFit without some folds; the rows are linear in all effects."""
+        """Return the TrainingFit, the least-squares fit to the rows without the folds `held_out`.
+
+        It does not depend on the effects in `base`, since the rows are linear in all effects.
+        """
         return self.evidence.training_fit(held_out)
 
     def refit(self, effects):
         """Do nothing: the rows are linear in all effects, so no new linearisation is needed."""
 
     def most_changed_rows(self, search, base, trial):
-        """Return the kind of residual that a trial changes most, and its rows: all, of one kind."""
+        """Return the only kind of residual, and its rows, all: no trial changes another one."""
         return "bias", slice(None)
 
     def is_like_slow_noise(self, effect):
@@ -119,7 +133,7 @@ class StaticProblem:
         return False
 
     def of_kind(self, kind):
-        """Return the rows of one kind of residual, (N,) of bool: all, there is one kind."""
+        """Return the rows of one kind of residual, (N,) of bool: all, since there is one kind."""
         return np.ones(len(self.fold_of_row), dtype=bool)
 
     def rows_by_kind(self):
@@ -127,11 +141,11 @@ class StaticProblem:
         return [self.of_kind("bias")]
 
     def components(self, kind):
-        """Return the number of rows of one residual."""
+        """Return the number of rows that make up one residual, 1."""
         return 1
 
     def why_no_trial(self, search, kind):
-        """Return the reason, text, why a kind of effect has no trial."""
+        """Return the reason, text, why a kind of effect could not be tested."""
         return "what it adds in these data is taken up by the bias"
 
 
@@ -141,7 +155,9 @@ def fitted_effects(search, effects):
     The result is None if an axis cannot estimate them. `search` is the Search of the records.
     """
     training_fit = search.training_fit(effects)
+    # the derivatives of the rows, scaled to columns of length one
     patterns = training_fit.evidence.patterns(effects)
+    # index of the first parameter of each effect, and their number
     ends, estimates = np.cumsum([0, *(len(e.parameters) for e in effects)]), []
     for axis in range(training_fit.evidence.axes):
         if not training_fit.evidence.columns_of(effects, axis):
@@ -156,8 +172,10 @@ def fitted_effects(search, effects):
     values, covariance = combined_axes(ends[-1], estimates)
     std, fitted = np.sqrt(np.diag(covariance)), []
     for effect, (i, j) in zip(effects, pairwise(ends), strict=True):
-        by_name = (zip(effect.parameters, x[i:j].tolist(), strict=True) for x in (values, std))
-        fitted.append(FittedEffect(effect, *map(dict, by_name)))
+        by_name, std_by_name = (
+            dict(zip(effect.parameters, x[i:j].tolist(), strict=True)) for x in (values, std)
+        )
+        fitted.append(FittedEffect(effect, by_name, std_by_name))
     return tuple(fitted)
 
 
@@ -166,8 +184,9 @@ def information(search, base, effects):
 
     On each axis ``A = Dᵀ P̃ D/κ``, where D is the derivative of the rows with respect to θ, and P̃
     the precision of the noise after the levels of the records are projected out. κ makes the errors
-    as large as those of `fitted_effects`: it is the largest ratio of ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d``
-    of all columns d of D, with the noise covariance Σ averaged over the noise hypotheses.
+    as large as those of a fit of the effects to the records: it is the largest ratio of
+    ``dᵀ P̃ Σ P̃ d`` to ``dᵀ P̃ d`` of all columns d of D, with the noise covariance Σ averaged over
+    the noise hypotheses, the covariances that the noise may have.
 
     Parameters
     ----------
@@ -181,13 +200,14 @@ def information(search, base, effects):
     Returns
     -------
     ndarray, shape (q, q), and ndarray, shape (q,)
-        A and b, SI: the logarithm of the likelihood of θ is ``-θᵀ A θ/2 + bᵀ θ``. Parameters that
-        the records do not show have zeros.
+        Fisher information A and moment b, SI: the logarithm of the likelihood of θ is
+        ``-θᵀ A θ/2 + bᵀ θ``. Parameters that the records do not show have zeros.
     """
     nuisances = tuple(e for e in base if e not in effects)
     training_fit, q = search.training_fit(base), sum(len(e.parameters) for e in effects)
     evidence = training_fit.evidence
     design = np.concatenate([p.design for p in evidence.patterns((*effects, *nuisances))], axis=2)
+    # columns of length one: parameters have different units
     size = np.linalg.norm(design.reshape(-1, design.shape[2]), axis=0)
     size[size == 0] = 1.0
     precision, moment = np.zeros((len(size),) * 2), np.zeros(len(size))
@@ -196,6 +216,7 @@ def information(search, base, effects):
         fit = training_fit.fit(base, axis)
         columns = np.column_stack([design[:, axis] / size, values[:, axis]])
         products, variance = training_fit.moments(fit, columns)
+        # the last column is that of the values
         square, variance = np.diag(products)[:-1], np.diag(variance)[:-1]
         shown = square > ABSORBED * square.max()
         if shown.any():

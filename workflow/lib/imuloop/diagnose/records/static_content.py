@@ -20,19 +20,23 @@ ONE_ATTITUDE = "in one attitude, without a turn, it cannot be told from the bias
 def static_content(sensor, finding, noise, noise_change):
     """Return the fields of diagnosis.json about the static records of a sensor.
 
+    A static record has the means over windows of a long rest.
+
     Parameters
     ----------
     sensor : str
     finding : StaticFinding
         Result of the search.
     noise : NoiseModel
-        Noise after the effects were subtracted; it gives the floor.
+        Noise after the effects were subtracted; it gives the floor, the size of held-out errors
+        that noise alone gives.
     noise_change : dict
         Coefficients of the noise before and after that, by axis; empty without effects.
     """
     axes, problem, effects = SENSORS[sensor], finding.choices.problem, finding.effects
     content = search_content(finding.choices, effects, finding.reasons, sensor)
     for entry, trial in zip(content["effects"], finding.choices.choice().added, strict=True):
+        # errors on one axis show that the effect was tested on this axis only
         entry["axis"] = axes[trial.axis] if trial.change.before.shape[1] == 1 else None
     names = {candidate["name"] for candidate in content["candidates"]}
     content["candidates"] += [
@@ -43,13 +47,17 @@ def static_content(sensor, finding, noise, noise_change):
     # alternatives of the noise: as estimated, and with the largest flicker and random walk
     sizes = {(axis, term): noise.known(axis, term) for axis in axes for term in "BK"}
     largest = noise.with_sizes({key: size + FARTHEST * std for key, (size, std) in sizes.items()})
+    # by record, axis and alternative
     covariances = [
         [[model.axes[a].mean_covariance(r.windows) for model in (noise, largest)] for a in axes]
         for r in problem.records
     ]
     errors, floor = finding.errors, _floor(problem, covariances)
-    pairs = zip(((), effects), errors, strict=True)
-    comparisons = [_comparisons(problem, *pair, covariances) for pair in pairs]
+    # without and with effects
+    comparisons = [
+        _comparisons(problem, added, heldout, covariances)
+        for added, heldout in zip(((), effects), errors, strict=True)
+    ]
     units = {"bias": OUTPUT[sensor]}
     content |= residuals_content(problem, units, comparisons, errors, floor, bool(effects))
     residual = content["residuals"]["bias"]
@@ -64,8 +72,9 @@ def _floor(problem, covariances):
     """Return the variance of the held-out errors that the noise as estimated gives, (N, 3).
 
     A held-out error is a mean minus the level of its record, which is the mean of the training
-    rows. `covariances` has, for each record and each axis, the covariances that the noise of the n
-    means may have, (n, n) each; the noise as estimated is the first.
+    rows. One of the N rows is a mean over a window. `covariances` has, for each record and each
+    axis, two covariances that the noise of its n means may have, (n, n) each; the noise as
+    estimated is the first.
     """
     floors = []
     for record, group, by_axis in zip(
@@ -81,7 +90,7 @@ def _floor(problem, covariances):
 
 
 def _comparisons(problem, effects, errors, covariances):
-    """Compare all rows with the noise, after some effects are subtracted.
+    """Compare all N rows, means over windows, with the noise, after effects are subtracted.
 
     Parameters
     ----------
@@ -90,7 +99,8 @@ def _comparisons(problem, effects, errors, covariances):
     errors : ndarray, shape (N, 3)
         Held-out errors with these effects.
     covariances : list of list of list of ndarray
-        For each record and each axis, the covariances that the noise may have, as in `_floor`.
+        For each record and each axis, the two covariances that the noise of its n means may have,
+        (n, n) each; the noise as estimated is the first.
 
     Returns
     -------
@@ -102,21 +112,33 @@ def _comparisons(problem, effects, errors, covariances):
     for values, rows, by_axis in zip(by_record, evidence.row_groups, covariances, strict=True):
         every_row = [np.ones(len(values), dtype=bool)]
         groups += [
-            ResidualGroup(column, rows.nuisance, alternatives, rows.row_folds, every_row)
+            ResidualGroup(
+                values=column,
+                jacobian=rows.nuisance,
+                covariances=alternatives,
+                row_folds=rows.row_folds,
+                kinds=every_row,
+            )
             for column, alternatives in zip(values.T, by_axis, strict=True)
         ]
     patterns = evidence.patterns([effect.effect for effect in effects])
+    # number of parameters of the effects, on all axes
     fitted = sum(len(columns) for pattern in patterns for columns in pattern.columns)
-    return compare_with_noise(groups, (0.0, 0.0), [(errors**2).sum()], fitted)[1]
+    # both alternatives of the noise are equally probable
+    return compare_with_noise(
+        groups, log_prior=(0.0, 0.0), squares=[(errors**2).sum()], fitted=fitted
+    )[1]
 
 
 def _errors_by_session(axes, problem, errors, floor):
     """Return root mean square held-out errors before and after, and the floor, SI.
 
-    The result is a dict by session and axis. `errors` has the errors without and with effects, and
-    `floor` the variance that the noise alone gives, (N, 3) each.
+    The result is a dict by session and axis. `axes` are the names of the axes. `errors` has the
+    held-out errors of the N means without and with effects, and `floor` their variance by the noise
+    alone, (N, 3) each.
     """
     squares = {"before": errors[0] ** 2, "after": errors[1] ** 2, "floor": floor}
+    # session of each of the N means
     names = np.concatenate([np.repeat(r.session, len(r.windows)) for r in problem.records])
     content = {}
     for session in dict.fromkeys(names):
@@ -131,7 +153,8 @@ def _errors_by_session(axes, problem, errors, floor):
 def _points(problem, effects, errors, floor):
     """Return a list with one dict per window: times, errors, floor and values, SI, for plots.
 
-    `effects` are the added FittedEffects; `errors` and `floor` are as in `_errors_by_session`.
+    `effects` are the added FittedEffects. `errors` has the held-out errors of the N means without
+    and with effects, and `floor` their variance by the noise alone, (N, 3) each.
     """
     split = problem.evidence.split
     norms = [np.linalg.norm(e, axis=1) for e in (*errors, np.sqrt(floor))]

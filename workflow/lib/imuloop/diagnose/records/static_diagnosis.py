@@ -67,8 +67,9 @@ class StaticResult:
         Returns
         -------
         ndarray, shape (q, q), and ndarray, shape (q,)
-            A and b, SI: the logarithm of the likelihood of θ is ``-θᵀ A θ/2 + bᵀ θ``. Parameters
-            have zeros unless their effect is in `shown` or is an effect of the temperature.
+            Fisher information A and moment b, SI: the logarithm of the likelihood of θ is
+            ``-θᵀ A θ/2 + bᵀ θ``. Parameters have zeros unless their effect is in `shown` or is an
+            effect of the temperature.
         """
         ends = np.cumsum([0, *(len(e.parameters) for e in effects)])
         A, b = np.zeros((ends[-1],) * 2), np.zeros(ends[-1])
@@ -80,15 +81,18 @@ class StaticResult:
             ]
             if numbers:
                 index = np.concatenate([np.arange(ends[k], ends[k + 1]) for k in numbers])
-                shapes = tuple(effects[k].effect for k in numbers)
+                variants = tuple(effects[k].effect for k in numbers)
                 search, base = finding.choices.search(), tuple(e.effect for e in finding.effects)
-                A[np.ix_(index, index)], b[index] = information(search, base, shapes)
+                A[np.ix_(index, index)], b[index] = information(search, base, variants)
         return A, b
 
 
 @dataclass(frozen=True)
 class StaticFinding:
-    """The result of the search in the static records of one sensor, with N rows."""
+    """The result of the search in the static records of one sensor.
+
+    A record has the means over windows of a long rest; the N rows are the means of all records.
+    """
 
     choices: Choices  # the searches and the choice of effects
     reasons: dict  # status and reason of effects that cannot be tried
@@ -109,26 +113,30 @@ def static_tests(records, settings):
 
 
 def usable_records(records, settings):
-    """Return the records that have at least two windows for each fold."""
+    """Return the StaticRecords that have at least two windows for each fold, a list."""
     return [r for r in records if len(r.windows) >= 2 * settings.blocks]
 
 
 def static_candidates(sensor, records):
-    """Return the shapes to try on a sensor in static records, and the effects that are not tried.
+    """Return the variants to try on a sensor in static records, and the effects that are not tried.
 
-    Both are dicts by type of effect: a tuple of shapes, and a status with its reason.
+    A variant is an effect with values of its constants. Both results are dicts by type of effect:
+    a tuple of variants, and a status with its reason. `records` are the StaticRecords.
     """
     columns = []
     for name in ("t", "output", "other", "temperature"):
         parts = [getattr(record.channels, name) for record in records]
         columns.append(None if any(p is None for p in parts) else np.concatenate(parts))
-    shapes, reasons = candidates(sensor, "static_record", Channels(*columns))
-    # shapes with a price are for shorter records: hours at rest show the lag of a thermometer
-    return {cls: tuple(s for s in tried if not s.price) for cls, tried in shapes.items()}, reasons
+    variants, reasons = candidates(sensor, "static_record", Channels(*columns))
+    # variants with a price assume that the thermometer lags; they are for shorter records, as hours
+    # at rest show the lag itself
+    return {cls: tuple(s for s in tried if not s.price) for cls, tried in variants.items()}, reasons
 
 
 def diagnose_static(data, records, calibration, noise, settings, noise_settings, tests):
     """Search the static records of both sensors of a device for effects.
+
+    A static record has the means over windows of a long rest.
 
     Parameters
     ----------
@@ -154,6 +162,7 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
     for sensor, axes in SENSORS.items():
         used = usable_records(records[sensor], settings)
         if sensor == "accelerometer" and used:
+            # a disturbance that tilts the device changes the specific force: it is no effect
             used = cut_at_tilts(used, 2 * settings.blocks)
         reason = why_untestable(used, [noise.axes[name] for name in axes], settings)
         try:
@@ -183,7 +192,9 @@ def diagnose_static(data, records, calibration, noise, settings, noise_settings,
         sessions = corrected_sessions(data, calibration, doubtful)
         corrected = estimate_noise(noise.device, sessions, noise_settings, views=False).model
     lasting = {s: tuple(e for e in effects.get(s, ()) if e.effect.lasting) for s in SENSORS}
-    return StaticResult(content, lasting, corrected, allan, findings)
+    return StaticResult(
+        content=content, effects=lasting, noise=corrected, allan=allan, findings=findings
+    )
 
 
 def why_untestable(records, axes, settings):
@@ -208,18 +219,31 @@ def why_untestable(records, axes, settings):
 
 
 def search_records(sensor, records, settings, tests):
-    """Return the StaticFinding of a sensor: search its StaticRecords for effects.
+    """Search the StaticRecords of a sensor for effects; return a StaticFinding.
 
     `tests` is the number of tests that share the significance.
     """
-    candidate_shapes, reasons = static_candidates(sensor, records)
-    shapes = {cls: s for cls, s in candidate_shapes.items() if s}
-    choices = Choices(StaticProblem(tuple(records), shapes, settings, tests))
+    variants_by_kind, reasons = static_candidates(sensor, records)
+    # steps have no variants: a scan finds their times
+    variants = {cls: variants for cls, variants in variants_by_kind.items() if variants}
+    problem = StaticProblem(
+        records=tuple(records), variants=variants, settings=settings, tests=tests
+    )
+    choices = Choices(problem)
     choice, search = choices.choice(), choices.search()
+    # held-out errors without effects, and with effects that are chosen again without each fold
     errors = choices.errors_with(()), choices.errors(choices.nested_choice)
     unconfirmed = [k for k in choice.failed if k.lasting]
     trial = search.trial(choice.effects, unconfirmed[0]) if unconfirmed else None
     effects = fitted_effects(search, choice.effects)
     doubtful = fitted_effects(search, (*choice.effects, trial.effect)) if trial else effects
-    choices.problem.evidence.release()
-    return StaticFinding(choices, reasons, effects, doubtful or effects, errors)
+    # the memory of the fits is freed
+    problem.evidence.release()
+    # the doubtful effects cannot always be estimated together
+    return StaticFinding(
+        choices=choices,
+        reasons=reasons,
+        effects=effects,
+        doubtful=doubtful or effects,
+        errors=errors,
+    )

@@ -38,7 +38,9 @@ class StaticRecord:
         """Return the StaticRecord of some windows; `rows` is a mask, (n,) of bool."""
         windows, stretch, values = (x[rows] for x in (self.windows, self.stretch, self.values))
         channels = self.channels.map(lambda x: x[rows])
-        return StaticRecord(self.session, windows, stretch, values, channels)
+        return StaticRecord(
+            session=self.session, windows=windows, stretch=stretch, values=values, channels=channels
+        )
 
 
 def static_record(session, log, segments, calibration, sensor, mean_time):
@@ -68,23 +70,28 @@ def static_record(session, log, segments, calibration, sensor, mean_time):
         x = getattr(log, attribute)
         # the output is linear in x, and sums of small differences lose no digits
         outputs[name] = getattr(calibration, name).output(x[0] + _means(x - x[0], ends))
+    # the input of effects is the mean of the session: they do not follow the noise of the windows
     values, other = outputs[sensor], outputs[other_sensor(sensor)]
     level = values.mean(axis=0) if len(values) else np.zeros(3)
     channels = Channels(
-        windows.mean(axis=1),
-        np.tile(level, (len(windows), 1)),
-        other,
-        None if log.temperature is None else _means(log.temperature, ends),
-        cache(lambda *function: _means(log.evaluate(sensor, *function), ends)),
+        t=windows.mean(axis=1),
+        output=np.tile(level, (len(windows), 1)),
+        other=other,
+        temperature=None if log.temperature is None else _means(log.temperature, ends),
+        # a function of the whole log and its constants is evaluated, then averaged over the windows
+        history=cache(lambda *function: _means(log.evaluate(sensor, *function), ends)),
     )
-    return StaticRecord(session, windows, stretch, values, channels)
+    return StaticRecord(
+        session=session, windows=windows, stretch=stretch, values=values, channels=channels
+    )
 
 
 def _static_windows(log, segments, mean_time):
     """Return the windows in the undisturbed stretches of a session, and the stretch of each.
 
-    The windows are start and end, s, (n, 2), and the stretches an index, (n,). The arguments are
-    those of `static_record`.
+    The windows are start and end, s, (n, 2), and the stretches an index, (n,). `log` is the Log and
+    `segments` the table of segments of the session; `mean_time` is the wanted length of a window,
+    s.
     """
     static = np.asarray(segments["kind"]) == STATIC
     seconds = np.array([np.asarray(segments[c], float)[static] for c in ("start_s", "end_s")]).T
@@ -93,7 +100,7 @@ def _static_windows(log, segments, mean_time):
     duration = np.diff(seconds).sum()
     length = min(mean_time, duration / LEAST_MEANS)
     length = max(length, LEAST_SAMPLES * interval, duration / MOST_MEANS)
-    # the small term keeps rounding errors from removing the last window of a stretch
+    # number of windows in each stretch; the small term keeps rounding errors from removing the last
     counts = (np.diff(seconds)[:, 0] / length + 1e-6).astype(int)
     stretch = np.repeat(np.arange(len(counts)), counts)
     number = np.arange(len(stretch)) - np.repeat(np.cumsum(counts) - counts, counts)
