@@ -250,7 +250,9 @@ def report_device(device):
 
 
 def report(devices, command, family=None, failures=()):
-    """Write results/report.html and results/comparison.csv; return a line for each device.
+    """Write results/report.html and results/comparison.csv; return verdicts.
+
+    Returns a line with the verdicts of each device that did not fail.
 
     Parameters
     ----------
@@ -259,7 +261,7 @@ def report(devices, command, family=None, failures=()):
     command : str
         Command that makes the report, to be shown in it.
     family : path-like, optional
-        family.json, where devices name their type.
+        Path of family.json, if devices of the config declare a type.
     failures : list of imuloop.failures.Failure
         At least one for each device without complete results.
     """

@@ -46,9 +46,10 @@ NO_DIRECTION = "direction of gravity not known: the accelerometer has no calibra
 
 
 def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=None):
-    """Return the JointFit, the set-up of a fit of both sensors, and why a sensor has no data.
+    """Return the JointFit, the set-up of a fit of both sensors, and why a sensor cannot be fitted.
 
-    The start is the result of a first fit, with equal weights for residuals of a kind.
+    A first fit with equal weights for residuals of a kind gives the start. If it does not converge,
+    or leaves residuals above `MISFIT` standard deviations, the start is the mean of the prior.
 
     Parameters
     ----------
@@ -61,14 +62,15 @@ def start_fit(recording, noise, gravity, units, prior=None, turns=None, bias=Non
     turns : KnownTurns, optional
         Known turns of the gyroscope, in addition to the rotations of the recording.
     bias : (ndarray, ndarray), optional
-        Bias of the gyroscope and its variance, nominal SI, (3,) each, if the fit shall hold it.
+        Bias of the gyroscope and its variance, (3,) each, if the fit shall hold it. Nominal SI: raw
+        readings converted with the data sheet's scale and offset.
 
     Returns
     -------
     JointFit or None
-        The fit, with the state to start from; None if no sensor has data.
+        The fit, with the state to start from; None if no sensor can be fitted.
     dict of str to str
-        For each sensor without data, why it has none.
+        Why a sensor cannot be fitted, by sensor: there are no poses, or its noise is not known.
     """
     poses, prior = recording.poses, prior or data_sheet()
     if not len(poses):
@@ -174,12 +176,16 @@ def calibrate_sensors(recording, noise, gravity, units, settings, prior=None, tu
 def contradictions(joint, solution, recording):
     """Return the sensors whose data contradict each other, a dict with the reason of each.
 
-    The data of a sensor contradict each other in three cases: the sensor changed during the
-    recording; the fit gives values that no sensor has; or the residuals are larger than the prior
-    allows. The last is ``|r|² > q tr(J P₀ Jᵀ)/n``, with the n residuals r of the sensor, their
-    Jacobian J and the covariance P₀ of the prior: without a fit |r|² would be about the trace. For
-    the accelerometer q is the quantile of χ²(n) that is exceeded with the probability `CHANCE`. For
-    the gyroscope q is n, the mean of χ²(n): if its fit is refused, a rest still gives its bias.
+    The data of a sensor contradict each other in two cases: the fit gives values that no sensor
+    has, or the residuals are larger than the prior allows. In these cases, and if the reduced χ² is
+    above `CONTRADICTORY`, a change of the sensor during the recording is looked for, too. If there
+    is one, it is the reason.
+
+    The prior allows ``|r|² ≤ q tr(J P₀ Jᵀ)/n``, with the n residuals r of the sensor, their
+    Jacobian J and the covariance P₀ of the prior. The trace is the mean of |r|² if the parameters
+    are not fitted at all. For the accelerometer q is the quantile of χ²(n) that is exceeded with
+    the probability `CHANCE`. For the gyroscope q is n, the mean of χ²(n). This is stricter, because
+    refusing its fit costs little: a rest still gives its bias.
 
     Parameters
     ----------

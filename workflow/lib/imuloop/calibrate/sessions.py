@@ -69,7 +69,7 @@ def read_recording(sessions, longest_rotation, kind="multi_position"):
     Parameters
     ----------
     sessions : dict of str to dict
-        Sessions by name.
+        Sessions by name, each with ``kind`` and the paths ``samples`` and ``segments``.
     longest_rotation : float
         Longest rotation between two poses, s.
     kind : str, optional
@@ -83,8 +83,9 @@ def read_recording(sessions, longest_rotation, kind="multi_position"):
     chosen = usable_sessions(sessions, *GROUPS[kind])
     columns = (TIME, *CHANNELS, TEMPERATURE, *OWN_TIME.values())
     samples = [read_columns(session["samples"], columns) for session, _ in chosen]
+    # the values at which each channel clips
     rails = [read_metadata(session["samples"]).get("rails", {}) for session, _ in chosen]
-    recording = record(samples, [table for _, table in chosen], longest_rotation, rails)
+    recording = record(samples, [segments for _, segments in chosen], longest_rotation, rails)
     return replace(recording, kind=kind, why_no_pose=why_no_pose(sessions, kind))
 
 

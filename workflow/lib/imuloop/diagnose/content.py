@@ -194,7 +194,7 @@ def _by_slow_noise(search, base, trial):
 def size_of(problem, kind, errors):
     """Return the root mean square norm of the errors of one kind of residual, a float.
 
-    `errors` are n rows of that kind on a axes, (n, a). A residual has the number of rows that
-    `problem.components` returns, one after the other.
+    `errors`, (n, k), are the n rows of that kind, with one column for each of k axes. A residual
+    consists of `problem.components(kind)` consecutive rows, and its norm is over all of them.
     """
     return rms_norm(errors.reshape(-1, problem.components(kind) * errors.shape[1]))

@@ -123,6 +123,10 @@ class SizeLikelihood:
     """
 
     def __init__(self, jacobian, fixed, components):
+        """Store the parts of the covariance; columns of the Jacobian get length one for rounding.
+
+        A size may be up to `FARTHEST` standard deviations above its prior value.
+        """
         self.prior_sizes = np.array([c.size for c in components])
         self.deviations = np.array([c.deviation for c in components])
         self.weight = self.deviations**-2.0

@@ -308,14 +308,16 @@ class Search:
         """Return the effects with their constants chosen again, a tuple.
 
         Each effect but the last, one after the other, gets the variant (values of its constants)
-        with the smallest p-value when it is added to all others.
+        with the smallest p-value when it is added to all others. The last one was chosen with the
+        others in the model already. An effect without a list of variants, such as a step at any
+        time, is searched again if the problem says so (`scans_again`).
         """
         for i, effect in enumerate(effects[:-1]):
             variants, best = self.problem.variants.get(effect.kind, ()), None
             other_effects = effects[:i] + effects[i + 1 :]
             # only the p-values of one kind are compared, so the number of tries is left out
             if len(variants) > 1:
-                best = self.best_variant(other_effects, variants, 0.0)
+                best = self.best_variant(other_effects, variants, tries=0.0)
             elif effect.kind in self.problem.scans and self.problem.scans_again:
                 best = self.trial(other_effects, effect.kind)
             effects = (*effects[:i], best.effect, *effects[i + 1 :]) if best else effects

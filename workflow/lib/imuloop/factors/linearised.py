@@ -48,6 +48,15 @@ class Linearised:
     """
 
     def __init__(self, measured, state):
+        """Compute what all residuals share from Measurements and a State.
+
+        `across`, (n, 3, 3), is the derivative of the upward direction at a rest with respect to the
+        specific force; `leaving` and `arriving`, (m, 3), the upward directions before and after a
+        move; `after`, a complex array, the attitude after each time step, from the start of the
+        move; `attitude_within`, (m, k, 3, 3), that in the middle of each step; `weights`, (m, k),
+        s, integrate over the samples of a move; `places`, (m, a), are the indices of a move's a
+        residuals among all residuals.
+        """
         self.measured, self.state = measured, state
         rests, moves, factors = measured.rests, measured.moves, measured.factors
         # derivative of the sum of a sensor's effects with respect to their parameters: of the

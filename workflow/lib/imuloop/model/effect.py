@@ -267,8 +267,10 @@ class FittedEffect:
     def output(self, channels):
         """Return e, which the effect adds to the sensor's output, SI, (n, 3).
 
-        It is taken at the n points of the Channels, with the derivative clamped to the range of the
-        data that the effect was fitted to. `channels.clamped` gets the points where it was.
+        e is the design, the derivative of e with respect to the p parameters, (n, 3, p), at the n
+        points of the Channels, times the parameters. The derivative with respect to each parameter
+        is clamped to its range in the data that the effect was fitted to. `channels.clamped` gets a
+        mask, (n,), of the points at which it was clamped, under the name of the effect.
         """
         design = self.effect.design_at(channels, self.vector)
         if self.ranges:

@@ -188,25 +188,37 @@ def _find_cuts(x, ranges, floor, step, settings):
 
 
 def _find_large(sums, differences, half, covariance, bound, guard):
-    """Return the first sample, (k,), and the cut, (k, 2), of second differences above the bound.
+    """Return the first sample, (k,), and the samples to cut, (k, 2), of k large second differences.
 
-    Takes the sums over `half` samples and the second differences of them in a range of samples, (6,
-    m) each, the covariance of the latter, the bound of their squared distance, and the number of
-    samples to cut on each side, `guard`. Samples are counted from the start of the range.
+    Parameters
+    ----------
+    sums : ndarray, shape (6, m + 2 half/spacing)
+        Sums of six channels over `half` samples. Column i starts at the sample i times the spacing,
+        which is the smaller one of `half` and `SPACING`.
+    differences : ndarray, shape (6, m)
+        Second differences of adjoining sums.
+    half : int
+        Number of samples of a sum.
+    covariance : ndarray, shape (6, 6)
+        Covariance of the second differences.
+    bound : float
+        Squared distance, in the metric of the covariance, above which a difference is large.
+    guard : int
+        Number of samples to cut before and after a disturbance.
     """
-    distance, apart = squared_distance(differences.T, covariance), min(half, SPACING)
-    large, lag = distance > bound, half // apart
+    distance, spacing = squared_distance(differences.T, covariance), min(half, SPACING)
+    large, lag = distance > bound, half // spacing
     # all samples of a short second difference are cut
     if 3 * half <= max(guard, SPACING):
-        first = apart * np.flatnonzero(large)
+        first = spacing * np.flatnonzero(large)
         return first, first[:, None] + [-guard, 3 * half + guard]
     # among overlapping ones the largest, and of its two edges the one where the level changes more
     index = np.flatnonzero(large & (distance == maximum_filter1d(distance, 2 * lag + 1)))
     before, during, after = (sums[:, index + k * lag] for k in range(3))
     first_change = squared_distance((during - before).T, covariance)
     is_second = squared_distance((after - during).T, covariance) > first_change
-    edge, margin = apart * index + half * (1 + is_second), half // 4 + guard
-    return apart * index, edge[:, None] + [-margin, margin]
+    edge, margin = spacing * index + half * (1 + is_second), half // 4 + guard
+    return spacing * index, edge[:, None] + [-margin, margin]
 
 
 def _double_sums(sums, lag, thin):

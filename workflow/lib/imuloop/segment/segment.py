@@ -171,10 +171,14 @@ def _at_rail(rows, rests, rails):
 def _find_rests(rows, stretches, step, settings):
     """Return the rests of a session, (m, 2), the tilt within each, rad, (m,), and the metadata.
 
-    Takes Samples, the ranges of rows between long gaps, the time step, s, and SegmentSettings. The
-    metadata are the numbers of ``short_rests`` and ``tilted_rests``, whether some rests are
-    ``hand_held``, and the ``shorter`` settings that were used, or None. If the settings give too
-    few attitudes for a calibration and shorter settings give enough, the shorter settings are used.
+    Takes Samples, the ranges of rows between long gaps, the time step, s, and SegmentSettings. If
+    rests in fewer than `ENOUGH` attitudes are found, and at least `LEAST_SHORT` still stretches are
+    too short to be rests, the search is repeated with shorter durations. Its rests are used if they
+    have enough attitudes.
+
+    The metadata are the numbers of ``short_rests``, stretches that are too short to be rests, and
+    of ``tilted_rests``; whether some rests are ``hand_held``; and the ``shorter`` durations that
+    were used, or None.
     """
     f, w = (rows.read(axes, 0, len(rows)) for axes in (ACCELERATION, ANGULAR_RATE))
     log, shorter = (f, w, stretches, step), None
@@ -184,6 +188,7 @@ def _find_rests(rows, stretches, step, settings):
         more_rests, more_tilt, more_in_hand, _ = _choose_rests(log, replace(settings, **changed))
         if len(attitudes(f, more_rests)) >= ENOUGH:
             rests, tilt, in_hand, shorter = more_rests, more_tilt, more_in_hand, changed
+    # the tilt of a rest is exactly zero unless it is significant
     counts = {"short_rests": short, "hand_held": in_hand, "tilted_rests": int((tilt > 0).sum())}
     return rests, tilt, counts | {"shorter": shorter}
 

@@ -138,7 +138,9 @@ def pose_problem(joint_fit, recording, settings, tests, static_effects=(), infor
 def diagnose_poses(problem, reasons):
     """Search for effects of both sensors at the poses, and judge the residuals that remain.
 
-    If the data of the gyroscope alone contradict each other, the diagnosis is repeated without it.
+    If only the data of the gyroscope contradict each other, the accelerometer is diagnosed again by
+    itself. If those of the accelerometer do, neither sensor gets a calibration, because the
+    gyroscope needs the directions of gravity.
 
     Parameters
     ----------
@@ -150,6 +152,8 @@ def diagnose_poses(problem, reasons):
     Returns
     -------
     PoseResult
+        By sensor the content of diagnosis.json, the calibration with the added effects, and why it
+        is rejected; the fit, the search, and the columns of residuals.
     """
     contents = {sensor: not_testable(reasons.get(sensor, "")) for sensor in SENSORS}
     if problem is None:
