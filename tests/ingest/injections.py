@@ -190,10 +190,10 @@ VALUES = [
         (2, ["gy", "gz"], 32767 * 0.001, "gy, gz: 50% of rows hold"),
         (2, FORCE, 0.0, "ax, ay, az: 50% of rows hold"),
         (3, RATE, 0.0, "gx, gy, gz: 33% of rows hold")]],
-    Injection("an integer that wraps around 3 times, units wrong", "poses", wrapped(3),
-              ("taken as m/s^2, it looks like g", "taken as rad/s, it looks like deg/s",
-               "an integer that wraps around"), rejected=True,
-              figures={"faults.wraps.gx": lambda found: found >= 3}),
+    *[Injection(f"an integer that wraps around {n} times, units wrong", "poses", wrapped(n), None,
+                rejected=True, figures={"faults.wraps.gx": lambda found, n=n: found >= n,
+                "reasons.0": lambda line, said=said: said in line})
+      for n, said in ((3, "m/s^2, it looks like g"), (21, "an integer that wraps around"))],
     Injection("a turn while nothing is logged", "poses", turned_in_a_gap(),
               ("1 gap", "was turned while nothing was logged"),
               figures={"faults.rests.gap_s": lambda s: s > 1}),
@@ -332,11 +332,12 @@ UNITS = [
                 (f"in {name} it is 2023-11-14", f"units.time is s, the log says {name}"),
                 declared={"units": {"time": "s"}}, rejected=True)
       for name, ticks in (("ms", 1e3), ("ns", 1e9))],
-    *[Injection(f"stamps in ms taken as s, {log}", log, scaled("t", 1e3), (text,), rejected=True)
-      for log, text in (("rest", "the stamps look like milliseconds: they are whole"),
-                        ("poses", "the gyroscope are 1,000 times those of gravity"))],
-    Injection("stamps in us taken as s", "rest", scaled("t", 1e6),
-              ("the stamps look like us; declare units.time: us",), rejected=True),
+    *[Injection(f"stamps in ms taken as s, {log}", log, scaled("t", 1e3, part), (text,), True)
+      for log, part, text in (("rest", 0, "the stamps look like milliseconds: they are whole"),
+                            ("poses", 0.1, "the gyroscope are 1,000 times those of gravity"))],
+    *[Injection(f"stamps in {name} taken as s", "rest", scaled("t", ticks),
+                (f"the stamps look like {name}; declare units.time: {name}",), rejected=True)
+      for name, ticks in (("us", 1e6), ("ns", 1e9))],
     *[Injection(f"stamps {step} s apart", "brief", stamps(lambda t, s=step: np.arange(len(t)) * s),
                 ("Hz is no rate of an IMU",), rejected=True) for step in (5e-324, 1e-12, 1e100)],
 ]  # fmt: skip
@@ -432,7 +433,9 @@ CLOCKS = [
       for rate, grid in ((90.0, 0.01), (62.5, 0.01), (26.0, 0.02))],
     Injection("stamps on a grid, samples lost", "poses", after(on_grid(90.0, 0.01), lost(0.05)),
               None, drops=None, figures=NOT_REBUILT),
-    Injection("samples lost at even intervals", "poses", lost_each(10), None, figures=NOT_REBUILT),
+    *[Injection(f"samples lost, {name}", "poses", harm, None, drops=None, figures=NOT_REBUILT |
+                {"rate_hz": lambda hz: abs(hz - 100) < 1e-3})
+      for name, harm in (("each tenth", lost_each(10)), ("a fifth at random", lost(0.2)))],
     # in moves too; that must not hide the scale that turns show
     Injection("one sample in thirty lost", "poses", lost(0.03), ("gaps",),
               figures={"faults.rests.turn_ratio.moves": lambda moves: moves >= 7}),

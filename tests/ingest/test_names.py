@@ -80,6 +80,13 @@ UTC Timestamp,scaledAccel&,scaledGyro& | 0 1 4 - |
 ref_time (sec),accel_* (m/s^2),gyro_* (deg/s) | 0 1 4 - | t s, a m/s^2, w deg/s
 time [s],f_ib_b_* [m/s^2],omega_ib_b_* [rad/s] | 0 1 4 - | t s, a m/s^2, w rad/s
 millis,acc_*_mg,gyr_*_mdps | 0 1 4 - | t ms, a mg, w mdeg/s
+seconds,f_*,omega_* | 0 1 4 - | t s
+t,left.a*,left.g*,imu_degC | 0 1 4 7 | T degC
+t,a*,g*,temp_degC | 0 1 4 7 | T degC
+t,a*,gyro_dps_* | 0 1 4 - | w deg/s
+t,a*,gyro&dps | 0 1 4 - | w deg/s
+t,a*,*_dps | 0 1 4 - | w deg/s
+t,imu0_a*,imu0_g*_dps | 0 1 4 - | w deg/s
 """.strip().splitlines()
 
 

@@ -9,7 +9,7 @@ import pytest
 from imuloop.core.errors import ImuloopError
 from imuloop.ingest import delimited
 from ingest.logs import brief
-from ingest.text_forms import NUMBERS, SIX, gyroflow, inserted, lines, text
+from ingest.text_forms import NUMBERS, SIX, gyroflow, inserted, text
 
 TEXT = "t,ax,ay,az,gx,gy,gz\n" + "0.01,0.1,0.2,9.8,0,0,0\n" * 300
 COMMENTS = "\n".join(f"%IMUA,{row}" for row in TEXT.splitlines()[1:])
@@ -74,6 +74,8 @@ MIXED = {"acceleration": ["ax", "ay", "az"], "angular_rate": [4, 5, 6]}
         ({"header": ["sec", *SIX[:5], "nsec"]}, {"columns": {"angular_rate": None}},
          "sec and nsec are not whole seconds and a part of a s"),
         (inserted(brief(), 1, "s,g,g,g,rph,rph,rph"), {}, r"angular_rate: the log says 'rph'"),
+        ({"header": ["t [week]", *SIX]}, {}, r"csv: units\.time: the log says 'week'"),
+        ({"header": ["t", *(f"{x} [furlong]" for x in SIX[:3]), *SIX[3:]]}, {}, "says 'furlong'"),
         (text(brief().assign(t=[f"31.12.2023 12h{i}" for i in range(500)])), {},
          "column 't' holds neither numbers nor ISO 8601"),
     ],
@@ -86,25 +88,6 @@ def test_a_wrong_declaration_is_one_line(log, run, tmp_path, how, declared, line
     assert str(caught.value).startswith(f"imu/poses: {path}: ")
     assert "\n" not in str(caught.value)
     assert not [*tmp_path.glob("out/*")]
-
-
-@pytest.mark.parametrize(
-    ("head", "quantity", "unit", "logged"),
-    [
-        ("t,ax [furlong],ay [furlong],az [furlong],gx,gy,gz", "acceleration", "m/s^2", "furlong"),
-        ("t,ax,ay,az,gx [rph],gy [rph],gz [rph]", "angular_rate", "rad/s", "rph"),
-        ("t [week],ax,ay,az,gx,gy,gz", "time", "s", "week"),
-    ],
-)
-def test_a_unit_that_is_not_known_is_an_error_unless_declared(
-    log, run, tmp_path, head, quantity, unit, logged
-):
-    path = tmp_path / "log.csv"
-    path.write_text("\n".join([head, *lines(log)[1:]]))
-    with pytest.raises(ImuloopError, match=rf"csv: units\.{quantity}: the log says '{logged}'"):
-        run(path)
-    warnings = run(path, units={quantity: unit}).quality["warnings"]
-    assert f"units.{quantity} is {unit}, the log says {logged}; {unit} used" in warnings
 
 
 # --- damage

@@ -7,7 +7,7 @@ from scipy.io import savemat
 
 import imuloop
 from imuloop.core.errors import ImuloopError
-from imuloop.core.units import DEGREE, STANDARD_GRAVITY
+from imuloop.core.units import STANDARD_GRAVITY
 from ingest.logs import FORCE, RATE
 from ingest.text_forms import SIX, text
 from ingest.written import matlab_73
@@ -16,10 +16,9 @@ EPOCH = 1_700_000_000
 EVEN = np.arange(500)
 
 
-def named(log, header, time=1.0, rate=1.0, start=0):
-    """The log as CSV with these names; its times and rates are in other units."""
+def named(log, header, time=1.0, start=0):
+    """The log as CSV with these names; its times are in another unit."""
     table = log.assign(t=start + np.round(log.t * time).astype(int) if time > 1 else log.t)
-    table[RATE] = log[RATE] * rate
     names = header.split()
     extra = {f"more{i}": 20.0 + log.t for i in range(len(names) - 7)}
     return table.assign(**extra).to_csv(index=False, header=names)
@@ -38,18 +37,9 @@ def gcsv(log, tick=1e-3, head="GYROFLOW", rates_alone=False, said=True):
 
 
 SIX_OF = "{0}ax {0}ay {0}az {0}gx {0}gy {0}gz".format
-DPS, IN_DPS = {"rate": 1 / DEGREE}, {"angular_rate": "deg/s"}
 # how a log is written: names, and in what units; and the units that quality.json then says
 HEADERS = {
-    "seconds f_x f_y f_z omega_x omega_y omega_z": ({}, {"time": "s"}),
-    f"t {SIX_OF('imu0_')}": ({}, {}),
     f"imu0_time {SIX_OF('imu0_')} imu0_temp": ({}, {"temperature": "degC"}),
-    f"t {SIX_OF('left.')} imu_degC": ({}, {"temperature": "degC"}),
-    f"t {SIX_OF('')} temp_degC": ({}, {"temperature": "degC"}),
-    "t ax ay az gyro_dps_x gyro_dps_y gyro_dps_z": (DPS, IN_DPS),
-    "t ax ay az gyroXdps gyroYdps gyroZdps": (DPS, IN_DPS),
-    "t ax ay az x_dps y_dps z_dps": (DPS, IN_DPS),
-    "t imu0_ax imu0_ay imu0_az imu0_gx_dps imu0_gy_dps imu0_gz_dps": (DPS, IN_DPS),
     # 100 us, as of an MTi; us, as of a DOT
     "SampleTimeFine Acc_X Acc_Y Acc_Z Gyr_X Gyr_Y Gyr_Z":
         ({"time": 1e4, "start": 77}, {"time": "us"}),
