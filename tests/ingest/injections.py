@@ -431,8 +431,6 @@ CLOCKS = [
                 figures={"rate_hz": lambda hz, rate=rate: abs(hz / rate - 1) < 1e-4,
                          "gaps.count": 0, "clock.jitter_ppm": lambda ppm: ppm < 1})
       for rate, grid in ((90.0, 0.01), (62.5, 0.01), (26.0, 0.02))],
-    Injection("stamps on a grid, samples lost", "poses", after(on_grid(90.0, 0.01), lost(0.05)),
-              None, drops=None, figures=NOT_REBUILT),
     *[Injection(f"samples lost, {name}", "poses", harm, None, drops=None, figures=NOT_REBUILT |
                 {"rate_hz": lambda hz: abs(hz - 100) < 1e-3})
       for name, harm in (("each tenth", lost_each(10)), ("a fifth at random", lost(0.2)))],

@@ -124,6 +124,19 @@ def with_metadata(content):
     return partial(parquet, metadata={METADATA_KEY: content})
 
 
+# --- a matrix alone
+
+
+def matrix(path, log, save, first=ACCELERATION, wide=False, unit=1.0):
+    """Seven columns of time and the sensors, or ten, in another unit."""
+    rest = RATE if first == ACCELERATION else ACCELERATION
+    table = [log.t, log[[*first, *rest]] / unit, np.zeros((len(log), 3 * wide))]
+    table = np.column_stack(table)
+    save(path, table if save in (np.save, np.savez) else {"data": table})
+
+
+MATRIX = ((np.save, "npy"), (np.savez, "npz"), (matlab_5, "mat"), (matlab_73, "mat"))
+BY_NUMBER = {"columns": {"time": 0, "acceleration": [1, 2, 3], "angular_rate": [4, 5, 6]}}
 SAID = json.dumps({"simulated": True, "units": {"angular_rate": "mrad/s"}}).encode()
 TEXT = pa.array([f"{i / 100:.2f}" for i in range(500)]).dictionary_encode()
 LARGE = np.uint64(2**63) + np.arange(500, dtype=np.uint64)
@@ -159,6 +172,11 @@ READ = {
     "the second ax.parquet": (partial(parquet, names=["ax"]),
                               {"columns": {"acceleration": [2, 3, 4]}}, 1),
     "text of numbers.parquet": (partial(parquet, t=TEXT), {}, 1),
+    **{f"{save.__name__}, {first[0]} first.{end}": (partial(matrix, save=save, first=first), {}, 1,
+                                                    "which gravity tells apart")
+       for first in (ACCELERATION, RATE) for save, end in MATRIX},
+    **{f"{save.__name__}, declared.{end}": (partial(matrix, save=save, wide=True), BY_NUMBER, 1)
+       for save, end in MATRIX},
 }  # fmt: skip
 
 
@@ -215,6 +233,11 @@ REFUSED = {
     "lists.parquet": (partial(parquet, t=[[0.0]] * 500), {}, True, "column 't' holds .*stamps"),
     "two.parquet": (partial(parquet, names=["ax"]), {}, True, "both look .* number from 0 to 7"),
     "metadata.parquet": (with_metadata(b"[]"), {}, False, "is no whole file"),
+    # in g gravity does not tell, as 1 is the size of many things
+    **{f"{how}.{end}": (partial(matrix, save=save, **more), {}, True, line)
+       for save, end in ((np.save, "npy"), (matlab_5, "mat"))
+       for how, more, line in (("g", {"unit": 9.80665}, "no header, 7 columns"),
+                               ("wide", {"wide": True}, r"10 columns.*, such as \[1, 2, 3\]"))},
     "torn.parquet": (content(b"PAR1 and then nothing"), {}, False, "is no whole file"),
     "large.parquet": (partial(parquet, t=LARGE), {}, False, r"stamps of 2\^63 and more are not"),
 }  # fmt: skip
@@ -264,20 +287,10 @@ def virtual(group, name, other, shape):
     group.create_virtual_dataset(name, layout)
 
 
-def virtual_of_any_length(group, name, other, shape):
-    """How long it is, the other file says."""
-    longest = (*shape[:-1], None)
-    layout = h5py.VirtualLayout(shape, "f8", maxshape=longest)
-    more = (*(slice(n) for n in shape[:-1]), slice(0, h5py.h5s.UNLIMITED))
-    layout[more] = h5py.VirtualSource(str(other), "ax", shape, maxshape=longest)[more]
-    group.create_virtual_dataset(name, layout)
-
-
 WAYS = {
     external_storage: "external storage",
     external_link: "an external link",
     virtual: "a virtual dataset",
-    virtual_of_any_length: "a virtual dataset",
 }
 
 

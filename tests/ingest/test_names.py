@@ -118,12 +118,6 @@ def test_each_line_of_the_table_is_read():
                 assert unit in (stated_unit(quantity, text), stated_unit(quantity, text, True))
 
 
-def test_increments_that_are_declared_have_their_interval():
-    found = resolve(each(f"t,{SIX},dv*,da*,dt"), {"acceleration": ["dvx", "dvy", "dvz"]})
-    assert (found.units, found.increments) == ({"acceleration": "m/s"}, {"acceleration"})
-    assert found.others == {"interval.acceleration": 13, "interval.angular_rate": 13}
-
-
 @pytest.mark.parametrize(
     "six",
     ["a*,acc_*", "a*,raw_a*", "a*,gF*", "acc_*_g,acc_*_mps2", "imu.acc.*,raw.acc.*",

@@ -372,7 +372,7 @@ IOS, G = "the sign of iOS is turned into that of specific force", -1 / STANDARD_
 PHONES = {
     **{f"phyphox {kind} {separator!r}": (
            lambda log, k=kind, s=separator: phyphox(log, k, *s), {}, "the tables Accelerometer and")
-       for kind in (RAW, ("", ""), ("Accelerometer", "")) for separator in (",.", "\t.", ";,")},
+       for kind in (RAW, ("", "")) for separator in (",.", "\t.", ";,")},
     "phyphox in one table": (in_one_table, {}, "the table Raw Data of the zip"),
     "with linear acceleration": (with_linear, {}, "Accelerometer and Gyroscope"),
     "the second": (with_second, {"columns": {"angular_rate": "Second"}}, "Accelerometer and Sec"),

@@ -2,7 +2,6 @@
 
 import re
 import shutil
-import sqlite3
 import struct
 from functools import partial
 from pathlib import Path
@@ -39,18 +38,6 @@ def renamed(folder, log, kind):
     """A storage file alone, with a name that no address can have."""
     (inner,) = bag(folder, log, kind).glob(f"*.{kind}")
     return shutil.copy(inner, folder / f"run #3 100% a?b.{kind}")
-
-
-def older(folder, log):
-    """As ROS 2 wrote SQLite until Humble, without definitions."""
-    path = bag(folder, log) / "log.db3"
-    with sqlite3.connect(path) as base:
-        base.executescript(
-            "DROP TABLE schema; DROP TABLE metadata; DROP TABLE message_definitions;"
-            "ALTER TABLE topics DROP COLUMN type_description_hash;"
-        )
-    base.close()
-    return path
 
 
 def in_parts(folder, log):
@@ -150,7 +137,6 @@ MINE_2 = {"acceleration": "IMU_2", "angular_rate": "IMU_2"}
 READ = {
     "ros, a file": (partial(renamed, kind="db3"), {}, "/imu.linear_acceleration.x", ""),
     "ros, an MCAP file": (partial(renamed, kind="mcap"), {}, "/imu.linear_acceleration.x", ""),
-    "ros, older": (older, {}, "/imu.linear_acceleration.x", ""),
     "ros, parts": (in_parts, {}, "/imu.linear_acceleration.x", "the folder has no metadata.yaml"),
     "ros, a topic": (partial(bag, imu=False, **TOPICS),
                      {"acceleration": "/acc", "angular_rate": TWISTS}, "/acc.vector.x", ""),
