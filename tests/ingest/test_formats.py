@@ -28,7 +28,6 @@ from imuloop.core.samples import CHANNELS
 from imuloop.ingest.formats import FORMATS, SIGNATURES, find_format, guess_format
 from imuloop.ingest.stamps import stamp_values
 from ingest import written
-from ingest.logs import brief
 
 SIX = [*CHANNELS]
 
@@ -321,46 +320,6 @@ def test_every_bit_comes_back(hard, tmp_path, way):
     found, readable, _ = stamp_values(table["stamp"])
     assert readable.all() and found.dtype == way.stamps(stamps).dtype
     np.testing.assert_array_equal(found, way.stamps(stamps))
-
-
-# what is read of the sound log of 5 s: the format's name, the unit of time, the date it begins at
-SOUND = {
-    "csv, ','": ("csv", "ns", True),
-    "csv.zst": ("csv", "ns", True),
-    "euroc": ("euroc", "ns", True),
-    "imu_tk": ("imu_tk", "s", True),
-    "phyphox": ("phone", "s", True),
-    "sensor logger": ("phone", "ns", True),
-    "parquet, snappy, f8": ("parquet", "ns", True),
-    "feather, lz4, f8": ("feather", "ns", True),
-    "npy, <f8": ("numpy", "ns", True),
-    "savez, turned False": ("numpy", "ns", True),
-    "json lines, nested True": ("jsonl", "ns", True),
-    "NETCDF4, f8": ("netcdf", "ns", True),
-    "matlab_73, f8, turned False": ("matlab", "ns", True),
-    "ros, mcap": ("ros", "ns", True),
-    "ros, bag": ("ros", "ns", True),
-    "ulog, combined": ("ulog", "us", None),
-    "dataflash, d": ("dataflash", "us", None),
-}
-
-
-@pytest.mark.parametrize("name", SOUND)
-def test_a_sound_log_is_ingested_the_same_from_each_format(run, tmp_path, name):
-    log, (form, unit, dated) = brief(), SOUND[name]
-    stamps = 1_700_000_000_000_000_000 + 10_000_000 * np.arange(500)
-    way = ROUND_TRIPS[name]
-    path = way.write(tmp_path, stamps, log[SIX].to_numpy())
-    paths = [*path.values()] if isinstance(path, dict) else [path]
-    done = run(*paths, **way.declared)
-    assert (done.quality["status"], done.quality["log_format"]) == ("ok", form)
-    np.testing.assert_array_equal(done.samples[SIX], way.values(log[SIX].to_numpy()))
-    # float64 holds Unix time to 0.24 us
-    np.testing.assert_allclose(done.samples.t, log.t, rtol=0, atol=5e-7)
-    assert done.metadata["units"]["acceleration"] == "m/s^2"
-    if dated:
-        assert done.metadata["units"]["time"] == unit
-        assert done.metadata["start"].startswith("2023-11-14T22:13:20")
 
 
 # --- what tells a format
